@@ -1,0 +1,33 @@
+"""The contract of a benchmark: frozen options, run into rows that can be compared."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One figure of a benchmark.
+
+    `baseline` names and `baseline_value` gives what it is compared with, measured in the same run or, for
+    accuracy, a stated bound; `ratio` is value / baseline_value. Both are None where nothing is compared.
+    """
+
+    name: str
+    value: float
+    unit: str
+    baseline: str | None = None
+    baseline_value: float | None = None
+
+    @property
+    def ratio(self) -> float | None:
+        """Value over baseline."""
+        return self.value / self.baseline_value if self.baseline_value else None
+
+
+class Benchmark(ABC):
+    """Options of a benchmark, as a frozen keyword-only dataclass."""
+
+    @abstractmethod
+    def run(self) -> Iterator[Row]:
+        """Measure, and yield rows as they are ready."""

@@ -1,0 +1,44 @@
+"""The errors that a person sees: one line that says what was given, what is allowed, what to do."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class MonochordError(Exception):
+    """Base of every error that Monochord raises on purpose."""
+
+
+class InputError(MonochordError, ValueError):
+    """Something handed in from outside cannot be used; the command line exits with status 2.
+
+    Parameters
+    ----------
+    given
+        What was given, as a noun phrase: ``"force -1.0 N"``.
+    allowed
+        What is allowed instead: ``"0 to 2 N"``.
+    remedy
+        What to do, as an order; optional.
+
+    >>> str(InputError("force -1 N", "0 N or more", "press, don't pull"))
+    "force -1 N: allowed is 0 N or more; press, don't pull"
+    """
+
+    def __init__(self, given: str, allowed: str, remedy: str = "") -> None:
+        self.given, self.allowed, self.remedy = given, allowed, remedy
+        line = f"{given}: allowed is {allowed}" + (f"; {remedy}" if remedy else "")
+        super().__init__(" ".join(line.split()))
+
+
+class DeviceError(MonochordError, RuntimeError):
+    """A device or a server that is needed is absent or went away for good."""
+
+
+def did_you_mean(word: str, choices: Iterable[str]) -> str:
+    """Return ``did you mean 'x'?`` for the closest of `choices`, or an empty string.
+
+    >>> did_you_mean("sorce", ["source", "sink"])
+    "did you mean 'source'?"
+    """
+    close = get_close_matches(word, list(choices), n=1, cutoff=0.6)
+    return f"did you mean '{close[0]}'?" if close else ""

@@ -1,0 +1,25 @@
+"""The contract of an estimator: frozen options, prepared for a signal, then called window by window."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+from monochord.types import Estimate, Signal, Window
+from monochord.units import Samples
+
+Estimates: TypeAlias = Mapping[str, Estimate]
+Prepared: TypeAlias = Callable[[Window], Estimates]
+
+
+class Estimator(ABC):
+    """Options of an estimator, as a frozen keyword-only dataclass."""
+
+    @abstractmethod
+    def prepare(self, signal: Signal, size: Samples) -> Prepared:
+        """Return the function from a window of `size` frames to its estimates by name.
+
+        Everything slow (tables, filters, compilation) happens here, so that the returned function keeps a
+        steady pace. It never raises on audio: a window that cannot be used (silence, a gap, samples that are
+        not numbers) gives estimates that are not valid and say why. Equal windows give equal estimates.
+        Options that the signal cannot serve raise `InputError` here.
+        """

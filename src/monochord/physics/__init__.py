@@ -1,0 +1,1 @@
+"""The physics of the string: closed forms and simulators."""

@@ -1,0 +1,149 @@
+"""The nouns of Monochord: frozen, keyword-only, in SI units.
+
+Sample arrays are channel-first, ``(channel, sample)``, as the paper's A in R^{2xT}.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.units import (
+    Hertz,
+    KilogramsPerMetre,
+    Metres,
+    MetresPerSecond,
+    Newtons,
+    NewtonSecondsPerSquareMetre,
+    Pascals,
+    Samples,
+    Seconds,
+)
+
+Floats: TypeAlias = NDArray[np.float64]
+Audio: TypeAlias = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StringParams:
+    """A string as built: what fixes its vibration before anything touches it.
+
+    `tension_per_force` is the paper's k_T (Eq. 6), `damping` its d_0 and `damping_per_force` its k_d
+    (Eq. 7). `core_diameter` is the load-bearing wire's, which stiffness and stretch depend on; zero
+    means an ideally flexible string.
+    """
+
+    length: Metres
+    linear_density: KilogramsPerMetre
+    tension: Newtons
+    core_diameter: Metres = 0.0
+    young_modulus: Pascals = 2.0e11
+    damping: NewtonSecondsPerSquareMetre = 0.02
+    damping_per_force: float = 0.0
+    tension_per_force: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """One touch; no contact is ``None``, never a force of zero. `position` is from pickup 1."""
+
+    position: Metres
+    force: Newtons
+    slip_velocity: MetresPerSecond = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """Consecutive sample frames as a source delivers them.
+
+    `samples` is (channels, n) float32; `start` is the sample index of the first frame. `dropped` frames
+    were lost just before it (so `start` has already skipped them): a gap is data. `adc_time` is the
+    monotonic-clock time of the block's first frame at the converter, where the source knows it.
+    """
+
+    samples: Audio
+    start: Samples
+    dropped: Samples = 0
+    adc_time: Seconds | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """A stretch of audio to look at; `samples` is (channels, n) float32 beginning at index `start`."""
+
+    samples: Audio
+    start: Samples
+    sample_rate: int
+    has_gap: bool = False
+
+    @property
+    def duration(self) -> Seconds:
+        """Length of the window."""
+        return self.samples.shape[-1] / self.sample_rate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One estimated quantity with its standard error, or an abstention with its reason.
+
+    `std` is one standard deviation in the unit of `value`. Where `valid` is false, `value` and `std` are
+    NaN and `why_not` says in a few words why.
+    """
+
+    value: float
+    std: float
+    unit: str
+    valid: bool = True
+    why_not: str = ""
+
+    @classmethod
+    def abstain(cls, unit: str, why_not: str) -> "Estimate":
+        """Return an abstention.
+
+        >>> Estimate.abstain("m", "silence").valid
+        False
+        """
+        return cls(value=float("nan"), std=float("nan"), unit=unit, valid=False, why_not=why_not)
+
+
+Truth: TypeAlias = Mapping[str, float]
+"""What a simulated source knows of itself: ``contact`` 0 or 1, ``position``, ``force`` ...; an open set."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prediction:
+    """What one window told: estimates by name (an open set), on the sample clock.
+
+    `time` is the start of the window in seconds since the stream began; `latency` is the time from the
+    window's last sample being at hand to this prediction.
+    """
+
+    start: Samples
+    time: Seconds
+    estimates: Mapping[str, Estimate]
+    latency: Seconds = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signal:
+    """What an open source says of its audio: rate, channels, and the string if it knows that."""
+
+    sample_rate: int
+    channels: int
+    string: StringParams | None = None
+    open_frequency: Hertz | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamHealth:
+    """Counters of a running stream; `xruns` are the server's own, the rest is counted from frame times."""
+
+    frames: Samples = 0
+    dropped: Samples = 0
+    gaps: int = 0
+    xruns: int = 0
+    reconnects: int = 0
+    clock_offsets: Mapping[str, Seconds] = field(default_factory=lambda: MappingProxyType({}))
