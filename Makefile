@@ -1,0 +1,69 @@
+# Monochord: one command for each job. `make` alone lists them.
+#
+# `make demo` and `make test` start from nothing: they install the Debian packages that are missing, make the
+# virtual environment, install Monochord into it, and then do their job. The second call starts at once.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+DOCS_INSTALLED := $(VENV)/.installed-docs
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+REPOSITORY_RULES := tests/contract/test_layout.py
+
+.DEFAULT_GOAL := help
+.PHONY: help system install check format test test-all bench docs demo clean
+
+help: ## List the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+system: # Debian packages that pip cannot bring; looks first, so it costs nothing where all is there
+	@PYTHON="$(PYTHON)" .ci/system-packages
+
+# The interpreter as an order-only prerequisite: a newer timestamp on it is no reason to install again.
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
+	  "Python %d.%d: allowed is 3.11 or newer; name another one: make PYTHON=python3.12" % v[:2])'
+	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
+
+$(INSTALLED): pyproject.toml | system $(BIN)/python
+	$(PIP) install --editable '.[dev]'
+	@touch $@
+
+$(DOCS_INSTALLED): pyproject.toml | $(INSTALLED)
+	$(PIP) install --editable '.[docs]'
+	@touch $@
+
+install: system $(INSTALLED) ## Set everything up: Debian packages, .venv, Monochord itself
+
+check: install ## Linter, format, types, layers, docstrings, repository rules
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+	$(BIN)/interrogate --quiet src
+	$(BIN)/pytest --quiet $(REPOSITORY_RULES)
+
+format: install ## Put the code in the house format and fix what the linter can
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+test: install ## Every test but the slow ones
+	$(BIN)/pytest -m "not slow"
+
+test-all: install ## Every test
+	$(BIN)/pytest
+
+bench: install ## Every benchmark, each beside its baseline
+	$(BIN)/monochord bench
+
+docs: system $(DOCS_INSTALLED) ## The documentation, into docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going --fail-on-warning -q -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+demo: install ## A driven string, touched and located live; needs no hardware
+	$(BIN)/monochord demo
+
+clean: ## Remove what these commands made, the virtual environment included
+	rm -rf $(VENV) docs/_build .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
