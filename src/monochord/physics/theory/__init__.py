@@ -1,0 +1,53 @@
+"""Closed forms of the touched string: frequencies, their inverse, stiffness, sensitivities and bounds.
+
+Touches are clamps here: they cut the string into two segments that share nothing but the tension. Functions
+take plain numbers or, where their signature says so, arrays.
+"""
+
+from monochord.physics.theory.segments import (
+    harmonic_frequencies,
+    locate_from_segments,
+    mixing_matrix,
+    position_from_far_segment,
+    segment_frequencies,
+    split_frequencies,
+    step_limit,
+    tension_from_segments,
+)
+from monochord.physics.theory.stiffness import (
+    inharmonicity,
+    partial_numbers,
+    segment_inharmonicity,
+    stiff_partials,
+)
+from monochord.physics.theory.tension import (
+    TensionLaw,
+    damping_under,
+    force_from_tension,
+    stretch_stiffness,
+    tension_pressed,
+    tension_under,
+    wave_speed,
+)
+
+__all__ = [
+    "TensionLaw",
+    "damping_under",
+    "force_from_tension",
+    "harmonic_frequencies",
+    "inharmonicity",
+    "locate_from_segments",
+    "mixing_matrix",
+    "partial_numbers",
+    "position_from_far_segment",
+    "segment_frequencies",
+    "segment_inharmonicity",
+    "split_frequencies",
+    "step_limit",
+    "stiff_partials",
+    "stretch_stiffness",
+    "tension_from_segments",
+    "tension_pressed",
+    "tension_under",
+    "wave_speed",
+]

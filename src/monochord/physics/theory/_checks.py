@@ -1,0 +1,36 @@
+"""What the closed forms accept: plain numbers or arrays of them, and refusals in one line."""
+
+from typing import TypeVar
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.types import Floats
+
+Number = TypeVar("Number", float, Floats)
+"""A float or an array of them; what goes in as one comes out as one."""
+
+
+def refuse_pull(force: float | Floats) -> None:
+    """Refuse a normal force below zero, or one that is not a number."""
+    if not np.all(np.asarray(force) >= 0.0):
+        raise InputError(f"force {_worst(force)} N", "0 N or more", "a touch presses, it does not pull")
+
+
+def refuse_outside(position: float | Floats, length: float) -> None:
+    """Refuse a position that is not strictly between the ends of the string."""
+    inside = (np.asarray(position) > 0.0) & (np.asarray(position) < length)
+    if not np.all(inside):
+        outside = np.asarray(position)[~inside].flat[0]
+        raise InputError(f"position {outside:g} m", f"strictly between 0 and {length:g} m")
+
+
+def refuse_not_positive(**named: float | Floats) -> None:
+    """Refuse any named quantity that is not above zero."""
+    for name, value in named.items():
+        if not np.all(np.asarray(value) > 0.0):
+            raise InputError(f"{name.replace('_', ' ')} {_worst(value)}", "above 0")
+
+
+def _worst(value: float | Floats) -> str:
+    return f"{np.min(np.asarray(value)):g}"

@@ -1,0 +1,282 @@
+"""Frequencies of the two segments that a touch makes, and their exact inverse."""
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_outside
+from monochord.physics.theory.tension import TensionLaw, check_law, tension_pressed, tension_under
+from monochord.types import Contact, Floats, StringParams
+from monochord.units import Hertz, KilogramsPerMetre, Metres, MetresPerSecond, Newtons, Seconds
+
+
+def harmonic_frequencies(
+    length: Metres, tension: Newtons, linear_density: KilogramsPerMetre, count: int
+) -> Floats:
+    """Return the first harmonics of an ideal string.
+
+    f_n = n / (2 L) sqrt(T / mu), n = 1 ... count, for a flexible string between firm ends.
+
+    Parameters
+    ----------
+    length, tension, linear_density
+        L in m, T in N, mu in kg/m, all above zero.
+    count
+        How many harmonics, at least one.
+
+    Returns
+    -------
+    array (count,)
+        Frequencies in Hz, ascending.
+
+    Raises
+    ------
+    InputError
+        If a quantity is not above zero.
+
+    References
+    ----------
+    Yi, Xing, Manchester and Fazeli, Sound of Touch, Eq. 2.
+
+    Examples
+    --------
+    >>> harmonic_frequencies(0.65, 65.0, 6.5e-4, 2).round(2)
+    array([243.25, 486.5 ])
+    """
+    refuse_not_positive(length=length, tension=tension, linear_density=linear_density, count=count)
+    return np.arange(1, count + 1) * ((tension / linear_density) ** 0.5 / (2.0 * length))
+
+
+def segment_frequencies(
+    string: StringParams, contact: Contact, law: TensionLaw = "linear"
+) -> tuple[Hertz, Hertz]:
+    """Return the fundamentals of both segments of a touched string.
+
+    f1 = v / (2 x) and f2 = v / (2 (L - x)) with v = sqrt(T / mu): a touch that clamps a flexible string.
+    Moving it raises one and lowers the other; pressing harder raises both.
+
+    Parameters
+    ----------
+    string
+        The string.
+    contact
+        Where and how hard; `position` strictly inside the string.
+    law
+        How the force raises the tension.
+
+    Returns
+    -------
+    f1, f2
+        In Hz; f1 belongs to the segment of length x.
+
+    Raises
+    ------
+    InputError
+        If the position is not inside the string, the force is negative or the law unknown.
+
+    References
+    ----------
+    Yi, Xing, Manchester and Fazeli, Sound of Touch, Eq. 14.
+
+    Examples
+    --------
+    The paper's appendix, x/L = 0.35 with no force:
+
+    >>> string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0, tension_per_force=6.0)
+    >>> f1, f2 = segment_frequencies(string, Contact(position=0.35 * 0.65, force=0.0))
+    >>> round(f1, 1), round(f2, 1)
+    (695.0, 374.2)
+    """
+    return split_frequencies(string, contact.position, contact.force, law)
+
+
+def split_frequencies(
+    string: StringParams, position: Number, force: Number, law: TensionLaw = "linear"
+) -> tuple[Number, Number]:
+    """Return `segment_frequencies` for arrays of positions and forces, broadcast together.
+
+    Examples
+    --------
+    >>> string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
+    >>> f1, f2 = split_frequencies(string, np.array([0.13, 0.52]), np.zeros(2))
+    >>> f1.round(1), f2.round(1)
+    (array([1216.3,  304.1]), array([ 304.1, 1216.3]))
+    """
+    refuse_outside(position, string.length)
+    linear = check_law(law) == "linear"
+    tension = tension_under(string, force) if linear else tension_pressed(string, position, force)
+    half_speed = (tension / string.linear_density) ** 0.5 / 2.0
+    return half_speed / position, half_speed / (string.length - position)  # pyright: ignore[reportReturnType]
+
+
+def locate_from_segments(length: Metres, f1: Number, f2: Number) -> Number:
+    """Return where a string is touched from the fundamentals of its two segments.
+
+    x = L f2 / (f1 + f2): exact for a clamping touch, whatever the tension, density and force.
+
+    Parameters
+    ----------
+    length
+        L in m.
+    f1, f2
+        Fundamentals in Hz of the segment at x = 0 and of the other, above zero.
+
+    Returns
+    -------
+    float or array
+        x in m.
+
+    Raises
+    ------
+    InputError
+        If the length or a frequency is not above zero.
+
+    Examples
+    --------
+    >>> round(locate_from_segments(0.65, 695.0, 374.2), 4)
+    0.2275
+    """
+    refuse_not_positive(length=length, f1=f1, f2=f2)
+    return length * f2 / (f1 + f2)
+
+
+def tension_from_segments(string: StringParams, f1: Number, f2: Number) -> Number:
+    """Return the tension of a touched string from the fundamentals of its two segments.
+
+    T = mu (2 L f1 f2 / (f1 + f2))^2: exact for a clamping touch, wherever it is.
+
+    Parameters
+    ----------
+    string
+        The string; its length and linear density are used.
+    f1, f2
+        Fundamentals in Hz, above zero.
+
+    Returns
+    -------
+    float or array
+        T in N.
+
+    Raises
+    ------
+    InputError
+        If a frequency is not above zero.
+
+    Examples
+    --------
+    >>> string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
+    >>> round(tension_from_segments(string, 695.0, 374.231), 1)
+    65.0
+    """
+    refuse_not_positive(f1=f1, f2=f2)
+    return string.linear_density * (2.0 * string.length * f1 * f2 / (f1 + f2)) ** 2
+
+
+def position_from_far_segment(frequency: Number, open_frequency: Hertz, length: Metres) -> Number:
+    """Return where a string is touched when only the segment beyond the touch sounds.
+
+    x = L (1 - f_open / f), for a touch that does not change the tension; as when a finger stops a plucked
+    string and x is counted from the nut.
+
+    Parameters
+    ----------
+    frequency
+        Fundamental of the sounding segment in Hz.
+    open_frequency
+        Fundamental of the untouched string in Hz.
+    length
+        L in m.
+
+    Returns
+    -------
+    float or array
+        x in m; negative where `frequency` is below `open_frequency`.
+
+    Raises
+    ------
+    InputError
+        If a quantity is not above zero.
+
+    Examples
+    --------
+    An octave up is the middle of the string:
+
+    >>> position_from_far_segment(220.0, 110.0, 0.65)
+    0.325
+    """
+    refuse_not_positive(frequency=frequency, open_frequency=open_frequency, length=length)
+    return length * (1.0 - open_frequency / frequency)
+
+
+def mixing_matrix(own_1: float, own_2: float) -> Floats:
+    """Return how two microphones hear two segments: B = mixing @ A.
+
+    [[l1, 1 - l1], [1 - l2, l2]]; (1, 1) is perfect isolation, (0.5, 0.5) leaves no difference at all.
+
+    Parameters
+    ----------
+    own_1, own_2
+        Shares l1 and l2 that each microphone hears of its own segment, from 0 to 1.
+
+    Returns
+    -------
+    array (2, 2)
+        Rows are microphones, columns segments.
+
+    Raises
+    ------
+    InputError
+        If a share is outside 0 to 1.
+
+    References
+    ----------
+    Yi, Xing, Manchester and Fazeli, Sound of Touch, Eq. 5.
+
+    Examples
+    --------
+    >>> mixing_matrix(0.9, 0.75)
+    array([[0.9 , 0.1 ],
+           [0.25, 0.75]])
+    """
+    for share in (own_1, own_2):
+        if not 0.0 <= share <= 1.0:
+            raise InputError(f"microphone share {share:g}", "0 to 1")
+    return np.array([[own_1, 1.0 - own_1], [1.0 - own_2, own_2]])
+
+
+def step_limit(spacing: Metres, speed: MetresPerSecond, alpha: float = 1.0) -> Seconds:
+    """Return the time step below which the central-difference scheme is stable.
+
+    dt < alpha dxi / v, with alpha in (0, 1] as the safety factor (Courant, Friedrichs and Lewy 1928).
+
+    Parameters
+    ----------
+    spacing
+        Distance of neighbouring nodes dxi in m.
+    speed
+        Wave speed v in m/s.
+    alpha
+        Safety factor.
+
+    Returns
+    -------
+    float
+        The limit in s; a step must be strictly below it.
+
+    Raises
+    ------
+    InputError
+        If a quantity is not above zero or alpha is above one.
+
+    References
+    ----------
+    Yi, Xing, Manchester and Fazeli, Sound of Touch, Eq. 13.
+
+    Examples
+    --------
+    >>> round(1e6 * step_limit(0.2275 / 255, 316.23), 2)
+    2.82
+    """
+    refuse_not_positive(spacing=spacing, speed=speed, alpha=alpha)
+    if alpha > 1.0:
+        raise InputError(f"alpha {alpha:g}", "above 0, at most 1", "the scheme is unstable beyond")
+    return alpha * spacing / speed
