@@ -1,11 +1,15 @@
 """The command line: one file a verb, found by its name; arguments and printing only.
 
 Every verb ends with status 0 only if its work was done, and with 2 and one line on stderr for a bad
-argument or input. Importing this module is cheap: a verb's file loads when the verb is used.
+argument or input. Importing this module is cheap, and so is asking for help: a verb's file loads when
+the verb is used.
 """
 
+import ast
 import sys
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from pkgutil import iter_modules
 
 import click
@@ -16,7 +20,7 @@ from monochord.errors import DeviceError, InputError, MonochordError, did_you_me
 class _Verbs(click.Group):
     """The verbs of this folder: each file holds one command of the file's name."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         found = (module.name for module in iter_modules(__path__))
         return sorted(name for name in found if not name.startswith("_"))
 
@@ -26,6 +30,10 @@ class _Verbs(click.Group):
             raise InputError(f"verb '{cmd_name}'", ", ".join(verbs), did_you_mean(cmd_name, verbs))
         return getattr(import_module(f"{__name__}.{cmd_name}"), cmd_name)
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Verbs"):
+            formatter.write_dl([(verb, _summary(verb)) for verb in self.list_commands(ctx)])
+
 
 @click.group(cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="monochord")
@@ -34,7 +42,7 @@ def monochord() -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line and exit: 0 done, 2 bad argument or input, 1 a device failed, 130 interrupted."""
+    """Run the command line and exit: 0 done, 2 bad argument or input, 1 failed, 130 interrupted."""
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
 
 
@@ -42,21 +50,42 @@ def run(arguments: list[str]) -> int:
     """Run the command line and return its exit status, printing any error as one line on stderr."""
     try:
         result = monochord.main(arguments, prog_name="monochord", standalone_mode=False)
-    except click.UsageError as error:
-        verb = error.ctx.command_path if error.ctx else "monochord"
-        return _say(f"{error.format_message()} (see '{verb} --help')", 2)
-    except (InputError, DeviceError) as error:
-        return _say(str(error), 2)
-    except MonochordError as error:
-        return _say(str(error), 1)
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        return 2
+    except (click.ClickException, MonochordError, OSError) as error:
+        line, status = _verdict(error)
+        click.echo("monochord: " + " ".join(line.split()), err=True)
+        return status
     except (KeyboardInterrupt, click.Abort):
         return 130
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
+    except SystemExit as stop:  # click's answer to a reader that went away, as `head` does
+        return stop.code if isinstance(stop.code, int) else 1
     return result if isinstance(result, int) else 0
 
 
-def _say(line: str, status: int) -> int:
-    click.echo("monochord: " + " ".join(line.split()), err=True)
-    return status
+def _verdict(error: click.ClickException | MonochordError | OSError) -> tuple[str, int]:
+    """Return the line and the exit status that an error ends with; a fault of ours is raised again."""
+    match error:
+        case click.UsageError():
+            verb = error.ctx.command_path if error.ctx else "monochord"
+            return f"{error.format_message()} (see '{verb} --help')", 2
+        case InputError() | DeviceError():
+            return str(error), 2
+        case OSError(filename=None):
+            raise error
+        case OSError():
+            return f"{error.filename}: {error.strerror}", 2
+        case _:
+            return str(error), 1
+
+
+def _summary(verb: str) -> str:
+    """First line of a verb's docstring, read from its text: help must not import what the verbs need."""
+    spec = find_spec(f"{__name__}.{verb}")
+    if spec is None or spec.origin is None:
+        return ""
+    for node in ast.parse(Path(spec.origin).read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef) and node.name == verb:
+            return (ast.get_docstring(node) or "").partition("\n")[0]
+    return ""

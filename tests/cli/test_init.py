@@ -1,0 +1,139 @@
+"""The command line as a whole; each verb's own behaviour is tested beside it."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from monochord import __version__, cli
+
+VERB = '''
+"""A verb that does what its argument says."""
+
+import click
+
+from monochord.errors import DeviceError, InputError, MonochordError
+
+FAULTS = {
+    "input": InputError("force -1 N", "0 N or more", "press,\\n don't pull"),
+    "device": DeviceError("no JACK server"),
+    "own": MonochordError("gave up"),
+    "file": FileNotFoundError(2, "No such file or directory", "take.wav"),
+    "interrupt": KeyboardInterrupt(),
+    "bug": ZeroDivisionError("a fault of ours"),
+    "socket": ConnectionResetError(104, "Connection reset"),
+}
+
+
+@click.command()
+@click.argument("fault")
+@click.option("--length", type=float, default=1.0)
+@click.option("--status", type=int)
+def pluck(fault: str, length: float, status: int | None) -> int | None:
+    """Pluck the string.
+
+    What follows the first line stands in the verb's own help only.
+    """
+    if fault in FAULTS:
+        raise FAULTS[fault]
+    click.echo(f"{fault} {length}")
+    return status
+'''
+
+
+@pytest.fixture(autouse=True)
+def pluck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A verb added as any verb is: one file in the folder, nothing else edited."""
+    (tmp_path / "pluck.py").write_text(VERB, encoding="utf-8")
+    monkeypatch.setattr(cli, "__path__", [*cli.__path__, str(tmp_path)])
+    yield
+    sys.modules.pop("monochord.cli.pluck", None)
+
+
+def test_a_new_file_is_a_new_verb(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["pluck", "gently", "--length", "0.65"]) == 0
+    assert capsys.readouterr().out == "gently 0.65\n"
+
+
+def test_help_lists_every_verb_without_loading_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.split() == ["pluck", "Pluck", "the", "string."] for line in lines)
+    assert "monochord.cli.pluck" not in sys.modules
+
+
+def test_every_real_verb_tells_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["--help"]) == 0
+    table = capsys.readouterr().out.partition("Verbs:\n")[2].splitlines()
+    assert table
+    assert not [line for line in table if len(line.split()) < 2]
+
+
+def test_no_argument_shows_the_help_and_does_no_work(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run([]) == 2
+    assert "Verbs:" in capsys.readouterr().err
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["--version"]) == 0
+    assert __version__ in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["pluk"], 2, ["verb 'pluk'", "allowed is", "did you mean 'pluck'?"]),
+        (["pluck"], 2, ["Missing argument 'FAULT'", "see 'monochord pluck --help'"]),
+        (["pluck", "it", "--lenght", "1"], 2, ["No such option '--lenght'", "Did you mean '--length'?"]),
+        (["pluck", "it", "--length", "long"], 2, ["--length", "'long' is not a valid float"]),
+        (["--verbose"], 2, ["No such option '--verbose'", "see 'monochord --help'"]),
+        (["pluck", "input"], 2, ["force -1 N: allowed is 0 N or more; press, don't pull"]),
+        (["pluck", "device"], 2, ["no JACK server"]),
+        (["pluck", "file"], 2, ["take.wav: No such file or directory"]),
+        (["pluck", "own"], 1, ["gave up"]),
+    ],
+)
+def test_an_error_is_one_line_and_a_status(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], status: int, words: list[str]
+) -> None:
+    assert cli.run(arguments) == status
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("monochord: ")
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+def test_a_verb_may_return_its_own_status() -> None:
+    assert cli.run(["pluck", "it", "--status", "3"]) == 3
+
+
+def test_interrupted_is_130() -> None:
+    assert cli.run(["pluck", "interrupt"]) == 130
+
+
+@pytest.mark.parametrize(("fault", "kind"), [("bug", ZeroDivisionError), ("socket", ConnectionResetError)])
+def test_a_fault_of_ours_is_not_hidden(fault: str, kind: type[Exception]) -> None:
+    with pytest.raises(kind):
+        cli.run(["pluck", fault])
+
+
+def test_main_exits_with_the_status() -> None:
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["pluck", "device"])
+    assert stop.value.code == 2
+
+
+def test_a_reader_that_goes_away_is_no_traceback() -> None:
+    code = "import time; time.sleep(0.3); from monochord.cli import main; main(['--help'])"
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as run:
+        assert run.stdout
+        run.stdout.close()
+        assert run.stderr
+        assert run.stderr.read() == b""
+    assert run.returncode == 1
