@@ -4,6 +4,7 @@ Touches are clamps here: they cut the string into two segments that share nothin
 take plain numbers or, where their signature says so, arrays.
 """
 
+from monochord.physics.theory.bounds import contact_bound, far_segment_bound, series_bound, tone_bound
 from monochord.physics.theory.segments import (
     harmonic_frequencies,
     locate_from_segments,
@@ -14,6 +15,7 @@ from monochord.physics.theory.segments import (
     step_limit,
     tension_from_segments,
 )
+from monochord.physics.theory.sensitivity import far_segment_sensitivity, frequency_sensitivities
 from monochord.physics.theory.stiffness import (
     inharmonicity,
     partial_numbers,
@@ -32,8 +34,12 @@ from monochord.physics.theory.tension import (
 
 __all__ = [
     "TensionLaw",
+    "contact_bound",
     "damping_under",
+    "far_segment_bound",
+    "far_segment_sensitivity",
     "force_from_tension",
+    "frequency_sensitivities",
     "harmonic_frequencies",
     "inharmonicity",
     "locate_from_segments",
@@ -42,6 +48,7 @@ __all__ = [
     "position_from_far_segment",
     "segment_frequencies",
     "segment_inharmonicity",
+    "series_bound",
     "split_frequencies",
     "step_limit",
     "stiff_partials",
@@ -49,5 +56,6 @@ __all__ = [
     "tension_from_segments",
     "tension_pressed",
     "tension_under",
+    "tone_bound",
     "wave_speed",
 ]

@@ -98,7 +98,7 @@ def tension_pressed(string: StringParams, position: Number, force: Number) -> Nu
     w = np.sqrt(3.0 * k)
     root = 2.0 * np.sinh(np.arcsinh(1.5 * w) / 3.0)
     rest = w == 0.0
-    u = np.where(rest, 1.0, root / np.where(rest, 1.0, w))
+    u = np.where(rest, 1.0, np.minimum(root / np.where(rest, 1.0, w), 1.0))
     return string.tension / (u if u.ndim else float(u))  # pyright: ignore[reportReturnType]
 
 

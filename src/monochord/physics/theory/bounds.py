@@ -1,0 +1,216 @@
+"""The Cramer-Rao bounds: what no unbiased estimator that hears a window of a given length can beat.
+
+White Gaussian noise, known noise level, stationary partials that the window resolves. The signal-to-noise
+ratio is a power ratio (no decibels): half the squared amplitude of a partial over the noise's variance.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from monochord.physics.theory._checks import refuse_not_positive
+from monochord.physics.theory.segments import split_frequencies
+from monochord.physics.theory.sensitivity import far_segment_sensitivity, frequency_sensitivities
+from monochord.physics.theory.stiffness import partial_numbers, segment_inharmonicity, stiff_partials
+from monochord.physics.theory.tension import TensionLaw
+from monochord.types import Contact, Floats, StringParams
+from monochord.units import Hertz, Metres, Newtons, Seconds
+
+
+def tone_bound(duration: Seconds, sample_rate: Hertz, snr: ArrayLike) -> Floats:
+    """Return the least standard error of the frequency of a real tone.
+
+    var(f) >= 12 fs^2 / (4 pi^2 snr N (N^2 - 1)), with N samples, amplitude and phase unknown. Holds where the
+    tone is away from zero frequency and the Nyquist frequency by more than 1 / duration.
+
+    Parameters
+    ----------
+    duration
+        Length of the window in s; at least two samples.
+    sample_rate
+        fs in Hz.
+    snr
+        Power ratio, any shape.
+
+    Returns
+    -------
+    array
+        Standard error in Hz, of the shape of `snr`.
+
+    Raises
+    ------
+    InputError
+        If a quantity is not above zero.
+
+    References
+    ----------
+    Rife and Boorstyn (1974), Single-tone parameter estimation from discrete-time observations, IEEE Trans.
+    Inf. Theory 20, 591 (complex tone); Kay (1993), Estimation Theory, Example 3.14 (real tone, used here).
+
+    Examples
+    --------
+    Eight millihertz from a tenth of a second at 20 dB, in the full band of 44.1 kHz:
+
+    >>> round(float(tone_bound(0.1, 44100.0, 100.0)), 3)
+    0.008
+    """
+    ratio = np.asarray(snr, float)
+    refuse_not_positive(duration=duration, sample_rate=sample_rate, snr=ratio)
+    n = max(duration * sample_rate, 2.0)
+    return sample_rate / (2.0 * np.pi) * np.sqrt(12.0 / (ratio * n * (n**2 - 1.0)))
+
+
+def series_bound(
+    f0: Hertz,
+    numbers: ArrayLike,
+    snr: ArrayLike,
+    *,
+    duration: Seconds,
+    sample_rate: Hertz,
+    inharmonicity: float = 0.0,
+    known_inharmonicity: bool = True,
+) -> Hertz:
+    """Return the least standard error of the fundamental of a stiff harmonic series.
+
+    Each partial f_n = n f0 sqrt(1 + B n^2) is a tone of its own variance and tells f0 with weight
+    (df_n/df0)^2 / var(f_n); the weights add. Where B is not known it is estimated too, and f0 pays for that.
+
+    Parameters
+    ----------
+    f0
+        Fundamental in Hz.
+    numbers
+        Numbers n of the partials heard, shape (k,).
+    snr
+        Power ratio of each, shape (k,) or one for all.
+    duration, sample_rate
+        Of the window, in s and Hz.
+    inharmonicity
+        B.
+    known_inharmonicity
+        False where B has to be estimated from the same window; needs two partials.
+
+    Returns
+    -------
+    float
+        Standard error in Hz; infinite where the partials cannot tell f0.
+
+    Raises
+    ------
+    InputError
+        If a quantity is not above zero.
+
+    Examples
+    --------
+    Ten harmonics tell the fundamental twenty times better than the first alone:
+
+    >>> one = series_bound(100.0, [1], 100.0, duration=0.1, sample_rate=44100.0)
+    >>> ten = series_bound(100.0, range(1, 11), 100.0, duration=0.1, sample_rate=44100.0)
+    >>> round(one / ten, 1)
+    19.6
+    """
+    n = np.asarray(numbers, float)
+    variance = np.broadcast_to(tone_bound(duration, sample_rate, snr) ** 2, n.shape)
+    by_f0 = stiff_partials(f0, inharmonicity, n) / f0
+    by_b = f0 * n**3 / (2.0 * np.sqrt(1.0 + inharmonicity * n**2))
+    information = float(np.sum(by_f0**2 / variance))
+    if not known_inharmonicity:
+        own, cross = np.sum(by_b**2 / variance), np.sum(by_f0 * by_b / variance)
+        # A single partial cannot tell stiffness from pitch: what is left of the information is rounding.
+        information = float(information - cross**2 / own) if n.size > 1 else 0.0
+    return information**-0.5 if information > 0.0 else np.inf
+
+
+def contact_bound(
+    string: StringParams,
+    contact: Contact,
+    snr: float,
+    *,
+    duration: Seconds,
+    sample_rate: Hertz,
+    highest: Hertz = 8000.0,
+    law: TensionLaw = "linear",
+) -> tuple[Metres, Newtons]:
+    """Return the least standard errors of position and force, told from both segments.
+
+    Both fundamentals are estimated from their partials up to `highest`, each partial at the same ratio to the
+    noise; the inverse of `frequency_sensitivities` carries their variances over to (x, F).
+
+    Parameters
+    ----------
+    string, contact, law
+        The touched string, as for `segment_frequencies`.
+    snr
+        Power ratio of each partial to the noise.
+    duration, sample_rate
+        Of the window, in s and Hz.
+    highest
+        Highest partial used, in Hz.
+
+    Returns
+    -------
+    position, force
+        Standard errors in m and N; the force's is infinite where the tension does not depend on it.
+
+    Raises
+    ------
+    InputError
+        If the contact is not on the string, or a segment has no partial below `highest`.
+
+    Examples
+    --------
+    A tenth of a micrometre: noise is not what limits such a sensor.
+
+    >>> string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0, tension_per_force=6.0)
+    >>> touch = Contact(position=0.2275, force=0.5)
+    >>> x, force = contact_bound(string, touch, 100.0, duration=0.1, sample_rate=44100.0)
+    >>> round(1e6 * x, 2), round(1e3 * force, 2)
+    (0.1, 0.01)
+    """
+    lengths = (contact.position, string.length - contact.position)
+    f = split_frequencies(string, contact.position, contact.force, law)
+    variances = np.empty(2)
+    for side in (0, 1):
+        b = segment_inharmonicity(string, lengths[side])
+        numbers = partial_numbers(highest, f[side], b)
+        refuse_not_positive(**{f"partials_of_segment_{side + 1}_below_{highest:g}_Hz": numbers.size})
+        variances[side] = (
+            series_bound(f[side], numbers, snr, duration=duration, sample_rate=sample_rate, inharmonicity=b)
+            ** 2
+        )
+    slopes = frequency_sensitivities(string, contact, law)
+    if slopes[0, 1] == 0.0:
+        # The touch itself is still located, by the ratio of the two frequencies.
+        ratio = string.length * f[0] * f[1] / (f[0] + f[1]) ** 2
+        return float(ratio * np.sqrt(np.sum(variances / np.square(f)))), np.inf
+    inverse = np.linalg.inv(slopes)
+    errors = np.sqrt((inverse**2) @ variances)
+    return float(errors[0]), float(errors[1])
+
+
+def far_segment_bound(
+    frequency: Hertz, open_frequency: Hertz, length: Metres, frequency_error: Hertz
+) -> Metres:
+    """Return the standard error of the position that the far segment's fundamental tells.
+
+    std(x) = L f_open / f^2 std(f), the open string's frequency taken as known.
+
+    Parameters
+    ----------
+    frequency, open_frequency
+        Fundamentals of the sounding segment and of the open string, in Hz.
+    length
+        L in m.
+    frequency_error
+        Standard error of `frequency` in Hz, for instance from `series_bound`.
+
+    Returns
+    -------
+    float
+        In m.
+
+    Examples
+    --------
+    >>> round(1e6 * far_segment_bound(164.8, 82.4, 0.65, 0.01), 1)
+    19.7
+    """
+    return far_segment_sensitivity(frequency, open_frequency, length) * frequency_error

@@ -1,0 +1,127 @@
+"""Cramer-Rao bounds: right against a numeric Fisher matrix, and reached by maximum likelihood."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monochord.errors import InputError
+from monochord.physics.theory.bounds import contact_bound, far_segment_bound, series_bound, tone_bound
+from monochord.physics.theory.segments import (
+    locate_from_segments,
+    split_frequencies,
+    tension_from_segments,
+)
+from monochord.physics.theory.stiffness import partial_numbers, segment_inharmonicity
+from monochord.physics.theory.tension import force_from_tension
+from monochord.types import Contact, Floats, StringParams
+
+STRING = StringParams(
+    length=0.65, linear_density=6.5e-4, tension=65.0, core_diameter=2.54e-4, tension_per_force=6.0
+)
+
+
+def _series(f0: float, b: float, waves: Floats) -> Floats:
+    t = np.arange(800) / 8000.0
+    n = np.arange(1, waves.shape[0] + 1)
+    angle = 2 * np.pi * (n * f0 * np.sqrt(1 + b * n**2))[:, None] * t
+    return np.sum(waves[:, :1] * np.cos(angle) + waves[:, 1:] * np.sin(angle), axis=0)
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["B known", "B unknown"])
+def test_series_bound_equals_the_fisher_matrix(*, known: bool) -> None:
+    # Fundamental (and stiffness), and two wave amplitudes a partial, differentiated numerically.
+    waves = np.array([[1.0, 0.2], [0.5, -0.6], [-0.1, 0.4]])
+    f0, b, noise = 201.3, 3e-4, 0.05
+    columns = [(_series(f0 + 1e-4, b, waves) - _series(f0 - 1e-4, b, waves)) / 2e-4]
+    if not known:
+        columns.append((_series(f0, b + 1e-7, waves) - _series(f0, b - 1e-7, waves)) / 2e-7)
+    for i in range(waves.size):
+        unit = np.zeros(waves.size)
+        unit[i] = 1.0
+        columns.append(_series(f0, b, unit.reshape(waves.shape)))
+    matrix = np.array(columns) @ np.array(columns).T / noise**2
+    scale = np.sqrt(np.diag(matrix))
+    numeric = np.sqrt(np.linalg.inv(matrix / np.outer(scale, scale))[0, 0]) / scale[0]
+    snr = np.sum(waves**2, axis=1) / (2 * noise**2)
+    bound = series_bound(
+        f0, [1, 2, 3], snr, inharmonicity=b, known_inharmonicity=known, duration=0.1, sample_rate=8000.0
+    )
+    assert bound == pytest.approx(numeric, rel=0.01)
+
+
+def test_tone_bound_is_reached_by_maximum_likelihood() -> None:
+    rng = np.random.default_rng(1)
+    t = np.arange(800) / 8000.0
+    snr, f = 10.0, 987.6
+    errors: list[float] = []
+    for _ in range(200):
+        sound = np.cos(2 * np.pi * f * t + rng.uniform(0, 6.28)) + rng.normal(0, np.sqrt(0.5 / snr), 800)
+        grid = f + np.linspace(-1.0, 1.0, 81)
+        power = np.abs(np.exp(-2j * np.pi * np.outer(grid, t)) @ sound) ** 2
+        k = int(np.argmax(power[1:-1])) + 1
+        left, middle, right = power[k - 1 : k + 2]
+        errors.append(grid[k] + 0.025 * 0.5 * (left - right) / (left - 2 * middle + right) - f)
+    bound = float(tone_bound(0.1, 8000.0, snr))
+    assert np.std(errors) == pytest.approx(bound, rel=0.2)
+
+
+def test_longer_louder_and_richer_windows_tell_more() -> None:
+    base = float(tone_bound(0.1, 44100.0, 100.0))
+    assert float(tone_bound(0.2, 44100.0, 100.0)) == pytest.approx(base / 2**1.5, rel=1e-4)
+    assert float(tone_bound(0.1, 44100.0, 400.0)) == pytest.approx(base / 2.0)
+    assert series_bound(100.0, [1], 100.0, duration=0.1, sample_rate=44100.0) == pytest.approx(base)
+    few = series_bound(100.0, [1, 2], 100.0, duration=0.1, sample_rate=8000.0)
+    more = series_bound(100.0, [1, 2, 5], 100.0, duration=0.1, sample_rate=8000.0)
+    assert more < few
+
+
+def test_unknown_stiffness_costs_and_one_partial_cannot_tell_it() -> None:
+    known = series_bound(100.0, [1, 2, 3], 10.0, duration=0.1, sample_rate=8000.0)
+    unknown = series_bound(
+        100.0, [1, 2, 3], 10.0, known_inharmonicity=False, duration=0.1, sample_rate=8000.0
+    )
+    assert unknown > known
+    assert (
+        series_bound(100.0, [2], 10.0, known_inharmonicity=False, duration=0.1, sample_rate=8000.0) == np.inf
+    )
+    assert series_bound(100.0, [], 10.0, duration=0.1, sample_rate=8000.0) == np.inf
+
+
+def test_contact_bound_is_what_the_inverse_makes_of_noisy_frequencies() -> None:
+    contact, snr, highest = Contact(position=0.2, force=1.0), 0.1, 3000.0
+    rng = np.random.default_rng(2)
+    heard: list[Floats] = []
+    for f, length in zip(split_frequencies(STRING, 0.2, 1.0), (0.2, 0.45), strict=True):
+        b = segment_inharmonicity(STRING, length)
+        error = series_bound(
+            f, partial_numbers(highest, f, b), snr, duration=0.1, sample_rate=8000.0, inharmonicity=b
+        )
+        heard.append(f + error * rng.normal(size=4000))
+    x = locate_from_segments(STRING.length, *heard)
+    force = force_from_tension(STRING, tension_from_segments(STRING, *heard))
+    bound = contact_bound(STRING, contact, snr, duration=0.1, sample_rate=8000.0, highest=highest)
+    assert (np.std(x), np.std(force)) == pytest.approx(bound, rel=0.05)
+
+
+def test_string_without_force_coupling_still_tells_position() -> None:
+    # The ratio of the two frequencies locates, whatever the tension does.
+    touch = Contact(position=0.2, force=0.0)
+    deaf = replace(STRING, tension_per_force=0.0)
+    x_only, never = contact_bound(deaf, touch, 10.0, duration=0.1, sample_rate=8000.0)
+    x, _ = contact_bound(STRING, touch, 10.0, duration=0.1, sample_rate=8000.0)
+    assert x_only == pytest.approx(x, rel=1e-9)
+    assert never == np.inf
+
+
+def test_far_segment_bound_scales_with_the_frequency_error() -> None:
+    assert far_segment_bound(164.8, 82.4, 0.65, 0.5) == pytest.approx(0.5 * 0.65 / (2 * 164.8))
+
+
+def test_impossible_is_refused() -> None:
+    with pytest.raises(InputError, match="snr 0: allowed is above 0"):
+        tone_bound(0.1, 8000.0, 0.0)
+    with pytest.raises(InputError, match="partials of segment 2 below 400 Hz 0"):
+        contact_bound(
+            STRING, Contact(position=0.6, force=0.0), 10.0, highest=400.0, duration=0.1, sample_rate=8000.0
+        )

@@ -1,0 +1,104 @@
+"""Tension laws: the cubic solved, its limits, and the force that explains a tension."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monochord.errors import InputError
+from monochord.physics.theory.tension import (
+    check_law,
+    damping_under,
+    force_from_tension,
+    stretch_stiffness,
+    tension_pressed,
+    tension_under,
+    wave_speed,
+)
+from monochord.types import StringParams
+
+PLAIN = StringParams(
+    length=0.65,
+    linear_density=4e-4,
+    tension=73.0,
+    core_diameter=2.54e-4,
+    tension_per_force=6.0,
+    damping_per_force=0.01,
+)
+INSIDE = st.floats(0.001, 0.649)
+
+
+def test_linear_laws() -> None:
+    assert tension_under(PLAIN, 2.0) == 85.0
+    assert damping_under(PLAIN, 2.0) == pytest.approx(0.04)
+    assert wave_speed(PLAIN) == pytest.approx(np.sqrt(73.0 / 4e-4))
+    assert wave_speed(PLAIN, 2.0) == pytest.approx(np.sqrt(85.0 / 4e-4))
+    np.testing.assert_allclose(wave_speed(PLAIN, np.array([0.0, 2.0]))[1], wave_speed(PLAIN, 2.0))
+
+
+@given(INSIDE, st.floats(0.0, 100.0))
+def test_geometric_tension_balances_the_press_and_the_stretch(x: float, force: float) -> None:
+    tension = tension_pressed(PLAIN, x, force)
+    deflection = force * x * (0.65 - x) / (tension * 0.65)
+    elongation = deflection**2 * 0.65 / (2.0 * x * (0.65 - x))
+    rise = stretch_stiffness(PLAIN) * elongation / 0.65
+    assert tension == pytest.approx(73.0 + rise, rel=1e-12)
+
+
+def test_light_press_agrees_with_the_exact_triangle() -> None:
+    # The exact geometry, square roots and all, solved by iteration, where the press is light (slope 0.7 %).
+    x, force, length = 0.2, 1.0, PLAIN.length
+    deflection, tension = 0.0, PLAIN.tension
+    for _ in range(200):
+        sides = np.hypot(x, deflection), np.hypot(length - x, deflection)
+        tension = PLAIN.tension + stretch_stiffness(PLAIN) * (sum(sides) - length) / length
+        deflection = force / (tension * (1.0 / sides[0] + 1.0 / sides[1]))
+    exact_rise = tension - PLAIN.tension
+    assert tension_pressed(PLAIN, x, force) - 73.0 == pytest.approx(exact_rise, rel=1e-3)
+
+
+@given(INSIDE)
+def test_rise_is_quadratic_for_a_light_press(x: float) -> None:
+    light = tension_pressed(PLAIN, x, 0.05) - 73.0
+    double = tension_pressed(PLAIN, x, 0.1) - 73.0
+    assert double == pytest.approx(4.0 * light, rel=1e-3, abs=1e-12)
+
+
+@given(INSIDE, st.floats(0.0, 10.0), st.floats(0.01, 1.0))
+def test_harder_is_never_looser(x: float, force: float, more: float) -> None:
+    assert tension_pressed(PLAIN, x, force + more) > tension_pressed(PLAIN, x, force) >= 73.0
+
+
+@given(INSIDE, st.floats(0.01, 100.0))
+def test_geometric_force_is_the_inverse(x: float, force: float) -> None:
+    tension = tension_pressed(PLAIN, x, force)
+    assert force_from_tension(PLAIN, tension, x, "geometric") == pytest.approx(force, rel=1e-6)
+
+
+@given(st.floats(0.0, 100.0))
+def test_linear_force_is_the_inverse(force: float) -> None:
+    assert force_from_tension(PLAIN, tension_under(PLAIN, force)) == pytest.approx(force, abs=1e-12)
+
+
+def test_tension_that_no_press_explains() -> None:
+    assert force_from_tension(PLAIN, 67.0) == -1.0
+    assert np.isnan(force_from_tension(PLAIN, 67.0, 0.2, "geometric"))
+    both = force_from_tension(PLAIN, np.array([67.0, 73.0]), np.array([0.2, 0.2]), "geometric")
+    np.testing.assert_array_equal(both, [np.nan, 0.0])
+
+
+def test_flexible_string_does_not_stretch() -> None:
+    flexible = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
+    assert tension_pressed(flexible, 0.2, 3.0) == 65.0
+
+
+def test_what_cannot_tell_force_is_refused() -> None:
+    flexible = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
+    with pytest.raises(InputError, match="tension per force 0"):
+        force_from_tension(flexible, 66.0)
+    with pytest.raises(InputError, match="core diameter 0"):
+        force_from_tension(flexible, 66.0, 0.2, "geometric")
+    with pytest.raises(InputError, match="no position"):
+        force_from_tension(PLAIN, 74.0, law="geometric")
+    with pytest.raises(InputError, match="linear, geometric"):
+        check_law("quadratic")
