@@ -1,12 +1,10 @@
 """Strings as data: one TOML file a string, each with its source, found by its name."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
-from monochord.config import from_tree, load_toml
+from monochord.config import from_tree, load_toml, to_tree
 from monochord.errors import InputError, did_you_mean
 from monochord.types import Contact, StringParams
 from monochord.units import Hertz
@@ -69,29 +67,19 @@ def load_string(name: str) -> StringPreset:
 
 
 def _read(path: Path) -> StringPreset:
-    tree = load_toml(path)
     where = f"string {path.stem}"
-    contact = tree.pop("contact", None)
-    preset = from_tree(StringPreset, {**tree, "name": path.stem}, where)
-    touched = None if contact is None else from_tree(Contact, contact, f"{where}.contact")
-    _refuse_impossible(preset.string, tree.get("string", {}), where)
-    if touched is not None and not 0.0 < touched.position < preset.string.length:
-        given, length = touched.position, preset.string.length
-        raise InputError(f"{where}.contact.position {given:g} m", f"between 0 and {length:g} m")
-    return StringPreset(
-        name=preset.name,
-        title=preset.title,
-        source=preset.source,
-        open_frequency=preset.open_frequency,
-        string=preset.string,
-        notes=preset.notes,
-        contact=touched,
-    )
+    preset = from_tree(StringPreset, {**load_toml(path), "name": path.stem}, where)
+    _refuse_impossible(preset.string, where)
+    length, contact = preset.string.length, preset.contact
+    if contact is not None and not 0.0 < contact.position < length:
+        given = f"{where}.contact.position {contact.position:g} m"
+        raise InputError(given, f"strictly between 0 and {length:g} m")
+    return preset
 
 
-def _refuse_impossible(string: StringParams, given: Mapping[str, Any], where: str) -> None:
-    above_zero = {"length", "linear_density", "tension", "young_modulus"}
-    for key in above_zero | given.keys():
-        value = getattr(string, key)
-        if not (value > 0.0 if key in above_zero else value >= 0.0):
-            raise InputError(f"{where}.{key} {value:g}", "above 0" if key in above_zero else "0 or more")
+def _refuse_impossible(string: StringParams, where: str) -> None:
+    for key, value in to_tree(string).items():
+        if key in {"length", "linear_density", "tension", "young_modulus"} and not value > 0.0:
+            raise InputError(f"{where}.string.{key} {value:g}", "above 0")
+        if not value >= 0.0:
+            raise InputError(f"{where}.string.{key} {value:g}", "0 or more")
