@@ -5,16 +5,18 @@ dataclass itself is the schema, and stands beside the code that it configures.
 """
 
 import dataclasses
+import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, get_type_hints
+from typing import Any, TypeAlias, TypeVar, get_args
 
 import msgspec
 import tomli_w
 
 from monochord.errors import InputError, did_you_mean
+from monochord.schema import choices_of, fields_of, inside, wording
 
 T = TypeVar("T")
 Tree: TypeAlias = dict[str, Any]
@@ -59,27 +61,42 @@ def from_tree(cls: type[T], tree: Mapping[str, Any], where: str = "") -> T:
     Parameters
     ----------
     cls
-        A dataclass, perhaps with dataclasses inside.
+        A dataclass, perhaps with dataclasses, lists or tables inside.
     tree
         Plain values by field name, as TOML or JSON gives them; text is converted where a number is due.
     where
         Name of this part in error messages.
+
+    Returns
+    -------
+    T
+        The dataclass; what the tree leaves out has its default.
+
+    Raises
+    ------
+    InputError
+        Naming the option by its path: for a key that is unknown (with a suggestion), a value of the wrong
+        type, a field without default that is left out, and a number that is NaN. What the dataclass itself
+        refuses passes through as it raised it.
     """
     _refuse_unknown(cls, tree, where)
     try:
         return msgspec.convert(tree, cls, strict=False, dec_hook=_decode)
     except msgspec.ValidationError as error:
-        message = str(error).replace("`", "").replace("$.", f"{where}." if where else "")
-        raise InputError(f"{where or cls.__name__} options {dict(tree)}", message) from error
+        raise _explain(error, cls, tree, where) from error
 
 
 def to_tree(config: Any) -> Tree:
     """Return a dataclass as plain values that TOML can hold; fields that are None are left out."""
-    return _plain(dataclasses.asdict(config))
+    return _plain(config)
 
 
 def dump_toml(tree: Tree) -> str:
-    """Return a tree of plain values as TOML text: the resolved copy that is saved beside a result."""
+    r"""Return a tree of plain values as TOML text: the resolved copy that is saved beside a result.
+
+    >>> dump_toml({"window": {"hop": 0.01}})
+    '[window]\nhop = 0.01\n'
+    """
     return tomli_w.dumps(_plain(tree))
 
 
@@ -87,25 +104,78 @@ def _decode(kind: type, value: Any) -> Any:
     if issubclass(kind, Path) and isinstance(value, str):
         return kind(value)
     message = f"cannot make {kind.__name__} of {value!r}"
-    raise NotImplementedError(message)
+    raise TypeError(message)
 
 
-def _refuse_unknown(cls: type, tree: Mapping[str, Any], where: str) -> None:
-    hints = get_type_hints(cls)
-    fields = [f.name for f in dataclasses.fields(cls) if f.init]
-    for name, value in tree.items():
-        place = f"{where}.{name}" if where else name
-        if name not in fields:
-            raise InputError(f"option '{place}'", ", ".join(fields) or "none", did_you_mean(name, fields))
-        if dataclasses.is_dataclass(hints[name]) and isinstance(value, Mapping):
-            _refuse_unknown(hints[name], value, place)  # pyright: ignore[reportArgumentType]
+def _refuse_unknown(kind: Any, value: Any, where: str) -> None:
+    """Refuse what msgspec lets pass: keys that no field has, at any depth, and numbers that are NaN."""
+    is_number = kind is float or float in get_args(kind)
+    if is_number and isinstance(value, (float, str)) and str(value).strip().lower() == "nan":
+        raise InputError(f"option '{where}' = nan", wording(kind))
+    if isinstance(value, Mapping):
+        fields = fields_of(kind)
+        for name in value:
+            if fields is not None and name not in fields:
+                given = f"option '{_place(where, name)}'"
+                raise InputError(given, ", ".join(fields) or "none", did_you_mean(name, fields))
+    for step, child in _children(value):
+        _refuse_unknown(inside(kind, step), child, _place(where, step))
+
+
+def _explain(error: msgspec.ValidationError, cls: type, tree: Mapping[str, Any], where: str) -> InputError:
+    """Say in one line which option was given what, and what it may be, from msgspec's reason and path."""
+    if isinstance(error.__cause__, InputError):
+        return error.__cause__
+    reason, _, path = str(error).partition(" - at `$")
+    steps: list[str | int] = [
+        int(index) if index.isdigit() else name or index
+        for name, index in re.findall(r"\.(\w+)|\[([^]]*)\]", path)
+    ]
+    absent = re.match("Object missing required field `(.+?)`", reason)
+    kind: Any = cls
+    value: Any = tree
+    for step in steps + ([absent[1]] if absent else []):
+        key = _culprit(kind, value) if step == "..." else step
+        kind, where, value = inside(kind, key), _place(where, key), dict(_children(value)).get(key)
+    if absent:
+        return InputError(f"option '{where}', not given,", wording(kind))
+    bound = re.match("Expected `(.+?)` ([<>].*|matching .*)", reason)
+    allowed = f"{bound[1]} {bound[2]}" if bound else wording(kind)
+    if not reason.startswith(("Expected", "Invalid", "cannot make")):
+        allowed = reason  # a ValueError of the dataclass's own
+    remedy = did_you_mean(value, choices_of(kind)) if isinstance(value, str) else ""
+    return InputError(f"option '{where}' = {value!r}" if where else repr(value), allowed, remedy)
+
+
+def _culprit(kind: Any, table: Mapping[str, Any]) -> str:
+    """Return the key of the first entry that will not convert; msgspec does not name keys of a table."""
+    for key, value in table.items():
+        try:
+            msgspec.convert(value, inside(kind, key), strict=False, dec_hook=_decode)
+        except msgspec.ValidationError:
+            return key
+    return "..."
+
+
+def _place(where: str, step: str | int) -> str:
+    if isinstance(step, int):
+        return f"{where}[{step}]"
+    return f"{where}.{step}" if where else step
+
+
+def _children(value: Any) -> Iterator[tuple[str | int, Any]]:
+    if isinstance(value, Mapping):
+        yield from value.items()
+    elif isinstance(value, (list, tuple)):
+        yield from enumerate(value)
 
 
 def _toml_value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        table = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text
+    return table["value"] if len(table) == 1 else text
 
 
 def _copy(value: Any) -> Any:
@@ -113,6 +183,8 @@ def _copy(value: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return _plain({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items() if v is not None}
     if isinstance(value, (list, tuple)):

@@ -29,6 +29,10 @@ class InputError(MonochordError, ValueError):
         line = f"{given}: allowed is {allowed}" + (f"; {remedy}" if remedy else "")
         super().__init__(" ".join(line.split()))
 
+    def __reduce__(self) -> tuple[type["InputError"], tuple[str, str, str]]:
+        # Without it an error raised in a worker process cannot come home: pickle hands over one argument.
+        return type(self), (self.given, self.allowed, self.remedy)
+
 
 class DeviceError(MonochordError, RuntimeError):
     """A device or a server that is needed is absent or went away for good."""
