@@ -1,0 +1,113 @@
+"""Options that several verbs share, and the settings tree that they fill."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from monochord.config import Tree
+from monochord.errors import InputError
+from monochord.live import Session, Settings, Summary
+from monochord.live.calibration import median_frequency
+from monochord.registry import Registry
+from monochord.sources import SOURCES
+
+F = TypeVar("F", bound=Callable[..., Any])
+FILES = "wav"  # the source that reads recordings
+
+
+def amount(text: str) -> float:
+    """Return a finite number above zero; anything else is a usage error."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise click.BadParameter(f"'{text}': allowed is a number above 0")
+    return number
+
+
+def take(text: str) -> tuple[str, float]:
+    """Return path and touch position of FILE:POSITION; anything else is a usage error."""
+    path, colon, number = text.rpartition(":")
+    try:
+        position = float(number)
+    except ValueError:
+        position = math.nan
+    if not (colon and path and 0.0 <= position < math.inf):
+        raise click.BadParameter(f"'{text}': allowed is FILE:POSITION, the position in metres from the nut")
+    return path, position
+
+
+def string_options(command: F) -> F:
+    """Add what a person knows of the string: length, open note, takes of known position."""
+    for option in (
+        click.option(
+            "--calibrate",
+            type=take,
+            multiple=True,
+            metavar="FILE:POSITION",
+            help="A take touched at POSITION metres; repeatable.",
+        ),
+        click.option("--open-frequency", type=amount, metavar="HZ", help="Frequency of the open string."),
+        click.option("--length", type=amount, metavar="METRES", help="Length of the string, nut to bridge."),
+        click.option(
+            "--estimator", default=None, metavar="NAME", help="What estimates.  [default: closed-form]"
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def window_options(command: F) -> F:
+    """Add the window's length and hop."""
+    for option in (
+        click.option("--hop", type=amount, metavar="S", help="Distance of windows.  [default: 0.01]"),
+        click.option("--window", type=amount, metavar="S", help="Length of a window.  [default: 0.1]"),
+    ):
+        command = option(command)
+    return command
+
+
+def put(tree: Tree, table: str, **values: Any) -> None:
+    """Lay the options that were given (those that are not None) into a table of the tree."""
+    given = {name: value for name, value in values.items() if value is not None}
+    if given:
+        tree[table] = {**tree.get(table, {}), **given}
+
+
+def first_field(registry: Registry[Any], name: str) -> str:
+    """Return the name of the field that says what a plug-in opens."""
+    return dataclasses.fields(registry.load(name))[0].name
+
+
+def recording(path: str) -> Tree:
+    """Return the source table that reads a recording."""
+    return {"name": FILES, first_field(SOURCES, FILES): path}
+
+
+def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
+    """Return the tree with the takes' (frequency, position) pairs handed to the estimator."""
+    pairs: list[list[float]] = []
+    for path, position in takes:
+        settings = Settings.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})
+        try:
+            pairs.append([median_frequency(settings.session()), position])
+        except InputError as error:
+            if Path(path).name in error.given:
+                raise
+            raise InputError(f"{path}, {error.given}", error.allowed, error.remedy) from error
+    if not pairs:
+        return tree
+    estimator = dict(tree.get("estimator", {}))
+    return {**tree, "estimator": {**estimator, "calibration": [*estimator.get("calibration", []), *pairs]}}
+
+
+def refuse_short(given: str, session: Session, summary: Summary) -> None:
+    """Raise `InputError` where a source ended before its first whole window."""
+    if not (summary.windows or summary.skipped or summary.interrupted):
+        allowed = f"{min(session.window.length, session.seconds):g} s or more"
+        raise InputError(f"{given} (shorter than a window)", allowed, "use a shorter --window")

@@ -1,0 +1,72 @@
+"""Benchmarks: figures with what they are compared with, and the machine that they were measured on."""
+
+import json
+import os
+import platform
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import numpy as np
+
+from monochord.benchmarks import BENCHMARKS
+from monochord.benchmarks.base import Row
+from monochord.config import override
+from monochord.errors import InputError
+
+
+@click.command()
+@click.argument("name", required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object a row.")
+@click.option("--set", "assignments", multiple=True, metavar="OPTION=VALUE", help="Options of NAME.")
+def bench(name: str | None, as_json: bool, assignments: tuple[str, ...]) -> None:  # noqa: FBT001
+    """Run the benchmark NAME, or all of them, and print each figure with its baseline."""
+    if assignments and not name:
+        raise InputError(f"--set {assignments[0]} for all benchmarks", "one NAME with --set")
+    click.echo(_machine(), err=as_json)
+    for each in [name] if name else BENCHMARKS.names():
+        benchmark = BENCHMARKS.build(each, override({}, assignments))
+        if not as_json:
+            click.echo(f"\n{each}")
+        for row in benchmark.run():
+            click.echo(json.dumps(_record(each, row)) if as_json else _line(row))
+
+
+def _record(benchmark: str, row: Row) -> dict[str, str | float | None]:
+    return {
+        "benchmark": benchmark,
+        "name": row.name,
+        "value": row.value,
+        "unit": row.unit,
+        "baseline": row.baseline,
+        "baseline_value": row.baseline_value,
+        "ratio": row.ratio,
+    }
+
+
+def _line(row: Row) -> str:
+    value = f"  {row.name:<44}{row.value:>12.4g} {row.unit:<10}"
+    if row.baseline is None or row.baseline_value is None:
+        return value.rstrip()
+    ratio = "" if row.ratio is None else f"  ratio {row.ratio:.3g}"
+    return f"{value}{row.baseline}: {row.baseline_value:.4g}{ratio}"
+
+
+def _machine() -> str:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return (
+        f"machine: {_processor()}, {cores} cores, {platform.system()} {platform.release()}, "
+        f"Python {platform.python_version()}, NumPy {np.__version__}"
+    )
+
+
+def _processor() -> str:
+    return next(_named_processors(), platform.processor() or platform.machine())
+
+
+def _named_processors() -> Iterator[str]:
+    table = Path("/proc/cpuinfo")
+    for line in table.read_text(encoding="utf-8").splitlines() if table.exists() else ():
+        key, _, value = line.partition(":")
+        if key.strip() == "model name":
+            yield value.strip()

@@ -1,0 +1,95 @@
+"""Estimates from a running source, as they come."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from monochord.cli._options import (
+    amount,
+    calibrated,
+    first_field,
+    put,
+    refuse_short,
+    string_options,
+    window_options,
+)
+from monochord.config import Tree, dump_toml, load_toml, override
+from monochord.errors import InputError
+from monochord.live import Settings, run
+from monochord.sinks import SINKS
+from monochord.sources import SOURCES
+
+LINES = "jsonl"  # the sink that --json stands for
+
+
+@click.command()
+@click.argument("opened", metavar="[INPUT]", required=False)
+@click.option("--source", metavar="NAME", help="Where audio comes from.  [default: jack]")
+@string_options
+@click.option("--string", "string", metavar="PRESET", help="The string of a sensor that cannot say.")
+@window_options
+@click.option(
+    "--sink", "sinks", multiple=True, metavar="NAME[=WHERE]", help="[default: terminal]; repeatable."
+)
+@click.option("--seconds", type=amount, metavar="S", help="How much of the stream to look at.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object a window on standard output.")
+@click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Settings from a TOML file.")
+@click.option("--set", "assignments", multiple=True, metavar="A.B=C", help="Any setting; the last word.")
+@click.option("--save-config", type=click.Path(path_type=Path), metavar="FILE", help="Save all settings.")
+def live(opened: str | None, **options: Any) -> None:
+    """Show where a sounding string is touched, live.
+
+    INPUT is what the source opens: ports, a device, a file. Settings come from --config, then from the
+    options, then from --set. Control-C ends the run with its summary.
+
+    \b
+    monochord live --source jack --length 0.65 --open-frequency 110
+    monochord live take.wav --source wav --length 0.65 --open-frequency 110 --json
+    """  # noqa: D301
+    tree = _tree(opened, options)
+    tree = calibrated(override(tree, options["assignments"]), options["calibrate"])
+    settings = Settings.read(tree)
+    session = settings.session()
+    if options["save_config"]:
+        _save(options["save_config"], dump_toml(settings.resolved()))
+    summary = run(session)
+    refuse_short(opened or settings.source["name"], session, summary)
+    # Standard output may carry data, of which the summary is no part.
+    click.echo("\n".join(summary.lines()), err=options["as_json"])
+
+
+def _tree(opened: str | None, options: dict[str, Any]) -> Tree:
+    tree: Tree = load_toml(options["config"]) if options["config"] else {}
+    before = tree.get("source", {})
+    name = options["source"] or before.get("name", "jack")
+    # Another source than the file's does not take over the options of the file's.
+    tree["source"] = {**(before if before.get("name") == name else {}), "name": name}
+    if opened is not None:
+        put(tree, "source", **{first_field(SOURCES, name): opened})
+    put(tree, "estimator", **{key: options[key] for key in ("length", "open_frequency")})
+    named = tree.get("estimator", {}).get("name", "closed-form")
+    put(tree, "estimator", name=options["estimator"] or named)
+    put(tree, "window", length=options["window"], hop=options["hop"])
+    given = {key: options[key] for key in ("string", "seconds") if options[key] is not None}
+    return {**tree, **given, "sinks": _sinks(tree.get("sinks"), options["sinks"], options["as_json"])}
+
+
+def _sinks(configured: Tree | None, asked: tuple[str, ...], as_json: bool) -> Tree:  # noqa: FBT001
+    """Return the sink tables: those asked for, else those of the configuration, else the terminal."""
+    known, sinks = configured or {}, {}
+    for text in asked:
+        name, equals, where = text.partition("=")
+        sinks[name] = {**known.get(name, {}), **({first_field(SINKS, name): where} if equals else {})}
+    if as_json:
+        sinks[LINES] = {**known.get(LINES, {}), first_field(SINKS, LINES): "-"}
+    if sinks or configured is not None:
+        return sinks or known
+    return {"terminal": {}}
+
+
+def _save(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"file {path} ({error.strerror})", "a path that can be written") from error

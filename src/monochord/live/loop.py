@@ -1,0 +1,129 @@
+"""The loop from blocks to sinks, readable top to bottom."""
+
+import dataclasses
+import gc
+import time
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, contextmanager
+
+from monochord.clock import SampleClock
+from monochord.live.settings import Session
+from monochord.live.summary import Meter, Summary
+from monochord.physics.strings import load_string
+from monochord.sinks.base import Moment
+from monochord.sources.base import Stream
+from monochord.types import Block, Prediction, Signal
+from monochord.units import Samples, Seconds
+from monochord.windows import windows
+
+
+def run(session: Session) -> Summary:
+    """Run a session until its source ends, its time is over or it is interrupted.
+
+    A reader that is a hop or more behind its source skips to the newest window and counts what it left out.
+    Nothing here depends on the pace of the source, so a file gives the same numbers however it is read.
+
+    Parameters
+    ----------
+    session
+        Source, estimator, sinks, window and time limit.
+
+    Returns
+    -------
+    Summary
+        What was counted and timed. Control-C ends the loop and is not raised.
+
+    Raises
+    ------
+    InputError
+        If the source, the estimator or a sink refuses its options or the signal.
+    DeviceError
+        If a device is absent or goes away for good.
+    """
+    with ExitStack() as stack:
+        stream = stack.enter_context(session.source.open())
+        signal = _known(stream.signal, session.string)
+        size, hop = session.window.frames(signal.sample_rate)
+        estimate = session.estimator.prepare(signal, size)
+        writers = [stack.enter_context(sink.open(signal)) for sink in session.sinks]
+        clock = SampleClock(sample_rate=signal.sample_rate)
+        feed = _Feed(stream, signal.sample_rate)
+        meter = Meter(deadline=hop / signal.sample_rate)
+        stack.enter_context(_heap_set_aside())
+        try:
+            for window in windows(feed, size=size, hop=hop, sample_rate=signal.sample_rate):
+                end = window.start + size
+                if clock.time(end) > session.seconds:
+                    break
+                if stream.pending >= hop:
+                    meter.skip()
+                    continue
+                cut = time.monotonic()
+                estimates = estimate(window)
+                done = time.monotonic()
+                prediction = Prediction(
+                    start=window.start,
+                    time=clock.time(window.start),
+                    estimates=estimates,
+                    latency=done - feed.at_hand,
+                )
+                moment = Moment(
+                    prediction=prediction,
+                    window=window,
+                    health=stream.health,
+                    truth=stream.truth(window.start, end),
+                    skipped=meter.skipped,
+                )
+                for writer in writers:
+                    writer.write(moment)
+                written = time.monotonic()
+                meter.add(prediction, read=cut - feed.at_hand, estimate=done - cut, sinks=written - done)
+                if not window.has_gap:
+                    meter.add_capture(feed.captured(end), done)
+        except KeyboardInterrupt:
+            meter.interrupted = True
+        return meter.summary(stream.health)
+
+
+class _Feed:
+    """The blocks of a stream as they pass, remembering when the newest was at hand."""
+
+    def __init__(self, stream: Stream, sample_rate: int) -> None:
+        self._stream = stream
+        self._rate = sample_rate
+        self._block: Block | None = None
+        self.at_hand: Seconds = 0.0
+
+    def __iter__(self) -> Iterator[Block]:
+        for block in self._stream:
+            self._block, self.at_hand = block, time.monotonic()
+            if block.adc_time is not None:
+                # The block may have waited for the reader; its last frame was there from this time on.
+                converted = block.adc_time + block.samples.shape[1] / self._rate
+                self.at_hand = min(self.at_hand, converted)
+            yield block
+
+    def captured(self, index: Samples) -> Seconds | None:
+        """Return when the converter took the frame before `index`, where the source knows it."""
+        block = self._block
+        if block is None or block.adc_time is None:
+            return None
+        return block.adc_time + (index - block.start) / self._rate
+
+
+def _known(signal: Signal, preset: str) -> Signal:
+    """Return the signal with the string that the session names; a source that knows its string wins."""
+    if not preset or signal.string is not None:
+        return signal
+    return dataclasses.replace(signal, string=load_string(preset).string)
+
+
+@contextmanager
+def _heap_set_aside() -> Generator[None]:
+    """Keep what was loaded so far out of garbage collection, whose full passes would stop the loop."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()

@@ -1,0 +1,59 @@
+"""The error of a run against what its source knows to be true."""
+
+import statistics
+from array import array
+from collections.abc import Generator
+from contextlib import contextmanager
+
+from monochord.sinks.base import Moment, Sink, Writer
+from monochord.types import Signal
+from monochord.units import Metres
+
+
+class Score(Sink, Writer):
+    """A sink that keeps the position error of every settled window with a touch.
+
+    A window counts where the truth has a contact and does not say that it is unsettled. The errors take 8
+    bytes a window: this is for runs that end.
+    """
+
+    def __init__(self) -> None:
+        self.errors = array("d")
+        self.abstained = 0
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+        """Return itself: there is nothing to open."""
+        yield self
+
+    def write(self, moment: Moment) -> None:
+        """Keep the error of one window."""
+        truth = moment.truth
+        position = moment.prediction.estimates.get("position")
+        if position is None or not truth.get("contact") or not truth.get("settled", 1.0):
+            return
+        if position.valid:
+            self.errors.append(position.value - truth["position"])
+        else:
+            self.abstained += 1
+
+    def median_error(self) -> Metres:
+        """Return the median size of the error; NaN where no window counted."""
+        return statistics.median(map(abs, self.errors)) if self.errors else float("nan")
+
+    def tree(self) -> dict[str, float | int | None]:
+        """Return the score as plain values, in metres; the median is None where no window counted."""
+        median = self.median_error() if self.errors else None
+        return {"median_error": median, "answered": len(self.errors), "abstained": self.abstained}
+
+    def line(self) -> str:
+        """Return the score as a person reads it."""
+        answered = len(self.errors)
+        total = answered + self.abstained
+        if not answered:
+            return f"position error: no settled window with a touch was answered (of {total})"
+        within = sum(abs(e) <= 5e-3 for e in self.errors) / answered
+        return (
+            f"position error against truth: median {1e3 * self.median_error():.2f} mm, "
+            f"{100 * within:.1f} % within 5 mm, over {answered} settled windows; {total - answered} abstained"
+        )

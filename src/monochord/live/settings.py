@@ -1,0 +1,128 @@
+"""What a person configures of a live run, and the session that is built from it."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from monochord.config import Tree, from_tree, to_tree
+from monochord.errors import InputError
+from monochord.estimators import ESTIMATORS
+from monochord.estimators.base import Estimator
+from monochord.registry import Registry
+from monochord.sinks import SINKS
+from monochord.sinks.base import Sink
+from monochord.sources import SOURCES
+from monochord.sources.base import Source
+from monochord.units import Samples, Seconds
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindowSettings:
+    """Length of a window and distance of window starts.
+
+    >>> WindowSettings(length=0.1, hop=0.01).frames(44100)
+    (4410, 441)
+    """
+
+    length: Seconds = 0.1
+    hop: Seconds = 0.01
+
+    def __post_init__(self) -> None:
+        for name, span in (("length", self.length), ("hop", self.hop)):
+            if not 0.0 < span <= 60.0:
+                raise InputError(f"window {name} {span:g} s", "more than 0, up to 60 s")
+
+    def frames(self, sample_rate: int) -> tuple[Samples, Samples]:
+        """Return window length and hop in frames, to the nearest frame and at least one."""
+        return max(round(self.length * sample_rate), 1), max(round(self.hop * sample_rate), 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Session:
+    """A live run, ready to start: built plug-ins, the window, and when to end.
+
+    `string` names the preset that a source without knowledge of its string is taken to have; `seconds`
+    of the stream are looked at.
+    """
+
+    source: Source
+    estimator: Estimator
+    sinks: tuple[Sink, ...] = ()
+    window: WindowSettings = WindowSettings()
+    string: str = ""
+    seconds: Seconds = math.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """A live run as configured: each plug-in as a table with its name and its options.
+
+    `source` and `estimator` hold ``name`` and options; `sinks` holds options by sink name.
+    """
+
+    source: dict[str, Any] = field(default_factory=lambda: {"name": "jack"})
+    estimator: dict[str, Any] = field(default_factory=lambda: {"name": "closed_form"})
+    window: WindowSettings = WindowSettings()
+    sinks: dict[str, dict[str, Any]] = field(default_factory=lambda: {"terminal": {}})
+    string: str = ""
+    seconds: Seconds = math.inf
+
+    @classmethod
+    def read(cls, tree: Mapping[str, Any]) -> "Settings":
+        """Build from plain values, strictly."""
+        return from_tree(cls, tree)
+
+    def __post_init__(self) -> None:
+        if not self.seconds > 0.0:
+            raise InputError(f"{self.seconds:g} seconds", "more than 0")
+
+    def session(self) -> Session:
+        """Build every plug-in; raises `InputError` for an unknown name or option."""
+        estimator = _build(ESTIMATORS, self.estimator)
+        return Session(
+            source=_build(SOURCES, self.source),
+            estimator=estimator,
+            sinks=tuple(self._sink(name, options, estimator) for name, options in self.sinks.items()),
+            window=self.window,
+            string=self.string,
+            seconds=self.seconds,
+        )
+
+    def resolved(self) -> Tree:
+        """Return every option with its value, defaults too: what is saved beside a result."""
+        session = self.session()
+        sinks = zip(self.sinks, session.sinks, strict=True)
+        return {
+            "source": _named(self.source, session.source),
+            "estimator": _named(self.estimator, session.estimator),
+            "window": to_tree(self.window),
+            "sinks": {name.replace("-", "_"): to_tree(sink) for name, sink in sinks},
+            "string": self.string,
+            "seconds": self.seconds,
+        }
+
+    @staticmethod
+    def _sink(name: str, options: Mapping[str, Any], estimator: Estimator) -> Sink:
+        """Build a sink; one that draws to scale takes the estimator's string length unless it has its own."""
+        known = {f.name for f in dataclasses.fields(SINKS.load(name))}  # pyright: ignore[reportArgumentType]
+        length = getattr(estimator, "length", None)
+        if "length" in known and length and "length" not in options:
+            options = {**options, "length": length}
+        return SINKS.build(name, options)
+
+
+def _build(registry: Registry[T], table: Mapping[str, Any]) -> T:
+    options = dict(table)
+    name = options.pop("name", None)
+    if not isinstance(name, str):
+        kind = registry.package.rpartition(".")[2].removesuffix("s")
+        raise InputError(f"{kind} without a name", ", ".join(registry.names()), f"write {kind}.name")
+    return registry.build(name, options)
+
+
+def _named(table: Mapping[str, Any], built: object) -> Tree:
+    return {"name": str(table["name"]).replace("-", "_"), **to_tree(built)}

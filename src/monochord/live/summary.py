@@ -1,0 +1,103 @@
+"""What a run of the live loop counted and timed."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from monochord.timing import Histogram, Percentiles
+from monochord.types import Prediction, StreamHealth
+from monochord.units import Seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """A finished run.
+
+    `windows` were estimated, of which `valid` have a position; `skipped` were left out because the reader
+    was late, and `deadline_misses` came later than one hop after their last sample was at hand. `stages`
+    holds the percentiles of each stage: ``read`` (block at hand to window cut), ``estimate``, ``sinks``,
+    ``latency`` (last sample at hand to estimate) and, where the source knows its converter's clock,
+    ``capture`` (last sample at the converter to estimate).
+    """
+
+    windows: int
+    valid: int
+    skipped: int
+    deadline_misses: int
+    health: StreamHealth
+    stages: Mapping[str, Percentiles]
+    interrupted: bool = False
+
+    def lines(self) -> list[str]:
+        """Return the summary as lines of text."""
+        health = self.health
+        counted = {
+            "windows": self.windows,
+            "with a position": self.valid,
+            "skipped": self.skipped,
+            "deadline misses": self.deadline_misses,
+        }
+        stream = {
+            "frames": health.frames,
+            "dropped": health.dropped,
+            "gaps": health.gaps,
+            "xruns": health.xruns,
+            "reconnects": health.reconnects,
+        }
+        timed = [f"{name:<9}{seen.line()}" for name, seen in self.stages.items() if seen.count]
+        return [_counts(counted), _counts(stream), *timed]
+
+    def tree(self) -> dict[str, Any]:
+        """Return the summary as plain values."""
+        counts = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        health = {f.name: getattr(self.health, f.name) for f in dataclasses.fields(self.health)}
+        health["clock_offsets"] = dict(self.health.clock_offsets)
+        stages = {name: dataclasses.asdict(seen) for name, seen in self.stages.items() if seen.count}
+        return counts | {"health": health, "stages": stages}
+
+
+class Meter:
+    """Counts and times a running loop in fixed memory."""
+
+    def __init__(self, *, deadline: Seconds) -> None:
+        self._deadline = deadline
+        self._stages = {name: Histogram() for name in ("read", "estimate", "sinks", "latency", "capture")}
+        self._windows = self._valid = self._misses = 0
+        self.skipped = 0
+        self.interrupted = False
+
+    def skip(self) -> None:
+        """Count a window that was left out."""
+        self.skipped += 1
+
+    def add(self, prediction: Prediction, *, read: Seconds, estimate: Seconds, sinks: Seconds) -> None:
+        """Count a prediction and time its stages."""
+        self._windows += 1
+        position = prediction.estimates.get("position")
+        self._valid += position is not None and position.valid
+        self._misses += prediction.latency > self._deadline
+        spans = {"read": read, "estimate": estimate, "sinks": sinks, "latency": prediction.latency}
+        for name, span in spans.items():
+            self._stages[name].add(span)
+
+    def add_capture(self, captured: Seconds | None, done: Seconds) -> None:
+        """Time the way from the converter to the estimate, where the first is known."""
+        if captured is not None:
+            self._stages["capture"].add(done - captured)
+
+    def summary(self, health: StreamHealth) -> Summary:
+        """Return what was counted so far."""
+        return Summary(
+            windows=self._windows,
+            valid=self._valid,
+            skipped=self.skipped,
+            deadline_misses=self._misses,
+            health=health,
+            stages={name: histogram.percentiles() for name, histogram in self._stages.items()},
+            interrupted=self.interrupted,
+        )
+
+
+def _counts(counted: Mapping[str, int]) -> str:
+    return "  ".join(f"{name} {count}" for name, count in counted.items())

@@ -1,0 +1,147 @@
+"""The terminal's frame: the drawn string, estimates, the level of each microphone, the stream's health."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from rich.text import Text
+
+from monochord.sinks import _string
+from monochord.sinks.base import Moment
+from monochord.timing import Percentiles
+from monochord.types import Audio, Estimate, Signal, Truth
+from monochord.units import Metres, decibels
+
+LABEL, FAINT, WARN = "grey62", "grey42", "bold orange1"
+FLOOR = -60.0  # decibels at the left end of a level meter
+EIGHTHS = " ▏▎▍▌▋▊▉"
+FIRST = ("position", "force", "frequency")  # what a person looks for first; the rest follows as it comes
+
+
+def frame(
+    moment: Moment, signal: Signal, length: Metres, latency: Percentiles, columns: int, rows: int
+) -> Text:
+    """Return the picture of one moment, `columns` wide and at most `rows` high."""
+    window, truth = moment.window, moment.truth
+    loudness = [levels(channel)[0] for channel in window.samples]
+    heard = [max(0.0, 1.0 - rms / FLOOR) if math.isfinite(rms) else 0.0 for rms in loudness]
+    swings = heard if len(heard) > 1 else [0.0, heard[0]]
+    position, force = (moment.prediction.estimates.get(name) for name in ("position", "force"))
+    picture = _string.draw(
+        columns - 4,
+        length,
+        (position.value, position.std) if position is not None and position.valid else None,
+        truth.get("position") if truth.get("contact") else None,
+        force.value if force is not None and force.valid else None,
+        swings,
+    )
+    meters = [_meter(k + 1, channel, columns) for k, channel in enumerate(window.samples)]
+    foot = [Text(), *meters, Text(), _latency(latency), _health(moment)]
+    head = [_title(moment, signal, columns), Text(), *(Text("  ") + line for line in picture), Text()]
+    room = max(rows - 1 - len(head) - len(foot), 1)
+    middle = list(_estimates(moment))[:room]
+    return Text("\n").join([*head, *middle, *foot])
+
+
+def plain(moment: Moment, latency: Percentiles) -> str:
+    """Return one line without any drawing, for a log or a pipe."""
+    health = moment.health
+    said = ", ".join(
+        f"{name} {quantity(e.value, e.unit)} +- {quantity(e.std, e.unit)}"
+        if e.valid
+        else f"no {name} ({e.why_not})"
+        for name, e in _ordered(moment.prediction.estimates.items())
+    )
+    rms = " / ".join(f"{levels(channel)[0]:.0f}" for channel in moment.window.samples)
+    p99 = f"{1e3 * latency.p99:.2f}"
+    return (
+        f"{moment.prediction.time:8.2f} s  {said}; level {rms} dB, latency p99 {p99} ms, gaps {health.gaps}, "
+        f"dropped {health.dropped}, xruns {health.xruns}, skipped {moment.skipped}"
+    )
+
+
+def levels(channel: Audio) -> tuple[float, float]:
+    """Return the level of a channel, root mean square and peak, in dB below full scale; NaN stays NaN."""
+    with np.errstate(all="ignore"):
+        wide = channel.astype(np.float64)
+        return decibels(float(np.sqrt(np.mean(wide**2)))), decibels(float(np.max(np.abs(wide))))
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a value as a person reads it: lengths in millimetres.
+
+    >>> quantity(0.22748, "m")
+    '227.5 mm'
+    """
+    shown, name = (1e3 * value, "mm") if unit == "m" else (value, unit)
+    digits = 2 if abs(shown) < 10.0 else 1
+    return f"{shown:.{digits}f} {name}".rstrip()
+
+
+def _title(moment: Moment, signal: Signal, columns: int) -> Text:
+    ears = "1 microphone" if signal.channels == 1 else f"{signal.channels} microphones"
+    left = Text.assemble(("  monochord", "bold"), (f"   {signal.sample_rate / 1e3:g} kHz, {ears}", LABEL))
+    right = f"{moment.prediction.time:.1f} s  "
+    return left + Text(right.rjust(columns - len(left)), LABEL)
+
+
+def _ordered(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, Estimate]]:
+    return sorted(estimates, key=lambda item: FIRST.index(item[0]) if item[0] in FIRST else len(FIRST))
+
+
+def _estimates(moment: Moment) -> Iterator[Text]:
+    for name, estimate in _ordered(moment.prediction.estimates.items()):
+        line = Text(f"  {name.replace('_', ' '):<13}", LABEL)
+        if estimate.valid:
+            style = _string.TOUCH if name == "position" else "bold"
+            line.append(f"{quantity(estimate.value, estimate.unit):>10}", style)
+            spread = quantity(estimate.std, estimate.unit) if math.isfinite(estimate.std) else "?"
+            line.append(f"  ± {spread:<9}", LABEL)
+        else:
+            line.append(f"{'--':>10}", FAINT)
+            line.append(f"  {estimate.why_not}", WARN if name == "position" else FAINT)
+        yield line + _beside(name, estimate, moment.truth)
+
+
+def _beside(name: str, estimate: Estimate, truth: Truth) -> Text:
+    """Return the truth beside an estimate, where the source knows it."""
+    if name not in truth or not truth.get("contact", 1.0) or not math.isfinite(truth[name]):
+        return Text()
+    line = Text(f"   truth {quantity(truth[name], estimate.unit):>9}", _string.TRUTH)
+    if estimate.valid:
+        off = estimate.value - truth[name]
+        line.append(f"   off by {'+' if off >= 0 else '-'}{quantity(abs(off), estimate.unit)}", LABEL)
+    return line
+
+
+def _meter(number: int, channel: Audio, columns: int) -> Text:
+    rms, peak = levels(channel)
+    width = max(columns - 34, 10)
+    line = Text(f"  mic {number}  ", LABEL)
+    if math.isnan(rms):
+        return line.append("samples that are not numbers", WARN)
+    filled = float(np.clip(1.0 - rms / FLOOR, 0.0, 1.0)) * width
+    bar = ("█" * int(filled) + EIGHTHS[int(filled % 1.0 * 8.0)])[:width]
+    line.append(bar, "green").append("·" * (width - len(bar)), FAINT)
+    line.append(f" {rms:6.1f} dB" if math.isfinite(rms) else " silence", LABEL)
+    # Full scale reached: the wave's top is cut off, and with it the spectrum is not the string's.
+    return line.append("  clipped", WARN) if peak > -0.01 else line
+
+
+def _latency(latency: Percentiles) -> Text:
+    return Text.assemble(("  latency  ", LABEL), latency.line())
+
+
+def _health(moment: Moment) -> Text:
+    health = moment.health
+    line = Text("  stream   ", LABEL)
+    counts: Sequence[tuple[str, int]] = (
+        ("gaps", health.gaps),
+        ("dropped", health.dropped),
+        ("xruns", health.xruns),
+        ("skipped", moment.skipped),
+        ("reconnects", health.reconnects),
+    )
+    for name, count in counts:
+        line.append(f"{name} {count}   ", WARN if count else "")
+    return line
