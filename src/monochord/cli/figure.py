@@ -1,0 +1,42 @@
+"""The verb `figure`: draw one of the figures into a file."""
+
+import json
+from pathlib import Path
+
+import click
+
+from monochord.config import override, to_tree
+from monochord.errors import InputError, did_you_mean
+from monochord.figures import FIGURES
+
+SUFFIXES = (".png", ".pdf", ".svg")
+
+
+@click.command()
+@click.argument("name")
+@click.option("--out", type=click.Path(path_type=Path), help="File to write: .png, .pdf or .svg [NAME.png].")
+@click.option(
+    "--model", help="Simulated string to draw, for figures that have one: the same as --set model=."
+)
+@click.option("--set", "assignments", multiple=True, metavar="A=B", help="Set an option of the figure.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def figure(
+    name: str, *, out: Path | None, model: str | None, assignments: tuple[str, ...], as_json: bool
+) -> None:
+    """Draw the figure NAME into a file; `monochord list figures` shows which there are."""
+    path = out or Path(f"{name}.png")
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"file '{path}'",
+            "a name that ends in " + ", ".join(SUFFIXES),
+            did_you_mean(path.suffix, SUFFIXES),
+        )
+    if not path.parent.is_dir():
+        raise InputError(f"file '{path}'", "a file in a folder that exists", f"make '{path.parent}' first")
+    chosen = override({} if model is None else {"model": model}, assignments)
+    drawing = FIGURES.build(name, chosen)
+    drawing.draw().savefig(path)
+    if as_json:
+        click.echo(json.dumps({"figure": name, "path": str(path), "options": to_tree(drawing)}))
+    else:
+        click.echo(str(path))

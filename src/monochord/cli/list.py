@@ -1,0 +1,87 @@
+"""The verb `list`: what there is to choose from, folder by folder."""
+
+import dataclasses
+import json
+import math
+from collections.abc import Callable, Iterable
+from importlib import import_module
+from importlib.util import find_spec
+from pkgutil import iter_modules
+from typing import Any, TypeAlias
+
+import click
+
+import monochord
+from monochord.config import to_tree
+from monochord.errors import InputError, did_you_mean
+from monochord.physics.strings import load_string, string_names
+from monochord.registry import Registry
+
+Entry: TypeAlias = dict[str, Any]
+
+
+@click.command()
+@click.argument("kind", required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def list(kind: str | None, *, as_json: bool) -> None:  # noqa: A001
+    """Show all plug-ins and strings, or those of one KIND, with their options and defaults."""
+    shelves = _shelves()
+    if kind is not None:
+        wanted = kind if kind in shelves else f"{kind}s"
+        if wanted not in shelves:
+            raise InputError(f"kind '{kind}'", ", ".join(shelves), did_you_mean(kind, shelves))
+        shelves = {wanted: shelves[wanted]}
+    found = {name: [*entries()] for name, entries in shelves.items()}
+    click.echo(json.dumps(found) if as_json else "\n\n".join(_text(*shelf) for shelf in found.items()))
+
+
+def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
+    """Return what can be listed: every folder with a registry, found by its ``base.py``, and the strings."""
+    shelves: dict[str, Callable[[], Iterable[Entry]]] = {}
+    for room in iter_modules(monochord.__path__):
+        if room.ispkg and find_spec(f"monochord.{room.name}.base"):
+            held = vars(import_module(f"monochord.{room.name}")).values()
+            for registry in (thing for thing in held if isinstance(thing, Registry)):
+                shelves[room.name] = lambda registry=registry: _plugins(registry)
+    shelves["strings"] = _strings
+    return dict(sorted(shelves.items()))
+
+
+def _plugins(registry: Registry[Any]) -> Iterable[Entry]:
+    for name in registry.names():
+        kind = registry.load(name)
+        summary = (kind.__doc__ or "").strip().partition("\n")[0]
+        yield {"name": name, "summary": summary, "options": [_option(f) for f in dataclasses.fields(kind)]}
+
+
+def _option(field: dataclasses.Field[Any]) -> Entry:
+    if field.default_factory is not dataclasses.MISSING:
+        default = field.default_factory()
+    else:
+        default = None if field.default is dataclasses.MISSING else field.default
+    required = field.default is field.default_factory is dataclasses.MISSING
+    plain = to_tree({"default": default}).get("default")
+    if isinstance(plain, float) and not math.isfinite(plain):
+        plain = str(plain)  # JSON has no infinity
+    return {"name": field.name, "required": required, "default": plain}
+
+
+def _strings() -> Iterable[Entry]:
+    for name in string_names():
+        preset = load_string(name)
+        facts = {"source": preset.source, "notes": preset.notes, "open_frequency": preset.open_frequency}
+        yield {"name": name, "summary": preset.title, **facts, "string": to_tree(preset.string)}
+
+
+def _text(shelf: str, entries: Iterable[Entry]) -> str:
+    lines = [shelf]
+    for entry in entries:
+        lines.append(f"  {entry['name']:<16} {entry['summary']}")
+        for option in entry.get("options", []):
+            default = "(required)" if option["required"] else f"[{_shown(option['default'])}]"
+            lines.append(f"  {'':<18} {option['name']} {default}")
+    return "\n".join(lines)
+
+
+def _shown(default: Any) -> str:
+    return "none" if default is None else str(default)

@@ -1,0 +1,53 @@
+"""One look for all figures: two columns wide, readable in print, safe for colour-blind eyes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.figure import Figure as Canvas
+    from matplotlib.typing import LegendLocType
+
+TWO_COLUMNS = 182.0  # mm, the text width of a two-column journal page
+SEGMENTS = ("#0072B2", "#D55E00")  # Okabe and Ito's blue and vermillion: segment 1 and segment 2
+INK, PALE = "#222222", "#9A9A9A"
+THEORY = (0.0, (4.0, 3.0))  # the dash of a theoretical value
+LABEL, TICK, LETTER = 8.0, 7.0, 10.0  # points
+LOUDNESS = "Greys"  # dark is loud; theory stays visible over it in colour, and it prints
+
+
+def canvas(height: float) -> Canvas:
+    """Return an empty figure, two columns wide and `height` mm high, that spaces its panels itself."""
+    from matplotlib.figure import Figure as Canvas  # noqa: PLC0415
+
+    return Canvas(figsize=(TWO_COLUMNS / 25.4, height / 25.4), dpi=200, layout="constrained")
+
+
+def dress(axes: Axes, letter: str, title: str, across: str, up: str) -> None:
+    """Give a panel its letter, its title, its axis labels and the common look."""
+    axes.set_title(letter, loc="left", fontsize=LETTER, fontweight="bold", color=INK, pad=4)
+    axes.set_title(title, fontsize=LABEL, color=INK, pad=4)
+    axes.set_xlabel(across, fontsize=LABEL, color=INK, labelpad=2)
+    axes.set_ylabel(up, fontsize=LABEL, color=INK, labelpad=2)
+    axes.tick_params(labelsize=TICK, color=INK, labelcolor=INK, width=0.6, length=2.5)
+    for side, spine in axes.spines.items():
+        spine.set_linewidth(0.6)
+        spine.set_color(INK)
+        spine.set_visible(side in {"left", "bottom"})
+
+
+def legend(axes: Axes, where: LegendLocType) -> None:
+    """Add a small legend on a light ground, so that it can stand over an image."""
+    box = axes.legend(
+        loc=where, fontsize=TICK, framealpha=0.85, edgecolor="none", borderpad=0.3, handlelength=1.8
+    )
+    box.set_zorder(5)
+
+
+def dress_bar(bar: Colorbar, label: str) -> None:
+    """Give a colour bar its label and the common look."""
+    bar.set_label(label, fontsize=LABEL, color=INK)
+    bar.ax.tick_params(labelsize=TICK, color=INK, labelcolor=INK, width=0.6, length=2.5)
+    bar.outline.set_linewidth(0.6)  # pyright: ignore[reportCallIssue]
