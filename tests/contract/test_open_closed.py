@@ -1,9 +1,7 @@
 """Adding a plug-in adds one file and edits nothing: each folder is given a file it has never seen."""
 
 import json
-import sys
-from collections.abc import Callable, Iterator
-from importlib import import_module
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,7 @@ from monochord.registry import Registry
 from monochord.sinks import SINKS
 from monochord.sources import SOURCES
 
-Add = Callable[[str, str, str], None]
+Add = Callable[[str, str, str], Path]
 
 PLUGIN = '''
 """A plug-in that was not there."""
@@ -40,26 +38,6 @@ class Newcomer({base}):
     def {method}(self, *arguments: Any) -> Any:
         return arguments
 '''
-
-
-@pytest.fixture
-def add(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Add]:
-    """Put a file into a package's folder, for the length of a test."""
-    added: list[str] = []
-
-    def put(package: str, name: str, text: str) -> None:
-        folder = tmp_path / package
-        folder.mkdir(exist_ok=True)
-        (folder / f"{name}.py").write_text(text, encoding="utf-8")
-        module = import_module(package)
-        monkeypatch.setattr(module, "__path__", [*module.__path__, str(folder)])
-        added.append(f"{package}.{name}")
-
-    yield put
-    for name in added:
-        sys.modules.pop(name, None)
-        package, _, module = name.rpartition(".")
-        vars(sys.modules[package]).pop(module, None)
 
 
 @pytest.mark.parametrize(

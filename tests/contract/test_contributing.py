@@ -1,0 +1,129 @@
+"""The recipes of CONTRIBUTING.md are real files: each is put where it says, loaded and used."""
+
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord import cli
+from monochord.benchmarks import BENCHMARKS
+from monochord.estimators import ESTIMATORS
+from monochord.figures import FIGURES
+from monochord.physics.strings import load_string
+from monochord.physics.theory import harmonic_frequencies
+from monochord.sinks import SINKS
+from monochord.sinks.base import Moment
+from monochord.sources import SOURCES
+from monochord.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.windows import windows
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+RECIPES: Mapping[str, str] = dict(
+    re.findall(r"^`(src/monochord/[^`]+)`\n\n```\w+\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+)
+MODULES = [path for path in RECIPES if path.endswith(".py")]
+SIGNAL = Signal(sample_rate=44100, channels=1)
+
+Load = Callable[[str], None]
+
+
+@pytest.fixture
+def load(add: Callable[[str, str, str], Path]) -> Load:
+    """Return the function that adds a recipe's module to its folder."""
+
+    def put(path: str) -> None:
+        package = ".".join(Path(path).parent.parts[1:])
+        add(package, Path(path).stem, RECIPES[path])
+
+    return put
+
+
+def test_there_is_a_recipe_for_everything_that_is_one_file() -> None:
+    folders = {Path(path).parent.name for path in RECIPES}
+    assert folders == {"sources", "sinks", "estimators", "figures", "benchmarks", "strings", "cli"}
+    assert len(RECIPES) == TEXT.count("```python") + TEXT.count("```toml")
+
+
+@pytest.mark.parametrize("path", RECIPES)
+def test_it_does_not_stand_in_the_tree_already(path: str) -> None:
+    assert not (ROOT / path).exists()
+
+
+@pytest.mark.parametrize("path", MODULES)
+@pytest.mark.parametrize("command", [["check"], ["format", "--check"]], ids=lambda words: words[0])
+def test_it_is_in_house_style(path: str, command: list[str]) -> None:
+    ruff = [sys.executable, "-m", "ruff", *command, "--quiet", "--stdin-filename", path, "-"]
+    run = subprocess.run(ruff, cwd=ROOT, input=RECIPES[path], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+def window(level: float, *, has_gap: bool = False) -> Window:
+    samples = np.full((1, 4410), level, np.float32)
+    return Window(samples=samples, start=0, sample_rate=44100, has_gap=has_gap)
+
+
+def test_source(load: Load) -> None:
+    load("src/monochord/sources/tone.py")
+    with SOURCES.build("tone", {"frequency": 441, "frames": 1000}).open() as stream:
+        assert stream.signal == SIGNAL
+        (whole,) = windows(stream, size=1000, hop=1000, sample_rate=44100)
+    assert not whole.has_gap
+    np.testing.assert_allclose(whole.samples[0], np.sin(0.02 * np.pi * np.arange(1000)), atol=1e-6)
+
+
+def test_sink(load: Load, tmp_path: Path) -> None:
+    load("src/monochord/sinks/touches.py")
+    diary = tmp_path / "touches.txt"
+    here, away = Estimate(value=0.2, std=0.001, unit="m"), Estimate.abstain("m", "silence")
+    with SINKS.build("touches", {"path": str(diary)}).open(SIGNAL) as writer:
+        for index, estimate in enumerate([away, here, here, away, here]):
+            prediction = Prediction(start=0, time=0.5 * index, estimates={"position": estimate})
+            health = StreamHealth()
+            writer.write(Moment(prediction=prediction, window=window(0), health=health, truth={}, skipped=0))
+    assert diary.read_text(encoding="utf-8") == "0.500 0.2000\n2.000 0.2000\n"
+
+
+def test_estimator(load: Load) -> None:
+    load("src/monochord/estimators/loudness.py")
+    estimate = ESTIMATORS.build("loudness", {"full_scale": 0.5}).prepare(SIGNAL, 4410)
+    assert estimate(window(0.05))["loudness"].value == pytest.approx(-20.0, abs=1e-5)
+    for silent in (window(0.0), window(np.nan), window(0.1, has_gap=True)):
+        assert not estimate(silent)["loudness"].valid
+
+
+def test_figure(load: Load, tmp_path: Path) -> None:
+    load("src/monochord/figures/mode_shapes.py")
+    canvas = FIGURES.build("mode_shapes", {"count": 3}).draw()
+    assert len(canvas.axes[0].lines) == 3
+    canvas.savefig(tmp_path / "modes.png")
+
+
+def test_benchmark(load: Load) -> None:
+    load("src/monochord/benchmarks/spectrum.py")
+    begun = time.perf_counter()
+    (row,) = BENCHMARKS.build("spectrum", {"repeats": 3}).run()
+    assert 0.0 < row.value < time.perf_counter() - begun
+    assert row.ratio is not None
+
+
+def test_string(tmp_path: Path) -> None:
+    path = tmp_path / "plain_011.toml"
+    path.write_text(RECIPES["src/monochord/physics/strings/plain_011.toml"], encoding="utf-8")
+    preset = load_string(str(path))
+    string = preset.string
+    (frequency,) = harmonic_frequencies(string.length, string.tension, string.linear_density, 1)
+    assert frequency == pytest.approx(preset.open_frequency, rel=1e-3)
+
+
+def test_verb(load: Load, capsys: pytest.CaptureFixture[str]) -> None:
+    load("src/monochord/cli/pitch.py")
+    assert cli.run(["pitch", "plain_012"]) == 0
+    assert capsys.readouterr().out == "329.63 Hz\n"
+    assert cli.run(["pitch", "plain_021"]) == 2
+    assert "did you mean" in capsys.readouterr().err

@@ -1,0 +1,113 @@
+"""What every sink promises: it takes any moment, quickly, and leaves nothing behind."""
+
+import dataclasses
+import itertools
+import math
+import threading
+import time
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from monochord.errors import InputError
+from monochord.sinks import SINKS
+from monochord.sinks.base import Moment
+from monochord.types import Audio, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
+
+STRING = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
+TONE = (0.3 * np.sin(np.arange(4410) * 0.1)).astype(np.float32)
+SAMPLES = {
+    "tone": TONE,
+    "silence": np.zeros(4410, np.float32),
+    "full scale": np.sign(TONE),
+    "NaN": np.full(4410, np.nan, np.float32),
+    "infinite": np.full(4410, np.inf, np.float32),
+    "huge": np.full(4410, 1e30, np.float32),
+}
+ESTIMATES: dict[str, Mapping[str, Estimate]] = {
+    "none": {},
+    "both sides": {
+        "frequency": Estimate(value=695.0, std=0.1, unit="Hz"),
+        "position": Estimate(value=0.2275, std=2e-4, unit="m"),
+        "force": Estimate(value=0.8, std=0.05, unit="N"),
+        "frequency_1": Estimate(value=695.0, std=0.1, unit="Hz"),
+    },
+    "abstaining": {
+        "frequency": Estimate.abstain("Hz", "two candidates"),
+        "position": Estimate.abstain("m", "two candidates"),
+    },
+    "outside the string": {"position": Estimate(value=-0.3, std=2.0, unit="m")},
+    "no spread": {"position": Estimate(value=0.1, std=math.nan, unit="m")},
+    "never heard of": {"hardness_of_the_object": Estimate(value=1e9, std=1e8, unit="Pa")},
+}
+TRUTHS = [{}, {"contact": 0.0}, {"contact": 1.0, "position": 0.228, "force": 0.8, "colour": 3.0}]
+
+
+def moment(
+    start: int, samples: Audio, estimates: Mapping[str, Estimate], truth: Mapping[str, float]
+) -> Moment:
+    return Moment(
+        prediction=Prediction(start=start, time=start / 44100, estimates=estimates, latency=1e-3),
+        window=Window(samples=samples, start=start, sample_rate=44100, has_gap=False),
+        health=StreamHealth(frames=start, dropped=3, gaps=1, xruns=2),
+        truth=truth,
+        skipped=4,
+    )
+
+
+@pytest.mark.parametrize("channels", [1, 2])
+@pytest.mark.parametrize("string", [None, STRING], ids=["unknown string", "known string"])
+@pytest.mark.parametrize("name", SINKS.names())
+def test_it_takes_every_moment(
+    name: str, string: StringParams | None, channels: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    signal = Signal(sample_rate=44100, channels=channels, string=string)
+    with SINKS.build(name).open(signal) as writer:
+        cases = itertools.product(SAMPLES.values(), ESTIMATES.values(), TRUTHS)
+        for k, (samples, estimates, truth) in enumerate(cases):
+            writer.write(moment(441 * k, np.tile(samples, (channels, 1)), estimates, truth))
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", SINKS.names())
+def test_writing_is_quick(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The median write takes less than a tenth of a hop of 10 ms: the loop has an estimate to make."""
+    spans: list[float] = []
+    with SINKS.build(name).open(Signal(sample_rate=44100, channels=2)) as writer:
+        for k in range(200):
+            given = moment(441 * k, np.stack([TONE, TONE]), ESTIMATES["both sides"], TRUTHS[2])
+            begin = time.perf_counter()
+            writer.write(given)
+            spans.append(time.perf_counter() - begin)
+    assert np.median(spans) < 1e-3
+
+
+@pytest.mark.parametrize("name", SINKS.names())
+def test_it_opens_again_and_leaves_no_thread(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    before = threading.active_count()
+    sink = SINKS.build(name)
+    for _ in range(3):
+        with sink.open(Signal(sample_rate=44100, channels=1)) as writer:
+            writer.write(moment(0, TONE[None], ESTIMATES["both sides"], {}))
+    assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("name", SINKS.names())
+def test_it_does_not_change_what_it_is_handed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    given = moment(0, TONE[None].copy(), dict(ESTIMATES["both sides"]), dict(TRUTHS[2]))
+    with SINKS.build(name).open(Signal(sample_rate=44100, channels=1)) as writer:
+        writer.write(given)
+    np.testing.assert_array_equal(given.window.samples, TONE[None])
+    assert given.prediction.estimates == ESTIMATES["both sides"]
+    assert given.truth == TRUTHS[2]
+
+
+def test_a_file_sink_that_cannot_write_says_so() -> None:
+    path_sinks = [n for n in SINKS.names() if "path" in {f.name for f in dataclasses.fields(SINKS.load(n))}]  # pyright: ignore[reportArgumentType]
+    assert path_sinks
+    for name in path_sinks:
+        sink = SINKS.build(name, {"path": "/no/such/folder/file"})
+        signal = Signal(sample_rate=44100, channels=1)
+        with pytest.raises(InputError, match="/no/such/folder/file"), sink.open(signal):
+            pass
