@@ -40,7 +40,7 @@ def frame(
     head = [_title(moment, signal, columns), Text(), *(Text("  ") + line for line in picture), Text()]
     room = max(rows - 1 - len(head) - len(foot), 1)
     middle = list(_estimates(moment))[:room]
-    return Text("\n").join([*head, *middle, *foot])
+    return Text("\n", no_wrap=True, overflow="crop").join([*head, *middle, *foot])
 
 
 def plain(moment: Moment, latency: Percentiles) -> str:

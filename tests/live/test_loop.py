@@ -1,0 +1,220 @@
+"""The loop with a scripted source: everything that the source says must come out at the sinks."""
+
+import gc
+import math
+import time
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from monochord.errors import DeviceError, InputError
+from monochord.estimators.base import Estimator, Prepared
+from monochord.live import Session, WindowSettings, run
+from monochord.sinks.base import Moment, Sink, Writer
+from monochord.sources.base import Source, Stream
+from monochord.types import Audio, Block, Estimate, Signal, StreamHealth, Truth, Window
+
+RATE = 1000
+NOISE = np.random.default_rng(5).standard_normal((2, 2000)).astype(np.float32)
+
+
+def cut(samples: Audio, size: int) -> list[Block]:
+    total = samples.shape[1]
+    return [Block(samples=samples[:, k : k + size], start=k) for k in range(0, total, size)]
+
+
+class Script(Source, Stream):
+    """A source that plays blocks; `behind` says how many frames wait once a block was given."""
+
+    def __init__(self, blocks: list[Block], behind: Mapping[int, int] | None = None) -> None:
+        self.blocks, self.behind = blocks, behind or {}
+        self.given = self.waiting = 0
+        self.closed = False
+
+    @contextmanager
+    def open(self) -> Generator[Stream]:
+        try:
+            yield self
+        finally:
+            self.closed = True
+
+    @property
+    def signal(self) -> Signal:
+        return Signal(sample_rate=RATE, channels=self.blocks[0].samples.shape[0])
+
+    def __iter__(self) -> Iterator[Block]:
+        for k, block in enumerate(self.blocks):
+            self.waiting = self.behind.get(k, 0)
+            self.given += block.samples.shape[1]
+            yield block
+
+    @property
+    def pending(self) -> int:
+        return self.waiting
+
+    @property
+    def health(self) -> StreamHealth:
+        return StreamHealth(frames=self.given, dropped=7, gaps=1, xruns=2)
+
+    def truth(self, start: int, stop: int) -> Truth:
+        return {"contact": 1.0, "position": (start + stop) / 1e4}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mean(Estimator):
+    """The mean of a window as its position; abstains on a gap."""
+
+    pause: float = 0.0
+
+    def prepare(self, signal: Signal, size: int) -> Prepared:
+        def estimate(window: Window) -> dict[str, Estimate]:
+            assert window.samples.shape == (signal.channels, size)
+            time.sleep(self.pause)
+            if window.has_gap:
+                return {"position": Estimate.abstain("m", "gap")}
+            return {"position": Estimate(value=float(window.samples.mean()), std=0.1, unit="m")}
+
+        return estimate
+
+
+class Keep(Sink, Writer):
+    """A sink that keeps what it is handed."""
+
+    def __init__(self, then: Callable[[int], None] | None = None) -> None:
+        self.seen: list[Moment] = []
+        self.closed = False
+        self.then = then
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+        try:
+            yield self
+        finally:
+            self.closed = True
+
+    def write(self, moment: Moment) -> None:
+        self.seen.append(moment)
+        if self.then:
+            self.then(len(self.seen))
+
+
+def session(source: Source, keep: Keep, *, pause: float = 0.0, seconds: float = math.inf) -> Session:
+    return Session(
+        source=source,
+        estimator=Mean(pause=pause),
+        sinks=(keep,),
+        window=WindowSettings(length=0.1, hop=0.01),
+        seconds=seconds,
+    )
+
+
+def values(keep: Keep) -> list[tuple[float, float]]:
+    return [(m.prediction.time, m.prediction.estimates["position"].value) for m in keep.seen]
+
+
+@pytest.mark.parametrize("size", [1, 7, 64, 333, 2000])
+def test_numbers_do_not_depend_on_the_block_size(size: int) -> None:
+    keep = Keep()
+    summary = run(session(Script(cut(NOISE, size)), keep))
+    expected = [(k / 100, float(NOISE[:, 10 * k : 10 * k + 100].mean())) for k in range(191)]
+    assert values(keep) == expected
+    assert (summary.windows, summary.valid, summary.skipped) == (191, 191, 0)
+
+
+def test_a_moment_carries_truth_health_and_window() -> None:
+    keep = Keep()
+    run(session(Script(cut(NOISE, 100)), keep))
+    moment = keep.seen[4]
+    assert moment.prediction.start == 40
+    assert moment.truth == {"contact": 1.0, "position": pytest.approx((40 + 140) / 1e4)}
+    assert moment.health == StreamHealth(frames=200, dropped=7, gaps=1, xruns=2)
+    np.testing.assert_array_equal(moment.window.samples, NOISE[:, 40:140])
+
+
+def test_a_late_reader_skips_to_the_newest_window_and_counts() -> None:
+    # After the blocks 30 to 49 ten frames or more wait: those windows are left out, and only those.
+    late = dict.fromkeys(range(30, 50), 10)
+    keep = Keep()
+    summary = run(session(Script(cut(NOISE, 10), late), keep))
+    starts = [m.prediction.start for m in keep.seen]
+    left_out = [10 * (k - 9) for k in range(30, 50)]
+    assert starts == [start for start in range(0, 1910, 10) if start not in left_out]
+    assert summary.skipped == len(left_out) == keep.seen[-1].skipped
+    assert keep.seen[0].skipped == 0
+
+
+def test_less_than_a_hop_waiting_is_not_late() -> None:
+    keep = Keep()
+    summary = run(session(Script(cut(NOISE, 10), dict.fromkeys(range(200), 9)), keep))
+    assert summary.skipped == 0
+
+
+def test_a_gap_reaches_the_estimator_and_the_pace_is_kept() -> None:
+    blocks = [Block(samples=NOISE[:, :500], start=0), Block(samples=NOISE[:, 530:], start=530, dropped=30)]
+    keep = Keep()
+    summary = run(session(Script(blocks), keep))
+    touched = [m.prediction.start for m in keep.seen if not m.prediction.estimates["position"].valid]
+    assert touched == list(range(410, 530, 10))
+    assert [m.prediction.start for m in keep.seen] == list(range(0, 1910, 10))
+    assert summary.windows - summary.valid == len(touched)
+
+
+def test_latency_counts_from_the_converter_where_the_source_knows_it() -> None:
+    now = time.monotonic()
+    block = Block(samples=NOISE[:, :100], start=0, adc_time=now - 5.1)
+    keep = Keep()
+    summary = run(session(Script([block]), keep))
+    assert keep.seen[0].prediction.latency == pytest.approx(5.0, abs=0.5)
+    assert summary.stages["capture"].longest == pytest.approx(5.0, abs=0.5)
+    assert summary.deadline_misses == 1
+
+
+def test_latency_counts_from_arrival_otherwise() -> None:
+    keep = Keep()
+    summary = run(session(Script(cut(NOISE[:, :100], 100)), keep, pause=0.03))
+    assert 0.03 <= keep.seen[0].prediction.latency < 0.5
+    assert 0.03 <= summary.stages["estimate"].p50 < 0.5
+    assert summary.stages["capture"].count == 0
+    assert summary.deadline_misses == 1
+
+
+def test_interrupting_ends_with_the_summary() -> None:
+    def interrupt(count: int) -> None:
+        if count == 3:
+            raise KeyboardInterrupt
+
+    source, keep = Script(cut(NOISE, 100)), Keep(interrupt)
+    summary = run(session(source, keep))
+    assert summary.interrupted
+    assert len(keep.seen) == 3
+    assert source.closed
+    assert keep.closed
+
+
+def test_a_device_that_goes_away_for_good_closes_everything_and_is_told() -> None:
+    def fail(count: int) -> None:
+        raise DeviceError("the server is gone")
+
+    source, keep = Script(cut(NOISE, 100)), Keep(fail)
+    with pytest.raises(DeviceError, match="gone"):
+        run(session(source, keep))
+    assert source.closed
+    assert keep.closed
+    assert gc.get_freeze_count() == 0
+
+
+def test_seconds_of_the_stream_are_looked_at() -> None:
+    keep = Keep()
+    summary = run(session(Script(cut(NOISE, 100)), keep, seconds=0.5))
+    assert summary.windows == 41
+    assert keep.seen[-1].prediction.start + 100 == 500
+
+
+def test_an_unknown_string_preset_is_refused() -> None:
+    settings = session(Script(cut(NOISE, 100)), Keep())
+    unknown = Session(source=settings.source, estimator=settings.estimator, string="apendix")
+    with pytest.raises(InputError, match="did you mean 'appendix'"):
+        run(unknown)

@@ -1,0 +1,77 @@
+import math
+from pathlib import Path
+
+import pytest
+
+from monochord.config import dump_toml, load_toml
+from monochord.errors import InputError
+from monochord.live import Settings, WindowSettings
+
+TREE = {
+    "source": {"name": "wav", "path": "take.wav"},
+    "estimator": {"name": "closed-form", "length": 0.65, "open_frequency": 110.0},
+    "window": {"hop": 0.02},
+    "sinks": {"jsonl": {"path": "out.jsonl"}, "terminal": {"plain": True}},
+}
+
+
+@pytest.mark.parametrize(
+    ("rate", "length", "hop", "frames"),
+    [(44100, 0.1, 0.01, (4410, 441)), (48000, 0.05, 0.01, (2400, 480)), (16000, 1e-9, 1e-9, (1, 1))],
+)
+def test_window_in_frames(rate: int, length: float, hop: float, frames: tuple[int, int]) -> None:
+    assert WindowSettings(length=length, hop=hop).frames(rate) == frames
+
+
+@pytest.mark.parametrize("span", [0.0, -1.0, math.nan, math.inf, 61.0])
+def test_impossible_windows_are_refused(span: float) -> None:
+    with pytest.raises(InputError, match="window length"):
+        WindowSettings(length=span)
+    with pytest.raises(InputError, match="window hop"):
+        WindowSettings(hop=span)
+
+
+def test_a_tree_becomes_plug_ins() -> None:
+    session = Settings.read(TREE).session()
+    assert type(session.source).__name__ == "Wav"
+    assert session.window == WindowSettings(length=0.1, hop=0.02)
+    assert [type(sink).__name__ for sink in session.sinks] == ["Jsonl", "Terminal"]
+    assert session.seconds == math.inf
+
+
+def test_a_sink_that_draws_to_scale_takes_the_estimators_length() -> None:
+    lengths = [getattr(sink, "length", None) for sink in Settings.read(TREE).session().sinks]
+    assert lengths == [None, 0.65]
+    own = {**TREE, "sinks": {"terminal": {"length": 0.3}}}
+    assert getattr(Settings.read(own).session().sinks[0], "length", None) == 0.3
+
+
+def test_the_resolved_tree_is_complete_and_means_the_same(tmp_path: Path) -> None:
+    settings = Settings.read(TREE)
+    saved = tmp_path / "run.toml"
+    saved.write_text(dump_toml(settings.resolved()), encoding="utf-8")
+    again = Settings.read(load_toml(saved))
+    assert again.session() == settings.session()
+    assert again.resolved() == settings.resolved()
+    assert load_toml(saved)["window"] == {"length": 0.1, "hop": 0.02}
+    assert load_toml(saved)["source"]["name"] == "wav"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"sorce": {}}, "did you mean 'source'"),
+        ({"source": {}}, "source without a name"),
+        ({"source": {"name": "wave", "path": "x"}}, "did you mean 'wav'"),
+        ({"source": {"name": "wav", "pth": "x"}}, "did you mean 'path'"),
+        ({"estimator": {"name": "closed-from"}}, "did you mean 'closed_form'"),
+        ({"sinks": {"json": {}}}, "did you mean 'jsonl'"),
+        ({"sinks": {"jsonl": {"pth": "x"}}}, "did you mean 'path'"),
+        ({"window": {"size": 0.1}}, "'window.size'"),
+        ({"window": {"hop": "often"}}, "hop"),
+        ({"seconds": 0}, "0 seconds"),
+    ],
+)
+def test_what_is_wrong_is_said(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Settings.read({**TREE, **change}).session()

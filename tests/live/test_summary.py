@@ -1,0 +1,58 @@
+import json
+
+from monochord.live.summary import Meter
+from monochord.types import Estimate, Prediction, StreamHealth
+
+
+def prediction(*, valid: bool, latency: float) -> Prediction:
+    position = Estimate(value=0.1, std=0.001, unit="m") if valid else Estimate.abstain("m", "silence")
+    return Prediction(start=0, time=0.0, estimates={"position": position}, latency=latency)
+
+
+def metered() -> Meter:
+    meter = Meter(deadline=0.01)
+    for k in range(10):
+        found = prediction(valid=k < 7, latency=0.02 if k < 2 else 0.001)
+        meter.add(found, read=1e-4, estimate=1e-3, sinks=2e-4)
+    meter.skip()
+    meter.add_capture(None, 5.0)
+    meter.add_capture(4.5, 5.0)
+    return meter
+
+
+def test_everything_is_counted_once() -> None:
+    summary = metered().summary(StreamHealth(frames=441, gaps=3))
+    assert (summary.windows, summary.valid, summary.skipped, summary.deadline_misses) == (10, 7, 1, 2)
+    assert {name: seen.count for name, seen in summary.stages.items()} == {
+        "read": 10,
+        "estimate": 10,
+        "sinks": 10,
+        "latency": 10,
+        "capture": 1,
+    }
+    assert summary.stages["latency"].longest == 0.02
+    assert summary.stages["capture"].longest == 0.5
+
+
+def test_a_window_without_a_position_is_not_valid() -> None:
+    meter = Meter(deadline=1.0)
+    meter.add(Prediction(start=0, time=0.0, estimates={}), read=0.0, estimate=0.0, sinks=0.0)
+    assert meter.summary(StreamHealth()).valid == 0
+
+
+def test_lines_name_every_counter() -> None:
+    text = "\n".join(
+        metered().summary(StreamHealth(frames=441, dropped=5, gaps=3, xruns=2, reconnects=1)).lines()
+    )
+    for part in ("windows 10", "with a position 7", "skipped 1", "deadline misses 2"):
+        assert part in text
+    for part in ("frames 441", "dropped 5", "gaps 3", "xruns 2", "reconnects 1"):
+        assert part in text
+    assert "latency  p50 1.0" in text
+
+
+def test_the_tree_is_plain_json() -> None:
+    tree = json.loads(json.dumps(metered().summary(StreamHealth(gaps=3)).tree(), allow_nan=False))
+    assert tree["windows"] == 10
+    assert tree["health"]["gaps"] == 3
+    assert tree["stages"]["latency"]["longest"] == 0.02

@@ -1,0 +1,163 @@
+"""The view on a real pseudo-terminal, and the plain lines without one."""
+
+import fcntl
+import os
+import pty
+import re
+import select
+import struct
+import subprocess
+import sys
+import termios
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.sinks.base import Moment
+from monochord.sinks.terminal import Terminal
+from monochord.types import Estimate, Prediction, Signal, StreamHealth, Window
+
+SIGNAL = Signal(sample_rate=44100, channels=2)
+PROGRAM = """
+    import sys
+    import numpy as np
+    from monochord.sinks.base import Moment
+    from monochord.sinks.terminal import Terminal
+    from monochord.types import Estimate, Prediction, Signal, StreamHealth, Window
+
+    tone = (0.3 * np.sin(np.arange(4410) * 0.1)).astype(np.float32)
+    with Terminal(length=0.65).open(Signal(sample_rate=44100, channels=2)) as writer:
+        for k in range(40):
+            estimates = {
+                "frequency": Estimate(value=695.0, std=0.1, unit="Hz"),
+                "position": Estimate(value=0.2275, std=0.004, unit="m"),
+                "force": Estimate(value=0.8, std=0.05, unit="N"),
+                "tension": Estimate(value=66.1, std=0.1, unit="N"),
+                "frequency_1": Estimate(value=695.0, std=0.1, unit="Hz"),
+                "frequency_2": Estimate(value=374.0, std=0.1, unit="Hz"),
+            }
+            if k < 20:
+                estimates = {n: Estimate.abstain(e.unit, "two candidates") for n, e in estimates.items()}
+            writer.write(Moment(
+                prediction=Prediction(start=441 * k, time=k / 100, estimates=estimates, latency=1e-3),
+                window=Window(samples=np.stack([tone, 0.1 * tone]), start=441 * k, sample_rate=44100),
+                health=StreamHealth(dropped=64, gaps=1),
+                truth={"contact": 1.0, "position": 0.228, "force": 0.81},
+                skipped=2,
+            ))
+"""
+
+
+def on_a_terminal(columns: int, rows: int, program: Path, term: str = "xterm-256color") -> str:
+    """Run a program on a pseudo-terminal of a size and return all that it drew."""
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+    environment = {**os.environ, "TERM": term, "PYTHONIOENCODING": "utf-8"}
+    for name in ("NO_COLOR", "COLUMNS", "LINES"):
+        environment.pop(name, None)
+    process = subprocess.Popen(
+        [sys.executable, program], stdout=theirs, stderr=subprocess.STDOUT, env=environment
+    )
+    os.close(theirs)
+    drawn = b""
+    end = time.monotonic() + 30.0
+    while time.monotonic() < end and select.select([ours], [], [], 30.0)[0]:
+        try:
+            drawn += os.read(ours, 65536)
+        except OSError:  # Linux tells this way that the other side was closed
+            break
+    os.close(ours)
+    assert process.wait(10.0) == 0, drawn.decode()
+    return drawn.decode()
+
+
+def last_picture(drawn: str) -> list[str]:
+    """Return the lines after the last time that the cursor went home, without styles."""
+    plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "\0", drawn).replace("\r", "")
+    picture = plain[plain.rindex("monochord") :].replace("\0", "")
+    return picture.rstrip("\n").split("\n")
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("terminal") / "show.py"
+    path.write_text(textwrap.dedent(PROGRAM), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40), (60, 20)])
+def test_the_picture_fits_its_terminal(program: Path, columns: int, rows: int) -> None:
+    lines = last_picture(on_a_terminal(columns, rows, program))
+    assert len(lines) <= rows
+    assert max(map(len, lines)) <= columns
+    text = "\n".join(lines)
+    for part in (
+        "▼",
+        "▲ truth",
+        "nut",
+        "bridge",
+        "227.5 mm",
+        "± 4.00 mm",
+        "mic 1",
+        "mic 2",
+        "latency",
+        "gaps 1",
+    ):
+        assert part in text
+
+
+def test_the_touch_is_drawn_where_it_is(program: Path) -> None:
+    lines = last_picture(on_a_terminal(80, 24, program))
+    ruler = next(line for line in lines if "└" in line)
+    nut, bridge = ruler.index("└"), ruler.index("┘")
+    (touch,) = {line.index("▼") for line in lines if "▼" in line}
+    (truth,) = {line.index("▲") for line in lines if "▲" in line}
+    assert (touch - nut) / (bridge - nut) == pytest.approx(0.2275 / 0.65, abs=0.02)
+    assert (truth - nut) / (bridge - nut) == pytest.approx(0.228 / 0.65, abs=0.02)
+    assert "two candidates" in on_a_terminal(80, 24, program)
+
+
+def test_a_terminal_that_cannot_draw_gets_lines(program: Path) -> None:
+    drawn = on_a_terminal(80, 24, program, term="dumb")
+    assert "▼" not in drawn
+    assert "\x1b" not in drawn
+    assert "position 227.5 mm +- 4.00 mm" in drawn
+
+
+def moment(k: int, *, valid: bool = True) -> Moment:
+    position = Estimate(value=0.2275, std=2e-4, unit="m") if valid else Estimate.abstain("m", "silence")
+    return Moment(
+        prediction=Prediction(start=441 * k, time=k / 100, estimates={"position": position}, latency=1e-3),
+        window=Window(samples=np.full((2, 4410), 0.1, np.float32), start=0, sample_rate=44100),
+        health=StreamHealth(gaps=1),
+        truth={},
+        skipped=2,
+    )
+
+
+def test_without_a_terminal_one_line_a_second_and_the_last(capsys: pytest.CaptureFixture[str]) -> None:
+    with Terminal().open(SIGNAL) as writer:
+        for k in range(100):
+            writer.write(moment(k, valid=k < 50))
+    first, last = capsys.readouterr().out.splitlines()
+    for part in (
+        "0.00 s  position 227.5 mm +- 0.20 mm",
+        "level -20 / -20 dB",
+        "p99 1.00 ms",
+        "gaps 1",
+        "skipped 2",
+    ):
+        assert part in first
+    assert "0.99 s  no position (silence)" in last
+    assert first.isascii()
+
+
+def test_standard_error_on_request(capsys: pytest.CaptureFixture[str]) -> None:
+    with Terminal(stderr=True).open(SIGNAL) as writer:
+        writer.write(moment(0))
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "227.5 mm" in captured.err
