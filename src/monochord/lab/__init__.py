@@ -1,0 +1,1 @@
+"""The laboratory: what stands in for people, robots and instruments, so that real devices can be tried."""

@@ -1,0 +1,114 @@
+"""Plays samples into a real JACK server, without a gap and from a known first frame."""
+
+import time
+from types import TracebackType
+from typing import Self
+
+from monochord.errors import DeviceError, InputError
+from monochord.realtime import arena as at
+from monochord.realtime import libjack
+from monochord.realtime.arena import Arena
+from monochord.realtime.client import JackClient
+from monochord.types import Audio
+from monochord.units import Samples, Seconds
+
+
+class Player:
+    """A JACK client with one output a channel, which plays once all of them are connected.
+
+    The whole signal lies in memory and a compiled callback hands it out, so that what another client captures
+    begins with the first sample and holds every one. Silence before and after.
+
+    Parameters
+    ----------
+    samples
+        What to play, (channels, n).
+    sample_rate
+        Its rate in hertz, which must be the server's.
+    client_name
+        The client's name; its ports are ``NAME:out_1`` and so on.
+    server
+        Name of the server; empty for the default one.
+    connect
+        Names of the input ports to connect to, one a channel; none by default: the listener connects.
+
+    Raises
+    ------
+    InputError
+        If the samples are empty or the server's rate is another.
+    DeviceError
+        If there is no server, or no such input port.
+    """
+
+    def __init__(
+        self,
+        samples: Audio,
+        sample_rate: int,
+        *,
+        client_name: str = "player",
+        server: str = "",
+        connect: tuple[str, ...] = (),
+    ) -> None:
+        if samples.ndim != 2 or not samples.size:
+            raise InputError(f"samples of shape {samples.shape}", "(channels, n), none of them zero")
+        self._client = JackClient(client_name, server)
+        self._tape = Arena(*samples.shape, periods=0)
+        self._tape.samples[:] = samples
+        try:
+            self._refuse_other_rate(sample_rate)
+            self.ports = self._start()
+            self._connect(connect)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def position(self) -> Samples:
+        """Frames handed to the server so far."""
+        return self._tape.count(at.READ)
+
+    @property
+    def ended(self) -> bool:
+        """Whether all is played."""
+        return self.position == self._tape.samples.shape[1]
+
+    @property
+    def gone(self) -> bool:
+        """Whether the server went away."""
+        return bool(self._tape.count(at.GONE))
+
+    def wait(self, seconds: Seconds) -> bool:
+        """Wait until all is played or the server has gone, at most so long; return whether all is played."""
+        deadline = time.monotonic() + seconds
+        while not (self.ended or self.gone) and (left := deadline - time.monotonic()) > 0.0:
+            self._tape.wait(left)
+        return self.ended
+
+    def close(self) -> None:
+        """Leave the server."""
+        self._client.close()
+        self._tape.close()
+
+    def _refuse_other_rate(self, sample_rate: int) -> None:
+        rate = self._client.sample_rate
+        if rate != sample_rate:
+            what = f"samples at {sample_rate} Hz"
+            raise InputError(what, f"the JACK server's {rate} Hz", "resample them first")
+
+    def _start(self) -> list[str]:
+        from monochord.realtime import callbacks  # noqa: PLC0415  (compiled by now)
+
+        return self._client.start(self._tape, callbacks.play.address, libjack.IS_OUTPUT, "out")
+
+    def _connect(self, inputs: tuple[str, ...]) -> None:
+        for output, into in zip(self.ports, inputs, strict=False):
+            if not self._client.connect(output, into):
+                raise DeviceError(f"JACK port {into}: no such input, or not of an active client")
