@@ -8,7 +8,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure as Canvas
-    from matplotlib.typing import LegendLocType
 
 TWO_COLUMNS = 182.0  # mm, the text width of a two-column journal page
 SEGMENTS = ("#0072B2", "#D55E00")  # Okabe and Ito's blue and vermillion: segment 1 and segment 2
@@ -38,12 +37,14 @@ def dress(axes: Axes, letter: str, title: str, across: str, up: str) -> None:
         spine.set_visible(side in {"left", "bottom"})
 
 
-def legend(axes: Axes, where: LegendLocType) -> None:
-    """Add a small legend on a light ground, so that it can stand over an image."""
-    box = axes.legend(
-        loc=where, fontsize=TICK, framealpha=0.85, edgecolor="none", borderpad=0.3, handlelength=1.8
-    )
-    box.set_zorder(5)
+def key(page: Canvas, *panels: Axes) -> None:
+    """Add one line of legend under the whole figure, each label once, from what the panels show."""
+    shown = [pair for panel in panels for pair in zip(*panel.get_legend_handles_labels(), strict=True)]
+    once = {label: handle for handle, label in shown}
+    page.legend(
+        once.values(), once.keys(), loc="outside lower center", ncols=len(once), fontsize=TICK, frameon=False,
+        handlelength=2.2, columnspacing=1.6, labelcolor=INK,
+    )  # fmt: skip
 
 
 def dress_bar(bar: Colorbar, label: str) -> None:

@@ -1,0 +1,197 @@
+"""How a simulated touch settles: the paper's convergence example."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.figures import _style
+from monochord.figures.base import Figure
+from monochord.physics.split_string import SplitString, simulate
+from monochord.physics.strings import load_string
+from monochord.physics.theory import segment_frequencies
+from monochord.types import Contact, Floats
+from monochord.units import Hertz, Newtons, Seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
+    from matplotlib.figure import Figure as Canvas
+
+TRANSIENT, STEADY = (0.010, 0.050), (0.300, 0.350)  # s, the paper's two windows
+CLOSE = (0.330, 0.345)  # s, the stretch that panels A and B show wave by wave
+QUIETEST = -70.0  # dB
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segment:
+    """One segment as simulated: velocity (n,) in m/s, its sample rate, and the fundamental of theory."""
+
+    velocity: Floats
+    rate: Hertz
+    expected: Hertz
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Convergence(Figure):
+    """Velocity, spectrogram and spectra of both segments of one simulated touch, from its beginning.
+
+    The paper's appendix figure: A and B show the velocities with their envelopes, C and D the spectrograms
+    and E and F the spectra of a transient and of a steady window, with the frequencies of Eq. 14 dashed.
+
+    Parameters
+    ----------
+    string
+        Preset, or the path of a TOML file.
+    position
+        Place of the touch as a share of the length.
+    force
+        Normal force in N; at zero the touch splits the string and leaves its tension.
+    seconds
+        How long to simulate; at least 0.35 s, the end of the steady window.
+    route
+        How to simulate: the finite-difference scheme, or the exact modal route, which is faster.
+    highest
+        Highest frequency shown, in Hz.
+    """
+
+    string: str = "appendix"
+    position: float = 0.35
+    force: Newtons = 0.0
+    seconds: Seconds = 0.4
+    route: Literal["fdtd", "modal"] = "fdtd"
+    highest: Hertz = 3000.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.position < 1.0:
+            raise InputError(f"position {self.position:g}", "a share of the length between 0 and 1")
+        if not STEADY[1] <= self.seconds <= 60.0:
+            raise InputError(f"seconds {self.seconds:g}", f"{STEADY[1]:g} to 60 s")
+        if not 0.0 < self.highest <= 20000.0:
+            raise InputError(f"highest {self.highest:g} Hz", "above 0, at most 20000 Hz")
+
+    def draw(self) -> Canvas:
+        """Simulate the touch and draw both segments side by side."""
+        string = load_string(self.string).string
+        contact = Contact(position=self.position * string.length, force=self.force)
+        heard = simulate(SplitString(string=string, contact=contact), self.seconds, route=self.route)
+        expected = segment_frequencies(string, contact)
+        page = _style.canvas(155.0)
+        panels = page.subplots(3, 2, gridspec_kw={"height_ratios": [1.0, 1.1, 1.1]})
+        for side in (0, 1):
+            signal = Segment(
+                velocity=heard.segments[side], rate=float(heard.sample_rate), expected=expected[side]
+            )
+            waves, times, spectra = panels[:, side]
+            title = f"simulated, segment {side + 1}, {signal.expected:.1f} Hz in theory"
+            up = ("velocity (mm/s)", "frequency (Hz)", "level (dB)") if side == 0 else ("", "", "")
+            _style.dress(waves, "AB"[side], title, "", up[0])
+            _style.dress(times, "CD"[side], "", "time (ms)", up[1])
+            _style.dress(spectra, "EF"[side], "", "frequency (Hz)", up[2])
+            waves.sharex(times)
+            waves.tick_params(labelbottom=False)
+            for panel in (times, spectra):
+                panel.tick_params(labelleft=side == 0)
+            _draw_waves(waves, signal, _style.SEGMENTS[side])
+            image = _draw_times(times, signal, self.highest, _style.SEGMENTS[side])
+            _draw_spectra(spectra, signal, self.highest, _style.SEGMENTS[side])
+        _style.key(page, *panels[2])
+        _style.dress_bar(page.colorbar(image, ax=panels[1, :], pad=0.01, aspect=14), "level (dB)")
+        return page
+
+
+def envelope(segment: Segment) -> Floats:
+    """Return the amplitude of a segment's velocity: its greatest magnitude within half a period either side.
+
+    Same shape and unit as the velocity; the half window at both ends uses what there is.
+    """
+    from scipy.ndimage import maximum_filter1d  # noqa: PLC0415
+
+    reach = max(round(segment.rate / segment.expected), 1)
+    return maximum_filter1d(np.abs(segment.velocity), reach, mode="nearest")
+
+
+def spectrum(segment: Segment, span: tuple[Seconds, Seconds]) -> tuple[Floats, Floats]:
+    """Return the spectrum of a segment's velocity within a span of time, under a Hann window.
+
+    Returns
+    -------
+    frequencies (bins,)
+        In Hz, finely spaced by zero padding.
+    levels (bins,)
+        In dB, zero at the strongest bin.
+    """
+    cut = segment.velocity[round(span[0] * segment.rate) : round(span[1] * segment.rate)]
+    size = 1 << 16
+    level = np.abs(np.fft.rfft(cut * np.hanning(cut.size), size))
+    decibels = 20.0 * np.log10(level / level.max() + 1e-12)
+    return np.asarray(np.arange(level.size) * (segment.rate / size), float), decibels
+
+
+def spectrogram(segment: Segment, highest: Hertz) -> tuple[Floats, Floats, Floats]:
+    """Return a segment's spectrogram: Hann windows of 30 ms, every 2 ms.
+
+    Returns
+    -------
+    times (columns,), frequencies (rows,)
+        In s and Hz, up to `highest`.
+    levels (rows, columns)
+        In dB, zero at the strongest bin of all.
+    """
+    size, hop = round(0.030 * segment.rate), round(0.002 * segment.rate)
+    cuts = np.lib.stride_tricks.sliding_window_view(segment.velocity, size)[::hop]
+    level = np.abs(np.fft.rfft(cuts * np.hanning(size), 4 * size, axis=1))
+    frequencies = np.arange(level.shape[1]) * (segment.rate / (4 * size))
+    shown = frequencies <= highest
+    times = (np.arange(level.shape[0]) * hop + size / 2.0) / segment.rate
+    decibels = 20.0 * np.log10(level / level.max() + 1e-12)
+    return times, frequencies[shown], decibels[:, shown].T
+
+
+def _draw_waves(axes: Axes, segment: Segment, colour: str) -> None:
+    # A band from the lowest to the highest value of each period: hundreds of periods drawn as a line would
+    # interfere with the dots of a screen or a printer.
+    columns = np.arange(0.0, segment.velocity.size, segment.rate / segment.expected).astype(int)
+    time = 1e3 * columns / segment.rate
+    low, high = (1e3 * edge.reduceat(segment.velocity, columns) for edge in (np.minimum, np.maximum))
+    outline = 1e3 * envelope(segment)[columns]
+    axes.fill_between(time, low, high, color=colour, lw=0.0, alpha=0.45)
+    for sign in (1.0, -1.0):
+        axes.plot(time, sign * outline, color=_style.INK, lw=0.8)
+    axes.set_ylim(-1.15 * outline.max(), 1.15 * outline.max())
+    start, stop = (round(t * segment.rate) for t in CLOSE)
+    close = axes.inset_axes((0.62, 0.33, 0.35, 0.34))
+    close.plot(
+        1e3 * np.arange(start, stop) / segment.rate, segment.velocity[start:stop], color=colour, lw=0.9
+    )
+    close.set(xticks=[], yticks=[], xlim=(1e3 * CLOSE[0], 1e3 * CLOSE[1]))
+    close.set_title(f"{1e3 * CLOSE[0]:.0f} to {1e3 * CLOSE[1]:.0f} ms", fontsize=_style.TICK, pad=2)
+    for spine in close.spines.values():
+        spine.set(linewidth=0.5, color=_style.INK)
+
+
+def _draw_times(axes: Axes, segment: Segment, highest: Hertz, colour: str) -> QuadMesh:
+    times, frequencies, levels = spectrogram(segment, highest)
+    image = axes.pcolormesh(
+        1e3 * times, frequencies, levels, cmap=_style.LOUDNESS, vmin=QUIETEST, vmax=0.0,
+        shading="nearest", rasterized=True,
+    )  # fmt: skip
+    axes.axhline(segment.expected, color=colour, lw=1.0, ls=_style.THEORY)
+    axes.set_xlim(0.0, 1e3 * segment.velocity.size / segment.rate)
+    axes.set_ylim(0.0, highest)
+    return image
+
+
+def _draw_spectra(axes: Axes, segment: Segment, highest: Hertz, colour: str) -> None:
+    for span, name, look in ((TRANSIENT, "transient", _style.PALE), (STEADY, "steady", _style.INK)):
+        frequencies, levels = spectrum(segment, span)
+        label = f"{name}, {1e3 * span[0]:.0f} to {1e3 * span[1]:.0f} ms"
+        axes.plot(frequencies, levels, color=look, lw=0.9, label=label)
+    axes.axvline(
+        segment.expected, color=colour, lw=1.0, ls=_style.THEORY, label=f"theory, {segment.expected:.1f} Hz"
+    )
+    axes.set_xlim(0.0, highest)
+    axes.set_ylim(QUIETEST, 5.0)

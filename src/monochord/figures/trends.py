@@ -1,0 +1,171 @@
+"""How the spectrum of a touched string moves with position and with force: theory and simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.figures import _style
+from monochord.figures.base import Figure
+from monochord.physics.split_string import SplitString, simulate
+from monochord.physics.strings import load_string
+from monochord.physics.theory import split_frequencies
+from monochord.types import Contact, Floats, StringParams
+from monochord.units import Hertz, Newtons
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
+    from matplotlib.figure import Figure as Canvas
+
+SETTLE, LISTEN = 0.1, 0.1  # s: what is let pass of each simulated touch, and the window that is looked at
+QUIETEST = -60.0  # dB below the strongest line of each touch
+HARMONICS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweep:
+    """Touches along one axis of the figure: positions in m and forces in N, both (n,); one of them varies."""
+
+    positions: Floats
+    forces: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trends(Figure):
+    """Segment frequencies against position and against force, in theory and in simulated spectra.
+
+    The four panels of the paper's Fig. 3 that need no hardware: A and D are Eq. 14 with its harmonics, B and
+    E the spectra of the simulated microphones after the transient, with the two fundamentals over them.
+
+    Parameters
+    ----------
+    string
+        Preset, or the path of a TOML file.
+    force
+        Normal force in N while the position is swept.
+    position
+        Place of the touch as a share of the length while the force is swept.
+    edge
+        Share of the length left out at each end of the position sweep.
+    highest_force
+        End of the force sweep in N.
+    highest
+        Highest frequency shown, in multiples of the open string's.
+    steps
+        Simulated touches in each sweep.
+    """
+
+    string: str = "appendix"
+    force: Newtons = 1.0
+    position: float = 0.35
+    edge: float = 0.12
+    highest_force: Newtons = 5.0
+    highest: float = 8.0
+    steps: int = 161
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.edge < 0.5:
+            raise InputError(f"edge {self.edge:g}", "above 0, below 0.5 of the length")
+        if not 0.0 < self.position < 1.0:
+            raise InputError(f"position {self.position:g}", "a share of the length between 0 and 1")
+        if not (self.force >= 0.0 and self.highest_force > 0.0):
+            raise InputError(
+                f"force {self.force:g} N, highest {self.highest_force:g} N", "0 N or more, above 0 N"
+            )
+        if not self.highest > 1.0:
+            raise InputError(f"highest {self.highest:g}", "above 1 times the open string's frequency")
+        if not 2 <= self.steps <= 1000:
+            raise InputError(f"steps {self.steps}", "2 to 1000")
+
+    def sweeps(self, string: StringParams) -> tuple[Sweep, Sweep]:
+        """Return the sweep of position and the sweep of force over a string."""
+        along = np.linspace(self.edge, 1.0 - self.edge, self.steps) * string.length
+        harder = np.linspace(0.0, self.highest_force, self.steps)
+        return (
+            Sweep(positions=along, forces=np.full(self.steps, self.force)),
+            Sweep(positions=np.full(self.steps, self.position * string.length), forces=harder),
+        )
+
+    def draw(self) -> Canvas:
+        """Compute both sweeps and draw theory above simulation."""
+        string = load_string(self.string).string
+        top = self.highest * (string.tension / string.linear_density) ** 0.5 / (2.0 * string.length)
+        by_position, by_force = self.sweeps(string)
+        page = _style.canvas(118.0)
+        (a, d), (b, e) = page.subplots(2, 2, sharex="col", sharey=True)
+        here, hard = f"x/L = {self.position:g}", f"F = {self.force:g} N"
+        _style.dress(a, "A", f"theory, {hard}", "", "frequency (Hz)")
+        _style.dress(d, "D", f"theory, {here}", "", "")
+        _style.dress(b, "B", f"simulated, {hard} (theory dashed)", "position x (mm)", "frequency (Hz)")
+        _style.dress(e, "E", f"simulated, {here} (theory dashed)", "normal force F (N)", "")
+        _draw_theory(a, string, by_position, 1e3 * by_position.positions)
+        _draw_theory(d, string, by_force, by_force.forces)
+        _draw_spectra(b, string, by_position, 1e3 * by_position.positions, top)
+        image = _draw_spectra(e, string, by_force, by_force.forces, top)
+        a.set_ylim(0.0, top)
+        _style.key(page, a)
+        _style.dress_bar(page.colorbar(image, ax=[b, e], pad=0.01, aspect=18), "level (dB)")
+        return page
+
+
+def simulated_spectra(string: StringParams, sweep: Sweep) -> tuple[Floats, Floats]:
+    """Return the spectra of the simulated microphones for each touch of a sweep, after the transient.
+
+    Parameters
+    ----------
+    string
+        The string.
+    sweep
+        Touches; each is simulated by itself, by the modal route.
+
+    Returns
+    -------
+    frequencies (bins,)
+        In Hz.
+    levels (touches, bins)
+        Power of both microphones in dB, zero at the strongest line of each touch.
+    """
+    touches = zip(sweep.positions, sweep.forces, strict=True)
+    spectra = [_spectrum(string, Contact(position=float(x), force=float(force))) for x, force in touches]
+    power = np.array([heard for _, heard in spectra])
+    levels = 10.0 * np.log10(power / power.max(axis=1, keepdims=True) + 1e-20)
+    return spectra[0][0], levels
+
+
+def _spectrum(string: StringParams, contact: Contact) -> tuple[Floats, Floats]:
+    setup = SplitString(string=string, contact=contact)
+    heard = simulate(setup, SETTLE + LISTEN, route="modal")
+    late = heard.microphones[:, round(SETTLE * heard.sample_rate) :]
+    size = 4 * late.shape[1]
+    power = np.abs(np.fft.rfft(late * np.hanning(late.shape[1]), size)) ** 2
+    return np.arange(power.shape[1]) * (heard.sample_rate / size), np.sum(power, axis=0)
+
+
+def _draw_theory(axes: Axes, string: StringParams, sweep: Sweep, over: Floats) -> None:
+    fundamentals = split_frequencies(string, sweep.positions, sweep.forces)
+    for side, (f, colour) in enumerate(zip(fundamentals, _style.SEGMENTS, strict=True)):
+        axes.plot(over, f, color=colour, lw=1.6, label=f"$f_{side + 1}$, segment {side + 1}")
+        for n in range(2, HARMONICS + 1):
+            label = f"$2f_{side + 1}$ to ${HARMONICS}f_{side + 1}$" if n == 2 else None
+            axes.plot(over, n * f, color=colour, lw=0.7, alpha=0.6, label=label)
+
+
+def _draw_spectra(axes: Axes, string: StringParams, sweep: Sweep, over: Floats, top: Hertz) -> QuadMesh:
+    frequencies, levels = simulated_spectra(string, sweep)
+    edges = np.linspace(0.0, top, 241)
+    rows = np.searchsorted(frequencies, edges)
+    # The strongest bin of each row, so that no line falls between two rows of the picture.
+    picture = np.maximum.reduceat(levels[:, : rows[-1]], rows[:-1], axis=1).T
+    image = axes.pcolormesh(
+        over, (edges[1:] + edges[:-1]) / 2.0, picture, cmap=_style.LOUDNESS, vmin=QUIETEST, vmax=0.0,
+        shading="nearest", rasterized=True,
+    )  # fmt: skip
+    for f, colour in zip(
+        split_frequencies(string, sweep.positions, sweep.forces), _style.SEGMENTS, strict=True
+    ):
+        axes.plot(over, f, color=colour, lw=1.0, ls=_style.THEORY)
+    return image
