@@ -53,15 +53,15 @@ class Soundcard(Source):
         from monochord.sources._soundcard_stream import SoundcardStream  # noqa: PLC0415
 
         stream = SoundcardStream(self.sample_rate, self.channels)
-        device = self._device(stream)
+        device = self._start(stream)
         try:
-            with device:
-                stream.watch(lambda: device.active)
-                yield stream
+            stream.watch(lambda: device.active)
+            yield stream
         finally:
+            device.close()
             stream.release()
 
-    def _device(self, stream: "SoundcardStream") -> Any:
+    def _start(self, stream: "SoundcardStream") -> Any:
         try:
             import sounddevice  # noqa: PLC0415
         except OSError as error:
@@ -73,7 +73,7 @@ class Soundcard(Source):
             raise DeviceError(f"sound card: no input device found; {NO_CARD}")
         named = int(self.device) if self.device.isdecimal() else self.device or None
         try:
-            return sounddevice.InputStream(
+            card = sounddevice.InputStream(
                 device=named,
                 samplerate=self.sample_rate,
                 channels=self.channels,
@@ -82,8 +82,10 @@ class Soundcard(Source):
                 latency="low",
                 callback=stream.capture,
             )
+            card.start()
         except (ValueError, sounddevice.PortAudioError) as error:
             there = ", ".join(inputs)
             raise DeviceError(
                 f"sound card '{self.device or 'default'}': {error}; there are {there}"
             ) from error
+        return card
