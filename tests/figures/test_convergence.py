@@ -80,7 +80,7 @@ def test_panels_are_labelled_with_units() -> None:
     [
         ({"position": 0.0}, "position 0"),
         ({"seconds": 0.3}, r"seconds 0.3: allowed is 0.35 to 60 s"),
-        ({"highest": 0.0}, "highest 0 Hz"),
+        ({"highest": 0.0}, "highest 0: allowed is above 1"),
     ],
 )
 def test_options_out_of_range_are_refused(options: dict[str, float], message: str) -> None:

@@ -33,6 +33,15 @@ def test_ridges_of_the_simulated_spectra_lie_on_theory(which: int) -> None:
                 assert level[np.argmin(np.abs(frequencies - f))] > -20.0
 
 
+def test_geometric_law_shows_in_theory_and_simulation() -> None:
+    plain = load_string("plain_010").string
+    sweep = Trends(steps=3, highest_force=20.0, law="geometric").sweeps(plain)[1]
+    frequencies, levels = simulated_spectra(plain, sweep)
+    f1, _ = sweep.fundamentals(plain)
+    assert f1[2] > 1.2 * f1[0]
+    assert ridge_near(frequencies, levels[2], f1[2]) == pytest.approx(f1[2], abs=3.0)
+
+
 def test_levels_are_relative_to_the_strongest_line() -> None:
     sweep = Sweep(positions=np.array([0.2, 0.4]), forces=np.array([1.0, 0.5]))
     frequencies, levels = simulated_spectra(STRING, sweep)

@@ -12,7 +12,7 @@ from monochord.figures import _style
 from monochord.figures.base import Figure
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
-from monochord.physics.theory import segment_frequencies
+from monochord.physics.theory import harmonic_frequencies, segment_frequencies
 from monochord.types import Contact, Floats
 from monochord.units import Hertz, Newtons, Seconds
 
@@ -54,8 +54,10 @@ class Convergence(Figure):
         How long to simulate; at least 0.35 s, the end of the steady window.
     route
         How to simulate: the finite-difference scheme, or the exact modal route, which is faster.
+    nodes, time_step
+        Grid of the finite-difference scheme: nodes a segment and step in s.
     highest
-        Highest frequency shown, in Hz.
+        Highest frequency shown, in multiples of the open string's.
     """
 
     string: str = "appendix"
@@ -63,22 +65,26 @@ class Convergence(Figure):
     force: Newtons = 0.0
     seconds: Seconds = 0.4
     route: Literal["fdtd", "modal"] = "fdtd"
-    highest: Hertz = 3000.0
+    nodes: int = 256
+    time_step: Seconds = 1.0e-6
+    highest: float = 12.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.position < 1.0:
             raise InputError(f"position {self.position:g}", "a share of the length between 0 and 1")
         if not STEADY[1] <= self.seconds <= 60.0:
             raise InputError(f"seconds {self.seconds:g}", f"{STEADY[1]:g} to 60 s")
-        if not 0.0 < self.highest <= 20000.0:
-            raise InputError(f"highest {self.highest:g} Hz", "above 0, at most 20000 Hz")
+        if not self.highest > 1.0:
+            raise InputError(f"highest {self.highest:g}", "above 1 times the open string's frequency")
 
     def draw(self) -> Canvas:
         """Simulate the touch and draw both segments side by side."""
         string = load_string(self.string).string
         contact = Contact(position=self.position * string.length, force=self.force)
-        heard = simulate(SplitString(string=string, contact=contact), self.seconds, route=self.route)
+        setup = SplitString(string=string, contact=contact, nodes=self.nodes, time_step=self.time_step)
+        heard = simulate(setup, self.seconds, route=self.route)
         expected = segment_frequencies(string, contact)
+        top = self.highest * harmonic_frequencies(string.length, string.tension, string.linear_density, 1)[0]
         page = _style.canvas(155.0)
         panels = page.subplots(3, 2, gridspec_kw={"height_ratios": [1.0, 1.1, 1.1]})
         for side in (0, 1):
@@ -96,8 +102,8 @@ class Convergence(Figure):
             for panel in (times, spectra):
                 panel.tick_params(labelleft=side == 0)
             _draw_waves(waves, signal, _style.SEGMENTS[side])
-            image = _draw_times(times, signal, self.highest, _style.SEGMENTS[side])
-            _draw_spectra(spectra, signal, self.highest, _style.SEGMENTS[side])
+            image = _draw_times(times, signal, top, _style.SEGMENTS[side])
+            _draw_spectra(spectra, signal, top, _style.SEGMENTS[side])
         _style.key(page, *panels[2])
         _style.dress_bar(page.colorbar(image, ax=panels[1, :], pad=0.01, aspect=14), "level (dB)")
         return page
@@ -132,7 +138,7 @@ def spectrum(segment: Segment, span: tuple[Seconds, Seconds]) -> tuple[Floats, F
 
 
 def spectrogram(segment: Segment, highest: Hertz) -> tuple[Floats, Floats, Floats]:
-    """Return a segment's spectrogram: Hann windows of 30 ms, every 2 ms.
+    """Return a segment's spectrogram: Hann windows of 30 ms, or ten periods if that is longer, every 2 ms.
 
     Returns
     -------
@@ -141,7 +147,8 @@ def spectrogram(segment: Segment, highest: Hertz) -> tuple[Floats, Floats, Float
     levels (rows, columns)
         In dB, zero at the strongest bin of all.
     """
-    size, hop = round(0.030 * segment.rate), round(0.002 * segment.rate)
+    size = round(max(0.030, 10.0 / segment.expected) * segment.rate)
+    hop = round(0.002 * segment.rate)
     cuts = np.lib.stride_tricks.sliding_window_view(segment.velocity, size)[::hop]
     level = np.abs(np.fft.rfft(cuts * np.hanning(size), 4 * size, axis=1))
     frequencies = np.arange(level.shape[1]) * (segment.rate / (4 * size))

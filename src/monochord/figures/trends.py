@@ -12,7 +12,7 @@ from monochord.figures import _style
 from monochord.figures.base import Figure
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
-from monochord.physics.theory import split_frequencies
+from monochord.physics.theory import TensionLaw, harmonic_frequencies, split_frequencies
 from monochord.types import Contact, Floats, StringParams
 from monochord.units import Hertz, Newtons
 
@@ -32,6 +32,11 @@ class Sweep:
 
     positions: Floats
     forces: Floats
+    law: TensionLaw = "linear"
+
+    def fundamentals(self, string: StringParams) -> tuple[Floats, Floats]:
+        """Return f1 and f2 of theory in Hz for each touch, (n,) each."""
+        return split_frequencies(string, self.positions, self.forces, self.law)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +62,8 @@ class Trends(Figure):
         Highest frequency shown, in multiples of the open string's.
     steps
         Simulated touches in each sweep.
+    law
+        How force raises tension: "linear" (Eq. 6), or "geometric", the stretch of the deflected string.
     """
 
     string: str = "appendix"
@@ -66,6 +73,7 @@ class Trends(Figure):
     highest_force: Newtons = 5.0
     highest: float = 8.0
     steps: int = 161
+    law: TensionLaw = "linear"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.edge < 0.5:
@@ -86,14 +94,14 @@ class Trends(Figure):
         along = np.linspace(self.edge, 1.0 - self.edge, self.steps) * string.length
         harder = np.linspace(0.0, self.highest_force, self.steps)
         return (
-            Sweep(positions=along, forces=np.full(self.steps, self.force)),
-            Sweep(positions=np.full(self.steps, self.position * string.length), forces=harder),
+            Sweep(positions=along, forces=np.full(self.steps, self.force), law=self.law),
+            Sweep(positions=np.full(self.steps, self.position * string.length), forces=harder, law=self.law),
         )
 
     def draw(self) -> Canvas:
         """Compute both sweeps and draw theory above simulation."""
         string = load_string(self.string).string
-        top = self.highest * (string.tension / string.linear_density) ** 0.5 / (2.0 * string.length)
+        top = self.highest * harmonic_frequencies(string.length, string.tension, string.linear_density, 1)[0]
         by_position, by_force = self.sweeps(string)
         page = _style.canvas(118.0)
         (a, d), (b, e) = page.subplots(2, 2, sharex="col", sharey=True)
@@ -129,15 +137,18 @@ def simulated_spectra(string: StringParams, sweep: Sweep) -> tuple[Floats, Float
     levels (touches, bins)
         Power of both microphones in dB, zero at the strongest line of each touch.
     """
-    touches = zip(sweep.positions, sweep.forces, strict=True)
-    spectra = [_spectrum(string, Contact(position=float(x), force=float(force))) for x, force in touches]
+    touches = [
+        Contact(position=float(x), force=float(force))
+        for x, force in zip(sweep.positions, sweep.forces, strict=True)
+    ]
+    setups = [SplitString(string=string, contact=touch, tension_law=sweep.law) for touch in touches]
+    spectra = [_spectrum(setup) for setup in setups]
     power = np.array([heard for _, heard in spectra])
     levels = 10.0 * np.log10(power / power.max(axis=1, keepdims=True) + 1e-20)
     return spectra[0][0], levels
 
 
-def _spectrum(string: StringParams, contact: Contact) -> tuple[Floats, Floats]:
-    setup = SplitString(string=string, contact=contact)
+def _spectrum(setup: SplitString) -> tuple[Floats, Floats]:
     heard = simulate(setup, SETTLE + LISTEN, route="modal")
     late = heard.microphones[:, round(SETTLE * heard.sample_rate) :]
     size = 4 * late.shape[1]
@@ -146,7 +157,7 @@ def _spectrum(string: StringParams, contact: Contact) -> tuple[Floats, Floats]:
 
 
 def _draw_theory(axes: Axes, string: StringParams, sweep: Sweep, over: Floats) -> None:
-    fundamentals = split_frequencies(string, sweep.positions, sweep.forces)
+    fundamentals = sweep.fundamentals(string)
     for side, (f, colour) in enumerate(zip(fundamentals, _style.SEGMENTS, strict=True)):
         axes.plot(over, f, color=colour, lw=1.6, label=f"$f_{side + 1}$, segment {side + 1}")
         for n in range(2, HARMONICS + 1):
@@ -164,8 +175,6 @@ def _draw_spectra(axes: Axes, string: StringParams, sweep: Sweep, over: Floats, 
         over, (edges[1:] + edges[:-1]) / 2.0, picture, cmap=_style.LOUDNESS, vmin=QUIETEST, vmax=0.0,
         shading="nearest", rasterized=True,
     )  # fmt: skip
-    for f, colour in zip(
-        split_frequencies(string, sweep.positions, sweep.forces), _style.SEGMENTS, strict=True
-    ):
+    for f, colour in zip(sweep.fundamentals(string), _style.SEGMENTS, strict=True):
         axes.plot(over, f, color=colour, lw=1.0, ls=_style.THEORY)
     return image
