@@ -35,7 +35,11 @@ class _Verbs(click.Group):
             formatter.write_dl([(verb, _summary(verb)) for verb in self.list_commands(ctx)])
 
 
-@click.group(cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_Verbs,
+    subcommand_metavar="VERB [ARGS]...",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(package_name="monochord")
 def monochord() -> None:
     """Monochord: acoustic tactile sensing with a driven string."""

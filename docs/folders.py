@@ -1,0 +1,50 @@
+"""Reference pages that follow the folders: a new verb or plug-in is documented by being there."""
+
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+
+import click
+
+import monochord
+from monochord.cli import monochord as verbs
+from monochord.registry import Registry
+
+
+def write(folder: Path) -> None:
+    """Write `verbs.md` and `plugins.md` into a folder, leaving a file alone that would not change."""
+    for name, text in (("verbs.md", _verbs()), ("plugins.md", _plugins())):
+        page = folder / name
+        if not page.exists() or page.read_text(encoding="utf-8") != text:
+            page.write_text(text, encoding="utf-8")
+
+
+def _verbs() -> str:
+    parent = click.Context(verbs, info_name="monochord", **verbs.context_settings)
+    parts = ["# Verbs\n"]
+    for name in verbs.list_commands(parent):
+        verb = verbs.get_command(parent, name)
+        if verb is not None:
+            usage = verb.get_help(click.Context(verb, info_name=name, parent=parent))
+            parts.append(f"## {name}\n\n```text\n{usage}\n```\n")
+    return "\n".join(parts)
+
+
+def _plugins() -> str:
+    parts = [
+        "# Plug-ins\n",
+        "Options of a plug-in are set by its table in a configuration file or by `--set`.\n",
+    ]
+    for room in iter_modules(monochord.__path__, "monochord."):
+        registries = [v for v in vars(import_module(room.name)).values() if isinstance(v, Registry)]
+        for registry in registries if room.ispkg else []:
+            parts.append(f"## {room.name.rpartition('.')[2].capitalize()}\n")
+            parts += [
+                _described(f"{room.name}.{name}", registry.load(name), name) for name in registry.names()
+            ]
+    return "\n".join(parts)
+
+
+def _described(module: str, plugin: type, name: str) -> str:
+    directive = f".. autoclass:: {module}.{plugin.__name__}\n   :no-members:\n"
+    return f"### {name}\n\n```{{eval-rst}}\n{directive}```\n"

@@ -1,0 +1,34 @@
+"""The live loop in ten lines: blocks, windows, estimates. Put another source in and it is your sensor.
+
+Run it: python examples/follow_a_stream.py
+"""
+
+from monochord.clock import SampleClock
+from monochord.estimators import ESTIMATORS
+from monochord.sources import SOURCES
+from monochord.windows import windows
+
+SECONDS = 4.0
+LENGTH, HOP = 0.1, 0.05  # s, of a window
+
+
+def main() -> None:
+    """Follow touches of a simulated string, as fast as it can be computed; print truth beside estimate."""
+    source = SOURCES.build("split_string", {"preset": "appendix", "speed": 0.0, "duration": SECONDS})
+    estimator = ESTIMATORS.build("closed_form")
+    with source.open() as stream:
+        rate = stream.signal.sample_rate
+        clock = SampleClock(sample_rate=rate)
+        size, hop = clock.index(LENGTH), clock.index(HOP)
+        estimate = estimator.prepare(stream.signal, size)
+        for window in windows(stream, size=size, hop=hop, sample_rate=rate):
+            position = estimate(window)["position"]
+            truth = stream.truth(window.start, window.start + size)
+            told = f"{1e3 * position.value:6.1f} mm" if position.valid else position.why_not
+            touched = f"{1e3 * truth['position']:6.1f} mm" if truth["contact"] else "nothing"
+            settling = "" if truth["settled"] else "  (settling)"
+            print(f"{clock.time(window.start):5.2f} s  touched: {touched:10}  heard: {told}{settling}")
+
+
+if __name__ == "__main__":
+    main()

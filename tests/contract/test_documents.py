@@ -1,0 +1,54 @@
+"""What the documents tell people to type works."""
+
+import re
+import shlex
+from pathlib import Path
+
+import click
+import pytest
+
+from monochord.cli import monochord as verbs
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+GENERATED = {"verbs.md", "plugins.md"}
+COMMANDS = sorted(
+    {
+        (page.name, line.strip())
+        for page in PAGES
+        if page.name not in GENERATED
+        for block in re.findall(
+            r"^```sh\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+        )
+        for line in block.replace("\\\n", " ").splitlines()
+        if line.strip().startswith("monochord ")
+    }
+)
+
+
+def test_there_are_commands_to_check() -> None:
+    assert len(COMMANDS) > 8
+
+
+@pytest.mark.parametrize(("page", "line"), COMMANDS)
+def test_a_command_line_in_a_document_can_be_parsed(page: str, line: str) -> None:
+    name, *arguments = shlex.split(line, comments=True)[1:]
+    parent = click.Context(verbs, info_name="monochord", **verbs.context_settings)
+    verb = verbs.get_command(parent, name)
+    assert verb is not None, page
+    verb.make_parser(click.Context(verb, info_name=name, parent=parent)).parse_args(arguments)
+
+
+@pytest.mark.parametrize(
+    "target", re.findall(r"\bmake ([a-z-]+)`?", (ROOT / "README.md").read_text(encoding="utf-8"))
+)
+def test_a_make_target_in_the_readme_exists(target: str) -> None:
+    assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_the_readmes_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    (block,) = re.findall(
+        r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    )
+    exec(block, {})  # noqa: S102
+    assert float(capsys.readouterr().out) == pytest.approx(0.2275)

@@ -1,0 +1,61 @@
+"""Every script in examples/ runs, is short, and prints what its physics says."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+SCRIPTS = sorted(EXAMPLES.glob("*.py"))
+
+
+def output(name: str) -> str:
+    run = subprocess.run(
+        [sys.executable, "-W", "error", EXAMPLES / name], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.name)
+def test_an_example_is_short_and_says_how_to_run_it(script: Path) -> None:
+    text = script.read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 60
+    assert f"python examples/{script.name}" in text
+
+
+def test_every_example_is_run_below() -> None:
+    tests = Path(__file__).read_text(encoding="utf-8")
+    assert SCRIPTS
+    assert not [script.name for script in SCRIPTS if f'output("{script.name}")' not in tests]
+
+
+def test_locate_a_touch() -> None:
+    lines = output("locate_a_touch.py").splitlines()
+    assert lines[0] == "touched at 227.50 mm"
+    found = [float(x) for x in re.findall(r": ([\d.]+) ", "\n".join(lines[1:]))]
+    assert len(found) >= 4
+    assert found[0] == pytest.approx(227.5, abs=0.1)
+    assert found[-3:] == pytest.approx([227.5] * 3, abs=0.5)
+
+
+def test_design_a_sensor() -> None:
+    rows = [
+        [float(x) for x in re.findall(r"-?\d+\.?\d*", line)]
+        for line in output("design_a_sensor.py").splitlines()[1:]
+    ]
+    lengths, slopes = [row[0] for row in rows], [row[3] for row in rows]
+    assert lengths == [100.0, 200.0, 300.0, 400.0]
+    for length, slope in zip(lengths, slopes, strict=True):  # f/x: falls with the square of the length
+        assert slope * length**2 == pytest.approx(slopes[0] * lengths[0] ** 2, rel=0.01)
+
+
+def test_follow_a_stream() -> None:
+    rows = re.findall(
+        r"touched: +([\d.]+) mm +heard: +([\d.]+) mm$", output("follow_a_stream.py"), re.MULTILINE
+    )
+    errors = [abs(float(touched) - float(heard)) for touched, heard in rows]
+    assert len(errors) >= 10
+    assert sorted(errors)[len(errors) // 2] < 1.0
