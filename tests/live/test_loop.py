@@ -121,7 +121,7 @@ def test_numbers_do_not_depend_on_the_block_size(size: int) -> None:
     summary = run(session(Script(cut(NOISE, size)), keep))
     expected = [(k / 100, float(NOISE[:, 10 * k : 10 * k + 100].mean())) for k in range(191)]
     assert values(keep) == expected
-    assert (summary.windows, summary.valid, summary.skipped) == (191, 191, 0)
+    assert (summary.windows, summary.valid, summary.skipped, summary.frames) == (191, 191, 0, 2000)
 
 
 def test_a_moment_carries_truth_health_and_window() -> None:

@@ -21,7 +21,7 @@ def metered() -> Meter:
 
 
 def test_everything_is_counted_once() -> None:
-    summary = metered().summary(StreamHealth(frames=441, gaps=3))
+    summary = metered().summary(441, StreamHealth(gaps=3))
     assert (summary.windows, summary.valid, summary.skipped, summary.deadline_misses) == (10, 7, 1, 2)
     assert {name: seen.count for name, seen in summary.stages.items()} == {
         "read": 10,
@@ -37,13 +37,11 @@ def test_everything_is_counted_once() -> None:
 def test_a_window_without_a_position_is_not_valid() -> None:
     meter = Meter(deadline=1.0)
     meter.add(Prediction(start=0, time=0.0, estimates={}), read=0.0, estimate=0.0, sinks=0.0)
-    assert meter.summary(StreamHealth()).valid == 0
+    assert meter.summary(0, StreamHealth()).valid == 0
 
 
 def test_lines_name_every_counter() -> None:
-    text = "\n".join(
-        metered().summary(StreamHealth(frames=441, dropped=5, gaps=3, xruns=2, reconnects=1)).lines()
-    )
+    text = "\n".join(metered().summary(441, StreamHealth(dropped=5, gaps=3, xruns=2, reconnects=1)).lines())
     for part in ("windows 10", "with a position 7", "skipped 1", "deadline misses 2"):
         assert part in text
     for part in ("frames 441", "dropped 5", "gaps 3", "xruns 2", "reconnects 1"):
@@ -52,7 +50,7 @@ def test_lines_name_every_counter() -> None:
 
 
 def test_the_tree_is_plain_json() -> None:
-    tree = json.loads(json.dumps(metered().summary(StreamHealth(gaps=3)).tree(), allow_nan=False))
+    tree = json.loads(json.dumps(metered().summary(441, StreamHealth(gaps=3)).tree(), allow_nan=False))
     assert tree["windows"] == 10
     assert tree["health"]["gaps"] == 3
     assert tree["stages"]["latency"]["longest"] == 0.02

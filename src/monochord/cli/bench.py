@@ -45,11 +45,16 @@ def _record(benchmark: str, row: Row) -> dict[str, str | float | None]:
 
 
 def _line(row: Row) -> str:
-    value = f"  {row.name:<44}{row.value:>12.4g} {row.unit:<10}"
+    line = f"  {row.name:<36}{_number(float(row.value)):>10} {'' if row.unit == '1' else row.unit}"
     if row.baseline is None or row.baseline_value is None:
-        return value.rstrip()
-    ratio = "" if row.ratio is None else f"  ratio {row.ratio:.3g}"
-    return f"{value}{row.baseline}: {row.baseline_value:.4g}{ratio}"
+        return line.rstrip()
+    ratio = "" if row.ratio is None else f"{row.ratio:.3g} times "
+    return f"{line:<62}{ratio}{row.baseline} ({_number(float(row.baseline_value))})"
+
+
+def _number(value: float) -> str:
+    """Return counts whole and measurements to four digits."""
+    return f"{value:.0f}" if value.is_integer() or abs(value) >= 1e4 else f"{value:.4g}"
 
 
 def _machine() -> str:

@@ -82,7 +82,7 @@ def run(session: Session) -> Summary:
                     meter.add_capture(feed.captured(end), done)
         except KeyboardInterrupt:
             meter.interrupted = True
-        return meter.summary(stream.health)
+        return meter.summary(feed.frames, stream.health)
 
 
 class _Feed:
@@ -93,10 +93,12 @@ class _Feed:
         self._rate = sample_rate
         self._block: Block | None = None
         self.at_hand: Seconds = 0.0
+        self.frames: Samples = 0
 
     def __iter__(self) -> Iterator[Block]:
         for block in self._stream:
             self._block, self.at_hand = block, time.monotonic()
+            self.frames += block.samples.shape[1]
             if block.adc_time is not None:
                 # The block may have waited for the reader; its last frame was there from this time on.
                 converted = block.adc_time + block.samples.shape[1] / self._rate

@@ -7,20 +7,21 @@ from typing import Any
 
 from monochord.timing import Histogram, Percentiles
 from monochord.types import Prediction, StreamHealth
-from monochord.units import Seconds
+from monochord.units import Samples, Seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
     """A finished run.
 
-    `windows` were estimated, of which `valid` have a position; `skipped` were left out because the reader
-    was late, and `deadline_misses` came later than one hop after their last sample was at hand. `stages`
-    holds the percentiles of each stage: ``read`` (block at hand to window cut), ``estimate``, ``sinks``,
-    ``latency`` (last sample at hand to estimate) and, where the source knows its converter's clock,
-    ``capture`` (last sample at the converter to estimate).
+    `frames` were read and `windows` estimated, of which `valid` have a position; `skipped` were left out
+    because the reader was late, and `deadline_misses` came later than one hop after their last sample was at
+    hand. `stages` holds the percentiles of each stage: ``read`` (last sample at hand to window cut),
+    ``estimate``, ``sinks``, ``latency`` (last sample at hand to estimate) and, where the source knows its
+    converter's clock, ``capture`` (last sample at the converter to estimate).
     """
 
+    frames: Samples
     windows: int
     valid: int
     skipped: int
@@ -39,7 +40,7 @@ class Summary:
             "deadline misses": self.deadline_misses,
         }
         stream = {
-            "frames": health.frames,
+            "frames": self.frames,
             "dropped": health.dropped,
             "gaps": health.gaps,
             "xruns": health.xruns,
@@ -86,9 +87,10 @@ class Meter:
         if captured is not None:
             self._stages["capture"].add(done - captured)
 
-    def summary(self, health: StreamHealth) -> Summary:
-        """Return what was counted so far."""
+    def summary(self, frames: Samples, health: StreamHealth) -> Summary:
+        """Return what was counted so far, with the frames that were read and the stream's own counters."""
         return Summary(
+            frames=frames,
             windows=self._windows,
             valid=self._valid,
             skipped=self.skipped,

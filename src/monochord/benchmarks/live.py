@@ -1,0 +1,167 @@
+"""The live loop: how soon an estimate comes after its window's last sample, and whether memory stays flat."""
+
+import math
+import tempfile
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from monochord.benchmarks._process import one_core, resident
+from monochord.benchmarks._take import write_take
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.live import Session, Settings, Summary, run
+from monochord.physics.strings import load_string
+from monochord.sinks.base import Moment, Sink, Writer
+from monochord.timing import Histogram, Percentiles
+from monochord.types import Signal
+from monochord.units import Seconds
+
+RATE = 44100
+TAKE: Seconds = 10.0  # of audio, played over and over
+AUTOCORRELATION = "FFT autocorrelation of the same window"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Live(Benchmark):
+    """Latency and memory of the live loop on one core, with a synthetic stiff string read from a file.
+
+    Latency is counted from a window's last sample being at hand to its estimate, at the pace of real time;
+    the baseline is the FFT autocorrelation of the same windows, timed in the same loop. Memory is the
+    resident set after the first minute of audio and at the end.
+
+    Parameters
+    ----------
+    seconds
+        Audio for the latency, and time that it takes.
+    minutes
+        Audio for the memory; 0 leaves it out.
+    speed
+        Pace of the memory run in times real time.
+    hop
+        Distance of windows in seconds, in both runs.
+    string
+        The preset that is played, pressed at two fifths of its length.
+    """
+
+    seconds: Seconds = 20.0
+    minutes: float = 10.0
+    speed: float = 20.0
+    hop: Seconds = 0.01
+    string: str = "plain_012"
+
+    def run(self) -> Iterator[Row]:
+        """Measure the latency, its stages, then the memory."""
+        with tempfile.TemporaryDirectory() as folder, one_core():
+            path = Path(folder) / "string.wav"
+            write_take(path, load_string(self.string), TAKE, RATE)
+            yield from self._latency(path)
+            if self.minutes > 0.0:
+                yield from self._memory(path)
+
+    def _latency(self, path: Path) -> Iterator[Row]:
+        baseline = _Autocorrelation()
+        summary = run(self._session(path, 1.0, self.seconds, baseline))
+        seen, beside = summary.stages["latency"], baseline.histogram.percentiles()
+        for name, label in (("p50", "p50"), ("p95", "p95"), ("p99", "p99"), ("longest", "max")):
+            compared = 1e3 * getattr(beside, name)
+            yield _row(f"latency {label}", 1e3 * getattr(seen, name), "ms", AUTOCORRELATION, compared)
+        for stage in ("read", "estimate", "sinks"):
+            yield from _stage(stage, summary.stages[stage])
+        yield _row("windows", summary.windows, "1")
+        yield _row("deadline misses", summary.deadline_misses, "1")
+        yield _row("windows with a position", summary.valid / max(summary.windows, 1), "1")
+
+    def _memory(self, path: Path) -> Iterator[Row]:
+        memory = _Memory(settled=min(60.0, 6.0 * self.minutes))
+        begin = time.monotonic()
+        summary: Summary = run(self._session(path, self.speed, 60.0 * self.minutes, memory))
+        pace = 60.0 * self.minutes / (time.monotonic() - begin)
+        yield _row("pace of the memory run", pace, "x real time", "asked for", self.speed)
+        yield _row("windows of the memory run", summary.windows, "1")
+        yield _row("skipped in the memory run", summary.skipped, "1")
+        settled = f"resident after {memory.settled:g} s of audio"
+        yield _row("resident at the end", memory.now, "MB", settled, memory.before)
+        yield _row("memory growth", memory.now - memory.before, "MB")
+
+    def _session(self, path: Path, speed: float, seconds: Seconds, sink: Sink) -> Session:
+        preset = load_string(self.string)
+        settings = Settings.read(
+            {
+                "source": {
+                    "name": "wav",
+                    "path": str(path),
+                    "block": 64,
+                    "speed": speed,
+                    "repeat": math.ceil(seconds / TAKE) + 1,
+                },
+                "estimator": {
+                    "name": "closed_form",
+                    "length": preset.string.length,
+                    "open_frequency": preset.open_frequency,
+                },
+                "window": {"hop": self.hop},
+                "sinks": {},
+                "seconds": seconds,
+            }
+        )
+        session = settings.session()
+        return Session(
+            source=session.source,
+            estimator=session.estimator,
+            sinks=(sink,),
+            window=session.window,
+            seconds=seconds,
+        )
+
+
+class _Autocorrelation(Sink, Writer):
+    """Times the plain alternative on the same windows: autocorrelation through the FFT, and its peak."""
+
+    def __init__(self) -> None:
+        self.histogram = Histogram()
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+        yield self
+
+    def write(self, moment: Moment) -> None:
+        begin = time.monotonic()
+        samples = moment.window.samples[0]
+        spectrum = np.fft.rfft(samples, 2 * samples.size)
+        lags = np.fft.irfft(np.abs(spectrum) ** 2)[: samples.size]
+        lags[: RATE // 1500].fill(-np.inf)
+        np.argmax(lags)
+        self.histogram.add(time.monotonic() - begin)
+
+
+class _Memory(Sink, Writer):
+    """Reads the resident set once, when the loop has settled, and at every second after."""
+
+    def __init__(self, settled: Seconds) -> None:
+        self.settled = settled
+        self.before = self.now = math.nan
+        self._next = settled
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+        yield self
+        self.now = resident()
+
+    def write(self, moment: Moment) -> None:
+        if math.isnan(self.before) and moment.prediction.time >= self.settled:
+            self.before = resident()
+
+
+def _row(
+    name: str, value: float, unit: str, baseline: str | None = None, compared: float | None = None
+) -> Row:
+    return Row(name=name, value=value, unit=unit, baseline=baseline, baseline_value=compared)
+
+
+def _stage(name: str, seen: Percentiles) -> Iterator[Row]:
+    for label, value in (("p50", seen.p50), ("p99", seen.p99)):
+        yield _row(f"stage {name} {label}", 1e3 * value, "ms")

@@ -1,0 +1,88 @@
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from monochord.cli import run
+
+Take = Callable[..., Path]
+STRING = ["--length", "0.65", "--open-frequency", "110"]
+KEYS = ["time", "frequency", "position", "position_std", "valid", "why_not"]
+
+
+def located(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
+    capsys.readouterr()
+    assert run(["locate", *arguments, "--json"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    return [json.loads(line) for line in captured.out.splitlines()]
+
+
+@pytest.mark.parametrize("rate", [44100, 48000, 22050])
+@pytest.mark.parametrize("position", [0.05, 0.2, 0.36])
+def test_every_window_has_its_position(
+    take: Take, capsys: pytest.CaptureFixture[str], position: float, rate: int
+) -> None:
+    lines = located(capsys, str(take(position, rate=rate)), *STRING)
+    assert len(lines) == 51
+    for k, line in enumerate(lines):
+        assert list(line) == KEYS
+        assert line["time"] == pytest.approx(k * 0.01, abs=1e-9)
+        assert line["valid"] is True
+        assert line["position"] == pytest.approx(position, abs=1e-3)
+        assert line["frequency"] == pytest.approx(110 * 0.65 / (0.65 - position), rel=2e-3)
+        assert 0.0 < line["position_std"] < 0.01
+
+
+def test_the_window_and_the_hop(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = located(capsys, str(take(0.2)), *STRING, "--window", "0.2", "--hop", "0.05")
+    assert [line["time"] for line in lines] == pytest.approx([0.05 * k for k in range(9)])
+
+
+def test_calibration_takes_out_what_pressing_sharpens(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    sharpened = str(take(0.2, sharp=1.01))
+    (before, *_) = located(capsys, sharpened, *STRING)
+    other = str(take(0.3, sharp=1.01))
+    open_note = str(take(0.0))
+    (after, *_) = located(
+        capsys, sharpened, *STRING, "--calibrate", f"{other}:0.3", "--calibrate", f"{open_note}:0"
+    )
+    assert abs(before["position"] - 0.2) > 3e-3
+    assert abs(after["position"] - 0.2) < abs(before["position"] - 0.2) / 2
+
+
+def test_a_summary_to_read(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    path = take(0.2)
+    assert run(["locate", str(path), *STRING]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[0] == str(path)
+    assert "51 of 51 (100.0 %)" in out
+    assert " mm from the nut (median)" in out
+    assert " Hz (median)" in out
+
+
+def test_silence_is_told_apart(tmp_path: Path, take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    import numpy as np
+    import soundfile
+
+    path = tmp_path / "silence.wav"
+    soundfile.write(path, np.zeros(44100), 44100)
+    lines = located(capsys, str(path), *STRING)
+    assert len(lines) == 91
+    for line in lines:
+        assert line["valid"] is False
+        assert line["why_not"]
+        assert line["position"] is line["position_std"] is line["frequency"] is None
+    assert run(["locate", str(path), *STRING]) == 0
+    assert "0 of 91 (0.0 %)" in capsys.readouterr().out
+
+
+def test_a_take_shorter_than_a_window_is_refused(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    for form in ([], ["--json"]):
+        assert run(["locate", str(take(0.2, seconds=0.05)), *STRING, *form]) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert "shorter than a window" in captured.err
+        assert captured.err.count("\n") == 1
