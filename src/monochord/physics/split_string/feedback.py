@@ -1,0 +1,168 @@
+"""The drivers' ear: what frequency and phase they take from the vibration that they keep up."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from math import pi
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.physics.split_string.setup import Drive, Feedback, SplitString
+from monochord.physics.theory import mixing_matrix
+from monochord.types import Floats
+from monochord.units import Samples, Seconds
+
+Complexes: TypeAlias = NDArray[np.complex128]
+
+_SILENCE = 1e-12
+"""A spectral line below this velocity in m/s is no line: a driver that hears it changes nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drivers:
+    """Both drivers at the start of an interval of constant frequency.
+
+    `frequency` in Hz, zero while silent; `phase` in rad at the start of the interval; `heard` the latest
+    velocities A in m/s, newest last, of which the last `count` are real.
+    """
+
+    frequency: Floats
+    phase: Floats
+    heard: Floats
+    count: Samples
+
+    @property
+    def sounding(self) -> Floats:
+        """1 for a driver that has a frequency, else 0."""
+        return np.sign(self.frequency)
+
+    @property
+    def tone(self) -> Floats:
+        """The frequencies in Hz, NaN for a driver that is silent."""
+        return np.where(self.frequency > 0.0, self.frequency, np.nan)
+
+    def phases(self, times: Floats) -> Floats:
+        """Return the phases (2, n) in rad at times in s since the start of the interval."""
+        return self.phase[:, None] + (2.0 * pi * self.frequency)[:, None] * times
+
+    def swing(self, steps: Samples, step: Seconds) -> Complexes:
+        """Return exp(i phase), (2, steps) complex, at every `step` s of the interval; zero while silent.
+
+        By the addition theorem from one coarse and one fine row of times, since a sine for each of a million
+        steps a second would take a tenth of the simulation's time.
+        """
+        fine = np.arange(min(steps, 128), dtype=np.float64) * step
+        coarse = np.arange(-(-steps // fine.size), dtype=np.float64) * (fine.size * step)
+        turns: Complexes = np.exp(1j * (self.phases(fine) - self.phase[:, None]))
+        swing: Complexes = np.exp(1j * self.phases(coarse))
+        whole = (swing[:, :, None] * turns[:, None, :]).reshape(2, -1)
+        return np.where(self.frequency[:, None] > 0.0, whole[:, :steps], 0.0)
+
+
+def begin(drive: Drive, rate: float) -> Drivers:
+    """Return the drivers at time zero; they listen to samples that come at `rate`."""
+    silent = drive.amplitude == 0.0 or drive.start_frequencies is None
+    frequency = np.array((0.0, 0.0) if silent else drive.start_frequencies)
+    heard = np.zeros((2, round(drive.window * rate)))
+    return Drivers(frequency=frequency, phase=np.zeros(2), heard=heard, count=0)
+
+
+def listen(drivers: Drivers, velocity: Floats) -> Drivers:
+    """Return the drivers with the newest velocities (2, n) in their ear."""
+    size = drivers.heard.shape[1]
+    heard = np.concatenate((drivers.heard, velocity), axis=1)[:, -size:]
+    return replace(drivers, heard=heard, count=min(size, drivers.count + velocity.shape[1]))
+
+
+def advance(drivers: Drivers, elapsed: Seconds) -> Drivers:
+    """Return the drivers `elapsed` seconds on, at the frequencies that they have."""
+    return replace(drivers, phase=drivers.phases(np.array([elapsed]))[:, 0] % (2.0 * pi))
+
+
+def retune(drivers: Drivers, setup: SplitString, rate: float, time: Seconds) -> Drivers:
+    """Return the drivers with what they make of what they heard, at `time` since the beginning.
+
+    Nothing changes before a whole window has been heard.
+    """
+    drive = setup.drive
+    if drive.amplitude != 0.0 and drivers.count == drivers.heard.shape[1]:
+        frequency, phase = _RULES[drive.feedback](drivers, setup, rate)
+        joins = drivers.frequency == 0.0
+        drivers = replace(drivers, frequency=frequency, phase=np.where(joins, phase, drivers.phase))
+    if drive.phase == "printed":
+        return replace(drivers, phase=2.0 * pi * drivers.frequency * time)
+    return drivers
+
+
+def lines(signals: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Return frequency and phase of the strongest spectral line of each signal.
+
+    The maximum of the spectrum under a Hann window, between bins by the ratio of the two highest, which is
+    exact for a lone sinusoid.
+
+    Parameters
+    ----------
+    signals
+        (channels, n).
+    rate
+        Samples a second.
+
+    Returns
+    -------
+    frequency
+        (channels,) in Hz, zero for silence; otherwise at least some two bins above zero.
+    phase
+        (channels,) in rad of sin(phase) at the time just after the last sample.
+
+    Examples
+    --------
+    >>> t = np.arange(2205) / 44100
+    >>> frequency, phase = lines(np.sin(2 * np.pi * 695.0 * t)[None] + 0.1, 44100)
+    >>> frequency.round(2), np.cos(phase - 2 * np.pi * 695.0 * 0.05).round(2)
+    (array([695.]), array([1.]))
+    """
+    size = signals.shape[1]
+    spectrum = np.fft.rfft(signals * _hann(size), axis=1)
+    level = np.abs(spectrum)
+    rows = np.arange(len(signals))
+    peak = 2 + np.argmax(level[:, 2:-1], axis=1)
+    centre, left, right = level[rows, peak], level[rows, peak - 1], level[rows, peak + 1]
+    silent = centre < _SILENCE * size / 4.0
+    ratio = np.maximum(left, right) / np.where(silent, 1.0, centre)
+    offset = np.where(right > left, 1.0, -1.0) * (2.0 * ratio - 1.0) / (1.0 + ratio)
+    frequency = np.where(silent, 0.0, (peak + offset) * rate / size)
+    # The window is symmetric about n/2, so there the phase is that of the bin whatever the offset.
+    middle = np.angle(spectrum[rows, peak]) + pi * (peak % 2) + pi / 2.0
+    return frequency, middle + pi * frequency * size / rate
+
+
+@cache
+def _hann(size: Samples) -> Floats:
+    return 0.5 - 0.5 * np.cos(2.0 * pi * np.arange(size) / size)
+
+
+def _follow_own(drivers: Drivers, setup: SplitString, rate: float) -> tuple[Floats, Floats]:
+    heard, phase = lines(drivers.heard, rate)
+    lead = (phase - drivers.phase + pi) % (2.0 * pi) - pi
+    closing = np.clip(setup.drive.pull * lead / (2.0 * pi * setup.drive.hop), -heard / 8.0, heard / 8.0)
+    target = heard + np.where(drivers.frequency == 0.0, 0.0, closing)
+    return np.where(heard == 0.0, drivers.frequency, target), phase
+
+
+def _follow_first(drivers: Drivers, setup: SplitString, rate: float) -> tuple[Floats, Floats]:
+    first = mixing_matrix(*setup.mixing)[:1] @ drivers.heard
+    heard, phase = lines(first, rate)
+    return np.where(heard == 0.0, drivers.frequency, heard), np.repeat(phase, 2)
+
+
+def _stay(drivers: Drivers, setup: SplitString, rate: float) -> tuple[Floats, Floats]:  # noqa: ARG001
+    return drivers.frequency, drivers.phase
+
+
+_RULES: dict[Feedback, Callable[[Drivers, SplitString, float], tuple[Floats, Floats]]] = {
+    "per-driver": _follow_own,
+    "literal": _follow_first,
+    "off": _stay,
+}

@@ -1,0 +1,106 @@
+"""A segment on a grid of nodes, ready to be stepped by the reference or the compiled kernel."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.errors import InputError
+from monochord.physics.split_string.segments import (
+    Segment,
+    drive_density,
+    gaussian_modes,
+    pluck_amplitudes,
+)
+from monochord.physics.split_string.setup import SplitString
+from monochord.physics.theory import step_limit
+from monochord.types import Floats
+
+Kernel = Callable[
+    [Floats, Floats, tuple[float, float, float], Floats, Floats, NDArray[np.int64], Floats, Floats], None
+]
+
+
+@dataclass(slots=True, kw_only=True)
+class Grid:
+    """One segment's displacements, now and one step before, which stepping changes, and its constants."""
+
+    now: Floats
+    before: Floats
+    coefficients: tuple[float, float, float]
+    loads: Floats
+    nodes: NDArray[np.int64]
+    weights: Floats
+    channels: slice
+
+    def step(self, kernel: Kernel, signals: Floats, heard: Floats) -> None:
+        """Advance by as many steps as `signals` (2, n) has; `heard` (2, n) receives y(n+1) - y(n-1) in m.
+
+        Only the channels of this segment are played and written.
+        """
+        own, ear = signals[self.channels], heard[self.channels]
+        kernel(self.now, self.before, self.coefficients, self.loads, own, self.nodes, self.weights, ear)
+        if signals.shape[1] % 2:
+            self.now, self.before = self.before, self.now
+
+
+def lay_out(setup: SplitString, segment: Segment) -> Grid:
+    """Return a segment on its grid at time zero; raises `InputError` for a step that would be unstable."""
+    refuse_unstable(setup, segment)
+    dt, count = setup.time_step, setup.nodes
+    places = np.linspace(0.0, segment.length, count)
+    loss = segment.decay_rate * dt / 2.0
+    courant = (segment.speed * dt / segment.spacing) ** 2
+    coefficients = (2.0 - 2.0 * courant, courant, loss - 1.0)
+    now, before = _aligned(count), _aligned(count)
+    now[1:-1] = _initial(setup, segment, places)[1:-1]
+    # At rest at time zero: y(-dt) by Taylor's series to second order.
+    before[1:-1] = now[1:-1] + courant / 2.0 * (now[2:] - 2.0 * now[1:-1] + now[:-2])
+    loads = _aligned(len(segment.drivers) * count).reshape(-1, count)
+    for load, place in zip(loads, segment.drivers, strict=True):
+        load[:] = drive_density(setup.drive, segment, place, places)
+    loads *= dt**2 / (segment.linear_density * (1.0 + loss))
+    heard_at = np.array(segment.pickups) / segment.spacing
+    nodes = np.minimum(heard_at.astype(np.int64), count - 2)
+    return Grid(
+        now=now,
+        before=before,
+        coefficients=(
+            coefficients[0] / (1.0 + loss),
+            coefficients[1] / (1.0 + loss),
+            coefficients[2] / (1.0 + loss),
+        ),
+        loads=loads,
+        nodes=nodes,
+        weights=heard_at - nodes,
+        channels=segment.channels,
+    )
+
+
+def refuse_unstable(setup: SplitString, segment: Segment) -> None:
+    """Refuse a time step at or above alpha dxi / v (Eq. 13), naming the limit."""
+    limit = step_limit(segment.spacing, segment.speed, setup.alpha)
+    if setup.time_step >= limit:
+        coarsest = int(1 + setup.alpha * segment.length / (segment.speed * setup.time_step))
+        raise InputError(
+            f"time step {setup.time_step:g} s",
+            f"below {limit:.4g} s = {setup.alpha:g} dxi/v on the segment of {segment.length:g} m",
+            f"take a shorter step, at most {coarsest} nodes, or the modal route",
+        )
+
+
+def _initial(setup: SplitString, segment: Segment, places: Floats) -> Floats:
+    if setup.initial == "rest":
+        return np.zeros_like(places)
+    count = gaussian_modes(setup.pluck.width, segment.length)
+    shapes = np.sin(np.outer(places, np.arange(1, count + 1)) * np.pi / segment.length)
+    return shapes @ pluck_amplitudes(setup.pluck, segment, count)
+
+
+def _aligned(count: int) -> Floats:
+    """Zeros whose element 1, where the sweep begins, starts a cache line: an eighth faster on x86."""
+    line = 64 // 8
+    store = np.zeros(count + 2 * line)
+    skip = (-(store.ctypes.data // 8) - 1) % line
+    return store[skip : skip + count]

@@ -1,0 +1,179 @@
+"""What a split-string simulation is given: string, touch, pluck, drive, microphones and grid."""
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Literal, TypeAlias
+
+from monochord.errors import InputError
+from monochord.physics.theory import TensionLaw
+from monochord.types import Contact, StringParams
+from monochord.units import Hertz, Metres, Newtons, Seconds
+
+Feedback: TypeAlias = Literal["per-driver", "literal", "off"]
+Damping: TypeAlias = Literal["continuous", "printed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pluck:
+    """The shape that a string is let go from: a triangle rounded by a Gaussian, at rest.
+
+    Parameters
+    ----------
+    height
+        Of the triangle's tip, in m.
+    place
+        Of its tip, as a fraction of the segment counted from the support.
+    width
+        Standard deviation of the rounding Gaussian, in m: the breadth of what plucks.
+    """
+
+    height: Metres = 1.0e-4
+    place: float = 0.4
+    width: Metres = 5.0e-3
+
+    def __post_init__(self) -> None:
+        _refuse_unless(isfinite(self.height), f"pluck height {self.height:g} m", "a finite height")
+        _refuse_unless(0.0 < self.place < 1.0, f"pluck place {self.place:g}", "between 0 and 1")
+        _refuse_unless(0.0 < self.width < 1.0, f"pluck width {self.width:g} m", "above 0, below 1 m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """The two drivers (EBows) and what they make of what they hear.
+
+    The paper's Eq. 11 and 12 leave three things that matter open to reading; each is an option here.
+
+    Parameters
+    ----------
+    amplitude
+        Of the driving force. With the "normalised" profile it is the whole force of one driver in N; with
+        the "printed" profile it is the force in N on the one node at the driver's centre. Zero: no drive.
+    place
+        Centre of a driver as a fraction of its segment, counted from the support.
+    width
+        Standard deviation of the Gaussian profile, in m.
+    profile
+        "normalised": the profile's integral along the string is one, so that the mesh does not matter.
+        "printed": it has unit peak and acts on every node alike (Eq. 11), so that a mesh of twice as many
+        nodes is driven twice as hard.
+    start_frequencies
+        In Hz, one a driver, from time zero. None: a driver is silent until it has heard a first whole
+        window, and then joins in with that frequency and phase, as an EBow that has no tone of its own.
+    feedback
+        "per-driver": driver k follows the dominant frequency of its own segment's A_k, since the sensing coil
+        sits at the string. "literal": both follow B_1 (Eq. 12), so that the driver of the quieter segment is
+        led away and its segment dies. "off": the start frequencies are kept.
+    window, hop
+        How long a stretch a driver listens to, and how often, in s.
+    pull
+        Share of the phase between the heard line and the driver that is closed over the next hop, 0 to 1, for
+        "per-driver". Zero is Eq. 12 alone, which any frequency satisfies: a driven line is its own maximum.
+        Closing the phase makes the resonance attract, as the velocity feedback of an EBow does.
+    phase
+        "accumulated": the phase runs on when the frequency changes. "printed": sin(2 pi f(t) t) (Eq. 11),
+        which jumps in phase by 2 pi t times every change of frequency.
+    """
+
+    amplitude: Newtons = 1.0e-3
+    place: float = 0.25
+    width: Metres = 5.0e-3
+    profile: Literal["normalised", "printed"] = "normalised"
+    start_frequencies: tuple[Hertz, Hertz] | None = None
+    feedback: Feedback = "per-driver"
+    window: Seconds = 0.05
+    hop: Seconds = 0.02
+    pull: float = 0.5
+    phase: Literal["accumulated", "printed"] = "accumulated"
+
+    def __post_init__(self) -> None:
+        _refuse_unless(isfinite(self.amplitude), f"drive amplitude {self.amplitude:g} N", "a finite force")
+        _refuse_unless(0.0 < self.place < 1.0, f"drive place {self.place:g}", "between 0 and 1")
+        _refuse_unless(0.0 < self.width < 1.0, f"drive width {self.width:g} m", "above 0, below 1 m")
+        _refuse_unless(
+            1e-3 <= self.hop <= self.window <= 10.0,
+            f"drive window {self.window:g} s, hop {self.hop:g} s",
+            "a hop of 0.001 s or more, and a window of at least one hop and at most 10 s",
+        )
+        _refuse_unless(0.0 <= self.pull <= 1.0, f"drive pull {self.pull:g}", "0 to 1")
+        for frequency in self.start_frequencies or ():
+            _refuse_unless(
+                0.0 < frequency < 2.0e4, f"start frequency {frequency:g} Hz", "above 0, below 20 kHz"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplitString:
+    """A touched string as two independent segments, after the paper's Eq. 3-13 and its appendix.
+
+    Segment k obeys mu y_tt = T(F) y_xx - d(F) y_t + f_drive with y = 0 at both ends; lengths are x and L - x.
+    The transverse velocity at one pickup a segment is A_k, and the microphones hear B = mixing A. Everything
+    that has a place in a segment is counted from that segment's own support, so that the setup is symmetric.
+
+    An untouched string (`contact` None) is one segment of length L that carries both drivers and both
+    pickups, mirrored: A_1 is its velocity near the first support and A_2 near the second.
+
+    Parameters
+    ----------
+    string
+        The string. It is taken as ideally flexible here: its stiffness is the twin's business.
+    contact
+        Where it is touched and how hard; a force of zero clamps without raising the tension.
+    tension_law
+        "linear": T0 + k_T F (Eq. 6). "geometric": the stretch of the deflected string.
+    initial
+        "plucked": each segment is let go from `pluck` at time zero. "rest": nothing moves before the drivers
+        do, which then need start frequencies.
+    mixing
+        Shares l1 and l2 of Eq. 5.
+    pickup_place
+        Of a pickup, as a fraction of its segment.
+    nodes
+        N of each segment, ends included; spacing L_k / (N - 1).
+    time_step
+        In s. The modal route has neither nodes nor step, and never refuses one.
+    alpha
+        Safety factor of the refusal dt < alpha dxi / v.
+    damping
+        "continuous": the term is d / mu times the velocity (Eq. 8), and free oscillation falls by e in
+        2 mu / d on any mesh. "printed": d / (mu dxi) (Eq. 10), which takes d for the damping of one node; with
+        the appendix's numbers no oscillation is left.
+    """
+
+    string: StringParams
+    contact: Contact | None = None
+    tension_law: TensionLaw = "linear"
+    initial: Literal["plucked", "rest"] = "plucked"
+    pluck: Pluck = field(default_factory=Pluck)
+    drive: Drive = field(default_factory=Drive)
+    mixing: tuple[float, float] = (0.85, 0.85)
+    pickup_place: float = 0.25
+    nodes: int = 256
+    time_step: Seconds = 1.0e-6
+    alpha: float = 0.95
+    damping: Damping = "continuous"
+
+    def __post_init__(self) -> None:
+        if self.contact is not None:
+            x, force, length = self.contact.position, self.contact.force, self.string.length
+            _refuse_unless(0.0 < x < length, f"position {x:g} m", f"strictly between 0 and {length:g} m")
+            _refuse_unless(0.0 <= force < 1.0e4, f"force {force:g} N", "0 N or more, below 10 kN")
+        for share in self.mixing:
+            _refuse_unless(0.0 <= share <= 1.0, f"mixing share {share:g}", "0 to 1")
+        _refuse_unless(
+            0.0 < self.pickup_place < 1.0, f"pickup place {self.pickup_place:g}", "between 0 and 1"
+        )
+        _refuse_unless(8 <= self.nodes <= 65536, f"{self.nodes} nodes", "8 to 65536")
+        _refuse_unless(1e-9 <= self.time_step <= 1e-3, f"time step {self.time_step:g} s", "1e-9 to 1e-3 s")
+        _refuse_unless(0.0 < self.alpha <= 1.0, f"alpha {self.alpha:g}", "above 0, at most 1")
+        silent = self.drive.amplitude != 0.0 and self.drive.start_frequencies is None
+        if silent and (self.initial == "rest" or self.drive.feedback == "off"):
+            raise InputError(
+                f"initial '{self.initial}' and feedback '{self.drive.feedback}' without start frequencies",
+                "drivers that have a frequency to begin with",
+                "set drive.start_frequencies, or drive.amplitude = 0",
+            )
+
+
+def _refuse_unless(allowed: bool, given: str, bounds: str) -> None:  # noqa: FBT001
+    if not allowed:
+        raise InputError(given, bounds)

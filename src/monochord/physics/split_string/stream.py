@@ -1,0 +1,163 @@
+"""The modal route as a stream: a state goes in, a block and the next state come out."""
+
+from dataclasses import dataclass, replace
+from math import pi
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.physics.split_string import feedback
+from monochord.physics.split_string.carry_over import carry_over
+from monochord.physics.split_string.feedback import Complexes, Drivers
+from monochord.physics.split_string.modes import ModalString, find_modes, plucked, response
+from monochord.physics.split_string.setup import SplitString
+from monochord.types import Contact, Floats
+from monochord.units import Samples
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ringing:
+    """A split string that rings: all that its next sample depends on. Never changed, only succeeded.
+
+    Between changes of the drive a mode's motion is a steady response and a free remainder. `q` in m and `v`
+    in m/s (modes,) are the free part now; `steady` (2, modes) the complex response to each driver; `driven`
+    (2, n) what the pickups hear of it, in m/s, for the whole interval of `n` samples, of which `since` are
+    past. `start` is the index of the next sample.
+    """
+
+    setup: SplitString
+    sample_rate: int
+    string: ModalString
+    q: Floats
+    v: Floats
+    steady: Complexes
+    driven: Floats
+    drivers: Drivers
+    since: Samples
+    start: Samples
+
+
+def begin(setup: SplitString, sample_rate: int = 44100) -> Ringing:
+    """Return the string at time zero, plucked or at rest as the setup says.
+
+    Parameters
+    ----------
+    setup
+        What to simulate; its nodes and time step play no part, save that the "printed" options depend on the
+        node spacing.
+    sample_rate
+        Frames a second, 8 kHz to 384 kHz.
+
+    Returns
+    -------
+    Ringing
+        The state to hand to `advance`.
+
+    Raises
+    ------
+    InputError
+        If the sample rate is out of range.
+    """
+    if not 8000 <= sample_rate <= 384000:
+        raise InputError(f"sample rate {sample_rate} Hz", "8000 to 384000 Hz")
+    string = find_modes(setup, sample_rate)
+    q = plucked(setup, string)
+    drivers = feedback.begin(setup.drive, sample_rate)
+    return _drive(setup, sample_rate, string, q, np.zeros_like(q), drivers, 0)
+
+
+def advance(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
+    """Return the next `samples` velocities A, (2, samples) in m/s, and the state after them.
+
+    The samples are the same, bit for bit, however they are cut into blocks.
+    """
+    parts = [np.zeros((2, 0))]
+    while samples > 0:
+        part = min(samples, ringing.driven.shape[1] - ringing.since)
+        velocity, ringing = _sound(ringing, part)
+        parts.append(velocity)
+        samples -= part
+        if ringing.since == ringing.driven.shape[1]:
+            ringing = _listen_and_drive(ringing)
+    return np.concatenate(parts, axis=1), ringing
+
+
+def touch(ringing: Ringing, contact: Contact | None) -> Ringing:
+    """Return the same string under another touch, or under none, from its next sample on.
+
+    Shape and velocity are projected onto the modes of the new segments, see `carry_over`. The drivers go on
+    with the tone that they have until, at the next whole hop of the sample clock, they hear another.
+    """
+    setup = replace(ringing.setup, contact=contact)
+    string = find_modes(setup, ringing.sample_rate)
+    drivers = feedback.advance(ringing.drivers, ringing.since / ringing.sample_rate)
+    q, v = carry_over(ringing.string, *_motion(ringing, drivers), string)
+    return _drive(setup, ringing.sample_rate, string, q, v, drivers, ringing.start)
+
+
+def _drive(
+    setup: SplitString,
+    sample_rate: int,
+    string: ModalString,
+    q: Floats,
+    v: Floats,
+    drivers: Drivers,
+    start: Samples,
+) -> Ringing:
+    """Begin an interval of constant drive: part the motion into steady response and free remainder."""
+    hop = max(1, round(setup.drive.hop * sample_rate))
+    steady = response(string.audible, drivers.frequency)
+    swing = 2j * pi * drivers.frequency * drivers.sounding
+    heard = string.audible.shape @ steady.T + string.quick.shape @ response(string.quick, drivers.frequency).T
+    driven = (heard * swing)[:, :, None] * drivers.swing(hop - start % hop, 1.0 / sample_rate)
+    q_steady, v_steady = _steady_motion(steady, drivers)
+    return Ringing(
+        setup=setup,
+        sample_rate=sample_rate,
+        string=string,
+        q=q - q_steady,
+        v=v - v_steady,
+        steady=steady,
+        driven=driven.imag.sum(axis=1),
+        drivers=drivers,
+        since=0,
+        start=start,
+    )
+
+
+def _steady_motion(steady: Complexes, drivers: Drivers) -> tuple[Floats, Floats]:
+    """Displacement and velocity of the steady response at the drivers' phase."""
+    turned = np.exp(1j * drivers.phase) @ np.stack((steady, (2j * pi * drivers.frequency)[:, None] * steady))
+    return turned[0].imag, turned[1].imag
+
+
+def _motion(ringing: Ringing, drivers: Drivers) -> tuple[Floats, Floats]:
+    """Displacement and velocity now, free and steady together; `drivers` are those of now."""
+    q_steady, v_steady = _steady_motion(ringing.steady, drivers)
+    return ringing.q + q_steady, ringing.v + v_steady
+
+
+def _sound(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
+    """Sound on within an interval of constant drive."""
+    from monochord.physics.split_string.ringing import ring  # noqa: PLC0415  (numba loads on use)
+
+    q, v = ringing.q.copy(), ringing.v.copy()
+    velocity = ringing.driven[:, ringing.since : ringing.since + samples].copy()
+    ring(ringing.string.carry, ringing.string.audible.shape, q, v, velocity)
+    after = replace(
+        ringing,
+        q=q,
+        v=v,
+        drivers=feedback.listen(ringing.drivers, velocity),
+        since=ringing.since + samples,
+        start=ringing.start + samples,
+    )
+    return velocity, after
+
+
+def _listen_and_drive(ringing: Ringing) -> Ringing:
+    drivers = feedback.advance(ringing.drivers, ringing.since / ringing.sample_rate)
+    q, v = _motion(ringing, drivers)
+    time = ringing.start / ringing.sample_rate
+    drivers = feedback.retune(drivers, ringing.setup, ringing.sample_rate, time)
+    return _drive(ringing.setup, ringing.sample_rate, ringing.string, q, v, drivers, ringing.start)
