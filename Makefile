@@ -24,14 +24,15 @@ system: # Debian packages that pip cannot bring; looks first, so it costs nothin
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
 	  "Python %d.%d: allowed is 3.11 or newer; name another one: make PYTHON=python3.12" % v[:2])'
-	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
+	@echo "making $(VENV)"; $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 $(INSTALLED): pyproject.toml | system $(BIN)/python
-	$(PIP) install --editable '.[dev]'
+	@echo "installing Monochord and its tools into $(VENV)"
+	@$(PIP) install --editable '.[dev]'
 	@touch $@
 
 $(DOCS_INSTALLED): pyproject.toml | $(INSTALLED)
-	$(PIP) install --editable '.[docs]'
+	@$(PIP) install --editable '.[docs]'
 	@touch $@
 
 install: system $(INSTALLED) ## Set everything up: Debian packages, .venv, Monochord itself
