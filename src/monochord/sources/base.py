@@ -25,6 +25,9 @@ class Stream(ABC):
     def __iter__(self) -> Iterator[Block]:
         """Yield blocks; waits where the device is slower than the reader."""
 
+    def close(self) -> None:  # noqa: B027
+        """End the iteration, from whatever thread; a stream that never waits may leave this out."""
+
     @property
     def pending(self) -> Samples:
         """Frames captured and not yet yielded: how far the reader is behind. Zero for a file."""

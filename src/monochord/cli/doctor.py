@@ -1,0 +1,25 @@
+"""The verb `doctor`: what this machine has for live audio, and what to do about what it has not."""
+
+import dataclasses
+import json
+
+import click
+
+from monochord.realtime.machine import MISSING, checks
+
+MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def doctor(*, as_json: bool) -> int:
+    """Check what live audio needs; fails only if something is missing that nothing works without."""
+    found = list(checks())
+    if as_json:
+        click.echo(json.dumps({"checks": [dataclasses.asdict(check) for check in found]}))
+    else:
+        for check in found:
+            click.echo(f"{MARKS[check.state]}  {check.name:<18}  {check.found}")
+            if check.remedy:
+                click.echo(f"{'':<9}{'':<20}-> {check.remedy}")
+    return int(any(check.required and check.state == MISSING for check in found))
