@@ -1,0 +1,20 @@
+"""Run a verb in a thread while the main thread is kept busy by pure Python: the arguments are the verb's."""
+
+import sys
+import threading
+
+from monochord.cli import run
+
+
+def main() -> int:
+    status: list[int] = []
+    loop = threading.Thread(target=lambda: status.append(run(sys.argv[1:])))
+    loop.start()
+    count = 0
+    while loop.is_alive():
+        count += sum(k * k for k in range(20_000))
+    return status[0]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,66 @@
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from monochord.errors import InputError
+from monochord.estimators.base import Estimator, Prepared
+from monochord.live import Session, WindowSettings
+from monochord.live.calibration import median_frequency
+from monochord.sources.base import Source, Stream
+from monochord.types import Block, Estimate, Signal, Window
+
+
+class Levels(Source, Stream):
+    """A source whose windows of 10 frames hold one level each."""
+
+    def __init__(self, *levels: float) -> None:
+        self.levels = levels
+
+    @contextmanager
+    def open(self) -> Generator[Stream]:
+        yield self
+
+    @property
+    def signal(self) -> Signal:
+        return Signal(sample_rate=1000, channels=1)
+
+    def __iter__(self) -> Iterator[Block]:
+        for k, level in enumerate(self.levels):
+            yield Block(samples=np.full((1, 10), level, np.float32), start=10 * k)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level(Estimator):
+    """The level as a frequency; negative levels are silence."""
+
+    def prepare(self, signal: Signal, size: int) -> Prepared:
+        def estimate(window: Window) -> dict[str, Estimate]:
+            level = float(window.samples[0, 0])
+            if level < 0.0:
+                return {"frequency": Estimate.abstain("Hz", "silence")}
+            return {"frequency": Estimate(value=level, std=1.0, unit="Hz")}
+
+        return estimate
+
+
+def take(*levels: float) -> Session:
+    window = WindowSettings(length=0.01, hop=0.01)
+    return Session(source=Levels(*levels), estimator=Level(), window=window)
+
+
+def test_the_median_over_the_windows_that_have_a_frequency() -> None:
+    assert median_frequency(take(-1, 110, 112, 900, 111, -1, -1, -1)) == 111.5
+    assert median_frequency(take(-1, 110, 112, 900)) == 112.0
+
+
+def test_a_take_without_a_note_is_refused_with_the_reason() -> None:
+    with pytest.raises(InputError, match="no window of it has a frequency .silence."):
+        median_frequency(take(-1, -1))
+
+
+def test_a_take_shorter_than_a_window_is_refused() -> None:
+    with pytest.raises(InputError, match="shorter than a window"):
+        median_frequency(take())
