@@ -1,0 +1,125 @@
+"""Spectra of short windows: power, noise floor, and the peaks that stand out of it."""
+
+import numba
+import numpy as np
+
+from monochord.types import Floats
+from monochord.units import Hertz, Seconds
+
+HANN_LOBE = 2.0
+"""Half width of a Hann window's main lobe, in bins of the unpadded transform."""
+
+
+def power_spectrum(samples: Floats, taper: Floats, size: int) -> Floats:
+    """Return the power spectrum of a window, averaged over channels that were each scaled to unit power.
+
+    Scaling first lets a quiet channel count as much as a loud one, so that two transducers of different gain
+    can be heard together.
+
+    Parameters
+    ----------
+    samples
+        Audio (channels, n).
+    taper
+        Window function (n,).
+    size
+        Length of the zero-padded transform, at least n.
+
+    Returns
+    -------
+    Power (size // 2 + 1,), dimensionless; zero everywhere if every channel is silent.
+
+    Examples
+    --------
+    >>> tone = np.sin(2 * np.pi * 1000 * np.arange(4410) / 44100)[np.newaxis]
+    >>> power = power_spectrum(tone, np.hanning(4410), 44100)
+    >>> int(power.argmax())
+    1000
+    """
+    centred = samples - samples.mean(axis=1, keepdims=True)
+    rms = np.sqrt(np.mean(centred**2, axis=1, keepdims=True))
+    spectra = np.fft.rfft(centred / np.where(rms > 0.0, rms, 1.0) * taper, size, axis=1)
+    return np.mean(spectra.real**2 + spectra.imag**2, axis=0)
+
+
+def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:
+    """Return a smooth estimate of the mean noise power at every bin, blind to peaks.
+
+    In each block of bins the `share` quantile is taken, which partials do not reach as long as they fill less
+    than the rest, and scaled to the mean that exponentially distributed noise power with that quantile has.
+    Between block centres the logarithm is interpolated linearly.
+
+    Parameters
+    ----------
+    power
+        Power spectrum (bins,).
+    block
+        Bins a block; must be a few times the distance of the partials.
+    share
+        Quantile, 0 to 1.
+
+    Returns
+    -------
+    Floor (bins,), never below 1e-7 of the largest power, which is where a Hann window leaks to.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).exponential(2.0, 20000)
+    >>> bool(1.8 < noise_floor(noise, 500).mean() < 2.2)
+    True
+    """
+    blocks = max(power.size // block, 1)
+    block = min(block, power.size)
+    low = np.quantile(power[: blocks * block].reshape(blocks, block), share, axis=1)
+    mean = low / -np.log1p(-share) + 1e-30
+    centres = (np.arange(blocks) + 0.5) * block
+    smooth = np.exp(np.interp(np.arange(power.size), centres, np.log(mean)))
+    return np.maximum(smooth, 1e-7 * power.max())
+
+
+@numba.njit(cache=True, error_model="numpy")
+def find_peaks(
+    power: Floats, salience: Floats, spacing: Hertz, duration: Seconds, least: float
+) -> tuple[Floats, Floats, Floats]:
+    """Return frequency, power and salience of the spectral peaks that are not a stronger peak's side lobe.
+
+    A peak is a local maximum of `power` whose salience is at least `least`; its place is that of the parabola
+    through the logarithms of three bins (Smith & Serra 1987). A peak below the side-lobe envelope that a Hann
+    window gives a stronger neighbour is left out; the envelope falls as the cube of the distance.
+
+    Parameters
+    ----------
+    power, salience
+        Spectrum and its logarithmic height over the noise floor, (bins,).
+    spacing
+        Distance of two bins in Hz.
+    duration
+        Length of the window in seconds.
+    least
+        Least salience.
+
+    Returns
+    -------
+    Frequencies in Hz, ascending, powers and saliences, each (peaks,).
+    """
+    frequency, height, stands = [0.0], [0.0], [0.0]
+    for k in range(2, power.size - 1):
+        if power[k] > power[k - 1] and power[k] >= power[k + 1] and salience[k] >= least:
+            y0, y1, y2 = np.log(power[k - 1]), np.log(power[k]), np.log(power[k + 1])
+            bend = y0 - 2.0 * y1 + y2
+            shift = 0.5 * (y0 - y2) / bend if bend < 0.0 else 0.0
+            frequency.append((k + shift) * spacing)
+            height.append(np.exp(y1 - 0.25 * (y0 - y2) * shift))
+            stands.append(salience[k])
+    f, p, s = np.array(frequency[1:]), np.array(height[1:]), np.array(stands[1:])
+    keep = np.ones(f.size, np.bool_)
+    reach = 40.0 / duration
+    for i in range(f.size):
+        for step in (-1, 1):
+            j = i + step
+            while keep[i] and 0 <= j < f.size and abs(f[j] - f[i]) < reach:
+                bins = abs(f[j] - f[i]) * duration
+                if p[j] > p[i] and bins > 1.5 and p[i] < p[j] * (1.05 / bins**3) ** 2:
+                    keep[i] = False
+                j += step
+    return f[keep], p[keep], s[keep]

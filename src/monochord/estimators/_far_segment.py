@@ -1,0 +1,142 @@
+"""Position from the far segment alone: one fretted or pressed string, one note, its open note known."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from monochord.dsp.pitch import PitchFinder, Series
+from monochord.errors import InputError
+from monochord.estimators._usable import why_unusable
+from monochord.physics.theory import position_from_far_segment
+from monochord.types import Estimate, Floats, Window
+from monochord.units import Hertz, Metres
+
+Estimates = dict[str, Estimate]
+
+AT_NUT = 1.0e-3
+"""Calibration takes this close to the nut, in metres, are the open note itself."""
+SETUP_STD = 0.004
+"""How far real instruments depart from the clamp, one standard deviation of both numbers below."""
+TAKE_STD = 0.0008
+"""How well a calibration take's position is known, as a share of the length: 0.5 mm on 650 mm."""
+DISTINCT = 0.006
+"""Candidates nearer than this share of the length tell the same position."""
+FLAT = 40.0
+"""How far below the open note, in cents, a note may lie: tunings drift."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """What one open note cannot know of an instrument, and how well calibration takes have told it.
+
+    Pressing raises the tension, so that the wave speed grows by a share e; and the string ends a share d of
+    its length behind the bridge's nominal place (a maker moves the saddle back to make up for e). Then
+    f = f_open (1 + e)(1 + d) / (1 + d - x/L), and with q = f_open / f, x/L = 1 - q + d - q a, where
+    a = (1 + e)(1 + d) - 1. Before any take e and d are independent, of mean zero and of standard deviation
+    `SETUP_STD`; takes with known x narrow (a, d) by linear regression, one or many alike.
+    """
+
+    shift: Floats = field(default_factory=lambda: np.zeros(2))
+    covariance: Floats = field(default_factory=lambda: SETUP_STD**2 * np.array([[2.0, 1.0], [1.0, 1.0]]))
+
+    def learn(self, ratio: float, position: float) -> "Setup":
+        """Return the setup after a take with q = `ratio` at x/L = `position`."""
+        slope = np.array([-ratio, 1.0])
+        spread = self.covariance @ slope
+        gain = spread / (slope @ spread + TAKE_STD**2)
+        miss = position - (1.0 - ratio) - slope @ self.shift
+        return Setup(shift=self.shift + gain * miss, covariance=self.covariance - np.outer(gain, spread))
+
+    def correct(self, ratio: float) -> tuple[float, float]:
+        """Return what to add to 1 - q for x/L, and its standard deviation."""
+        slope = np.array([-ratio, 1.0])
+        return float(slope @ self.shift), float(np.sqrt(slope @ self.covariance @ slope))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FarSegment:
+    """Options of the far-segment form; see `monochord.estimators.closed_form.ClosedForm`."""
+
+    length: Metres
+    open_frequency: Hertz
+    calibration: tuple[tuple[float, ...], ...]
+    reach: float
+    margin: float
+    evidence: float
+
+    def prepare(self, sample_rate: int, size: int) -> Callable[[Window], Estimates]:
+        """Return the function from a window to frequency, position and inharmonicity."""
+        open_frequency, stiffness = self._open_note()
+        setup = Setup()
+        for frequency, position, *_ in self.calibration:
+            if position >= AT_NUT:
+                setup = setup.learn(open_frequency / frequency, position / self.length)
+        finder = PitchFinder(
+            sample_rate=sample_rate,
+            size=size,
+            lowest=open_frequency * 2.0 ** (-FLAT / 1200.0),
+            highest=min(open_frequency / (1.0 - self.reach), 0.2 * sample_rate),
+            stiffness_prior=stiffness,
+        )
+
+        def estimate(window: Window) -> Estimates:
+            why_not = why_unusable(window)
+            candidates = [] if why_not else finder.find(window.samples.astype(np.float64))
+            why_not = why_not or self._why_undecided(candidates, open_frequency)
+            if why_not:
+                return abstain(why_not)
+            return self._locate(candidates[0], open_frequency, setup)
+
+        return estimate
+
+    def _open_note(self) -> tuple[Hertz, tuple[float, float]]:
+        """Return the open frequency, and mean and standard deviation of B on the open string."""
+        at_nut = [take for take in self.calibration if take[1] < AT_NUT]
+        frequency = float(np.mean([take[0] for take in at_nut])) if at_nut else self.open_frequency
+        told = [take[2] * (frequency / take[0]) ** 2 for take in self.calibration if len(take) > 2]
+        mean = max(float(np.median(told)), 1.0e-5) if told else 1.0e-4
+        return frequency, (mean, 0.2 * mean if told else 2.0e-4)
+
+    def _why_undecided(self, candidates: list[Series], open_frequency: Hertz) -> str:
+        if not candidates or candidates[0].evidence < self.evidence:
+            return "no harmonic structure"
+        best = candidates[0]
+        for other in candidates[1:]:
+            apart = abs(open_frequency / other.frequency - open_frequency / best.frequency)
+            if apart > DISTINCT and best.evidence - other.evidence < self.margin:
+                return f"two candidates, {best.frequency:.1f} and {other.frequency:.1f} Hz"
+        return ""
+
+    def _locate(self, series: Series, open_frequency: Hertz, setup: Setup) -> Estimates:
+        ratio = open_frequency / series.frequency
+        correction, correction_std = setup.correct(ratio)
+        position = position_from_far_segment(series.frequency, open_frequency, self.length)
+        position = min(max(position + self.length * correction, 0.0), self.length)
+        noise = ratio * series.frequency_std / series.frequency
+        return {
+            "frequency": Estimate(value=series.frequency, std=series.frequency_std, unit="Hz"),
+            "position": Estimate(
+                value=position, std=self.length * float(np.hypot(noise, correction_std)), unit="m"
+            ),
+            "inharmonicity": Estimate(value=series.stiffness, std=float("nan"), unit=""),
+        }
+
+
+def abstain(why_not: str) -> Estimates:
+    """Return the far-segment form's estimates for a window that tells nothing."""
+    units = {"frequency": "Hz", "position": "m", "inharmonicity": ""}
+    return {name: Estimate.abstain(unit, why_not) for name, unit in units.items()}
+
+
+def refuse_bad_options(form: FarSegment) -> None:
+    """Raise `InputError` for options that no string has."""
+    if not (form.length > 0.0 and np.isfinite(form.length)):
+        raise InputError(f"string length {form.length:g} m", "above 0 m", "give --length in metres")
+    if not 10.0 <= form.open_frequency <= 5000.0:
+        given = f"open frequency {form.open_frequency:g} Hz"
+        raise InputError(given, "10 to 5000 Hz", "give the untouched string's pitch")
+    for take in form.calibration:
+        if not (2 <= len(take) <= 3 and take[0] > 0.0 and 0.0 <= take[1] < form.length):
+            given = f"calibration {list(take)}"
+            raise InputError(given, f"[frequency in Hz, position from 0 to {form.length:g} m]")

@@ -1,0 +1,90 @@
+"""The closed-form estimator: position and force by physics, from the pitch of what sounds."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from monochord.errors import InputError
+from monochord.estimators._far_segment import FarSegment, refuse_bad_options
+from monochord.estimators._two_segments import TwoSegments
+from monochord.estimators.base import Estimator, Prepared
+from monochord.physics.theory import TensionLaw, wave_speed
+from monochord.types import Signal
+from monochord.units import Hertz, Metres, Newtons, Samples
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClosedForm(Estimator):
+    """Position from pitch alone, with nothing learned: the exact inverse of the clamped string.
+
+    The far form hears one segment, as on a fretted instrument: x = L (1 - f_open / f). The two-sided form
+    hears both, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 + f2) gives tension, hence force.
+    Windows are judged one by one; a window that is silent, clipped, torn by a gap, without harmonic structure
+    or with two candidates gives an abstention that says so.
+
+    Parameters
+    ----------
+    length
+        Of the string between nut and bridge, in m. Left out, it is the signal's known string's.
+    open_frequency
+        Of the untouched string, in Hz, as heard. Left out, it follows from the signal's known string.
+    calibration
+        Takes of known position for the far form: (frequency in Hz, position in m from the nut), or with the
+        take's inharmonicity B as a third number. A position of 0 is the open note itself.
+    sides
+        "far", "both", or "auto": both where the signal has two channels of a known string and no open
+        frequency is given, else far.
+    reach
+        Largest position of the far form as a share of the length.
+    margin
+        Least lead of the best candidate over any other, in nats of evidence.
+    evidence
+        Least evidence for a harmonic series over clutter, in nats. White noise stays below 25.
+    tension_law, most_force
+        For the two-sided form: how force raises tension, and the largest force in N that is expected.
+    """
+
+    length: Metres | None = None
+    open_frequency: Hertz | None = None
+    calibration: tuple[tuple[float, ...], ...] = ()
+    sides: Literal["auto", "far", "both"] = "auto"
+    reach: float = 0.8
+    margin: float = 6.0
+    evidence: float = 27.0
+    tension_law: TensionLaw = "linear"
+    most_force: Newtons = 2.5
+
+    def prepare(self, signal: Signal, size: Samples) -> Prepared:  # noqa: D102
+        both = signal.channels == 2 and signal.string is not None and self.open_frequency is None
+        if self.sides == "both" or (self.sides == "auto" and both):
+            return self._two_segments(signal).prepare(signal.sample_rate, size)
+        return self._far_segment(signal).prepare(signal.sample_rate, size)
+
+    def _two_segments(self, signal: Signal) -> TwoSegments:
+        if signal.string is None or signal.channels != 2:
+            known = "an unknown" if signal.string is None else "a known"
+            given = f"two-sided form on {signal.channels} channel(s) of {known} string"
+            raise InputError(given, "two channels of a known string", "name it with --string")
+        if not self.most_force > 0.0:
+            raise InputError(f"most_force {self.most_force:g} N", "above 0 N")
+        return TwoSegments(string=signal.string, law=self.tension_law, most_force=self.most_force)
+
+    def _far_segment(self, signal: Signal) -> FarSegment:
+        string = signal.string
+        length = self.length if self.length is not None or string is None else string.length
+        known = signal.open_frequency if string is None else wave_speed(string) / (2.0 * string.length)
+        open_frequency = self.open_frequency if self.open_frequency is not None else known
+        if length is None or open_frequency is None:
+            missing = "length" if length is None else "open frequency"
+            raise InputError(
+                f"a string of unknown {missing}", "a known string", "give --length and --open-frequency"
+            )
+        form = FarSegment(
+            length=length,
+            open_frequency=open_frequency,
+            calibration=self.calibration,
+            reach=self.reach,
+            margin=self.margin,
+            evidence=self.evidence,
+        )
+        refuse_bad_options(form)
+        return form
