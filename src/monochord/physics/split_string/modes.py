@@ -109,7 +109,7 @@ def free_motion(frequency: Floats, decay: Floats, time: float) -> Floats:
     other: Complexes = np.exp((-1j * turn - half) * time)
     critical = np.abs(turn) * time < 1e-6
     sine = (one - other) / np.where(critical, 1.0, 2j * turn)
-    sine = np.where(critical, time * np.exp(-half * time), sine).real
+    sine = np.where(critical, time * np.exp(-half * time), sine.real)
     cosine = (one.real + other.real) / 2.0
     return np.array([cosine + half * sine, sine, -(frequency**2) * sine, cosine - half * sine])
 

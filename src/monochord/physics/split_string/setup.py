@@ -135,8 +135,8 @@ class SplitString:
         Safety factor of the refusal dt < alpha dxi / v.
     damping
         "continuous": the term is d / mu times the velocity (Eq. 8), and free oscillation falls by e in
-        2 mu / d on any mesh. "printed": d / (mu dxi) (Eq. 10), which takes d for the damping of one node; with
-        the appendix's numbers no oscillation is left.
+        2 mu / d on any mesh. "printed": d / (mu dxi) (Eq. 10), which takes d for the damping of one node; the
+        appendix's numbers then leave no oscillation.
     """
 
     string: StringParams
