@@ -49,9 +49,9 @@ def _touched(canvas: Canvas, place: float, force: Newtons | None, levels: Sequen
 
 
 def _segment(canvas: Canvas, left: int, right: int, rest: Floats, level: float) -> None:
-    """Draw one segment: its outermost swings blurred, itself over them."""
+    """Draw one segment between its outermost swings."""
     shape = SWING * level * np.sin(np.pi * np.arange(right - left) / max(right - left - 1, 1))
-    for part in (-1.0, -0.5, 0.5, 1.0) if shape.max(initial=0.0) >= 1.0 else ():
+    for part in (-1.0, 1.0) if shape.max(initial=0.0) >= 1.0 else ():
         canvas.curve(rest + part * shape, BLUR, left)
     canvas.curve(rest, STRING, left)
 

@@ -91,7 +91,7 @@ def _ordered(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, Estim
 
 def _estimates(moment: Moment) -> Iterator[Text]:
     for name, estimate in _ordered(moment.prediction.estimates.items()):
-        line = Text(f"  {name.replace('_', ' '):<13}", LABEL)
+        line = Text.assemble((f"  {name.replace('_', ' '):<13}", LABEL))
         if estimate.valid:
             style = _string.TOUCH if name == "position" else "bold"
             line.append(f"{quantity(estimate.value, estimate.unit):>10}", style)
@@ -134,7 +134,7 @@ def _latency(latency: Percentiles) -> Text:
 
 def _health(moment: Moment) -> Text:
     health = moment.health
-    line = Text("  stream   ", LABEL)
+    line = Text.assemble(("  stream   ", LABEL))
     counts: Sequence[tuple[str, int]] = (
         ("gaps", health.gaps),
         ("dropped", health.dropped),
