@@ -1,19 +1,19 @@
 """Where a recorded string was touched, window by window."""
 
 import dataclasses
-import statistics
+from array import array
 from collections import Counter
-from collections.abc import Generator, Iterable
+from collections.abc import Generator
 from contextlib import contextmanager
-from typing import Any
 
 import click
+import numpy as np
 
 from monochord.cli._options import calibrated, put, recording, refuse_short, string_options, window_options
 from monochord.config import Tree
 from monochord.live import Settings, run
 from monochord.sinks.base import Moment, Sink, Writer
-from monochord.types import Prediction, Signal
+from monochord.types import Signal
 
 
 @click.command()
@@ -49,37 +49,35 @@ def locate(
 
 
 class _Table(Sink, Writer):
-    """Collects every prediction and says what they have in common."""
+    """Keeps what a summary needs, 24 bytes a window, and says what the windows have in common."""
 
     def __init__(self) -> None:
-        self._seen: list[Prediction] = []
+        self._positions, self._stds, self._frequencies = array("d"), array("d"), array("d")
+        self._reasons: Counter[str] = Counter()
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
         yield self
 
     def write(self, moment: Moment) -> None:
-        self._seen.append(moment.prediction)
+        position, frequency = (moment.prediction.estimates[name] for name in ("position", "frequency"))
+        if not position.valid:
+            self._reasons[position.why_not] += 1
+            return
+        self._positions.append(position.value)
+        self._stds.append(position.std)
+        self._frequencies.append(frequency.value)
 
     def lines(self) -> list[str]:
-        positions = [p.estimates["position"] for p in self._seen]
-        valid = sorted(e.value for e in positions if e.valid)
-        share = f"{len(valid)} of {len(positions)} ({100 * len(valid) / len(positions):.1f} %)"
-        reasons = Counter(e.why_not for e in positions if not e.valid)
-        lines = [f"  windows with a position  {share}"]
+        valid, total = len(self._positions), len(self._positions) + self._reasons.total()
+        lines = [f"  windows with a position  {valid} of {total} ({100 * valid / total:.1f} %)"]
         if valid:
-            middle = statistics.median(valid)
-            low, high = valid[len(valid) // 10], valid[-1 - len(valid) // 10]
-            std = statistics.median(e.std for e in positions if e.valid)
+            low, high = np.quantile(self._positions, [0.1, 0.9])
             lines += [
-                f"  position                 {1e3 * middle:.2f} mm from the nut (median)",
-                f"  standard error           {1e3 * std:.2f} mm (median)",
+                f"  position                 {1e3 * np.median(self._positions):.2f} mm from the nut (median)",
+                f"  standard error           {1e3 * np.median(self._stds):.2f} mm (median)",
                 f"  middle four fifths       {1e3 * low:.2f} to {1e3 * high:.2f} mm",
-                f"  frequency                {_median_frequency(self._seen):.3f} Hz (median)",
+                f"  frequency                {np.median(self._frequencies):.3f} Hz (median)",
             ]
-        return lines + [f"  no position              {n} windows: {why}" for why, n in reasons.most_common()]
-
-
-def _median_frequency(predictions: Iterable[Prediction]) -> float:
-    seen: list[Any] = [p.estimates["frequency"] for p in predictions]
-    return statistics.median(e.value for e in seen if e.valid)
+        reasons = self._reasons.most_common()
+        return lines + [f"  no position              {count} windows: {why}" for why, count in reasons]
