@@ -14,7 +14,7 @@ import soundfile
 from monochord.errors import InputError
 from monochord.sources._audio_file import open_audio
 from monochord.sources.base import Source, Stream
-from monochord.types import Block, Signal
+from monochord.types import Block, Signal, StreamHealth
 from monochord.units import Samples, Seconds
 
 
@@ -81,6 +81,10 @@ class _FileStream(Stream):
             return 0
         due = (time.monotonic() - self._began) * self._signal.sample_rate * self._options.speed - self._start
         return max(int(due // self._options.block) * self._options.block, 0)
+
+    @property
+    def health(self) -> StreamHealth:
+        return StreamHealth(frames=self._start)
 
     def __iter__(self) -> Iterator[Block]:
         if self._began is None:

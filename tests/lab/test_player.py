@@ -1,0 +1,71 @@
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.errors import DeviceError, InputError
+from monochord.lab.player import Player
+from monochord.sources.jack import Jack
+
+pytestmark = pytest.mark.jack
+RATE = 44100
+
+
+@pytest.fixture
+def noise() -> np.ndarray:
+    return np.random.default_rng(0).standard_normal((2, 30_001), np.float32)
+
+
+def test_it_plays_once_a_listener_is_there_and_then_silence(jack_server: Any, noise: np.ndarray) -> None:
+    with Player(noise, RATE, server=jack_server.name) as player:
+        assert player.ports == ["player:out_1", "player:out_2"]
+        assert not player.wait(0.1)
+        assert player.position == 0
+        with Jack(ports="player:", server=jack_server.name).open() as stream:
+            heard: list[np.ndarray] = []
+            for block in stream:
+                heard.append(block.samples)
+                if block.start >= 32_000:
+                    break
+        assert player.wait(5.0)
+        assert player.ended
+    got = np.concatenate(heard, axis=1)
+    assert np.array_equal(got[:, : noise.shape[1]], noise)
+    assert not got[:, noise.shape[1] :].any()
+
+
+def test_it_connects_to_inputs_that_it_is_given(jack_server: Any, noise: np.ndarray) -> None:
+    with Jack(ports="none", client_name="ear", server=jack_server.name).open() as stream:
+        with Player(noise, RATE, server=jack_server.name, connect=("ear:in_1", "ear:in_2")) as player:
+            assert player.wait(10.0)
+        first = next(iter(stream))
+    assert first.start == 0
+    assert np.array_equal(first.samples, noise[:, :512])
+
+
+def test_it_notes_that_the_server_went(jack_server: Any, noise: np.ndarray) -> None:
+    with Player(noise, RATE, server=jack_server.name) as player:
+        jack_server.kill()
+        assert not player.wait(10.0)
+        assert player.gone
+        assert not player.ended
+
+
+@pytest.mark.parametrize(
+    ("shape", "rate", "line"),
+    [
+        ((2, 0), RATE, r"samples of shape \(2, 0\): allowed is \(channels, n\)"),
+        ((10,), RATE, "allowed is"),
+        ((2, 9), 48000, "samples at 48000 Hz: allowed is the JACK server's 44100 Hz; resample"),
+    ],
+)
+def test_what_cannot_be_played_is_refused(
+    jack_server: Any, shape: tuple[int, ...], rate: int, line: str
+) -> None:
+    with pytest.raises(InputError, match=line):
+        Player(np.zeros(shape, np.float32), rate, server=jack_server.name)
+
+
+def test_an_input_that_is_not_there_is_refused(jack_server: Any, noise: np.ndarray) -> None:
+    with pytest.raises(DeviceError, match="JACK port ear:in_1: no such input"):
+        Player(noise, RATE, server=jack_server.name, connect=("ear:in_1",))
