@@ -1,0 +1,115 @@
+"""What a string of known build sounds like when it is touched."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from monochord.errors import InputError, did_you_mean
+from monochord.physics.models import MODELS, Case, Sound
+from monochord.physics.strings import StringPreset, load_string
+from monochord.types import Contact
+
+SUBTYPES = {".wav": "FLOAT", ".flac": "PCM_24"}
+
+
+@click.command()
+@click.argument("preset")
+@click.option("--model", default="split_string", show_default=True, help="How to simulate it.")
+@click.option("--at", type=float, metavar="M", help="Position of the touch from pickup 1 [the preset's].")
+@click.option("--force", type=float, metavar="N", help="Normal force of the touch [the preset's].")
+@click.option("--untouched", is_flag=True, help="Leave the string alone.")
+@click.option("--seconds", type=float, default=0.4, show_default=True, metavar="S", help="How long.")
+@click.option("--route", help="Way through the model, where it has several: fdtd, modal, reference.")
+@click.option("--out", type=click.Path(path_type=Path), help="Sound to write: .wav or .flac.")
+@click.option(
+    "--set", "assignments", multiple=True, metavar="A.B=C", help="Set a value of the model's setup."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def simulate(
+    preset: str,
+    *,
+    model: str,
+    at: float | None,
+    force: float | None,
+    untouched: bool,
+    seconds: float,
+    route: str | None,
+    out: Path | None,
+    assignments: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Simulate the string PRESET and print its peaks beside what the closed forms expect.
+
+    \b
+    monochord simulate appendix --at 0.2275 --out touch.wav --json
+    """  # noqa: D301
+    if out is not None:
+        _refuse_unwritable(out)
+    string = load_string(preset)
+    contact = _contact(string, at, force, untouched=untouched)
+    case = Case(string=string.string, contact=contact, seconds=seconds, assignments=assignments)
+    sound = MODELS.build(model, {} if route is None else {"route": route}).run(case)
+    result: dict[str, Any] = {
+        "preset": preset,
+        "model": model,
+        "position": contact.position if contact else None,
+        "force": contact.force if contact else None,
+        **sound.summary,
+        "seconds": sound.microphones.shape[1] / sound.sample_rate,
+        "sample_rate": sound.sample_rate,
+    }
+    if out is not None:
+        result |= {"out": str(out), "gain": _write(out, sound)}
+    click.echo(json.dumps(result) if as_json else "\n".join(_lines(result)))
+
+
+def _contact(
+    string: StringPreset, at: float | None, force: float | None, *, untouched: bool
+) -> Contact | None:
+    """Return the touch asked for; what is left out is the preset's, or else no force at x/L 0.35."""
+    if untouched:
+        if at is not None or force is not None:
+            raise InputError("--untouched with --at or --force", "one of them")
+        return None
+    usual = string.contact or Contact(position=0.35 * string.string.length, force=0.0)
+    return Contact(
+        position=usual.position if at is None else at,
+        force=usual.force if force is None else force,
+    )
+
+
+def _refuse_unwritable(path: Path) -> None:
+    if path.suffix.lower() not in SUBTYPES:
+        allowed = "a name that ends in " + " or ".join(SUBTYPES)
+        raise InputError(f"file '{path}'", allowed, did_you_mean(path.suffix, SUBTYPES))
+    if not path.parent.is_dir():
+        raise InputError(f"file '{path}'", "a file in a folder that exists", f"make '{path.parent}' first")
+
+
+def _write(path: Path, sound: Sound) -> float:
+    """Write both microphones and return the gain, which is 1 unless they would be clipped."""
+    import soundfile  # noqa: PLC0415  (loads its library on use)
+
+    gain = 1.0 / max(1.0, float(abs(sound.microphones).max()) / 0.99)
+    suffix = path.suffix.lower()
+    try:
+        soundfile.write(path, gain * sound.microphones.T, sound.sample_rate, subtype=SUBTYPES[suffix])
+    except soundfile.LibsndfileError as error:
+        raise InputError(f"file '{path}' ({error.error_string})", "a file that can be written") from error
+    return gain
+
+
+def _lines(result: dict[str, Any]) -> list[str]:
+    touch = "untouched"
+    if result["position"] is not None:
+        touch = f"touched at {1e3 * result['position']:.1f} mm with {result['force']:g} N"
+    lines = [f"{result['preset']}, {touch} ({result['model']}, {result['seconds']:g} s, simulated)"]
+    for side, (peak, expected) in enumerate(zip(result["peaks"], result["theory"], strict=True), start=1):
+        found = "silent" if peak is None else f"{peak:.2f} Hz"
+        lines.append(f"  peak {side}   {found:>12}   theory {expected:.2f} Hz")
+    if "out" in result:
+        quieter = "" if result["gain"] == 1.0 else f", {result['gain']:.3g} times as loud so as not to clip"
+        lines.append(f"  written to {result['out']}{quieter}")
+    return lines
