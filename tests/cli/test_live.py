@@ -161,6 +161,6 @@ def test_a_reader_that_leaves_ends_it_quietly(take: Take) -> None:
     process.stdout.close()
     assert process.stderr is not None
     err = process.stderr.read()
-    assert process.wait(20) == 0
+    assert process.wait(20) == 1
     process.stderr.close()
     assert b"Traceback" not in err
