@@ -24,7 +24,7 @@ def test_default_name_and_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run(["figure", "convergence", "--set", "route=modal", "--json"]) == 0
+    assert run(["figure", "convergence", "--model", "split_string", "--set", "route=modal", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["figure"] == "convergence"
     assert said["options"]["route"] == "modal"
@@ -40,6 +40,8 @@ def test_default_name_and_json(
         (["trends", "--out", "a.bmp"], ".png, .pdf, .svg"),
         (["trends", "--out", "absent/a.png"], "a folder that exists"),
         (["trends", "--set", "string=apendix"], "did you mean 'appendix'"),
+        (["trends", "--model", "splitstring"], "did you mean 'split_string'"),
+        (["convergence", "--model", "splitstring"], "did you mean 'split_string'"),
         ([], "Missing argument"),
     ],
 )

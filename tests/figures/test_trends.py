@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from monochord.errors import InputError
-from monochord.figures.trends import Sweep, Trends, simulated_spectra
+from monochord.figures._sweep import Sweep, simulated_spectra, simulator
+from monochord.figures.trends import Trends
 from monochord.physics.strings import load_string
 from monochord.physics.theory import split_frequencies
 from monochord.types import Floats
 
 STRING = load_string("appendix").string
+MODEL = simulator("split_string")
 
 
 def ridge_near(frequencies: Floats, levels: Floats, expected: float) -> float:
@@ -23,7 +25,7 @@ def ridge_near(frequencies: Floats, levels: Floats, expected: float) -> float:
 @pytest.mark.parametrize("which", [0, 1], ids=["position", "force"])
 def test_ridges_of_the_simulated_spectra_lie_on_theory(which: int) -> None:
     sweep = Trends(steps=9).sweeps(STRING)[which]
-    frequencies, levels = simulated_spectra(STRING, sweep)
+    frequencies, levels = simulated_spectra(MODEL, STRING, sweep)
     expected = np.array(split_frequencies(STRING, sweep.positions, sweep.forces)).T
     for level, (f1, f2) in zip(levels, expected, strict=True):
         for f, other in ((f1, f2), (f2, f1)):
@@ -36,7 +38,7 @@ def test_ridges_of_the_simulated_spectra_lie_on_theory(which: int) -> None:
 def test_geometric_law_shows_in_theory_and_simulation() -> None:
     plain = load_string("plain_010").string
     sweep = Trends(steps=3, highest_force=20.0, law="geometric").sweeps(plain)[1]
-    frequencies, levels = simulated_spectra(plain, sweep)
+    frequencies, levels = simulated_spectra(MODEL, plain, sweep)
     f1, _ = sweep.fundamentals(plain)
     assert f1[2] > 1.2 * f1[0]
     assert ridge_near(frequencies, levels[2], f1[2]) == pytest.approx(f1[2], abs=3.0)
@@ -44,7 +46,7 @@ def test_geometric_law_shows_in_theory_and_simulation() -> None:
 
 def test_levels_are_relative_to_the_strongest_line() -> None:
     sweep = Sweep(positions=np.array([0.2, 0.4]), forces=np.array([1.0, 0.5]))
-    frequencies, levels = simulated_spectra(STRING, sweep)
+    frequencies, levels = simulated_spectra(MODEL, STRING, sweep)
     assert levels.shape == (2, frequencies.size)
     np.testing.assert_array_equal(levels.max(axis=1), 0.0)
     assert frequencies[-1] == pytest.approx(22050.0)
@@ -52,7 +54,7 @@ def test_levels_are_relative_to_the_strongest_line() -> None:
 
 def test_mirrored_touches_sound_alike() -> None:
     sweep = Sweep(positions=np.array([0.2, 0.45]), forces=np.array([1.0, 1.0]))
-    _, levels = simulated_spectra(STRING, sweep)
+    _, levels = simulated_spectra(MODEL, STRING, sweep)
     loud = levels[0] > -60.0
     np.testing.assert_allclose(levels[0][loud], levels[1][loud], atol=0.1)
 
@@ -85,6 +87,8 @@ def test_curves_of_panel_a_are_theory_in_millimetres() -> None:
         ({"force": -1.0}, "force -1 N"),
         ({"highest": 1.0}, "highest 1"),
         ({"steps": 1}, "steps 1"),
+        ({"model": "splitstring"}, "did you mean 'split_string'"),
+        ({"route": "modl"}, "did you mean 'modal'"),
         ({"string": "appendx"}, "did you mean 'appendix'"),
     ],
 )

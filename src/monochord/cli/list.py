@@ -5,8 +5,7 @@ import json
 import math
 from collections.abc import Callable, Iterable
 from importlib import import_module
-from importlib.util import find_spec
-from pkgutil import iter_modules
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import click
@@ -38,11 +37,13 @@ def list(kind: str | None, *, as_json: bool) -> None:  # noqa: A001
 def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
     """Return what can be listed: every folder with a registry, found by its ``base.py``, and the strings."""
     shelves: dict[str, Callable[[], Iterable[Entry]]] = {}
-    for room in iter_modules(monochord.__path__):
-        if room.ispkg and find_spec(f"monochord.{room.name}.base"):
-            held = vars(import_module(f"monochord.{room.name}")).values()
-            for registry in (thing for thing in held if isinstance(thing, Registry)):
-                shelves[room.name] = lambda registry=registry: _plugins(registry)
+    root = Path(monochord.__path__[0])
+    for contract in root.rglob("base.py"):
+        folder = ".".join(contract.relative_to(root.parent).parent.parts)
+        for registry in (
+            thing for thing in vars(import_module(folder)).values() if isinstance(thing, Registry)
+        ):
+            shelves[contract.parent.name] = lambda registry=registry: _plugins(registry)
     shelves["strings"] = _strings
     return dict(sorted(shelves.items()))
 

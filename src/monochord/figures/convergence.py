@@ -52,6 +52,8 @@ class Convergence(Figure):
         Normal force in N; at zero the touch splits the string and leaves its tension.
     seconds
         How long to simulate; at least 0.35 s, the end of the steady window.
+    model
+        Only the split string has two segments that can be heard apart.
     route
         How to simulate: the finite-difference scheme, or the exact modal route, which is faster.
     nodes, time_step
@@ -64,6 +66,7 @@ class Convergence(Figure):
     position: float = 0.35
     force: Newtons = 0.0
     seconds: Seconds = 0.4
+    model: Literal["split_string"] = "split_string"
     route: Literal["fdtd", "modal"] = "fdtd"
     nodes: int = 256
     time_step: Seconds = 1.0e-6

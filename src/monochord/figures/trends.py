@@ -9,11 +9,12 @@ import numpy as np
 
 from monochord.errors import InputError
 from monochord.figures import _style
+from monochord.figures._sweep import Sweep, simulated_spectra, simulator
 from monochord.figures.base import Figure
-from monochord.physics.split_string import SplitString, simulate
+from monochord.physics.models import Model
 from monochord.physics.strings import load_string
-from monochord.physics.theory import TensionLaw, harmonic_frequencies, split_frequencies
-from monochord.types import Contact, Floats, StringParams
+from monochord.physics.theory import TensionLaw, harmonic_frequencies
+from monochord.types import Floats, StringParams
 from monochord.units import Hertz, Newtons
 
 if TYPE_CHECKING:
@@ -21,22 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.collections import QuadMesh
     from matplotlib.figure import Figure as Canvas
 
-SETTLE, LISTEN = 0.1, 0.1  # s: what is let pass of each simulated touch, and the window that is looked at
 QUIETEST = -60.0  # dB below the strongest line of each touch
 HARMONICS = 4
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sweep:
-    """Touches along one axis of the figure: positions in m and forces in N, both (n,); one of them varies."""
-
-    positions: Floats
-    forces: Floats
-    law: TensionLaw = "linear"
-
-    def fundamentals(self, string: StringParams) -> tuple[Floats, Floats]:
-        """Return f1 and f2 of theory in Hz for each touch, (n,) each."""
-        return split_frequencies(string, self.positions, self.forces, self.law)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +49,9 @@ class Trends(Figure):
         Highest frequency shown, in multiples of the open string's.
     steps
         Simulated touches in each sweep.
+    model, route
+        What simulates B and E, and its way there, for a model that has several; the modal route is exact and
+        the fastest of the split string's.
     law
         How force raises tension: "linear" (Eq. 6), or "geometric", the stretch of the deflected string.
     """
@@ -73,6 +63,8 @@ class Trends(Figure):
     highest_force: Newtons = 5.0
     highest: float = 8.0
     steps: int = 161
+    model: str = "split_string"
+    route: str = "modal"
     law: TensionLaw = "linear"
 
     def __post_init__(self) -> None:
@@ -101,6 +93,7 @@ class Trends(Figure):
     def draw(self) -> Canvas:
         """Compute both sweeps and draw theory above simulation."""
         string = load_string(self.string).string
+        model = simulator(self.model, self.route)
         top = self.highest * harmonic_frequencies(string.length, string.tension, string.linear_density, 1)[0]
         by_position, by_force = self.sweeps(string)
         page = _style.canvas(118.0)
@@ -112,48 +105,12 @@ class Trends(Figure):
         _style.dress(e, "E", f"simulated, {here} (theory dashed)", "normal force F (N)", "")
         _draw_theory(a, string, by_position, 1e3 * by_position.positions)
         _draw_theory(d, string, by_force, by_force.forces)
-        _draw_spectra(b, string, by_position, 1e3 * by_position.positions, top)
-        image = _draw_spectra(e, string, by_force, by_force.forces, top)
+        _draw_spectra(b, model, string, by_position, 1e3 * by_position.positions, top)
+        image = _draw_spectra(e, model, string, by_force, by_force.forces, top)
         a.set_ylim(0.0, top)
         _style.key(page, a)
         _style.dress_bar(page.colorbar(image, ax=[b, e], pad=0.01, aspect=18), "level (dB)")
         return page
-
-
-def simulated_spectra(string: StringParams, sweep: Sweep) -> tuple[Floats, Floats]:
-    """Return the spectra of the simulated microphones for each touch of a sweep, after the transient.
-
-    Parameters
-    ----------
-    string
-        The string.
-    sweep
-        Touches; each is simulated by itself, by the modal route.
-
-    Returns
-    -------
-    frequencies (bins,)
-        In Hz.
-    levels (touches, bins)
-        Power of both microphones in dB, zero at the strongest line of each touch.
-    """
-    touches = [
-        Contact(position=float(x), force=float(force))
-        for x, force in zip(sweep.positions, sweep.forces, strict=True)
-    ]
-    setups = [SplitString(string=string, contact=touch, tension_law=sweep.law) for touch in touches]
-    spectra = [_spectrum(setup) for setup in setups]
-    power = np.array([heard for _, heard in spectra])
-    levels = 10.0 * np.log10(power / power.max(axis=1, keepdims=True) + 1e-20)
-    return spectra[0][0], levels
-
-
-def _spectrum(setup: SplitString) -> tuple[Floats, Floats]:
-    heard = simulate(setup, SETTLE + LISTEN, route="modal")
-    late = heard.microphones[:, round(SETTLE * heard.sample_rate) :]
-    size = 4 * late.shape[1]
-    power = np.abs(np.fft.rfft(late * np.hanning(late.shape[1]), size)) ** 2
-    return np.arange(power.shape[1]) * (heard.sample_rate / size), np.sum(power, axis=0)
 
 
 def _draw_theory(axes: Axes, string: StringParams, sweep: Sweep, over: Floats) -> None:
@@ -165,8 +122,10 @@ def _draw_theory(axes: Axes, string: StringParams, sweep: Sweep, over: Floats) -
             axes.plot(over, n * f, color=colour, lw=0.7, alpha=0.6, label=label)
 
 
-def _draw_spectra(axes: Axes, string: StringParams, sweep: Sweep, over: Floats, top: Hertz) -> QuadMesh:
-    frequencies, levels = simulated_spectra(string, sweep)
+def _draw_spectra(
+    axes: Axes, model: Model, string: StringParams, sweep: Sweep, over: Floats, top: Hertz
+) -> QuadMesh:
+    frequencies, levels = simulated_spectra(model, string, sweep)
     edges = np.linspace(0.0, top, 241)
     rows = np.searchsorted(frequencies, edges)
     # The strongest bin of each row, so that no line falls between two rows of the picture.
