@@ -1,0 +1,210 @@
+"""The split-string simulation in place of the two contact microphones, with the truth at hand."""
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.physics.split_string import Ringing, SplitString, advance, begin, touch
+from monochord.physics.strings import load_string
+from monochord.physics.theory import mixing_matrix, wave_speed
+from monochord.sources._touches import Touch, play_at_random, play_script
+from monochord.sources.base import Source, Stream
+from monochord.types import Audio, Block, Contact, Signal, StreamHealth, StringParams, Truth
+from monochord.units import Newtons, Samples, Seconds
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplitStringSource(Source):
+    """A driven string that is touched now and then, simulated: `monochord.physics.split_string`.
+
+    Attributes
+    ----------
+    preset
+        The string, by its name or as a TOML file.
+    speed
+        Pace against real time: 1 gives each block when its last frame would have been heard, 0 as fast as the
+        reader takes it.
+    duration
+        Length in seconds; 0 without end.
+    script
+        Touches in the order of their starts, such as ``[{start = 1.0, position = 0.2, force = 0.5}]``; one
+        without a position is a release. Empty: touches drawn at random.
+    seed
+        Of the random touches and of the noise; equal seeds give equal sounds.
+    hold
+        Mean time in seconds that a random touch, or none, lasts.
+    forces
+        Least and greatest normal force of a random touch in N.
+    places
+        Where random touches fall, as fractions of the length.
+    settle
+        For how many seconds after a change of touch the truth counts as unsettled.
+    gain
+        Sample value for a velocity of 1 m/s at a pickup.
+    noise
+        Standard deviation of the microphones' own white noise, as a sample value.
+    block
+        Frames a block; the last one holds what is left.
+    sample_rate
+        In Hz.
+    """
+
+    preset: str = "appendix"
+    speed: float = 1.0
+    duration: Seconds = 0.0
+    script: tuple[Touch, ...] = ()
+    seed: int = 0
+    hold: Seconds = 1.5
+    forces: tuple[Newtons, Newtons] = (0.2, 2.0)
+    places: tuple[float, float] = (0.25, 0.75)
+    settle: Seconds = 0.15
+    gain: float = 0.4
+    noise: float = 1e-4
+    block: Samples = 256
+    sample_rate: int = 44100
+
+    @contextmanager
+    def open(self) -> Generator["_SimulatedStream"]:
+        """Begin with the untouched string; raises `InputError` for a preset or option that cannot be used."""
+        string = load_string(self.preset).string
+        self._refuse_impossible(string)
+        stream = _SimulatedStream(self, string)
+        try:
+            yield stream
+        finally:
+            stream.close()
+
+    def _refuse_impossible(self, string: StringParams) -> None:
+        for name, value in (("speed", self.speed), ("duration", self.duration), ("noise", self.noise)):
+            if not 0.0 <= value < math.inf:
+                raise InputError(f"{name} {value:g}", "0 or more")
+        if self.block < 1 or self.seed < 0:
+            raise InputError(f"block {self.block}, seed {self.seed}", "1 frame or more, and 0 or more")
+        if not 0.05 <= self.hold < math.inf:
+            raise InputError(f"hold {self.hold:g} s", "0.05 s or more")
+        low, high = self.forces
+        if not 0.0 <= low <= high < math.inf:
+            raise InputError(f"forces {low:g} to {high:g} N", "0 N or more, the least first")
+        low, high = self.places
+        if not 0.0 < low <= high < 1.0:
+            raise InputError(f"places {low:g} to {high:g}", "fractions between 0 and 1, the least first")
+        for each in self.script:
+            each.refuse_impossible(string.length)
+        if list(self.script) != sorted(self.script, key=lambda each: each.start):
+            raise InputError("script out of order", "touches by their start, the earliest first")
+
+
+class _SimulatedStream(Stream):
+    def __init__(self, options: SplitStringSource, string: StringParams) -> None:
+        self._options = options
+        rate = options.sample_rate
+        self._signal = Signal(
+            sample_rate=rate,
+            channels=2,
+            string=string,
+            open_frequency=wave_speed(string) / (2.0 * string.length),
+        )
+        setup = SplitString(string=string)
+        self._mixing = options.gain * mixing_matrix(*setup.mixing)
+        self._ringing: Ringing = begin(setup, rate)
+        advance(self._ringing, 1)  # compiles here, where nobody waits for a block
+        self._random = np.random.default_rng([options.seed, 1])
+        touches = options.script or play_at_random(
+            seed=options.seed,
+            hold=options.hold,
+            positions=(options.places[0] * string.length, options.places[1] * string.length),
+            forces=options.forces,
+        )
+        self._changes = play_script(touches, rate)
+        self._next = next(self._changes, None)
+        self._history: deque[tuple[Samples, Contact | None]] = deque([(0, None)], maxlen=256)
+        self._end: Samples | None = round(options.duration * rate) if options.duration else None
+        self._start: Samples = 0
+        self._closed = threading.Event()
+        self._began: Seconds | None = None
+
+    @property
+    def signal(self) -> Signal:
+        return self._signal
+
+    @property
+    def pending(self) -> Samples:
+        """Frames in whole blocks that are due by the clock; zero where no pace is kept."""
+        if not self._options.speed or self._began is None:
+            return 0
+        due = (time.monotonic() - self._began) * self._signal.sample_rate * self._options.speed
+        due = min(due, math.inf if self._end is None else self._end) - self._start
+        return max(int(due // self._options.block) * self._options.block, 0)
+
+    @property
+    def health(self) -> StreamHealth:
+        return StreamHealth(frames=self._start)
+
+    def __iter__(self) -> Iterator[Block]:
+        if self._began is None:
+            self._began = time.monotonic()
+        while not self._closed.is_set():
+            frames = self._options.block
+            if self._end is not None:
+                frames = min(frames, self._end - self._start)
+            if frames <= 0:
+                return
+            samples = self._sound(frames)
+            adc_time = self._await(self._start + frames)
+            if self._closed.is_set():
+                return
+            block = Block(samples=samples, start=self._start, adc_time=adc_time)
+            self._start += frames
+            yield block
+
+    def close(self) -> None:
+        """End the iteration, from whatever thread."""
+        self._closed.set()
+
+    def truth(self, start: Samples, stop: Samples) -> Truth:
+        """Return the touch at the end of the range; a release has neither position nor force.
+
+        `settled` is 1 where the touch has not changed since `settle` seconds before the range began.
+        """
+        past = [(at, contact) for at, contact in self._history if at < stop]
+        if not past:
+            return {}
+        changed, contact = past[-1]
+        calm = start - changed >= self._options.settle * self._signal.sample_rate
+        known = {"contact": 0.0 if contact is None else 1.0, "settled": float(calm)}
+        if contact is None:
+            return known
+        return known | {"position": contact.position, "force": contact.force}
+
+    def _sound(self, frames: Samples) -> Audio:
+        """Return the next frames, with touches that change at their own sample and not at a block's."""
+        parts: list[np.ndarray] = []
+        while frames:
+            now = self._ringing.start
+            while self._next is not None and self._next[0] <= now:
+                self._ringing = touch(self._ringing, self._next[1])
+                self._history.append((now, self._next[1]))
+                self._next = next(self._changes, None)
+            part = frames if self._next is None else min(frames, self._next[0] - now)
+            velocity, self._ringing = advance(self._ringing, part)
+            parts.append(velocity)
+            frames -= part
+        sound = self._mixing @ np.concatenate(parts, axis=1)
+        # Drawn frame by frame, so that the noise does not depend on the size of blocks either.
+        sound += self._options.noise * self._random.standard_normal(sound.shape[::-1]).T
+        return sound.astype(np.float32)
+
+    def _await(self, stop: Samples) -> Seconds | None:
+        """Wait until frame `stop` is due; return the time of the block's first frame, where that is real."""
+        speed, rate, began = self._options.speed, self._signal.sample_rate, self._began
+        if not speed or began is None:
+            return None
+        self._closed.wait(max(began + stop / (rate * speed) - time.monotonic(), 0.0))
+        return began + self._start / rate if speed == 1.0 else None
