@@ -1,8 +1,10 @@
 """Reference pages that follow the folders: a new verb or plug-in is documented by being there."""
 
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
+from pkgutil import walk_packages
+from typing import Any
 
 import click
 
@@ -35,14 +37,17 @@ def _plugins() -> str:
         "# Plug-ins\n",
         "Options of a plug-in are set by its table in a configuration file or by `--set`.\n",
     ]
-    for room in iter_modules(monochord.__path__, "monochord."):
-        registries = [v for v in vars(import_module(room.name)).values() if isinstance(v, Registry)]
-        for registry in registries if room.ispkg else []:
-            parts.append(f"## {room.name.rpartition('.')[2].capitalize()}\n")
-            parts += [
-                _described(f"{room.name}.{name}", registry.load(name), name) for name in registry.names()
-            ]
+    for registry in _registries():
+        parts.append(f"## {registry.package.rpartition('.')[2].capitalize()}\n")
+        for name in registry.names():
+            parts.append(_described(f"{registry.package}.{name}", registry.load(name), name))
     return "\n".join(parts)
+
+
+def _registries() -> Iterator[Registry[Any]]:
+    for room in walk_packages(monochord.__path__, "monochord."):
+        held = vars(import_module(room.name)).values() if room.ispkg else ()
+        yield from (v for v in held if isinstance(v, Registry) and v.package == room.name)
 
 
 def _described(module: str, plugin: type, name: str) -> str:

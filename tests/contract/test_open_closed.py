@@ -2,19 +2,17 @@
 
 import json
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from monochord import cli
-from monochord.benchmarks import BENCHMARKS
-from monochord.estimators import ESTIMATORS
-from monochord.figures import FIGURES
 from monochord.registry import Registry
-from monochord.sinks import SINKS
-from monochord.sources import SOURCES
 
+SRC = Path(__file__).parents[2] / "src" / "monochord"
+FOLDERS = sorted(".".join(base.relative_to(SRC.parent).parent.parts) for base in SRC.rglob("base.py"))
 Add = Callable[[str, str, str], Path]
 
 PLUGIN = '''
@@ -40,18 +38,21 @@ class Newcomer({base}):
 '''
 
 
-@pytest.mark.parametrize(
-    ("registry", "method"),
-    [(SOURCES, "open"), (SINKS, "open"), (ESTIMATORS, "prepare"), (FIGURES, "draw"), (BENCHMARKS, "run")],
-    ids=lambda value: getattr(value, "package", ""),
-)
-def test_one_file_is_a_plug_in(
-    add: Add, capsys: pytest.CaptureFixture[str], registry: Registry[Any], method: str
-) -> None:
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_one_file_is_a_plug_in(add: Add, capsys: pytest.CaptureFixture[str], folder: str) -> None:
+    registry: Registry[Any] = next(v for v in vars(import_module(folder)).values() if isinstance(v, Registry))
     before = registry.names()
-    text = PLUGIN.format(package=registry.package, base=registry.base.__name__, method=method)
-    add(registry.package, "newcomer", text)
+    (method,) = registry.base.__abstractmethods__
+    add(folder, "newcomer", PLUGIN.format(package=folder, base=registry.base.__name__, method=method))
     assert registry.names() == sorted([*before, "newcomer"])
     assert registry.build("newcomer", {"loudness": "2"}).loudness == 2.0
     assert cli.run(["list", "--json"]) == 0
-    assert "newcomer" in json.dumps(json.loads(capsys.readouterr().out))
+    listed = json.loads(capsys.readouterr().out, parse_constant=refuse)[folder.rpartition(".")[2]]
+    (newcomer,) = [entry for entry in listed if entry["name"] == "newcomer"]
+    assert newcomer["summary"] == "Came as one file."
+    assert newcomer["options"][0]["default"] == 1.0
+
+
+def refuse(constant: str) -> None:
+    """JSON has no infinity and no NaN; Python reads and writes them all the same."""
+    pytest.fail(f"{constant} is not JSON")
