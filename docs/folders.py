@@ -39,17 +39,16 @@ def _plugins() -> str:
     ]
     for registry in _registries():
         parts.append(f"## {registry.package.rpartition('.')[2].capitalize()}\n")
-        for name in registry.names():
-            parts.append(_described(f"{registry.package}.{name}", registry.load(name), name))
+        parts += [_described(registry, name) for name in registry.names()]
     return "\n".join(parts)
 
 
 def _registries() -> Iterator[Registry[Any]]:
     for room in walk_packages(monochord.__path__, "monochord."):
-        held = vars(import_module(room.name)).values() if room.ispkg else ()
+        held = list(vars(import_module(room.name)).values()) if room.ispkg else []
         yield from (v for v in held if isinstance(v, Registry) and v.package == room.name)
 
 
-def _described(module: str, plugin: type, name: str) -> str:
-    directive = f".. autoclass:: {module}.{plugin.__name__}\n   :no-members:\n"
+def _described(registry: Registry[Any], name: str) -> str:
+    directive = f".. autoclass:: {registry.package}.{name}.{registry.load(name).__name__}\n   :no-members:\n"
     return f"### {name}\n\n```{{eval-rst}}\n{directive}```\n"
