@@ -172,7 +172,8 @@ def series_evidence(
                 claimed[j] = True
     evidence = 0.0
     for i in range(count):
-        evidence += min(gain[i], np.log(MISSING)) if height[i] < _neighbours(height, i) - DIP else gain[i]
+        depth = _neighbours(height, i) - DIP - height[i]
+        evidence += min(gain[i], np.log(MISSING) - min(0.4 * depth, 3.0)) if depth > 0.0 else gain[i]
     total, residual = 0.0, 0.0
     for j in range(frequency.size):
         if frequency[j] > bottom:

@@ -96,7 +96,7 @@ class FarSegment:
         frequency = float(np.mean([take[0] for take in at_nut])) if at_nut else self.open_frequency
         told = [take[2] * (frequency / take[0]) ** 2 for take in self.calibration if len(take) > 2]
         mean = max(float(np.median(told)), 1.0e-5) if told else 1.0e-4
-        return frequency, (mean, 0.2 * mean if told else 2.0e-4)
+        return frequency, (mean, 0.1 * mean if told else 2.0e-4)
 
     def _why_undecided(self, candidates: list[Series], open_frequency: Hertz) -> str:
         if not candidates or candidates[0].evidence < self.evidence:

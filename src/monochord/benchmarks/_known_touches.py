@@ -1,0 +1,141 @@
+"""Real takes with known frets, cut into windows, and what estimators make of them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from monochord import realstrings
+from monochord.errors import InputError
+from monochord.estimators.closed_form import ClosedForm
+from monochord.realstrings import SCALE, Take
+from monochord.types import Audio, Estimate, Floats, Signal, Window
+from monochord.units import Hertz, Metres, Seconds
+
+Calibration = tuple[tuple[float, ...], ...]
+Mix = Callable[[Audio], Audio]
+NEAR: Metres = 5.0e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Protocol:
+    """Which windows of a take are looked at: from `first` to `last` after the onset, every `hop`."""
+
+    length: Seconds = 0.1
+    first: Seconds = 0.15
+    last: Seconds = 1.05
+    hop: Seconds = 0.1
+
+    def windows(self, take: Audio, heard: Audio, rate: int) -> list[Window]:
+        """Return the windows of `heard` that lie wholly in it, counted from the onset of `take`."""
+        begin, size = realstrings.onset(take), round(self.length * rate)
+        seconds = np.arange(self.first, self.last - self.length + 1e-9, self.hop)
+        starts = [begin + round(after * rate) for after in seconds.tolist()]
+        return [
+            Window(samples=heard[:, start : start + size].copy(), start=start, sample_rate=rate)
+            for start in starts
+            if start + size <= heard.shape[1]
+        ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Strings:
+    """The strings whose open note was recorded: by name, the open take and the fretted takes."""
+
+    open_notes: dict[str, Take]
+    fretted: dict[str, list[Take]]
+
+
+@cache
+def recorded_strings() -> Strings:
+    """Return all plucked takes with known fret on strings that have an open note.
+
+    Raises
+    ------
+    InputError
+        If there are no real recordings on this machine.
+    """
+    labelled = realstrings.takes(kind="plucked", labelled=True)
+    if not labelled:
+        remedy = "name it in the environment as MONOCHORD_REALSTRINGS"
+        raise InputError("no real recordings", "a folder with manifest.csv", remedy)
+    opens = {name(take): take for take in labelled if take.position == 0.0}
+    fretted: dict[str, list[Take]] = {string: [] for string in opens}
+    for take in labelled:
+        if take.position > 0.0 and name(take) in opens:
+            fretted[name(take)].append(take)
+    return Strings(open_notes=opens, fretted=fretted)
+
+
+def name(take: Take) -> str:
+    """Return the name of a take's string: its instrument and the string's own name."""
+    return f"{take.instrument} {take.string}"
+
+
+def open_note(take: Take, protocol: Protocol) -> tuple[Hertz, float]:
+    """Return the median frequency and inharmonicity of an open take's windows, from its audio alone."""
+    seen = [
+        (told["frequency"].value, told["inharmonicity"].value)
+        for told in located(take, ((take.frequency, 0.0),), protocol)
+        if told["frequency"].valid
+    ]
+    frequency, stiffness = np.median(np.array(seen), axis=0).tolist()
+    return frequency, stiffness
+
+
+def located(
+    take: Take, calibration: Calibration, protocol: Protocol, mix: Mix | None = None
+) -> list[Mapping[str, Estimate]]:
+    """Return the estimates of every window of a take.
+
+    Parameters
+    ----------
+    take
+        A take of known string.
+    calibration
+        Of that string; begins with its open note.
+    protocol
+        Which windows.
+    mix
+        Changes the samples of the take first, as by adding interference.
+    """
+    samples, rate = take.read()
+    heard = samples if mix is None else mix(samples)
+    estimator = ClosedForm(length=SCALE, open_frequency=calibration[0][0], calibration=calibration)
+    signal = Signal(sample_rate=rate, channels=heard.shape[0])
+    estimate = estimator.prepare(signal, round(protocol.length * rate))
+    return [estimate(window) for window in protocol.windows(samples, heard, rate)]
+
+
+def position_errors(take: Take, told: list[Mapping[str, Estimate]]) -> Floats:
+    """Return estimate minus fret position in m for every window, NaN where the estimator abstained."""
+    return np.array([estimates["position"].value for estimates in told]) - take.position
+
+
+def autocorrelation_errors(
+    take: Take, open_frequency: Hertz, protocol: Protocol, mix: Mix | None = None
+) -> Floats:
+    """Return the same for plain autocorrelation, the baseline, which never abstains.
+
+    The lag of the first peak that reaches nine tenths of the greatest, refined by a parabola, is the period.
+    """
+    samples, rate = take.read()
+    heard = samples if mix is None else mix(samples)
+    least, most = rate / (5.0 * open_frequency), rate / (0.977 * open_frequency)
+    periods = [_period(window, least, most) for window in protocol.windows(samples, heard, rate)]
+    return np.array([SCALE * (1.0 - open_frequency * p / rate) - take.position for p in periods])
+
+
+def _period(window: Window, least: float, most: float) -> float:
+    samples = window.samples[0].astype(np.float64)
+    size = samples.size
+    power = np.abs(np.fft.rfft(samples - samples.mean(), 4 * size)) ** 2
+    curve = np.fft.irfft(power)[:size] / (size - np.arange(size))
+    lags = np.arange(int(least), min(int(most) + 2, size - 2))
+    peaks = lags[(curve[lags] > curve[lags - 1]) & (curve[lags] >= curve[lags + 1])]
+    if peaks.size == 0:
+        return float(lags[np.argmax(curve[lags])])
+    lag = int(peaks[np.argmax(curve[peaks] >= 0.9 * curve[peaks].max())])
+    before, at, after = curve[lag - 1 : lag + 2]
+    return lag + 0.5 * (before - after) / (before - 2.0 * at + after)

@@ -1,0 +1,105 @@
+"""Accuracy of position on real recorded strings, calibrated by the open note, and by one take more."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from monochord.benchmarks._known_touches import (
+    NEAR,
+    Calibration,
+    Protocol,
+    autocorrelation_errors,
+    located,
+    open_note,
+    position_errors,
+    recorded_strings,
+)
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.realstrings import Take
+from monochord.types import Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Realstrings(Benchmark):
+    """Position errors on plucked takes of known fret, beside plain autocorrelation on the same windows.
+
+    Per instrument and over all: mean absolute error, share within 5 mm and share answered, with the string's
+    open note as the only calibration; then with one further take, averaged over every choice of that take.
+
+    Parameters
+    ----------
+    window
+        Length of a window, in s.
+    first, last
+        Windows begin this long after the onset and end before that, in s.
+    hop
+        Distance of window starts, in s.
+    """
+
+    window: float = 0.1
+    first: float = 0.15
+    last: float = 1.05
+    hop: float = 0.1
+
+    def run(self) -> Iterator[Row]:  # noqa: D102
+        protocol = Protocol(length=self.window, first=self.first, last=self.last, hop=self.hop)
+        strings = recorded_strings()
+        ours: dict[str, list[Floats]] = {}
+        plain: dict[str, list[Floats]] = {}
+        helped: list[Floats] = []
+        for name, fretted in strings.fretted.items():
+            frequency, stiffness = open_note(strings.open_notes[name], protocol)
+            calibration: Calibration = ((frequency, 0.0, stiffness),)
+            instrument = strings.open_notes[name].instrument
+            for take in fretted:
+                told = located(take, calibration, protocol)
+                ours.setdefault(instrument, []).append(position_errors(take, told))
+                plain.setdefault(instrument, []).append(autocorrelation_errors(take, frequency, protocol))
+            helped += _with_one_more(fretted, calibration, protocol)
+        for instrument in ours:
+            yield from _rows(instrument, np.concatenate(ours[instrument]), np.concatenate(plain[instrument]))
+        everything = np.concatenate([e for errors in ours.values() for e in errors])
+        yield from _rows("all", everything, np.concatenate([e for errors in plain.values() for e in errors]))
+        yield Row(
+            name="all, one further take: mean absolute error",
+            value=1e3 * float(np.nanmean(np.abs(np.concatenate(helped)))),
+            unit="mm",
+            baseline="open note only",
+            baseline_value=1e3 * float(np.nanmean(np.abs(everything))),
+        )
+
+
+def _with_one_more(fretted: list[Take], calibration: Calibration, protocol: Protocol) -> list[Floats]:
+    """Return the errors of all other takes of a string, for every choice of one further calibration take."""
+    errors: list[Floats] = []
+    for known in fretted:
+        heard = [told["frequency"].value for told in located(known, calibration, protocol)]
+        if not np.isfinite(heard).any():
+            continue
+        more = (*calibration, (float(np.nanmedian(heard)), known.position))
+        others = [take for take in fretted if take is not known]
+        errors += [position_errors(take, located(take, more, protocol)) for take in others]
+    return errors
+
+
+def _rows(name: str, errors: Floats, plain: Floats) -> Iterator[Row]:
+    answered = np.isfinite(errors)
+    miss, plain_miss = np.abs(errors[answered]), np.abs(plain)
+    yield Row(name=f"{name}: windows", value=float(errors.size), unit="")
+    yield Row(name=f"{name}: answered", value=100.0 * float(answered.mean()), unit="%")
+    yield Row(
+        name=f"{name}: mean absolute error",
+        value=1e3 * float(miss.mean()),
+        unit="mm",
+        baseline="plain autocorrelation",
+        baseline_value=1e3 * float(plain_miss.mean()),
+    )
+    yield Row(
+        name=f"{name}: within 5 mm",
+        value=100.0 * float((miss <= NEAR).mean()),
+        unit="%",
+        baseline="plain autocorrelation",
+        baseline_value=100.0 * float((plain_miss <= NEAR).mean()),
+    )
+    yield Row(name=f"{name}: largest error", value=1e3 * float(miss.max()), unit="mm")
