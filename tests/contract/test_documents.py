@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -52,3 +54,13 @@ def test_the_readmes_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
     )
     exec(block, {})  # noqa: S102
     assert float(capsys.readouterr().out) == pytest.approx(0.2275)
+
+
+@pytest.mark.slow
+def test_the_documentation_builds_without_a_warning(tmp_path: Path) -> None:
+    pytest.importorskip("furo", reason="the docs extra is not installed: make docs")
+    pytest.importorskip("myst_parser", reason="the docs extra is not installed: make docs")
+    build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "docs", str(tmp_path)]
+    run = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "index.html").is_file()
