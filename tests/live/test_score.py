@@ -36,7 +36,10 @@ def test_settled_windows_with_a_touch_count() -> None:
     assert score.median_error() == pytest.approx(0.002)
     assert score.abstained == 1
     assert score.tree() == {"median_error": pytest.approx(0.002), "answered": 4, "abstained": 1}
-    assert "median 2.00 mm, 75.0 % within 5 mm, over 4 settled windows; 1 abstained" in score.line()
+    assert score.lines() == [
+        "settled windows with a touch: 4 answered, 1 abstained",
+        "position error against truth: median 2.00 mm, 75.0 % within 5 mm",
+    ]
 
 
 def test_nothing_to_score() -> None:
@@ -44,4 +47,4 @@ def test_nothing_to_score() -> None:
     score.write(moment(None, {"contact": 1.0, "position": 0.2}))
     assert math.isnan(score.median_error())
     assert score.tree()["median_error"] is None
-    assert "no settled window" in score.line()
+    assert score.lines() == ["settled windows with a touch: 0 answered, 1 abstained"]

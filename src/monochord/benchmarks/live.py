@@ -94,7 +94,7 @@ class Live(Benchmark):
                 "source": {
                     "name": "wav",
                     "path": str(path),
-                    "block": 64,
+                    "block": 64 if speed <= 1.0 else 512,
                     "speed": speed,
                     "repeat": math.ceil(seconds / TAKE) + 1,
                 },

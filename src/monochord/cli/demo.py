@@ -33,4 +33,4 @@ def demo(seconds: float, as_json: bool) -> None:  # noqa: FBT001
         json.dump(score.tree() | summary.tree(), sys.stdout)
         click.echo()
         return
-    click.echo("\n" + "\n".join([*summary.lines(), "", f"{score.line()} (simulated)"]))
+    click.echo("\n".join(["", *summary.lines(), "", *score.lines(), "All of this is simulated sound."]))

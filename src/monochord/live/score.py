@@ -46,14 +46,12 @@ class Score(Sink, Writer):
         median = self.median_error() if self.errors else None
         return {"median_error": median, "answered": len(self.errors), "abstained": self.abstained}
 
-    def line(self) -> str:
-        """Return the score as a person reads it."""
+    def lines(self) -> list[str]:
+        """Return the score as lines of text."""
         answered = len(self.errors)
-        total = answered + self.abstained
+        counted = f"settled windows with a touch: {answered} answered, {self.abstained} abstained"
         if not answered:
-            return f"position error: no settled window with a touch was answered (of {total})"
+            return [counted]
         within = sum(abs(e) <= 5e-3 for e in self.errors) / answered
-        return (
-            f"position error against truth: median {1e3 * self.median_error():.2f} mm, "
-            f"{100 * within:.1f} % within 5 mm, over {answered} settled windows; {total - answered} abstained"
-        )
+        error = f"median {1e3 * self.median_error():.2f} mm, {100 * within:.1f} % within 5 mm"
+        return [counted, f"position error against truth: {error}"]
