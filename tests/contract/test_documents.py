@@ -1,5 +1,6 @@
 """What the documents tell people to type works."""
 
+import json
 import re
 import shlex
 import subprocess
@@ -10,6 +11,7 @@ import click
 import pytest
 
 from monochord.cli import monochord as verbs
+from monochord.cli import run
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -56,11 +58,25 @@ def test_the_readmes_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert float(capsys.readouterr().out) == pytest.approx(0.2275)
 
 
+def test_the_readmes_touch_is_simulated_and_found_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    readme = [shlex.split(line)[1:] for page, line in COMMANDS if page == "README.md" and "touch.wav" in line]
+    simulate, live = sorted(readme, key=lambda words: words[0], reverse=True)
+    assert run(simulate) == 0
+    capsys.readouterr()
+    assert run(live) == 0
+    last = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert last["position"] == pytest.approx(float(simulate[simulate.index("--at") + 1]), abs=5e-4)
+    assert last["force"] == pytest.approx(float(simulate[simulate.index("--force") + 1]), abs=0.05)
+
+
 @pytest.mark.slow
 def test_the_documentation_builds_without_a_warning(tmp_path: Path) -> None:
     pytest.importorskip("furo", reason="the docs extra is not installed: make docs")
     pytest.importorskip("myst_parser", reason="the docs extra is not installed: make docs")
     build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "docs", str(tmp_path)]
-    run = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
+    made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr
     assert (tmp_path / "index.html").is_file()
