@@ -1,0 +1,99 @@
+"""The paper's finite differences: how fast they run, and how far they are from what they approximate."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monochord.benchmarks._process import one_core
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.physics.split_string import Pluck, Recording, Route, SplitString, peaks, simulate
+from monochord.physics.strings import load_string
+from monochord.physics.theory import segment_frequencies
+from monochord.types import Contact
+from monochord.units import Seconds
+
+REFERENCE = "NumPy reference"
+FDTD = "compiled FDTD"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fdtd(Benchmark):
+    """Wall time over audio time of the three routes through the split string, on one core.
+
+    The case is the paper's appendix: two segments of 256 nodes, 1 us. Every route has run once before it is
+    timed, so compilation is not counted; everything else is: layout, feedback, resampling. Of several repeats
+    the fastest counts.
+
+    Parameters
+    ----------
+    preset
+        The string, touched as its preset says.
+    seconds
+        Audio for the compiled and the modal route.
+    reference_seconds
+        Audio for the NumPy reference, which takes some thirty times as long as it sounds.
+    repeats
+        How often each is timed.
+    """
+
+    preset: str = "appendix"
+    seconds: Seconds = 2.0
+    reference_seconds: Seconds = 0.1
+    repeats: int = 5
+
+    def run(self) -> Iterator[Row]:
+        """Time the routes, then compare what they say."""
+        string = load_string(self.preset)
+        contact = string.contact or Contact(position=0.35 * string.string.length, force=0.0)
+        setup = SplitString(string=string.string, contact=contact)
+        with one_core():
+            reference = self._pace(setup, "reference", self.reference_seconds, repeats=1)
+            fdtd = self._pace(setup, "fdtd", self.seconds, self.repeats)
+            modal = self._pace(setup, "modal", self.seconds, self.repeats)
+        yield _row("compiled FDTD, wall/audio", fdtd, REFERENCE, reference)
+        yield _row("exact modes, wall/audio", modal, FDTD, fdtd)
+        yield _row("NumPy reference, wall/audio", reference, "real time", 1.0)
+        yield from self._agreement(setup)
+        yield from _distances(setup, segment_frequencies(string.string, contact))
+
+    def _pace(self, setup: SplitString, route: Route, seconds: Seconds, repeats: int) -> float:
+        simulate(setup, min(seconds, 0.05), route=route)
+        return min(_timed(setup, route, seconds) for _ in range(repeats)) / seconds
+
+    def _agreement(self, setup: SplitString) -> Iterator[Row]:
+        slow, fast = (simulate(setup, self.reference_seconds, route=route) for route in ("reference", "fdtd"))
+        yield _row("compiled against reference, relative", _difference(slow, fast), "rounding", 1e-11)
+
+
+def _timed(setup: SplitString, route: Route, seconds: Seconds) -> float:
+    began = time.perf_counter()
+    simulate(setup, seconds, route=route)
+    return time.perf_counter() - began
+
+
+def _distances(setup: SplitString, expected: tuple[float, float]) -> Iterator[Row]:
+    """How far the peaks are from theory, and the grid from its limit as it is refined."""
+    exact = simulate(setup, 0.4, route="modal")
+    paper = simulate(setup, 0.4)
+    for name, recording in (("FDTD", paper), ("modes", exact)):
+        off = np.abs(np.divide(peaks(recording), expected) - 1.0).max()
+        yield _row(f"peaks of {name} off theory, relative", float(off), "bound", 1e-3)
+    # A broad pluck: the partials of a narrow one are too high for either grid to be near its limit.
+    broad = replace(setup, pluck=Pluck(width=0.02))
+    finer = replace(broad, nodes=2 * setup.nodes - 1, time_step=setup.time_step / 2.0)
+    limit = simulate(broad, 0.4, route="modal")
+    coarse, fine = (_difference(limit, simulate(each, 0.4)) for each in (broad, finer))
+    yield _row("FDTD off modes, relative", coarse, "bound", 0.05)
+    yield _row("the same at half the steps", fine, "FDTD", coarse)
+
+
+def _difference(reference: Recording, estimate: Recording) -> float:
+    """RMS of the difference over RMS of the reference, both segments together."""
+    apart = estimate.segments - reference.segments
+    return float(np.sqrt((apart**2).mean() / (reference.segments**2).mean()))
+
+
+def _row(name: str, value: float, baseline: str, baseline_value: float) -> Row:
+    return Row(name=name, value=value, unit="1", baseline=baseline, baseline_value=baseline_value)
