@@ -74,6 +74,8 @@ def quantity(value: float, unit: str) -> str:
     '227.5 mm'
     """
     shown, name = (1e3 * value, "mm") if unit == "m" else (value, unit)
+    if 0.0 < abs(shown) < 0.1:
+        return f"{shown:.1g} {name}".rstrip()
     digits = 2 if abs(shown) < 10.0 else 1
     return f"{shown:.{digits}f} {name}".rstrip()
 
