@@ -1,5 +1,7 @@
 """A JACK client: opened, given compiled callbacks and ports, activated, closed."""
 
+import os
+import threading
 import time
 from ctypes import byref, c_uint32
 
@@ -10,6 +12,11 @@ from monochord.realtime.arena import Arena
 from monochord.units import Samples, Seconds
 
 ALREADY_CONNECTED = 17  # EEXIST
+# libjack shares memory between the clients of a process, and crashes if one is opened, even in vain, before
+# all those of a dead server are closed. So when one client finds its server gone, its fellows are told, and
+# none is opened until they have left.
+_opening = threading.Lock()
+_clients: set["JackClient"] = set()
 
 
 class JackClient:
@@ -29,19 +36,34 @@ class JackClient:
     """
 
     def __init__(self, name: str, server: str = "") -> None:
-        jack = libjack.library()
+        self._jack = libjack.library()
         # Imported here, because this compiles against libjack.
         from monochord.realtime import callbacks  # noqa: PLC0415
 
-        jack.jack_set_error_function(callbacks.silent.address)
-        jack.jack_set_info_function(callbacks.silent.address)
+        self._callbacks = callbacks
+        self._arena: Arena | None = None
+        self._server = server or os.environ.get("JACK_DEFAULT_SERVER", "default")
+        with _opening:
+            if any(client.gone for client in _clients):
+                raise DeviceError("JACK server: went away, and clients of this program have not left it yet")
+            self.handle = self._open(name, server)
+            if not self.handle:
+                raise DeviceError(
+                    f"JACK server '{self._server}': not running; start one, as in jackd -d alsa"
+                )
+            _clients.add(self)
+
+    def _open(self, name: str, server: str) -> int:
+        for set_function in (self._jack.jack_set_error_function, self._jack.jack_set_info_function):
+            set_function(self._callbacks.silent.address)
         options = libjack.NO_START_SERVER | (libjack.SERVER_NAME if server else 0)
         more = (server.encode(),) if server else ()
-        handle = jack.jack_client_open(name.encode(), options, byref(c_uint32()), *more)
-        if not handle:
-            who = f"JACK server '{server}'" if server else "JACK server"
-            raise DeviceError(f"{who}: not running; start one (jackd -d alsa -r 44100) or name a running one")
-        self._jack, self._callbacks, self.handle = jack, callbacks, int(handle)
+        return self._jack.jack_client_open(name.encode(), options, byref(c_uint32()), *more) or 0
+
+    @property
+    def gone(self) -> bool:
+        """Whether the server of this client, once it was started, went away."""
+        return self._arena is not None and bool(self._arena.count(at.GONE))
 
     @property
     def name(self) -> str:
@@ -79,6 +101,7 @@ class JackClient:
         arena.words[at.CLIENT] = self.handle
         arena.words[at.PORTS : at.PORTS + len(ports)] = ports
         arena.words[at.GONE] = 0
+        self._arena = arena
         jack.jack_set_process_callback(self.handle, process, address)
         jack.jack_set_xrun_callback(self.handle, calls.xrun.address, address)
         jack.jack_set_port_registration_callback(self.handle, calls.port_registration.address, address)
@@ -124,6 +147,17 @@ class JackClient:
 
     def close(self) -> None:
         """Leave the server; no callback runs after this. Does no harm after the server has gone."""
-        if self.handle:
-            self._jack.jack_client_close(self.handle)
-            self.handle = 0
+        with _opening:
+            if self.gone:
+                for client in _clients:
+                    client.doom(self._server)
+            if self.handle:
+                self._jack.jack_client_close(self.handle)
+                self.handle = 0
+            _clients.discard(self)
+
+    def doom(self, server: str) -> None:
+        """Take a fellow client's word that a server is gone, whether libjack has told of it or not yet."""
+        if self._arena and self._server == server:
+            self._arena.words[at.GONE] = 1
+            self._arena.wake()
