@@ -110,6 +110,13 @@ def test_closing_from_another_thread_ends_the_wait() -> None:
         assert time.monotonic() - began < 2.0
 
 
+@pytest.mark.parametrize("preset", ["appendix", "prototype", "bass_100"])
+def test_every_string_sounds_about_as_loud_as_asked(preset: str) -> None:
+    sound = audio(preset=preset, level=0.1, duration=1.0, script=(Touch(start=5.0),))
+    assert np.abs(sound).max(axis=1) == pytest.approx([0.1, 0.1], rel=0.6)
+    assert np.abs(sound[:, -4410:]).max(axis=1) == pytest.approx([0.1, 0.1], rel=0.3)
+
+
 def test_noise_is_as_loud_as_asked() -> None:
     quiet, noisy = (audio(duration=0.2, noise=noise, script=SCRIPT) for noise in (0.0, 0.01))
     assert np.std(noisy - quiet) == pytest.approx(0.01, rel=0.05)

@@ -41,7 +41,7 @@ class Fdtd(Benchmark):
     preset: str = "appendix"
     seconds: Seconds = 2.0
     reference_seconds: Seconds = 0.1
-    repeats: int = 5
+    repeats: int = 8
 
     def run(self) -> Iterator[Row]:
         """Time the routes, then compare what they say."""

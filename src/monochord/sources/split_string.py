@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from monochord.errors import InputError
-from monochord.physics.split_string import Ringing, SplitString, advance, begin, touch
+from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, touch
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, wave_speed
 from monochord.sources._touches import Touch, play_at_random, play_script
 from monochord.sources.base import Source, Stream
 from monochord.types import Audio, Block, Contact, Signal, StreamHealth, StringParams, Truth
-from monochord.units import Newtons, Samples, Seconds
+from monochord.units import MetresPerSecond, Newtons, Samples, Seconds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +46,9 @@ class SplitStringSource(Source):
         Where random touches fall, as fractions of the length.
     settle
         For how many seconds after a change of touch the truth counts as unsettled.
-    gain
-        Sample value for a velocity of 1 m/s at a pickup.
+    level
+        About the velocity in m/s that the drivers sustain at a pickup, whatever the string; samples are
+        velocities in m/s.
     noise
         Standard deviation of the microphones' own white noise, as a sample value.
     block
@@ -65,7 +66,7 @@ class SplitStringSource(Source):
     forces: tuple[Newtons, Newtons] = (0.2, 2.0)
     places: tuple[float, float] = (0.25, 0.75)
     settle: Seconds = 0.15
-    gain: float = 0.4
+    level: MetresPerSecond = 0.2
     noise: float = 1e-4
     block: Samples = 256
     sample_rate: int = 44100
@@ -82,9 +83,9 @@ class SplitStringSource(Source):
             stream.close()
 
     def _refuse_impossible(self, string: StringParams) -> None:
-        for name, value in (("speed", self.speed), ("duration", self.duration), ("noise", self.noise)):
-            if not 0.0 <= value < math.inf:
-                raise InputError(f"{name} {value:g}", "0 or more")
+        for name in ("speed", "duration", "noise", "level"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise InputError(f"{name} {getattr(self, name):g}", "0 or more")
         if self.block < 1 or self.seed < 0:
             raise InputError(f"block {self.block}, seed {self.seed}", "1 frame or more, and 0 or more")
         if not 0.05 <= self.hold < math.inf:
@@ -101,6 +102,20 @@ class SplitStringSource(Source):
             raise InputError("script out of order", "touches by their start, the earliest first")
 
 
+def _setup(string: StringParams, level: MetresPerSecond) -> SplitString:
+    """Return the untouched string with a drive and a first pluck that both give about the level asked for.
+
+    At resonance the drive makes up for the loss: one driver on half the string, or two on the whole, at a
+    quarter of the segment, sustain 2 A / (d L) at a pickup there.
+    """
+    open_speed = math.pi * wave_speed(string) / string.length  # 2 pi times the open frequency
+    return SplitString(
+        string=string,
+        drive=Drive(amplitude=level * string.damping * string.length / 2.0),
+        pluck=Pluck(height=level / open_speed),
+    )
+
+
 class _SimulatedStream(Stream):
     def __init__(self, options: SplitStringSource, string: StringParams) -> None:
         self._options = options
@@ -111,8 +126,8 @@ class _SimulatedStream(Stream):
             string=string,
             open_frequency=wave_speed(string) / (2.0 * string.length),
         )
-        setup = SplitString(string=string)
-        self._mixing = options.gain * mixing_matrix(*setup.mixing)
+        setup = _setup(string, options.level)
+        self._mixing = mixing_matrix(*setup.mixing)
         self._ringing: Ringing = begin(setup, rate)
         advance(self._ringing, 1)  # compiles here, where nobody waits for a block
         self._random = np.random.default_rng([options.seed, 1])

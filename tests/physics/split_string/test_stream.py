@@ -83,3 +83,12 @@ def test_an_undriven_string_stays_silent_once_it_has_died_away() -> None:
 def test_a_sample_rate_out_of_range_is_refused() -> None:
     with pytest.raises(InputError, match="sample rate 1000 Hz: allowed is 8000 to 384000 Hz"):
         begin(SETUP, 1000)
+
+
+def test_a_segment_too_short_to_be_heard_is_silent_and_the_other_sounds() -> None:
+    _, ringing = advance(begin(SplitString(string=APPENDIX.string)), 8820)
+    sound, ringing = advance(touch(ringing, Contact(position=0.005, force=0.0)), 22050)
+    heard = np.abs(sound[:, -4410:]).max(axis=1)
+    assert heard[0] < 1e-3 < 0.05 < heard[1]
+    sound, _ = advance(touch(ringing, None), 22050)
+    assert (np.abs(sound[:, -4410:]).max(axis=1) > 0.05).all()

@@ -32,10 +32,11 @@ def carry_over(old: ModalString, q: Floats, v: Floats, new: ModalString) -> tupl
     parts: list[tuple[Floats, Floats]] = []
     for segment, count in zip(new.segments, new.counts, strict=True):
         # At midpoints the sine sum is an exact quadrature for all that the modes can hold.
-        local = (np.arange(8 * count, dtype=np.float64) + 0.5) * (segment.length / (8 * count))
+        size = max(8 * count, 1)
+        local = (np.arange(size, dtype=np.float64) + 0.5) * (segment.length / size)
         shape, velocity = _laid_out(old, q, v, segment.origin + segment.direction * local)
         tip, _ = _laid_out(old, q, v, np.array([segment.origin + segment.direction * segment.length]))
-        waves = _waves(segment, count, local) * (2.0 / local.size)
+        waves = _waves(segment, count, local) * (2.0 / size)
         parts.append(((shape - tip * local / segment.length) @ waves, velocity @ waves))
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 

@@ -45,7 +45,8 @@ class Modes:
 class ModalString:
     """The modes that matter: `audible` ones are followed in time, `quick` ones above only answer the drive.
 
-    `carry` is one sample's `free_motion` of the audible modes; `counts` tells how many each segment has.
+    `carry` is one sample's `free_motion` of the audible modes; `counts` tells how many each segment has, which
+    is none for a segment too short to be heard.
     """
 
     segments: tuple[Segment, ...]
@@ -63,7 +64,7 @@ def find_modes(setup: SplitString, sample_rate: int) -> ModalString:
     """
     segments = split(setup)
     fundamentals = [segment.speed / (2.0 * segment.length) for segment in segments]
-    counts = tuple(max(1, int(_PASSBAND * sample_rate / f)) for f in fundamentals)
+    counts = tuple(int(_PASSBAND * sample_rate / f) for f in fundamentals)
     ends = [gaussian_modes(setup.drive.width, segment.length) for segment in segments]
     audible = _join([_modes(setup, s, 1, count) for s, count in zip(segments, counts, strict=True)])
     quick = [_modes(setup, s, n + 1, end) for s, n, end in zip(segments, counts, ends, strict=True)]

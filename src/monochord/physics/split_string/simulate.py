@@ -36,8 +36,8 @@ def simulate(
         How long, above 0.
     route
         "fdtd": the paper's leapfrog on N nodes a segment, compiled. "reference": the same in NumPy, over
-        a hundred times slower, equal to rounding. "modal": each mode as a damped oscillator solved exactly over
-        each interval of constant drive; the limit that the grid tends to as it is refined.
+        a hundred times slower, equal to rounding. "modal": each mode as a damped oscillator solved exactly
+        over each interval of constant drive; the limit that the grid tends to as it is refined.
     sample_rate
         Of the recording, in Hz. The grid runs at 1 / dt; its velocities are brought to this rate by a
         linear-phase resampler (soxr, "HQ": flat to 0.456 of the rate, more than 120 dB down from 0.5), so
