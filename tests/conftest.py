@@ -1,7 +1,6 @@
 """Settings for all tests; and a real JACK server of the test's own, with a process that plays into it."""
 
 import fcntl
-import os
 import shutil
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import pytest
 import soundfile
 from hypothesis import settings
 
+from monochord import realstrings
 from monochord.errors import DeviceError
 
 # A time limit for each example fails on a machine that is busy, and says nothing of the code.
@@ -25,9 +25,6 @@ settings.load_profile("monochord")
 
 RATE = 44100
 SERVERS = 4  # JACK's registry has room for eight on a machine
-REALSTRINGS = Path(
-    os.environ.get("MONOCHORD_REALSTRINGS", Path(__file__).parents[2] / "shared" / "realstrings")
-)
 
 
 @contextmanager
@@ -133,7 +130,8 @@ def play(jack_server: JackServer) -> Iterator[Play]:
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
     """A two-channel recording: a real string where there is one, else decaying stiff-string partials."""
-    real = sorted(REALSTRINGS.glob("shiny_2ch/*.flac"))
+    folder = realstrings.folder()
+    real = sorted(folder.glob("shiny_2ch/*.flac")) if folder else []
     if real:
         return real[0]
     time_axis, rng = np.arange(2 * RATE) / RATE, np.random.default_rng(0)

@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +13,17 @@ def test_it_prints_a_line_for_each_thing(capsys: pytest.CaptureFixture[str]) -> 
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("ok       Python ")
     assert any(line.split()[1] == "JACK" for line in lines)
+
+
+def test_it_tells_where_the_recordings_are(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("MONOCHORD_REALSTRINGS", str(tmp_path))
+    assert run(["doctor"]) == 0
+    assert "MONOCHORD_REALSTRINGS" in capsys.readouterr().out.splitlines()[-1]
+    (tmp_path / "manifest.csv").write_text("file\n", encoding="ascii")
+    assert run(["doctor"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].endswith(f"0 in {tmp_path}")
 
 
 def test_json_is_one_object(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,8 @@ import json
 
 import click
 
-from monochord.realtime.machine import MISSING, checks
+from monochord import realstrings
+from monochord.realtime.machine import MISSING, OK, WARN, Check, checks
 
 MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
 
@@ -14,7 +15,7 @@ MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def doctor(*, as_json: bool) -> int:
     """Check what live audio needs; fails only if something is missing that nothing works without."""
-    found = list(checks())
+    found = [*checks(), _recordings()]
     if as_json:
         click.echo(json.dumps({"checks": [dataclasses.asdict(check) for check in found]}))
     else:
@@ -23,3 +24,11 @@ def doctor(*, as_json: bool) -> int:
             if check.remedy:
                 click.echo(f"{'':<9}{'':<20}-> {check.remedy}")
     return int(any(check.required and check.state == MISSING for check in found))
+
+
+def _recordings() -> Check:
+    name, folder = "real recordings", realstrings.folder()
+    if folder is None:
+        remedy = "only the benchmark realstrings needs them; name their folder in MONOCHORD_REALSTRINGS"
+        return Check(name=name, state=WARN, found="none", remedy=remedy)
+    return Check(name=name, state=OK, found=f"{len(realstrings.takes())} in {folder}")
