@@ -7,6 +7,7 @@ import pytest
 
 from monochord.errors import InputError
 from monochord.physics.split_string import Route, SplitString, peaks, simulate
+from monochord.physics.split_string.simulate import _resample
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, segment_frequencies
 from monochord.types import Contact
@@ -68,3 +69,14 @@ def test_a_step_too_long_for_the_shorter_segment_is_refused_before_anything_runs
     with pytest.raises(InputError, match=r"time step 1e-06 s: allowed is below 5.891e-07 s"):
         simulate(short, 0.1)
     assert peaks(simulate(short, 0.4, route="modal")) == pytest.approx((3162.3, 263.5), rel=1e-3)
+
+
+def test_nothing_folds_back_from_the_grid_s_rate_and_what_passes_keeps_its_time() -> None:
+    times = np.arange(200_000) * 1e-6
+    fade = np.sin(np.pi * times / 0.2) ** 2
+    tones = np.stack((np.sin(2.0 * np.pi * 19_000.0 * times), np.sin(2.0 * np.pi * 30_000.0 * times))) * fade
+    passed, stopped = _resample(iter([tones[:, :70_001], tones[:, 70_001:]]), 1e6, 44100)
+    kept = np.arange(passed.size) / 44100
+    expected = np.sin(2.0 * np.pi * 19_000.0 * kept) * np.sin(np.pi * kept / 0.2) ** 2
+    assert np.abs(passed - expected).max() < 1e-4
+    assert np.abs(stopped).max() < 1e-6

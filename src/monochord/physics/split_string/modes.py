@@ -45,8 +45,8 @@ class Modes:
 class ModalString:
     """The modes that matter: `audible` ones are followed in time, `quick` ones above only answer the drive.
 
-    `carry` is one sample's `free_motion` of the audible modes; `counts` tells how many each segment has, which
-    is none for a segment too short to be heard.
+    `carry` is one sample's `free_motion` of the audible modes; `counts` tells how many each segment has,
+    which is none for a segment too short to be heard.
     """
 
     segments: tuple[Segment, ...]
