@@ -142,7 +142,8 @@ def test_control_c_ends_with_the_summary(take: Take) -> None:
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=20)
     assert process.returncode == 0, err
-    assert all(json.loads(line)["valid"] for line in first)
+    assert json.loads(first[0])["valid"]
+    assert len([json.loads(line) for line in first]) == 20
     assert all(json.loads(line) for line in out.splitlines())
     assert "skipped" in err
     assert "Traceback" not in err

@@ -4,9 +4,14 @@ import sys
 import threading
 
 from monochord.cli import run
+from monochord.estimators import ESTIMATORS
+from monochord.realtime import callbacks
 
 
 def main() -> int:
+    # Loaded before the load begins: importing beside a busy thread takes ten times as long.
+    assert callbacks
+    assert ESTIMATORS.load("closed_form")
     status: list[int] = []
     loop = threading.Thread(target=lambda: status.append(run(sys.argv[1:])))
     loop.start()
