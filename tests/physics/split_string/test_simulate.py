@@ -78,5 +78,5 @@ def test_nothing_folds_back_from_the_grid_s_rate_and_what_passes_keeps_its_time(
     passed, stopped = _resample(iter([tones[:, :70_001], tones[:, 70_001:]]), 1e6, 44100)
     kept = np.arange(passed.size) / 44100
     expected = np.sin(2.0 * np.pi * 19_000.0 * kept) * np.sin(np.pi * kept / 0.2) ** 2
-    assert np.abs(passed - expected).max() < 1e-4
+    assert np.abs(passed - expected).max() < 1e-3  # 0.01 dB
     assert np.abs(stopped).max() < 1e-6
