@@ -129,15 +129,16 @@ def play(jack_server: JackServer) -> Iterator[Play]:
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    """A two-channel recording: a real string where there is one, else decaying stiff-string partials."""
+    """A second and a half of two microphones on a real string where there is one, else of stiff partials."""
+    file, frames = tmp_path / "recording.wav", 3 * RATE // 2
     folder = realstrings.folder()
     real = sorted(folder.glob("shiny_2ch/*.flac")) if folder else []
     if real:
-        return real[0]
-    time_axis, rng = np.arange(2 * RATE) / RATE, np.random.default_rng(0)
-    partials = [n * 196.0 * np.sqrt(1 + 1e-4 * n * n) for n in range(1, 16)]
-    sound = sum(np.sin(2 * np.pi * f * time_axis) * np.exp(-f * time_axis / 200) / 15 for f in partials)
-    both = np.stack([sound, 0.7 * sound]) + 1e-3 * rng.standard_normal((2, time_axis.size))
-    file = tmp_path / "string.wav"
-    soundfile.write(file, both.T, RATE, subtype="FLOAT")
+        both = soundfile.read(real[0], frames, dtype="float32", always_2d=True)[0]
+    else:
+        t, rng = np.arange(frames) / RATE, np.random.default_rng(0)
+        partials = [n * 196.0 * np.sqrt(1 + 1e-4 * n * n) for n in range(1, 16)]
+        sound = sum(np.sin(2 * np.pi * f * t) * np.exp(-f * t / 200) / 15 for f in partials)
+        both = np.stack([sound, 0.7 * sound], axis=1) + 1e-3 * rng.standard_normal((frames, 2))
+    soundfile.write(file, both, RATE, subtype="FLOAT")
     return file

@@ -93,11 +93,11 @@ class JackStream(Stream):
                 if period:
                     return self._timeline.place(period, self._adc_time(period), time.monotonic())
                 if self._client is None:
+                    if not self._options.reconnect:
+                        return None
                     self._return(time.monotonic() - away_since)
                 elif self._ring.arena.count(at.GONE):
                     self._leave()  # what it published last is taken on the next turn
-                    if not self._options.reconnect:
-                        self._closed.set()
                 else:
                     self._tend_ports(self._client)
                     self._ring.arena.wait(RETRY if self._waiting else IDLE)
