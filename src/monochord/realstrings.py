@@ -34,7 +34,7 @@ class Take:
         import soundfile  # noqa: PLC0415
 
         samples, rate = soundfile.read(self.path, dtype="float32", always_2d=True)
-        return np.ascontiguousarray(samples.T), int(rate)
+        return np.ascontiguousarray(samples.T, np.float32), int(rate)
 
 
 def folder() -> Path | None:

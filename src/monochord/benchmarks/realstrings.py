@@ -57,8 +57,8 @@ class Realstrings(Benchmark):
                 ours.setdefault(instrument, []).append(position_errors(take, told))
                 plain.setdefault(instrument, []).append(autocorrelation_errors(take, frequency, protocol))
             helped += _with_one_more(fretted, calibration, protocol)
-        for instrument in ours:
-            yield from _rows(instrument, np.concatenate(ours[instrument]), np.concatenate(plain[instrument]))
+        for instrument, errors in ours.items():
+            yield from _rows(instrument, np.concatenate(errors), np.concatenate(plain[instrument]))
         everything = np.concatenate([e for errors in ours.values() for e in errors])
         yield from _rows("all", everything, np.concatenate([e for errors in plain.values() for e in errors]))
         yield Row(

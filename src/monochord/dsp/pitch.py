@@ -61,7 +61,7 @@ class PitchFinder:
     top: Hertz = 6000.0
     partials: int = 40
     residual_weight: float = 8.0
-    stiffness_prior: tuple[float, float] = (1e-4, 2e-4)
+    stiffness_prior: tuple[float, float] = (5e-5, 2e-4)
     _taper: Floats = field(init=False, repr=False, compare=False)
     _grid: Floats = field(init=False, repr=False, compare=False)
 
@@ -73,7 +73,7 @@ class PitchFinder:
         object.__setattr__(self, "top", min(self.top, 0.45 * self.sample_rate))
 
     def find(self, samples: Floats) -> list[Series]:
-        """Return the candidates in a window (channels, size), best first; empty if fewer than two peaks."""
+        """Return the candidates in a window (channels, size), best first; empty if there is no peak."""
         padded = 1 << int(np.ceil(np.log2(3.0 * self.size)))
         spacing = self.sample_rate / padded
         bins = int(1.05 * self.top / spacing)
@@ -83,7 +83,7 @@ class PitchFinder:
         frequency, height, stands = spectrum.find_peaks(
             power, salience, spacing, self.size / self.sample_rate, 1.0
         )
-        if frequency.size < 2:
+        if frequency.size == 0:
             return []
         rank = np.empty(frequency.size)
         rank[np.argsort(-height)] = np.arange(1.0, frequency.size + 1.0)

@@ -18,9 +18,11 @@ MATCH_STD = 1.5
 """Standard deviation of a peak about its partial when series and peaks are compared, in Hz."""
 ROBUST_SCALE = 0.8
 """Distance from its partial, in Hz, at which a peak has lost three quarters of its weight in the fit."""
-LEAST_B, MOST_B = 0.0, 1.5e-3
+LEAST_B, MOST_B = 0.0, 3.0e-3
 MISSING = 0.03
 """Probability that a partial between two strong ones is missing."""
+AROUND = 5
+"""How many partials on each side tell what height a partial should have."""
 DIP = 4.0
 """How far below its weaker neighbour, in nepers of power, a partial counts as missing."""
 
@@ -58,9 +60,9 @@ def fit_series(
 ) -> tuple[float, float, float, int]:
     """Fit f0 and B to the peaks near a guess; return f0, B, the standard error of f0, and the matches.
 
-    f_n / n = f0 sqrt(1 + B n^2) is, to first order in B, linear in f0 and f0 B. The weighted least-squares
-    step is repeated while more partials are let in (6, 12, 24, all) and the search narrows; from the third
-    step on, peaks off the series lose weight as under a Cauchy error law.
+    Gauss-Newton steps of weighted least squares on f_n = n f0 sqrt(1 + B n^2), with a normal prior on B, while
+    more partials are let in (6, 12, 24, all) and the search narrows. From the third step on, peaks off the
+    series lose weight as under a Cauchy error law squared.
 
     Parameters
     ----------
@@ -76,38 +78,36 @@ def fit_series(
         Largest number of partials.
     """
     std, used = np.inf, 0
-    for step in range(5):
+    for step in range(6):
         count = partial_count(f0, top, min(most, 6 * 2**step))
-        prior = 1.0 / (f0 * stiffness_prior[1]) ** 2
+        prior = 1.0 / stiffness_prior[1] ** 2
         a11, a12, a22 = 0.0, 0.0, prior
-        b1, b2 = 0.0, prior * f0 * stiffness_prior[0]
+        b1, b2 = 0.0, prior * (stiffness_prior[0] - stiffness)
         chi2, weight_sum, used = 0.0, 0.0, 0
         for n in range(1, count + 1):
-            expected = _partial(f0, stiffness, n)
-            k = _nearest(frequency, expected)
-            off = frequency[k] - expected
-            if abs(off) > min(max(12.0, 0.01 * expected), 0.3 * f0) / (1.0 + 0.5 * step):
+            stretch = np.sqrt(1.0 + stiffness * n * n)
+            k = _nearest(frequency, n * f0 * stretch)
+            off = frequency[k] - n * f0 * stretch
+            if abs(off) > min(max(12.0, 0.01 * n * f0), 0.3 * f0) / (1.0 + 0.5 * step):
                 continue
             variance = PEAK_STD**2 + PEAK_STD_NOISY**2 * np.exp(-salience[k])
             robust = 1.0 / (1.0 + (off / ROBUST_SCALE) ** 2) ** 2 if step > 1 else 1.0
-            weight = n * n * robust / variance
-            u, y = 0.5 * n * n, frequency[k] / n
-            a11 += weight
-            a12 += weight * u
-            a22 += weight * u * u
-            b1 += weight * y
-            b2 += weight * u * y
-            chi2 += robust * off * off / variance
+            by_f0, by_stiffness = n * stretch, 0.5 * n**3 * f0 / stretch
+            a11 += robust / variance * by_f0 * by_f0
+            a12 += robust / variance * by_f0 * by_stiffness
+            a22 += robust / variance * by_stiffness * by_stiffness
+            b1 += robust / variance * by_f0 * off
+            b2 += robust / variance * by_stiffness * off
+            chi2 += robust / variance * off * off
             weight_sum += robust
             used += 1
         if used == 0:
             return f0, stiffness, np.inf, 0
         det = a11 * a22 - a12 * a12
-        base, bend = (b1 * a22 - b2 * a12) / det, (a11 * b2 - a12 * b1) / det
-        if bend < LEAST_B * base or bend > MOST_B * base:
-            bend = min(max(bend, LEAST_B * base), MOST_B * base)
-            base = (b1 - a12 * bend) / a11
-        f0, stiffness = base, bend / base
+        bend = stiffness + (a11 * b2 - a12 * b1) / det
+        kept = min(max(bend, LEAST_B), MOST_B)
+        f0 += (b1 * a22 - b2 * a12) / det if kept == bend else (b1 - a12 * (kept - stiffness)) / a11
+        stiffness = kept
         std = np.sqrt(a22 / det * max(1.0, chi2 / max(weight_sum - 1.0, 1.0)))
     return f0, stiffness, std, used
 
@@ -186,11 +186,11 @@ def series_evidence(
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def _neighbours(height: Floats, i: int) -> float:
-    """Return the lower of the greatest heights within two partials on the left and on the right."""
+    """Return the lower of the greatest heights within `AROUND` partials on the left and on the right."""
     if i + 1 >= height.size:
         return -np.inf
-    right = height[i + 1 : i + 3].max()
-    return right if i == 0 else min(right, height[max(i - 2, 0) : i].max())
+    right = height[i + 1 : i + 1 + AROUND].max()
+    return right if i == 0 else min(right, height[max(i - AROUND, 0) : i].max())
 
 
 @numba.njit(cache=True, error_model="numpy")

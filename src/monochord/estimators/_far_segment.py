@@ -95,8 +95,8 @@ class FarSegment:
         at_nut = [take for take in self.calibration if take[1] < AT_NUT]
         frequency = float(np.mean([take[0] for take in at_nut])) if at_nut else self.open_frequency
         told = [take[2] * (frequency / take[0]) ** 2 for take in self.calibration if len(take) > 2]
-        mean = max(float(np.median(told)), 1.0e-5) if told else 1.0e-4
-        return frequency, (mean, 0.1 * mean if told else 2.0e-4)
+        mean = max(float(np.median(told)), 1.0e-5) if told else 5.0e-5
+        return frequency, (mean, 0.05 * mean if told else 2.0e-4)
 
     def _why_undecided(self, candidates: list[Series], open_frequency: Hertz) -> str:
         if not candidates or candidates[0].evidence < self.evidence:
@@ -136,6 +136,8 @@ def refuse_bad_options(form: FarSegment) -> None:
     if not 10.0 <= form.open_frequency <= 5000.0:
         given = f"open frequency {form.open_frequency:g} Hz"
         raise InputError(given, "10 to 5000 Hz", "give the untouched string's pitch")
+    if not 0.0 < form.reach < 1.0:
+        raise InputError(f"reach {form.reach:g}", "a share of the length between 0 and 1", "0.8 is usual")
     for take in form.calibration:
         if not (2 <= len(take) <= 3 and take[0] > 0.0 and 0.0 <= take[1] < form.length):
             given = f"calibration {list(take)}"

@@ -1,0 +1,49 @@
+"""The accuracy that is claimed on real strings, held by a test."""
+
+import numpy as np
+import pytest
+
+from monochord import realstrings
+from monochord.benchmarks._known_touches import Protocol, autocorrelation_errors, recorded_strings
+from monochord.benchmarks.realstrings import Realstrings
+from monochord.errors import InputError
+
+real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
+
+
+@pytest.fixture(scope="module")
+def figures() -> dict[str, float]:
+    return {row.name: row.value for row in Realstrings().run()}
+
+
+@real
+def test_position_with_the_open_note_only(figures: dict[str, float]) -> None:
+    assert figures["all: mean absolute error"] <= 1.6
+    assert figures["all: within 5 mm"] == 100.0
+    assert figures["all: answered"] >= 97.0
+
+
+@real
+def test_no_octave_errors(figures: dict[str, float]) -> None:
+    assert figures["all: largest error"] < 10.0
+
+
+@real
+def test_one_further_take_helps(figures: dict[str, float]) -> None:
+    assert figures["all, one further take: mean absolute error"] <= 1.1
+
+
+@real
+def test_the_baseline_is_a_fair_one() -> None:
+    strings = recorded_strings()
+    take = strings.fretted["green_plucked B3"][0]
+    errors = autocorrelation_errors(take, strings.open_notes["green_plucked B3"].frequency, Protocol())
+    assert np.median(np.abs(errors)) < 3e-3
+
+
+def test_without_recordings_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> None:
+    monkeypatch.setenv("MONOCHORD_REALSTRINGS", str(tmp_path))
+    recorded_strings.cache_clear()
+    with pytest.raises(InputError, match="MONOCHORD_REALSTRINGS"):
+        next(Realstrings().run())
+    recorded_strings.cache_clear()
