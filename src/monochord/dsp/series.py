@@ -60,9 +60,9 @@ def fit_series(
 ) -> tuple[float, float, float, int]:
     """Fit f0 and B to the peaks near a guess; return f0, B, the standard error of f0, and the matches.
 
-    Gauss-Newton steps of weighted least squares on f_n = n f0 sqrt(1 + B n^2), with a normal prior on B, while
-    more partials are let in (6, 12, 24, all) and the search narrows. From the third step on, peaks off the
-    series lose weight as under a Cauchy error law squared.
+    Gauss-Newton steps of weighted least squares on f_n = n f0 sqrt(1 + B n^2), with a normal prior on B,
+    while more partials are let in (6, 12, 24, all) and the search narrows. From the third step on, peaks off
+    the series lose weight as under a Cauchy error law squared.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ def series_evidence(
     clutter scatters peaks uniformly, and the stronger a peak, the rarer its like in clutter: the density of
     clutter peaks as strong as the k-th strongest is k over the band. (2) A partial that is far weaker than
     partials on both sides counts as missing, which a string seldom does, and which all odd partials of an
-    octave-too-low guess do. (3) What the series leaves unexplained: `residual_weight` ln(total / residual power),
-    which is what a guess that leaves the strongest peak over cannot have.
+    octave-too-low guess do. (3) What the series explains: `residual_weight` ln(total / residual power), which a
+    guess that leaves the strongest peak over cannot have.
 
     Parameters
     ----------
