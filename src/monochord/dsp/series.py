@@ -133,8 +133,8 @@ def series_evidence(
     clutter scatters peaks uniformly, and the stronger a peak, the rarer its like in clutter: the density of
     clutter peaks as strong as the k-th strongest is k over the band. (2) A partial that is far weaker than
     partials on both sides counts as missing, which a string seldom does, and which all odd partials of an
-    octave-too-low guess do. (3) What the series explains: `residual_weight` ln(total / residual power), which a
-    guess that leaves the strongest peak over cannot have.
+    octave-too-low guess do. (3) What the series explains: `residual_weight` ln(total / residual power), which
+    a guess that leaves the strongest peak over cannot have.
 
     Parameters
     ----------
