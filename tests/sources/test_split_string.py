@@ -9,7 +9,7 @@ import pytest
 
 from monochord.errors import InputError
 from monochord.physics.split_string.feedback import lines
-from monochord.physics.theory import segment_frequencies
+from monochord.physics.theory import mixing_matrix, segment_frequencies
 from monochord.sources._touches import Touch
 from monochord.sources.split_string import SplitStringSource
 from monochord.types import Audio, Contact, Truth
@@ -142,3 +142,25 @@ def test_noise_is_as_loud_as_asked() -> None:
 def test_options_that_cannot_be_used_are_refused(options: dict[str, Any], line: str) -> None:
     with pytest.raises(InputError, match=line), SplitStringSource(**options).open():
         pass
+
+
+def harmonics(strike: float) -> list[float]:
+    """Which harmonic each side sounds at, over a quarter of a minute of touches."""
+    found: list[float] = []
+    with SplitStringSource(speed=0.0, duration=15.0, seed=3, strike=strike, block=4410).open() as stream:
+        string = stream.signal.string
+        assert string is not None
+        for block in stream:
+            truth = stream.truth(block.start, block.start + 4410)
+            if truth["contact"] and truth["settled"] and block.samples.shape[1] == 4410:
+                contact = Contact(position=truth["position"], force=truth["force"])
+                unmixed = np.linalg.inv(mixing_matrix(0.85, 0.85)).astype(np.float64) @ block.samples
+                found += list(lines(unmixed, RATE)[0] / segment_frequencies(string, contact))
+    return found
+
+
+def test_a_struck_string_sounds_at_its_fundamentals_and_a_stroked_one_as_history_has_it() -> None:
+    struck, stroked = harmonics(3.0), harmonics(0.0)
+    assert len(struck) > 50
+    assert struck == pytest.approx([1.0] * len(struck), abs=0.01)
+    assert max(stroked) > 1.9

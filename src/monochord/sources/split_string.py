@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,6 +49,9 @@ class SplitStringSource(Source):
     level
         About the velocity in m/s that the drivers sustain at a pickup, whatever the string; samples are
         velocities in m/s.
+    strike
+        How strongly the string is plucked by each change of touch, in multiples of `level`. A weak strike
+        leaves it to history which harmonics sound: see the drivers' feedback.
     noise
         Standard deviation of the microphones' own white noise, as a sample value.
     block
@@ -66,7 +69,8 @@ class SplitStringSource(Source):
     forces: tuple[Newtons, Newtons] = (0.2, 2.0)
     places: tuple[float, float] = (0.25, 0.75)
     settle: Seconds = 0.15
-    level: MetresPerSecond = 0.2
+    level: MetresPerSecond = 0.1
+    strike: float = 3.0
     noise: float = 1e-4
     block: Samples = 256
     sample_rate: int = 44100
@@ -83,7 +87,7 @@ class SplitStringSource(Source):
             stream.close()
 
     def _refuse_impossible(self, string: StringParams) -> None:
-        for name in ("speed", "duration", "noise", "level"):
+        for name in ("speed", "duration", "noise", "level", "strike"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise InputError(f"{name} {getattr(self, name):g}", "0 or more")
         if self.block < 1 or self.seed < 0:
@@ -128,6 +132,7 @@ class _SimulatedStream(Stream):
         )
         setup = _setup(string, options.level)
         self._mixing = mixing_matrix(*setup.mixing)
+        self._strike = replace(setup.pluck, height=options.strike * setup.pluck.height)
         self._ringing: Ringing = begin(setup, rate)
         advance(self._ringing, 1)  # compiles here, where nobody waits for a block
         self._random = np.random.default_rng([options.seed, 1])
@@ -204,7 +209,7 @@ class _SimulatedStream(Stream):
         while frames:
             now = self._ringing.start
             while self._next is not None and self._next[0] <= now:
-                self._ringing = touch(self._ringing, self._next[1])
+                self._ringing = touch(self._ringing, self._next[1], pluck=self._strike)
                 self._history.append((now, self._next[1]))
                 self._next = next(self._changes, None)
             part = frames if self._next is None else min(frames, self._next[0] - now)

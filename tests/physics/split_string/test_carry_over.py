@@ -27,7 +27,7 @@ def shape(string: ModalString, q: Floats, places: Floats) -> Floats:
 
 def test_nothing_changes_when_the_segments_stay() -> None:
     string = find_modes(PLUCKED, 44100)
-    q = plucked(PLUCKED, string)
+    q = plucked(PLUCKED.pluck, string)
     q_after, v_after = carry_over(string, q, q * 1000.0, string)
     assert q_after == pytest.approx(q, abs=1e-12 * np.abs(q).max())
     assert v_after == pytest.approx(q * 1000.0, abs=1e-9 * np.abs(q).max())
@@ -35,7 +35,7 @@ def test_nothing_changes_when_the_segments_stay() -> None:
 
 def test_a_release_keeps_the_shape() -> None:
     touched, free = find_modes(PLUCKED, 44100), find_modes(OPEN, 44100)
-    q = plucked(PLUCKED, touched)
+    q = plucked(PLUCKED.pluck, touched)
     q_after, _ = carry_over(touched, q, q, free)
     places = np.linspace(0.01, 0.64, 60)
     # The kink at the old touch is rounded by the end of the audio band, and no more than that.
@@ -45,7 +45,7 @@ def test_a_release_keeps_the_shape() -> None:
 
 def test_a_new_touch_takes_the_string_to_rest_there_along_the_static_triangle() -> None:
     free, touched = find_modes(OPEN, 44100), find_modes(PLUCKED, 44100)
-    q = plucked(OPEN, free)
+    q = plucked(OPEN.pluck, free)
     q_after, _ = carry_over(free, q, q, touched)
     places = np.linspace(0.005, 0.645, 120)
     depth = shape(free, q, np.array([0.2]))[0]

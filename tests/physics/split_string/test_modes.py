@@ -59,6 +59,6 @@ def test_a_driver_pushes_only_its_own_segment_by_the_gaussian_s_transform() -> N
 
 
 def test_no_drive_and_no_pluck_mean_silence() -> None:
-    rest = replace(SETUP, initial="rest", drive=Drive(amplitude=0.0))
-    assert not plucked(rest, find_modes(rest, 44100)).any()
-    assert not find_modes(rest, 44100).audible.push.any()
+    rest = find_modes(replace(SETUP, drive=Drive(amplitude=0.0)), 44100)
+    assert not plucked(None, rest).any()
+    assert not rest.audible.push.any()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.errors import InputError
-from monochord.physics.split_string import Drive, Ringing, SplitString, advance, begin, simulate, touch
+from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, simulate, touch
 from monochord.physics.split_string.feedback import lines
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
@@ -93,3 +93,12 @@ def test_a_segment_too_short_to_be_heard_is_silent_and_the_other_sounds() -> Non
     assert heard[1] > 0.05
     sound, _ = advance(touch(ringing, None), 22050)
     assert (np.abs(sound[:, -4410:]).max(axis=1) > 0.05).all()
+
+
+def test_a_touch_that_plucks_adds_the_pluck_to_both_segments() -> None:
+    _, ringing = advance(begin(SETUP), 4410)
+    strike = Pluck(height=5e-4)
+    stroked, struck = touch(ringing, OTHER), touch(ringing, OTHER, pluck=strike)
+    first = struck.q - stroked.q
+    assert first[: stroked.string.counts[0]].max() == pytest.approx(0.8e-3 / 2.0, rel=0.1)
+    assert struck.v.tolist() == stroked.v.tolist()

@@ -14,7 +14,7 @@ from monochord.physics.split_string.segments import (
     split,
     support,
 )
-from monochord.physics.split_string.setup import SplitString
+from monochord.physics.split_string.setup import Pluck, SplitString
 from monochord.types import Floats
 
 _PASSBAND = 0.456
@@ -126,12 +126,12 @@ def response(modes: Modes, frequencies: Floats) -> Complexes:
     return amplitude * np.sign(w)
 
 
-def plucked(setup: SplitString, string: ModalString) -> Floats:
-    """Return displacements (audible,) of the modes at time zero, in m."""
-    if setup.initial == "rest":
+def plucked(pluck: Pluck | None, string: ModalString) -> Floats:
+    """Return the displacements (audible,) in m of modes whose every segment is plucked, or at rest."""
+    if pluck is None:
         return np.zeros(sum(string.counts))
     amplitudes = zip(string.segments, string.counts, strict=True)
-    return np.concatenate([pluck_amplitudes(setup.pluck, *each) for each in amplitudes])
+    return np.concatenate([pluck_amplitudes(pluck, *each) for each in amplitudes])
 
 
 def _modes(setup: SplitString, segment: Segment, first: int, last: int) -> Modes:

@@ -40,8 +40,9 @@ def simulate(
         over each interval of constant drive; the limit that the grid tends to as it is refined.
     sample_rate
         Of the recording, in Hz. The grid runs at 1 / dt; its velocities are brought to this rate by a
-        linear-phase resampler (soxr, "HQ": flat to 0.01 dB up to 0.456 of the rate, more than 120 dB down from 0.5), so
-        nothing folds back. The modal route follows the modes up to the same 0.456 of the rate.
+        linear-phase resampler (soxr, "HQ": flat to 0.01 dB up to 0.456 of the rate, more than 120 dB
+        down from 0.5), so nothing folds back. The modal route follows the modes up to the
+        same 0.456 of the rate.
 
     Returns
     -------

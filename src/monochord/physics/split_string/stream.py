@@ -10,7 +10,7 @@ from monochord.physics.split_string import feedback
 from monochord.physics.split_string.carry_over import carry_over
 from monochord.physics.split_string.feedback import Complexes, Drivers
 from monochord.physics.split_string.modes import ModalString, find_modes, plucked, response
-from monochord.physics.split_string.setup import SplitString
+from monochord.physics.split_string.setup import Pluck, SplitString
 from monochord.types import Contact, Floats
 from monochord.units import Samples
 
@@ -61,7 +61,7 @@ def begin(setup: SplitString, sample_rate: int = 44100) -> Ringing:
     if not 8000 <= sample_rate <= 384000:
         raise InputError(f"sample rate {sample_rate} Hz", "8000 to 384000 Hz")
     string = find_modes(setup, sample_rate)
-    q = plucked(setup, string)
+    q = plucked(setup.pluck if setup.initial == "plucked" else None, string)
     drivers = feedback.begin(setup.drive, sample_rate)
     return _drive(setup, sample_rate, string, q, np.zeros_like(q), drivers, 0)
 
@@ -82,17 +82,18 @@ def advance(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
     return np.concatenate(parts, axis=1), ringing
 
 
-def touch(ringing: Ringing, contact: Contact | None) -> Ringing:
+def touch(ringing: Ringing, contact: Contact | None, *, pluck: Pluck | None = None) -> Ringing:
     """Return the same string under another touch, or under none, from its next sample on.
 
-    Shape and velocity are projected onto the modes of the new segments, see `carry_over`. The drivers go on
-    with the tone that they have until, at the next whole hop of the sample clock, they hear another.
+    Shape and velocity are projected onto the modes of the new segments, see `carry_over`. A finger that comes
+    or goes quickly plucks the string besides: `pluck` is added to each new segment. The drivers go on with
+    the tone that they have until, at the next whole hop of the sample clock, they hear another.
     """
     setup = replace(ringing.setup, contact=contact)
     string = find_modes(setup, ringing.sample_rate)
     drivers = feedback.advance(ringing.drivers, ringing.since / ringing.sample_rate)
     q, v = carry_over(ringing.string, *_motion(ringing, drivers), string)
-    return _drive(setup, ringing.sample_rate, string, q, v, drivers, ringing.start)
+    return _drive(setup, ringing.sample_rate, string, q + plucked(pluck, string), v, drivers, ringing.start)
 
 
 def _drive(
