@@ -153,6 +153,39 @@ def test_a_large_files_header_is_understood(tmp_path: Path) -> None:
     assert np.array_equal(audio(tmp_path / "a.wav"), sent)
 
 
+def test_a_flac_stream_that_does_not_say_its_length_is_refused_or_read(tmp_path: Path) -> None:
+    file = write(tmp_path / "a.flac", noise(5120))
+    content = bytearray(file.read_bytes())
+    total = 4 + 4 + 13  # in STREAMINFO: 36 bits
+    content[total] &= 0xF0
+    content[total + 1 : total + 5] = bytes(4)
+    file.write_bytes(content)
+    with pytest.raises(InputError, match="does not say how long it is"):
+        audio(file)
+    assert audio(file, allow_truncated=True).shape[1] > 4000
+
+
+@pytest.mark.parametrize("allow_truncated", [False, True])
+def test_a_damaged_file_is_told_when_the_damage_is_reached(tmp_path: Path, *, allow_truncated: bool) -> None:
+    file = write(tmp_path / "a.flac", noise(RATE))
+    whole, content = audio(file), bytearray(file.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 200] = b"\x55" * 200
+    file.write_bytes(content)
+    if allow_truncated:
+        got = audio(file, allow_truncated=True)
+        assert np.array_equal(got, whole[:, : got.shape[1]])
+    else:
+        with pytest.raises(InputError, match=r"unreadable after frame \d+\): allowed is an undamaged file"):
+            audio(file)
+
+
+def test_a_truncated_file_repeats_what_it_has(tmp_path: Path) -> None:
+    file = cut(write(tmp_path / "a.flac", noise(RATE)), 0.5)
+    once = audio(file, allow_truncated=True)
+    assert np.array_equal(audio(file, allow_truncated=True, repeat=2), np.tile(once, 2))
+
+
 def text(path: Path) -> None:
     path.write_text("this is not sound\n" * 20, encoding="ascii")
 

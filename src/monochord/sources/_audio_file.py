@@ -12,6 +12,8 @@ FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
 MOST_CHANNELS = 2
 UNKNOWN_LENGTH = 0xFFFFFFFF  # what a program that writes to a pipe, or RF64, puts for a length
 
+ENDLESS = 2**63 - 1  # frames, as libsndfile puts it, of a flac stream that does not say how many
+
 
 def open_audio(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
     """Return the open file, seen to be whole, of one or two channels and at a rate in the allowed range.
@@ -63,6 +65,9 @@ def _refuse(file: soundfile.SoundFile, path: Path) -> None:
 
 
 def _refuse_truncated(file: soundfile.SoundFile, path: Path) -> None:
+    if file.frames == ENDLESS:
+        remedy = "convert it, or set allow_truncated=true"
+        raise InputError(f"file {path} (does not say how long it is)", "one that does", remedy)
     if file.format == "FLAC":
         whole = _last_frame_reads(file)
     else:

@@ -52,12 +52,12 @@ class Wav(Source):
             raise InputError(f"speed {self.speed}", "0 (as fast as possible) or more")
         if self.repeat < 0:
             raise InputError(f"repeat {self.repeat}", "0 (without end) or more")
-        with open_audio(Path(self.path), allow_truncated=self.allow_truncated) as file:
-            stream = _FileStream(file, self)
-            try:
-                yield stream
-            finally:
-                stream.release()
+        file = open_audio(Path(self.path), allow_truncated=self.allow_truncated)
+        stream = _FileStream(file, self)
+        try:
+            yield stream
+        finally:
+            stream.release()
 
 
 class _FileStream(Stream):
@@ -97,10 +97,10 @@ class _FileStream(Stream):
         self._closed.set()
 
     def release(self) -> None:
-        """Close, and wait until the reader has left the file."""
+        """Close, wait until the reader has left, and close the file."""
         self.close()
         with self._reading:
-            pass
+            self._file.close()
 
     def _next(self) -> Block | None:
         with self._reading:
@@ -119,15 +119,21 @@ class _FileStream(Stream):
         parts = [self._read_here(self._options.block)]
         while (missing := self._options.block - sum(map(len, parts))) and self._round != self._options.repeat:
             self._round += 1
-            parts.append(self._read_here(missing, at=0))
+            self._rewind()
+            parts.append(self._read_here(missing))
             if not len(parts[-1]):
                 break  # nothing of it can be read
         return np.ascontiguousarray(np.concatenate(parts).T)
 
-    def _read_here(self, frames: Samples, at: Samples | None = None) -> np.ndarray:
+    def _rewind(self) -> None:
         try:
-            if at is not None:
-                self._file.seek(at)
+            self._file.seek(0)
+        except soundfile.LibsndfileError:  # a flac decoder that met the end of a cut file stays where it is
+            self._file.close()
+            self._file = soundfile.SoundFile(self._options.path)
+
+    def _read_here(self, frames: Samples) -> np.ndarray:
+        try:
             return self._file.read(frames, dtype="float32", always_2d=True)
         except soundfile.LibsndfileError as error:
             if self._options.allow_truncated:
