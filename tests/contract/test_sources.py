@@ -128,6 +128,17 @@ def test_close_ends_the_iteration_from_another_thread(name: str, opened: Open) -
 
 
 @each_source
+def test_closing_again_or_after_the_end_does_no_harm(name: str, opened: Open) -> None:
+    with opened(name) as stream:
+        stream.close()
+        stream.close()
+        assert len(list(islice(stream, 1000))) < 1000
+    stream.close()
+    assert stream.pending >= 0
+    assert stream.health.frames >= 0
+
+
+@each_source
 def test_leaving_the_context_ends_the_iteration_in_another_thread(name: str, opened: Open) -> None:
     started = threading.Event()
 

@@ -38,3 +38,4 @@ def test_wake_ends_a_wait_from_another_thread_and_is_remembered_once() -> None:
     assert time.monotonic() - began >= 0.04
     arena.close()
     arena.close()
+    arena.wake()

@@ -86,8 +86,10 @@ class Arena:
         return load(self.words, field)
 
     def wake(self) -> None:
-        """Wake whoever is in `wait`."""
-        os.eventfd_write(int(self.words[WAKE]), 1)
+        """Wake whoever is in `wait`; after `close` nobody is."""
+        descriptor = int(self.words[WAKE])
+        if descriptor >= 0:
+            os.eventfd_write(descriptor, 1)
 
     def wait(self, seconds: Seconds) -> None:
         """Wait until woken since the last wait, by a callback or by `wake`, or until the time is over."""
