@@ -1,5 +1,6 @@
 """The live loop: how soon an estimate comes after its window's last sample, and whether memory stays flat."""
 
+import dataclasses
 import math
 import tempfile
 import time
@@ -13,7 +14,8 @@ import numpy as np
 from monochord.benchmarks._process import one_core, resident
 from monochord.benchmarks._take import write_take
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.live import Session, Settings, Summary, run
+from monochord.config import Tree
+from monochord.live import Session, Settings, run
 from monochord.physics.strings import load_string
 from monochord.sinks.base import Moment, Sink, Writer
 from monochord.timing import Histogram, Percentiles
@@ -30,13 +32,14 @@ class Live(Benchmark):
     """Latency and memory of the live loop on one core, with a synthetic stiff string read from a file.
 
     Latency is counted from a window's last sample being at hand to its estimate, at the pace of real time;
-    the baseline is the FFT autocorrelation of the same windows, timed in the same loop. Memory is the
-    resident set after the first minute of audio and at the end.
+    the baseline is the FFT autocorrelation of the same windows, timed in the same loop. The two-sided form is
+    timed on the simulated sensor, whose touches come and go. Memory is the resident set after the first
+    minute of audio and at the end.
 
     Parameters
     ----------
     seconds
-        Audio for the latency, and time that it takes.
+        Audio for each of the two latencies, and time that it takes.
     minutes
         Audio for the memory; 0 leaves it out.
     speed
@@ -59,12 +62,13 @@ class Live(Benchmark):
             path = Path(folder) / "string.wav"
             write_take(path, load_string(self.string), TAKE, RATE)
             yield from self._latency(path)
+            yield from self._two_sided()
             if self.minutes > 0.0:
                 yield from self._memory(path)
 
     def _latency(self, path: Path) -> Iterator[Row]:
         baseline = _Autocorrelation()
-        summary = run(self._session(path, 1.0, self.seconds, baseline))
+        summary = run(self._session(self._take(path, 1.0, self.seconds), self.seconds, baseline))
         seen, beside = summary.stages["latency"], baseline.histogram.percentiles()
         for name, label in (("p50", "p50"), ("p95", "p95"), ("p99", "p99"), ("longest", "max")):
             compared = 1e3 * getattr(beside, name)
@@ -78,8 +82,9 @@ class Live(Benchmark):
     def _memory(self, path: Path) -> Iterator[Row]:
         memory = _Memory(settled=min(60.0, 6.0 * self.minutes))
         begin = time.monotonic()
-        summary: Summary = run(self._session(path, self.speed, 60.0 * self.minutes, memory))
-        pace = 60.0 * self.minutes / (time.monotonic() - begin)
+        seconds = 60.0 * self.minutes
+        summary = run(self._session(self._take(path, self.speed, seconds), seconds, memory))
+        pace = seconds / (time.monotonic() - begin)
         yield _row("pace of the memory run", pace, "x real time", "asked for", self.speed)
         yield _row("windows of the memory run", summary.windows, "1")
         yield _row("skipped in the memory run", summary.skipped, "1")
@@ -87,35 +92,37 @@ class Live(Benchmark):
         yield _row("resident at the end", memory.now, "MB", settled, memory.before)
         yield _row("memory growth", memory.now - memory.before, "MB")
 
-    def _session(self, path: Path, speed: float, seconds: Seconds, sink: Sink) -> Session:
+    def _two_sided(self) -> Iterator[Row]:
+        baseline = _Autocorrelation()
+        tree = {"source": {"name": "split_string"}, "estimator": {"name": "closed_form"}}
+        summary = run(self._session(tree, self.seconds, baseline))
+        seen, beside = summary.stages["latency"], baseline.histogram.percentiles()
+        for name, label in (("p50", "p50"), ("p99", "p99"), ("longest", "max")):
+            compared = 1e3 * getattr(beside, name)
+            yield _row(
+                f"two-sided latency {label}", 1e3 * getattr(seen, name), "ms", AUTOCORRELATION, compared
+            )
+
+    def _take(self, path: Path, speed: float, seconds: Seconds) -> Tree:
         preset = load_string(self.string)
-        settings = Settings.read(
-            {
-                "source": {
-                    "name": "wav",
-                    "path": str(path),
-                    "block": 64 if speed <= 1.0 else 512,
-                    "speed": speed,
-                    "repeat": math.ceil(seconds / TAKE) + 1,
-                },
-                "estimator": {
-                    "name": "closed_form",
-                    "length": preset.string.length,
-                    "open_frequency": preset.open_frequency,
-                },
-                "window": {"hop": self.hop},
-                "sinks": {},
-                "seconds": seconds,
-            }
-        )
-        session = settings.session()
-        return Session(
-            source=session.source,
-            estimator=session.estimator,
-            sinks=(sink,),
-            window=session.window,
-            seconds=seconds,
-        )
+        return {
+            "source": {
+                "name": "wav",
+                "path": str(path),
+                "block": 64 if speed <= 1.0 else 512,
+                "speed": speed,
+                "repeat": math.ceil(seconds / TAKE) + 1,
+            },
+            "estimator": {
+                "name": "closed_form",
+                "length": preset.string.length,
+                "open_frequency": preset.open_frequency,
+            },
+        }
+
+    def _session(self, tree: Tree, seconds: Seconds, sink: Sink) -> Session:
+        settings = Settings.read({**tree, "window": {"hop": self.hop}, "sinks": {}, "seconds": seconds})
+        return dataclasses.replace(settings.session(), sinks=(sink,))
 
 
 class _Autocorrelation(Sink, Writer):

@@ -75,7 +75,7 @@ def quantity(value: float, unit: str) -> str:
     """
     shown, name = (1e3 * value, "mm") if unit == "m" else (value, unit)
     if 0.0 < abs(shown) < 0.1:
-        return f"{shown:.1g} {name}".rstrip()
+        return f"{shown:.3f} {name}".rstrip()
     digits = 2 if abs(shown) < 10.0 else 1
     return f"{shown:.{digits}f} {name}".rstrip()
 
