@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from monochord import realstrings
-from monochord.benchmarks._known_touches import Protocol, autocorrelation_errors, recorded_strings
 from monochord.benchmarks.realstrings import Realstrings
-from monochord.errors import InputError
+from monochord.evaluation.autocorrelation import autocorrelation_errors
+from monochord.evaluation.known_touches import Protocol, recorded_strings
 
 real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 
@@ -39,11 +39,3 @@ def test_the_baseline_is_a_fair_one() -> None:
     take = strings.fretted["green_plucked B3"][0]
     errors = autocorrelation_errors(take, strings.open_notes["green_plucked B3"].frequency, Protocol())
     assert np.median(np.abs(errors)) < 3e-3
-
-
-def test_without_recordings_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: object) -> None:
-    monkeypatch.setenv("MONOCHORD_REALSTRINGS", str(tmp_path))
-    recorded_strings.cache_clear()
-    with pytest.raises(InputError, match="MONOCHORD_REALSTRINGS"):
-        next(Realstrings().run())
-    recorded_strings.cache_clear()

@@ -5,17 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.benchmarks._known_touches import (
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.evaluation.autocorrelation import autocorrelation_errors
+from monochord.evaluation.known_touches import (
     NEAR,
     Calibration,
     Protocol,
-    autocorrelation_errors,
     located,
     open_note,
     position_errors,
     recorded_strings,
 )
-from monochord.benchmarks.base import Benchmark, Row
 from monochord.realstrings import Take
 from monochord.types import Floats
 

@@ -111,31 +111,3 @@ def located(
 def position_errors(take: Take, told: list[Mapping[str, Estimate]]) -> Floats:
     """Return estimate minus fret position in m for every window, NaN where the estimator abstained."""
     return np.array([estimates["position"].value for estimates in told]) - take.position
-
-
-def autocorrelation_errors(
-    take: Take, open_frequency: Hertz, protocol: Protocol, mix: Mix | None = None
-) -> Floats:
-    """Return the same for plain autocorrelation, the baseline, which never abstains.
-
-    The lag of the first peak that reaches nine tenths of the greatest, refined by a parabola, is the period.
-    """
-    samples, rate = take.read()
-    heard = samples if mix is None else mix(samples)
-    least, most = rate / (5.0 * open_frequency), rate / (0.977 * open_frequency)
-    periods = [_period(window, least, most) for window in protocol.windows(samples, heard, rate)]
-    return np.array([SCALE * (1.0 - open_frequency * p / rate) - take.position for p in periods])
-
-
-def _period(window: Window, least: float, most: float) -> float:
-    samples = window.samples[0].astype(np.float64)
-    size = samples.size
-    power = np.abs(np.fft.rfft(samples - samples.mean(), 4 * size)) ** 2
-    curve = np.fft.irfft(power)[:size] / (size - np.arange(size))
-    lags = np.arange(int(least), min(int(most) + 2, size - 2))
-    peaks = lags[(curve[lags] > curve[lags - 1]) & (curve[lags] >= curve[lags + 1])]
-    if peaks.size == 0:
-        return float(lags[np.argmax(curve[lags])])
-    lag = int(peaks[np.argmax(curve[peaks] >= 0.9 * curve[peaks].max())])
-    before, at, after = curve[lag - 1 : lag + 2]
-    return lag + 0.5 * (before - after) / (before - 2.0 * at + after)

@@ -1,0 +1,1 @@
+"""What estimators make of takes whose truth is known."""

@@ -1,0 +1,98 @@
+"""Recorded music and speech, mixed into takes at a wanted signal-to-noise ratio."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from monochord import realstrings
+from monochord.evaluation.autocorrelation import autocorrelation_errors
+from monochord.evaluation.known_touches import (
+    Mix,
+    Protocol,
+    located,
+    open_note,
+    position_errors,
+    recorded_strings,
+)
+from monochord.realstrings import Take
+from monochord.types import Audio, Floats
+
+Per: TypeAlias = Literal["window", "take"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interferer:
+    """A recording that is added to takes.
+
+    Parameters
+    ----------
+    sound
+        The recording (n,) at the takes' sample rate.
+    ratio
+        Signal-to-noise ratio in dB.
+    per
+        What the ratio holds over: every "window" by itself, or the whole "take" from its onset, so that a
+        plucked string's later windows, which have decayed, have less.
+    """
+
+    sound: Audio
+    ratio: float
+    per: Per = "window"
+
+    def mixer(self, offset: float, protocol: Protocol) -> Mix:
+        """Return a function that adds the stretch of the recording beginning at a share `offset` of it."""
+
+        def mix(samples: Audio) -> Audio:
+            frames = samples.shape[1]
+            begin = int(offset * max(self.sound.size - frames, 0))
+            noise = np.resize(self.sound[begin:], frames).astype(np.float64)[np.newaxis]
+            signal = samples.astype(np.float64)
+            if self.per == "take":
+                after = realstrings.onset(samples)
+                levels = [np.sqrt(np.mean(x[:, after:] ** 2, axis=1)) for x in (signal, noise)]
+                gain = (levels[0] / levels[1])[:, np.newaxis]
+            else:
+                gain = _level(signal, protocol) / (_level(noise, protocol) + 1e-9)
+            return (signal + 10.0 ** (-self.ratio / 20.0) * gain * noise).astype(np.float32)
+
+        return mix
+
+
+def recorded_interference(rate: int) -> dict[str, Audio]:
+    """Return the recordings of interference by name, one channel, resampled to `rate`."""
+    return {take.path.stem: _at_rate(take, rate) for take in realstrings.takes(kind="interference")}
+
+
+def errors_under(interferer: Interferer, protocol: Protocol, seed: int) -> tuple[Floats, Floats]:
+    """Return the position errors in m on all fretted takes, of our estimator and of plain autocorrelation.
+
+    The open notes that calibrate both are clean; ours are NaN where the estimator abstained. `seed` draws
+    where in the recording each take's interference begins.
+    """
+    rng = np.random.default_rng(seed)
+    strings = recorded_strings()
+    ours: list[Floats] = []
+    plain: list[Floats] = []
+    for name, fretted in strings.fretted.items():
+        frequency, stiffness = open_note(strings.open_notes[name], protocol)
+        calibration = ((frequency, 0.0, stiffness),)
+        for take in fretted:
+            mix = interferer.mixer(float(rng.uniform()), protocol)
+            ours.append(position_errors(take, located(take, calibration, protocol, mix)))
+            plain.append(autocorrelation_errors(take, frequency, protocol, mix))
+    return np.concatenate(ours), np.concatenate(plain)
+
+
+def _level(samples: Floats, protocol: Protocol) -> Floats:
+    """Return the root mean square over the window around every frame."""
+    size = round(protocol.length * 44100)
+    power = np.cumsum(np.pad(samples**2, ((0, 0), (size // 2 + 1, size - size // 2 - 1)), "edge"), axis=1)
+    return np.sqrt(np.maximum(power[:, size:] - power[:, :-size], 0.0) / size)
+
+
+def _at_rate(take: Take, rate: int) -> Audio:
+    import soxr  # noqa: PLC0415
+
+    samples, own = take.read()
+    return np.asarray(soxr.resample(samples.mean(axis=0), own, rate), np.float32)
