@@ -125,10 +125,10 @@ def lines(signals: Floats, rate: float) -> tuple[Floats, Floats]:
     """
     size = signals.shape[1]
     spectrum = np.fft.rfft(signals * _hann(size), axis=1)
-    level = np.abs(spectrum)
+    power = spectrum.real**2 + spectrum.imag**2
     rows = np.arange(len(signals))
-    peak = 2 + np.argmax(level[:, 2:-1], axis=1)
-    centre, left, right = level[rows, peak], level[rows, peak - 1], level[rows, peak + 1]
+    peak = 2 + np.argmax(power[:, 2:-1], axis=1)
+    left, centre, right = np.sqrt(power[rows, peak + np.array([[-1], [0], [1]])])
     silent = centre < _SILENCE * size / 4.0
     ratio = np.maximum(left, right) / np.where(silent, 1.0, centre)
     offset = np.where(right > left, 1.0, -1.0) * (2.0 * ratio - 1.0) / (1.0 + ratio)

@@ -120,7 +120,7 @@ def step_grid(setup: SplitString, seconds: Seconds, kernel: Kernel, tones: list[
     setup
         What to simulate.
     seconds
-        At least how long; whole intervals are stepped.
+        How long; a part of an interval may be left at the end.
     kernel
         `leapfrog` of the reference or of the compiled module.
     tones
@@ -137,16 +137,18 @@ def step_grid(setup: SplitString, seconds: Seconds, kernel: Kernel, tones: list[
     stride = max(s for s in range(1, steps + 1) if steps % s == 0 and (s == 1 or 1.0 / (s * dt) >= _EAR_RATE))
     ear_rate = 1.0 / (stride * dt)
     drivers = feedback.begin(setup.drive, ear_rate)
-    for interval in range(1, 1 + ceil(seconds / (steps * dt))):
+    total = ceil(seconds / dt)
+    for start in range(0, total, steps):
+        part = min(steps, total - start)
         tones.append(drivers.tone)
-        signals = np.ascontiguousarray(drivers.swing(steps, dt).imag)
-        velocity = np.empty((2, steps))
+        signals = np.ascontiguousarray(drivers.swing(part, dt).imag)
+        velocity = np.empty((2, part))
         for grid in grids:
             grid.step(kernel, signals, velocity)
         velocity /= 2.0 * dt
         yield velocity
         drivers = feedback.advance(feedback.listen(drivers, velocity[:, ::stride]), steps * dt)
-        drivers = feedback.retune(drivers, setup, ear_rate, interval * steps * dt)
+        drivers = feedback.retune(drivers, setup, ear_rate, (start + steps) * dt)
 
 
 def _resample(blocks: Iterator[Floats], rate: float, sample_rate: int) -> Floats:
