@@ -1,0 +1,110 @@
+"""How far off the closed form is on real recorded strings, clean and with music and speech mixed in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monochord.evaluation.interference import Interferer, errors_under, recorded_interference
+from monochord.evaluation.known_touches import (
+    NEAR,
+    Protocol,
+    located,
+    open_note,
+    position_errors,
+    recorded_strings,
+)
+from monochord.figures import _style
+from monochord.figures.base import Figure
+from monochord.types import Floats
+from monochord.units import Metres
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+MARKS = "os^vDPX<>"
+RATE = 44100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Realstrings(Figure):
+    """Position errors on real plucked strings of known fret, and what interference does to them.
+
+    A: every answered 0.1 s window against its fret, one mark a string, calibrated by the string's open note
+    alone. B: share of the answers within 5 mm against the signal-to-noise ratio, with the share answered, and
+    plain autocorrelation, which answers always.
+
+    Parameters
+    ----------
+    ratios
+        Signal-to-noise ratios of B, in dB.
+    seed
+        Of where in the recordings the interference begins.
+    """
+
+    ratios: tuple[float, ...] = (20.0, 15.0, 10.0, 5.0, 0.0)
+    seed: int = 0
+
+    def draw(self) -> Canvas:  # noqa: D102
+        page = _style.canvas(80.0)
+        errors, curves = page.subplots(1, 2)
+        _style.dress(errors, "A", "recorded strings, open note known", "fret position x (mm)", "error (mm)")
+        _style.dress(curves, "B", "interference mixed in", "signal-to-noise ratio (dB)", "share (%)")
+        _draw_errors(errors)
+        for number, (name, sound) in enumerate(recorded_interference(RATE).items()):
+            seen = [
+                errors_under(Interferer(sound=sound, ratio=ratio), Protocol(), self.seed)
+                for ratio in self.ratios
+            ]
+            _draw_curves(curves, self.ratios, seen, _SOUNDS.get(name, name), _style.SEGMENTS[number % 2])
+        curves.set_ylim(40.0, 101.0)
+        curves.invert_xaxis()
+        curves.set_xticks(self.ratios)
+        curves.legend(fontsize=_style.TICK - 1.0, frameon=False, loc="lower left", labelcolor=_style.INK)
+        errors.legend(
+            fontsize=_style.TICK - 1.0, frameon=False, ncols=2, loc="lower left", labelcolor=_style.INK,
+            handletextpad=0.2, columnspacing=0.8,
+        )  # fmt: skip
+        return page
+
+
+_SOUNDS = {"198_209_0000": "speech", "Kevin_MacLeod_Vibe_Ace": "music"}
+
+
+def string_errors() -> dict[str, list[tuple[Metres, Floats]]]:
+    """Return, for every string, each fretted take's position and its windows' errors, both in m."""
+    protocol, strings = Protocol(), recorded_strings()
+    found: dict[str, list[tuple[Metres, Floats]]] = {}
+    for name, fretted in strings.fretted.items():
+        frequency, stiffness = open_note(strings.open_notes[name], protocol)
+        calibration = ((frequency, 0.0, stiffness),)
+        found[name] = [
+            (take.position, position_errors(take, located(take, calibration, protocol))) for take in fretted
+        ]
+    return found
+
+
+def _draw_errors(axes: Axes) -> None:
+    axes.axhspan(-1e3 * NEAR, 1e3 * NEAR, color="#EEEEEE", lw=0.0)
+    axes.axhline(0.0, color=_style.INK, lw=0.6)
+    for mark, (name, takes) in zip(MARKS, sorted(string_errors().items()), strict=False):
+        x = np.concatenate([np.full(e.size, 1e3 * p) for p, e in takes])
+        y = 1e3 * np.concatenate([e for _, e in takes])
+        colour = _style.SEGMENTS[1 if name.startswith("shiny") else 0]
+        label = name.replace("_plucked", "").replace("_2ch", "")
+        axes.plot(x, y, mark, ms=2.6, mfc="none", mew=0.6, color=colour, alpha=0.8, label=label)
+    axes.set_ylim(-8.5, 6.0)
+
+
+def _draw_curves(
+    axes: Axes, ratios: tuple[float, ...], seen: list[tuple[Floats, Floats]], name: str, colour: str
+) -> None:
+    answered = [100.0 * np.isfinite(ours).mean() for ours, _ in seen]
+    near = [100.0 * (np.abs(ours[np.isfinite(ours)]) <= NEAR).mean() for ours, _ in seen]
+    plain = [100.0 * (np.abs(baseline) <= NEAR).mean() for _, baseline in seen]
+    axes.plot(ratios, near, "o-", ms=3.0, lw=1.4, color=colour, label=f"{name}: answers within 5 mm")
+    axes.plot(ratios, answered, "-", lw=0.8, color=colour, alpha=0.6, label=f"{name}: answered")
+    axes.plot(ratios, plain, "s:", ms=2.5, lw=0.9, color=colour, alpha=0.8, label=f"{name}: autocorrelation")
