@@ -110,7 +110,7 @@ def _drive(
     steady = response(string.audible, drivers.frequency)
     swing = 2j * pi * drivers.frequency * drivers.sounding
     heard = string.audible.shape @ steady.T + string.quick.shape @ response(string.quick, drivers.frequency).T
-    driven = (heard * swing)[:, :, None] * drivers.swing(hop - start % hop, 1.0 / sample_rate)
+    driven = (heard * swing) @ drivers.swing(hop - start % hop, 1.0 / sample_rate)
     q_steady, v_steady = _steady_motion(steady, drivers)
     return Ringing(
         setup=setup,
@@ -119,7 +119,7 @@ def _drive(
         q=q - q_steady,
         v=v - v_steady,
         steady=steady,
-        driven=driven.imag.sum(axis=1),
+        driven=np.ascontiguousarray(driven.imag),
         drivers=drivers,
         since=0,
         start=start,
