@@ -54,8 +54,6 @@ def simulate(
     result: dict[str, Any] = {
         "preset": preset,
         "model": model,
-        "position": contact.position if contact else None,
-        "force": contact.force if contact else None,
         **sound.summary,
         "seconds": sound.microphones.shape[1] / sound.sample_rate,
         "sample_rate": sound.sample_rate,

@@ -39,6 +39,7 @@ def test_an_untouched_string_has_its_open_frequency_twice() -> None:
 
 def test_assignments_reach_every_part_of_the_setup() -> None:
     tighter = run("string.tension=80", "contact.force=1.0", "drive.amplitude=0.002", "nodes=64")
+    assert (tighter.summary["position"], tighter.summary["force"]) == (0.2275, 1.0)
     assert tighter.summary["theory"][0] == pytest.approx(695.006 * (86.0 / 65.0) ** 0.5, abs=1e-2)
     assert tighter.summary["peaks"] == pytest.approx(tighter.summary["theory"], rel=1e-3)
     assert abs(tighter.microphones).max() > abs(run().microphones).max()

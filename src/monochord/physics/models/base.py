@@ -28,8 +28,8 @@ class Sound:
     """What a model answers.
 
     `microphones` is (2, n) in m/s; `summary` holds plain values for a person or for JSON, among them
-    ``peaks``, the dominant frequency on each side of the touch, and ``theory``, what the closed forms
-    expect there.
+    ``position`` and ``force`` of the touch (None for none), ``peaks``, the dominant frequency on each side of
+    it, and ``theory``, what the closed forms expect there.
     """
 
     microphones: Floats

@@ -33,7 +33,13 @@ class SplitStringModel(Model):
         return Sound(
             microphones=recording.microphones,
             sample_rate=self.sample_rate,
-            summary={"route": self.route, "peaks": found, "theory": list(_expected(setup))},
+            summary={
+                "position": setup.contact.position if setup.contact else None,
+                "force": setup.contact.force if setup.contact else None,
+                "peaks": found,
+                "theory": list(_expected(setup)),
+                "route": self.route,
+            },
         )
 
 
