@@ -63,16 +63,20 @@ def test_the_ring_is_published_last(compiled: dict[str, str]) -> None:
     assert "memcpy" not in code[publish:]
 
 
-def test_their_compiled_form_is_kept(tmp_path: Path) -> None:
-    code = "from monochord.realtime import callbacks as c; print(c.capture.cache_hits)"
-    hits = [
-        subprocess.run(
-            [sys.executable, "-c", code],
-            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.strip()
-        for _ in range(2)
-    ]
-    assert hits == ["0", "1"]
+def cache_hits(folder: Path, code: str) -> int:
+    run = subprocess.run(
+        [sys.executable, "-c", f"{code}\nprint(callbacks.xrun.cache_hits)"],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if "DeviceError" in run.stderr:
+        pytest.skip("libjack is not installed (Debian: apt install jackd2)")
+    return int(run.stdout)
+
+
+def test_their_compiled_form_is_kept_but_not_for_another_layout(tmp_path: Path) -> None:
+    load = "from monochord.realtime import arena, callbacks"
+    other = "from monochord.realtime import arena\narena.XRUNS += 1\n" + load
+    assert [cache_hits(tmp_path, code) for code in (load, load, other, other)] == [0, 1, 0, 1]

@@ -5,7 +5,9 @@ as integers of pointer size. Importing this module compiles them, or loads them 
 it before a client is activated.
 """
 
+from collections.abc import Callable
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from llvmlite import binding
@@ -29,9 +31,19 @@ _fill = ExternalFunction("memset", types.intp(types.intp, types.int32, types.int
 WORD, SAMPLE = 8, 4  # bytes
 
 
-def _callback(result: Any, *arguments: Any) -> Any:
+# Numba's cache looks at the age of this file only, but the arena's layout is in another: so that code for an
+# old layout is never taken for the new one, its checksum is part of the name under which code is kept.
+LAYOUT = crc32(repr([item for item in vars(at).items() if item[0].isupper()]).encode())
+
+
+def _callback(result: Any, *arguments: Any) -> Callable[[Any], Any]:
     """Compile a function into a C function of this signature; its address is its attribute `address`."""
-    return cfunc(result(*arguments), cache=True)
+
+    def compiled(function: Any) -> Any:
+        function.__qualname__ += f"_{LAYOUT:08x}"
+        return cfunc(result(*arguments), cache=True)(function)
+
+    return compiled
 
 
 @njit
