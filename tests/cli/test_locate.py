@@ -53,6 +53,18 @@ def test_calibration_takes_out_what_pressing_sharpens(take: Take, capsys: pytest
     assert abs(after["position"] - 0.2) < abs(before["position"] - 0.2) / 2
 
 
+def test_a_sensor_of_a_known_string_is_heard_on_both_sides(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "touch.wav"
+    touch = ["--at", "0.2275", "--force", "0.8", "--seconds", "0.6", "--out", str(path)]
+    assert run(["simulate", "appendix", "--model", "split_string", *touch, "--json"]) == 0
+    lines = located(capsys, str(path), "--string", "appendix")
+    assert len(lines) == 51
+    settled = [line["position"] for line in lines[10:]]
+    assert settled == pytest.approx([0.2275] * 41, abs=1e-3)
+
+
 def test_a_summary_to_read(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
     path = take(0.2)
     assert run(["locate", str(path), *STRING]) == 0

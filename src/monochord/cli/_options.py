@@ -11,7 +11,7 @@ import click
 from monochord.config import Tree
 from monochord.errors import InputError
 from monochord.live import Session, Settings, Summary
-from monochord.live.calibration import median_frequency
+from monochord.live.calibration import medians
 from monochord.registry import Registry
 from monochord.sources import SOURCES
 
@@ -43,7 +43,7 @@ def take(text: str) -> tuple[str, float]:
 
 
 def string_options(command: F) -> F:
-    """Add what a person knows of the string: length, open note, takes of known position."""
+    """Add what a person knows of the string: a preset, or length and open note; takes of known position."""
     for option in (
         click.option(
             "--calibrate",
@@ -52,6 +52,7 @@ def string_options(command: F) -> F:
             metavar="FILE:POSITION",
             help="A take touched at POSITION metres; repeatable.",
         ),
+        click.option("--string", metavar="PRESET", help="A string of the catalogue, or FILE.toml."),
         click.option("--open-frequency", type=amount, metavar="HZ", help="Frequency of the open string."),
         click.option("--length", type=amount, metavar="METRES", help="Length of the string, nut to bridge."),
         click.option(
@@ -90,20 +91,21 @@ def recording(path: str) -> Tree:
 
 
 def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
-    """Return the tree with the takes' (frequency, position) pairs handed to the estimator."""
-    pairs: list[list[float]] = []
+    """Return the tree with what the takes tell handed to the estimator: frequency, position, inharmonicity."""
+    told: list[list[float]] = []
     for path, position in takes:
         settings = Settings.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})
         try:
-            pairs.append([median_frequency(settings.session()), position])
+            heard = medians(settings.session())
+            told.append([heard["frequency"], position, *([heard[BEND]] if BEND in heard else [])])
         except InputError as error:
             if Path(path).name in error.given:
                 raise
             raise InputError(f"{path}, {error.given}", error.allowed, error.remedy) from error
-    if not pairs:
+    if not told:
         return tree
     estimator = dict(tree.get("estimator", {}))
-    return {**tree, "estimator": {**estimator, "calibration": [*estimator.get("calibration", []), *pairs]}}
+    return {**tree, "estimator": {**estimator, "calibration": [*estimator.get("calibration", []), *told]}}
 
 
 def refuse_short(given: str, session: Session, summary: Summary) -> None:

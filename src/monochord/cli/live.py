@@ -27,7 +27,6 @@ LINES = "jsonl"  # the sink that --json stands for
 @click.argument("opened", metavar="[INPUT]", required=False)
 @click.option("--source", metavar="NAME", help="Where audio comes from.  [default: jack]")
 @string_options
-@click.option("--string", "string", metavar="PRESET", help="The string of a sensor that cannot say.")
 @window_options
 @click.option(
     "--sink", "sinks", multiple=True, metavar="NAME[=WHERE]", help="[default: terminal]; repeatable."

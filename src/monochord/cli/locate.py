@@ -26,6 +26,7 @@ def locate(
     estimator: str | None,
     length: float | None,
     open_frequency: float | None,
+    string: str | None,
     calibrate: tuple[tuple[str, float], ...],
     window: float | None,
     hop: float | None,
@@ -35,11 +36,12 @@ def locate(
 
     \b
     monochord locate take.wav --length 0.65 --open-frequency 110 --json
+    monochord locate two_microphones.wav --string prototype
     """  # noqa: D301
     tree: Tree = {"source": recording(file), "sinks": {"jsonl": {"everything": False}} if as_json else {}}
     put(tree, "estimator", name=estimator or "closed-form", length=length, open_frequency=open_frequency)
     put(tree, "window", length=window, hop=hop)
-    tree = calibrated(tree, calibrate)
+    tree = calibrated({**tree, "string": string or ""}, calibrate)
     table = _Table()
     session = Settings.read(tree).session()
     summary = run(session if as_json else dataclasses.replace(session, sinks=(table,)))
