@@ -35,7 +35,8 @@ class Interference(Benchmark):
     per: Per = "window"
     seed: int = 0
 
-    def run(self) -> Iterator[Row]:  # noqa: D102
+    def run(self) -> Iterator[Row]:
+        """Yield, for each interference and ratio, the share answered and the share within 5 mm."""
         protocol = Protocol()
         for name, sound in recorded_interference(RATE).items():
             for ratio in self.ratios:

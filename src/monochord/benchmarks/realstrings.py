@@ -42,7 +42,8 @@ class Realstrings(Benchmark):
     last: float = 1.05
     hop: float = 0.1
 
-    def run(self) -> Iterator[Row]:  # noqa: D102
+    def run(self) -> Iterator[Row]:
+        """Yield the rows of each instrument, then those of all together."""
         protocol = Protocol(length=self.window, first=self.first, last=self.last, hop=self.hop)
         strings = recorded_strings()
         ours: dict[str, list[Floats]] = {}

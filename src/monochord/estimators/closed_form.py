@@ -53,7 +53,8 @@ class ClosedForm(Estimator):
     tension_law: TensionLaw = "linear"
     most_force: Newtons = 2.5
 
-    def prepare(self, signal: Signal, size: Samples) -> Prepared:  # noqa: D102
+    def prepare(self, signal: Signal, size: Samples) -> Prepared:
+        """Choose the form that `sides` asks for and the signal allows, and prepare it."""
         both = signal.channels == 2 and signal.string is not None and self.open_frequency is None
         if self.sides == "both" or (self.sides == "auto" and both):
             return self._two_segments(signal).prepare(signal.sample_rate, size)

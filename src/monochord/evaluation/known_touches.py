@@ -8,7 +8,7 @@ import numpy as np
 
 from monochord import realstrings
 from monochord.errors import InputError
-from monochord.estimators.closed_form import ClosedForm
+from monochord.estimators import ESTIMATORS
 from monochord.realstrings import SCALE, Take
 from monochord.types import Audio, Estimate, Floats, Signal, Window
 from monochord.units import Hertz, Metres, Seconds
@@ -102,7 +102,8 @@ def located(
     """
     samples, rate = take.read()
     heard = samples if mix is None else mix(samples)
-    estimator = ClosedForm(length=SCALE, open_frequency=calibration[0][0], calibration=calibration)
+    known = {"length": SCALE, "open_frequency": calibration[0][0], "calibration": calibration}
+    estimator = ESTIMATORS.build("closed_form", known)
     signal = Signal(sample_rate=rate, channels=heard.shape[0])
     estimate = estimator.prepare(signal, round(protocol.length * rate))
     return [estimate(window) for window in protocol.windows(samples, heard, rate)]
