@@ -8,7 +8,7 @@ import pytest
 from monochord.errors import InputError
 from monochord.estimators.base import Estimator, Prepared
 from monochord.live import Session, WindowSettings
-from monochord.live.calibration import median_frequency
+from monochord.live.calibration import medians
 from monochord.sources.base import Source, Stream
 from monochord.types import Block, Estimate, Signal, Window
 
@@ -52,15 +52,15 @@ def take(*levels: float) -> Session:
 
 
 def test_the_median_over_the_windows_that_have_a_frequency() -> None:
-    assert median_frequency(take(-1, 110, 112, 900, 111, -1, -1, -1)) == 111.5
-    assert median_frequency(take(-1, 110, 112, 900)) == 112.0
+    assert medians(take(-1, 110, 112, 900, 111, -1, -1, -1)) == {"frequency": 111.5}
+    assert medians(take(-1, 110, 112, 900)) == {"frequency": 112.0}
 
 
 def test_a_take_without_a_note_is_refused_with_the_reason() -> None:
     with pytest.raises(InputError, match=r"no window of it has a frequency \(silence\)"):
-        median_frequency(take(-1, -1))
+        medians(take(-1, -1))
 
 
 def test_a_take_shorter_than_a_window_is_refused() -> None:
     with pytest.raises(InputError, match="shorter than a window"):
-        median_frequency(take())
+        medians(take())

@@ -17,6 +17,7 @@ from monochord.sources import SOURCES
 
 F = TypeVar("F", bound=Callable[..., Any])
 FILES = "wav"  # the source that reads recordings
+BEND = "inharmonicity"  # what an estimator of pitch may tell of a take besides its frequency
 
 
 def amount(text: str) -> float:
@@ -91,7 +92,7 @@ def recording(path: str) -> Tree:
 
 
 def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
-    """Return the tree with what the takes tell handed to the estimator: frequency, position, inharmonicity."""
+    """Return the tree with what the takes tell (frequency, position, inharmonicity) as calibration."""
     told: list[list[float]] = []
     for path, position in takes:
         settings = Settings.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})

@@ -48,7 +48,8 @@ class Realstrings(Figure):
     ratios: tuple[float, ...] = (20.0, 15.0, 10.0, 5.0, 0.0)
     seed: int = 0
 
-    def draw(self) -> Canvas:  # noqa: D102
+    def draw(self) -> Canvas:
+        """Locate every window of every take, clean and mixed, and draw both panels."""
         page = _style.canvas(80.0)
         errors, curves = page.subplots(1, 2)
         _style.dress(errors, "A", "recorded strings, open note known", "fret position x (mm)", "error (mm)")

@@ -10,11 +10,10 @@ from monochord.live.loop import run
 from monochord.live.settings import Session
 from monochord.sinks.base import Moment, Sink, Writer
 from monochord.types import Signal
-from monochord.units import Hertz
 
 
-def median_frequency(take: Session) -> Hertz:
-    """Return the median frequency over a take's windows that have one.
+def medians(take: Session) -> dict[str, float]:
+    """Return the median of each quantity over a take's windows that have a frequency.
 
     The median keeps a plucked take's onset and its dying end from pulling the result.
 
@@ -23,17 +22,17 @@ def median_frequency(take: Session) -> Hertz:
     InputError
         If no window of the take has a frequency.
     """
-    frequencies = _Frequencies()
-    run(dataclasses.replace(take, sinks=(frequencies,)))
-    if not frequencies.seen:
-        why = f"no window of it has a frequency ({frequencies.why_not or 'it is shorter than a window'})"
+    heard = _Heard()
+    run(dataclasses.replace(take, sinks=(heard,)))
+    if not heard.values:
+        why = f"no window of it has a frequency ({heard.why_not or 'it is shorter than a window'})"
         raise InputError(f"calibration take: {why}", "a take with a clear note", "record it again")
-    return statistics.median(frequencies.seen)
+    return {name: statistics.median(values) for name, values in heard.values.items()}
 
 
-class _Frequencies(Sink, Writer):
+class _Heard(Sink, Writer):
     def __init__(self) -> None:
-        self.seen: list[Hertz] = []
+        self.values: dict[str, list[float]] = {}
         self.why_not = ""
 
     @contextmanager
@@ -41,8 +40,10 @@ class _Frequencies(Sink, Writer):
         yield self
 
     def write(self, moment: Moment) -> None:
-        frequency = moment.prediction.estimates["frequency"]
-        if frequency.valid:
-            self.seen.append(frequency.value)
-        else:
-            self.why_not = frequency.why_not
+        estimates = moment.prediction.estimates
+        if not estimates["frequency"].valid:
+            self.why_not = estimates["frequency"].why_not
+            return
+        for name, estimate in estimates.items():
+            if estimate.valid:
+                self.values.setdefault(name, []).append(estimate.value)
