@@ -120,6 +120,14 @@ def test_json_keeps_the_summary_off_standard_output(take: Take, capsys: pytest.C
     assert "windows 21" in captured.err
 
 
+def test_beside_json_the_view_goes_to_standard_error(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["live", str(take(0.2)), "--source", "wav", *STRING, "--json", "--sink", "terminal"]
+    assert run(arguments) == 0
+    captured = capsys.readouterr()
+    assert len([json.loads(line) for line in captured.out.splitlines()]) == 51
+    assert "0.50 s  position" in captured.err
+
+
 def test_calibration_reaches_the_estimator(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
     sharpened, other, note = take(0.2, sharp=1.01), take(0.3, sharp=1.01), take(0.0)
     known = ["--calibrate", f"{other}:0.3", "--calibrate", f"{note}:0"]
@@ -129,7 +137,8 @@ def test_calibration_reaches_the_estimator(take: Take, capsys: pytest.CaptureFix
     assert abs(offline[0]["position"] - 0.2) < 2e-3
 
 
-def test_control_c_ends_with_the_summary(take: Take) -> None:
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_control_c_ends_with_the_summary(take: Take, sent: signal.Signals) -> None:
     endless = ["--set", "source.repeat=0", "--set", "source.speed=1"]
     process = subprocess.Popen(
         [MONOCHORD, "live", str(take(0.2)), "--source", "wav", *STRING, *endless, "--json"],
@@ -139,7 +148,7 @@ def test_control_c_ends_with_the_summary(take: Take) -> None:
     )
     assert process.stdout is not None
     first = [process.stdout.readline() for _ in range(20)]
-    process.send_signal(signal.SIGINT)
+    process.send_signal(sent)
     out, err = process.communicate(timeout=20)
     assert process.returncode == 0, err
     assert json.loads(first[0])["valid"]

@@ -1,5 +1,10 @@
 """Estimates from a running source, as they come."""
 
+import dataclasses
+import signal
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +57,8 @@ def live(opened: str | None, **options: Any) -> None:
     session = settings.session()
     if options["save_config"]:
         _save(options["save_config"], dump_toml(settings.resolved()))
-    summary = run(session)
+    with _terminated_as_interrupted():
+        summary = run(session)
     refuse_short(opened or settings.source["name"], session, summary)
     # Standard output may carry data, of which the summary is no part.
     click.echo("\n".join(summary.lines()), err=options["as_json"])
@@ -81,10 +87,27 @@ def _sinks(configured: Tree | None, asked: tuple[str, ...], as_json: bool) -> Tr
         name, equals, where = text.partition("=")
         sinks[name] = {**known.get(name, {}), **({first_field(SINKS, name): where} if equals else {})}
     if as_json:
+        # Standard output is for the lines, so whatever can draws on standard error.
+        for name, options in sinks.items():
+            if "stderr" in {f.name for f in dataclasses.fields(SINKS.load(name))}:  # pyright: ignore[reportArgumentType]
+                options.setdefault("stderr", True)
         sinks[LINES] = {**known.get(LINES, {}), first_field(SINKS, LINES): "-"}
     if sinks or configured is not None:
         return sinks or known
     return {"terminal": {}}
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Generator[None]:
+    """End a run that is told to terminate as Control-C does: with everything closed, and its summary."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _save(path: Path, text: str) -> None:
