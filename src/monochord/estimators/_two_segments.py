@@ -106,7 +106,7 @@ class TwoSegments:
         self, lines: _Lines, lowest: Hertz, highest: Hertz, open_frequency: Hertz
     ) -> dict[str, Estimate]:
         pairs = _pairs(lines, lowest, highest)
-        scores = np.array([_score(lines, f1, f2) for f1, f2 in pairs])
+        scores = _scores(lines, pairs)
         untouched, frequency = _untouched(lines, open_frequency)
         if scores.size == 0 or untouched >= scores.max():
             if untouched < LEAD:
@@ -195,19 +195,19 @@ def _pairs(lines: _Lines, lowest: Hertz, highest: Hertz) -> Floats:
     return np.stack((f1[allowed], f2[allowed]), axis=1)
 
 
-def _score(lines: _Lines, f1: Hertz, f2: Hertz) -> float:
-    """Return how well two series explain the lines: +1 a strong line explained, -1 one left over.
+def _scores(lines: _Lines, pairs: Floats) -> Floats:
+    """Return how well each pair of series explains the lines: +1 a strong line explained, -1 one left over.
 
     High mode numbers cost, since drivers favour low modes and a dense series explains anything; a line that
     the other segment's microphone hears louder costs too.
     """
-    best = np.full(lines.frequency.size, -1.0)
-    for fundamental, share in ((f1, lines.share_1), (f2, 1.0 - lines.share_1)):
-        number = np.maximum(np.rint(lines.frequency / fundamental), 1.0)
-        hit = np.abs(lines.frequency - number * fundamental) < TOLERANCE
-        told = 1.0 - 0.25 * np.log(number) + 0.5 * np.log(2.0 * np.clip(share, 0.02, 1.0))
+    best = np.full((len(pairs), lines.frequency.size), -1.0)
+    for fundamental, share in zip(pairs.T, (lines.share_1, 1.0 - lines.share_1), strict=True):
+        number = np.maximum(np.rint(lines.frequency / fundamental[:, np.newaxis]), 1.0)
+        hit = np.abs(lines.frequency - number * fundamental[:, np.newaxis]) < TOLERANCE
+        told = 1.0 - 0.25 * np.log(number) + 0.5 * np.log(2.0 * np.maximum(share, 0.02))
         best = np.where(hit, np.maximum(best, told), best)
-    return float((lines.weight * best).sum() / lines.weight.sum())
+    return best @ lines.weight / lines.weight.sum()
 
 
 def _untouched(lines: _Lines, open_frequency: Hertz) -> tuple[float, Hertz]:
