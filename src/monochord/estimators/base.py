@@ -18,8 +18,8 @@ class Estimator(ABC):
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Return the function from a window of `size` frames to its estimates by name.
 
-        Everything slow (tables, filters) happens here, so that the returned function keeps a steady pace; what
-        compiles at first use does so in the made-up window that the live loop shows it before the first.
+        Everything slow (tables, filters) happens here, so that the returned function keeps a steady pace;
+        what compiles at first use does so in the made-up window that the live loop shows it first.
         It never raises on audio: a window that cannot be used (silence, a gap, samples that are not numbers)
         gives estimates that are not valid and say why. Equal windows give equal estimates. Options that the
         signal cannot serve raise `InputError` here.
