@@ -1,0 +1,83 @@
+"""How near the pitch of a short window comes to what physics allows: the Cramer-Rao bound."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.dsp.pitch import PitchFinder
+from monochord.physics.theory import series_bound, stiff_partials
+from monochord.types import Floats
+from monochord.units import Hertz, Seconds
+
+PARTIALS = np.arange(1.0, 11.0)
+STIFFNESS = 1.0e-4
+RATE = 44100
+GROSS: Hertz = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bound(Benchmark):
+    """Error of f0 on synthetic stiff strings in white noise, over the least error that is possible.
+
+    Ten partials whose amplitudes fall as 1/n, fundamentals drawn between 100 and 300 Hz, B not known. Beside
+    the error stands how far the estimator's own standard error is off: 1 where errors and claims agree.
+
+    Parameters
+    ----------
+    ratios
+        Signal-to-noise ratios in dB, of the whole sound.
+    windows
+        How many windows for each ratio.
+    window
+        Their length in s.
+    seed
+        Of notes, phases and noise.
+    """
+
+    ratios: tuple[float, ...] = (30.0, 20.0, 10.0, 0.0)
+    windows: int = 300
+    window: Seconds = 0.1
+    seed: int = 0
+
+    def run(self) -> Iterator[Row]:
+        """Measure every ratio."""
+        size = round(self.window * RATE)
+        finder = PitchFinder(sample_rate=RATE, size=size, lowest=80.0, highest=400.0)
+        for ratio in self.ratios:
+            rng = np.random.default_rng(self.seed)
+            seen = np.array([self._one(finder, rng, ratio) for _ in range(self.windows)])
+            error, claimed, least = seen[np.abs(seen[:, 0]) < GROSS].T
+            yield Row(name=f"{ratio:g} dB: gross errors", value=float(self.windows - error.size), unit="")
+            yield Row(
+                name=f"{ratio:g} dB: error of f0",
+                value=_rms(error),
+                unit="Hz",
+                baseline="Cramer-Rao bound",
+                baseline_value=_rms(least),
+            )
+            yield Row(name=f"{ratio:g} dB: error over claim", value=_rms(error / claimed), unit="")
+
+    def _one(self, finder: PitchFinder, rng: np.random.Generator, ratio: float) -> tuple[float, float, float]:
+        """Return error, claimed standard error and bound of one window, in Hz; a miss is infinite."""
+        f0 = float(rng.uniform(100.0, 300.0))
+        time = np.arange(finder.size) / RATE
+        phase = rng.uniform(0.0, 2.0 * np.pi, PARTIALS.size)
+        partials = np.sin(
+            2.0 * np.pi * np.outer(stiff_partials(f0, STIFFNESS, PARTIALS), time) + phase[:, None]
+        )
+        sound = (partials / PARTIALS[:, None]).sum(axis=0)
+        noise = sound.std() * 10.0 ** (-ratio / 20.0)
+        found = finder.find((sound + noise * rng.standard_normal(finder.size))[np.newaxis])
+        bound = series_bound(
+            f0, PARTIALS, 0.5 / PARTIALS**2 / noise**2, duration=finder.size / RATE, sample_rate=float(RATE),
+            inharmonicity=STIFFNESS, known_inharmonicity=False,
+        )  # fmt: skip
+        if not found:
+            return np.inf, 1.0, bound
+        return found[0].frequency - f0, found[0].frequency_std, bound
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,13 @@
+"""Pitch is as good as theory allows, within a small factor, and knows how good it is."""
+
+from monochord.benchmarks.bound import Bound
+
+
+def test_errors_are_near_the_bound_and_claims_honest() -> None:
+    rows = {row.name: row for row in Bound(ratios=(10.0, 0.0), windows=120).run()}
+    for ratio in ("10 dB", "0 dB"):
+        assert rows[f"{ratio}: gross errors"].value == 0.0
+        over = rows[f"{ratio}: error of f0"].ratio
+        assert over is not None
+        assert 0.8 < over < 3.0
+        assert 0.4 < rows[f"{ratio}: error over claim"].value < 1.5
