@@ -29,6 +29,9 @@ $(BIN)/python:
 $(INSTALLED): pyproject.toml | system $(BIN)/python
 	@echo "installing Monochord and its tools into $(VENV)"
 	@$(PIP) install --editable '.[dev]'
+	@echo "compiling the kernels, once"
+	@$(BIN)/monochord bench bound --set windows=1 >/dev/null
+	@$(BIN)/monochord demo --seconds 1 --json >/dev/null
 	@touch $@
 
 $(DOCS_INSTALLED): pyproject.toml | $(INSTALLED)
