@@ -1,8 +1,6 @@
-"""An open JACK capture: the ring's periods as blocks, and the patience to outlive server and ports."""
+"""An open JACK capture, with the patience to outlive server and ports."""
 
-import threading
 import time
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from monochord.clock import clock_offsets
@@ -13,10 +11,9 @@ from monochord.realtime.client import JackClient
 from monochord.realtime.ring import Period, Ring
 from monochord.sources._jack_ports import choose_ports
 from monochord.sources._rates import refuse_other_rates
-from monochord.sources._timeline import Timeline
-from monochord.sources.base import Stream
-from monochord.types import Block, Signal, StreamHealth
-from monochord.units import Samples, Seconds
+from monochord.sources._ring_stream import RingStream
+from monochord.types import Signal, StreamHealth
+from monochord.units import Seconds
 
 if TYPE_CHECKING:
     from monochord.sources.jack import Jack
@@ -26,38 +23,26 @@ IDLE: Seconds = 0.5  # between looks at anything else while no audio comes
 CLOCK_EVERY: Seconds = 1.0  # between measurements of the clock offset
 
 
-class JackStream(Stream):
-    """See `Jack`, whose options it is made of; one thread iterates at a time."""
+class JackStream(RingStream):
+    """See `Jack`, whose options it is made of."""
 
     def __init__(self, options: "Jack") -> None:
         self._options = options
-        self._closed = threading.Event()
-        self._reading = threading.Lock()
         self._client: JackClient | None = None
+        self._away_since: Seconds = 0.0  # where there is no client
+        self._reconnects = 0
         client = JackClient(options.client_name, options.server)
         try:
             rate = client.sample_rate
             refuse_other_rates(rate, "JACK server", "start it with -r 44100")
-            self._signal = Signal(sample_rate=rate, channels=options.channels)
-            self._ring = Ring(options.channels, max(round(options.ring_seconds * rate), 4 * client.period))
-            self._timeline = Timeline(rate)
-            self._reconnects = 0
+            ring = Ring(options.channels, max(round(options.ring_seconds * rate), 4 * client.period))
+            super().__init__(Signal(sample_rate=rate, channels=options.channels), ring)
             self._inputs = self._enter(client)
             self._connect(client)
         except BaseException:
             client.close()
             raise
         self._client = client
-
-    @property
-    def signal(self) -> Signal:
-        """Rate and channels."""
-        return self._signal
-
-    @property
-    def pending(self) -> Samples:
-        """Frames in the ring."""
-        return self._ring.pending
 
     @property
     def health(self) -> StreamHealth:
@@ -68,40 +53,22 @@ class JackStream(Stream):
             clock_offsets={**clock_offsets(), "jack": self._clock_offset},
         )
 
-    def __iter__(self) -> Iterator[Block]:
-        """Yield one block a period; waits for a server or port that is away."""
-        while (block := self._next()) is not None:
-            yield block
+    def _idle(self) -> None:
+        if self._client is None:
+            if self._options.reconnect:
+                self._return()
+            else:
+                self._closed.set()
+        elif self._ring.arena.count(at.GONE):
+            self._leave()  # what it published last is taken on the next turn
+        else:
+            self._tend_ports(self._client)
+            self._ring.arena.wait(RETRY if self._waiting else IDLE)
 
-    def close(self) -> None:
-        """End the iteration, from whatever thread or signal handler."""
-        self._closed.set()
-        self._ring.arena.wake()
-
-    def release(self) -> None:
-        """Close, wait until the reader has left, and leave the server."""
-        self.close()
-        with self._reading:
-            self._leave()
-            self._ring.arena.close()
-
-    def _next(self) -> Block | None:
-        with self._reading:
-            away_since = time.monotonic()
-            while not self._closed.is_set():
-                period = self._ring.take()
-                if period:
-                    return self._timeline.place(period, self._adc_time(period), time.monotonic())
-                if self._client is None:
-                    if not self._options.reconnect:
-                        return None
-                    self._return(time.monotonic() - away_since)
-                elif self._ring.arena.count(at.GONE):
-                    self._leave()  # what it published last is taken on the next turn
-                else:
-                    self._tend_ports(self._client)
-                    self._ring.arena.wait(RETRY if self._waiting else IDLE)
-            return None
+    def _leave(self) -> None:
+        if self._client:
+            self._client.close()
+            self._client, self._away_since = None, time.monotonic()
 
     def _enter(self, client: JackClient) -> list[str]:
         """Register the inputs on a server and begin to capture; return their names."""
@@ -112,11 +79,6 @@ class JackStream(Stream):
         self._ports_seen = self._ring.arena.count(at.PORTS_CHANGED)
         self._measure_clock(client)
         return inputs
-
-    def _leave(self) -> None:
-        if self._client:
-            self._client.close()
-            self._client = None
 
     def _connect(self, client: JackClient) -> None:
         """Connect the inputs; raises `DeviceError` where the ports are not there."""
@@ -150,12 +112,12 @@ class JackStream(Stream):
         self._reconnects += 1
         return True
 
-    def _return(self, away: Seconds) -> None:
+    def _return(self) -> None:
         """Try once to come back to a server that went away."""
         try:
             client = JackClient(self._options.client_name, self._options.server)
         except DeviceError:
-            if away > self._options.patience_seconds:
+            if time.monotonic() - self._away_since > self._options.patience_seconds:
                 raise
             self._closed.wait(RETRY)
             return

@@ -1,8 +1,7 @@
-"""An open sound card: the callback that fills a ring, and the ring's periods as blocks."""
+"""An open sound card, and the callback that fills its ring."""
 
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -10,9 +9,8 @@ import numpy as np
 from monochord.clock import clock_offsets
 from monochord.errors import DeviceError
 from monochord.realtime.ring import FRAME_TIME_SPAN, Period, Ring
-from monochord.sources._timeline import Timeline
-from monochord.sources.base import Stream
-from monochord.types import Block, Signal, StreamHealth
+from monochord.sources._ring_stream import RingStream
+from monochord.types import Signal, StreamHealth
 from monochord.units import Samples, Seconds
 
 RING: Seconds = 2.0
@@ -32,29 +30,16 @@ class CallbackFlags(Protocol):
     input_overflow: bool
 
 
-class SoundcardStream(Stream):
+class SoundcardStream(RingStream):
     """Blocks of a sound card; `capture` is the callback that it must be given."""
 
     def __init__(self, sample_rate: int, channels: int) -> None:
-        self._signal = Signal(sample_rate=sample_rate, channels=channels)
-        self._ring = Ring(channels, round(RING * sample_rate), shortest=1)
-        self._timeline = Timeline(sample_rate)
-        self._closed = threading.Event()
-        self._reading = threading.Lock()
+        ring = Ring(channels, round(RING * sample_rate), shortest=1)
+        super().__init__(Signal(sample_rate=sample_rate, channels=channels), ring)
         self._active: Callable[[], bool] = lambda: True
         self._frame_time: Samples = 0  # frames that the card brought or lost so far
         self._overflows = 0
         self._next_time: Seconds | None = None  # monotonic time at which the next frame was due
-
-    @property
-    def signal(self) -> Signal:
-        """Rate and channels."""
-        return self._signal
-
-    @property
-    def pending(self) -> Samples:
-        """Frames in the ring."""
-        return self._ring.pending
 
     @property
     def health(self) -> StreamHealth:
@@ -84,30 +69,10 @@ class SoundcardStream(Stream):
         """Take a function that tells whether the device still runs."""
         self._active = active
 
-    def __iter__(self) -> Iterator[Block]:
-        """Yield one block a callback; raises `DeviceError` when the card has gone."""
-        while (block := self._next()) is not None:
-            yield block
+    def _adc_time(self, period: Period) -> Seconds | None:
+        return period.microseconds * 1e-6 if period.microseconds else None
 
-    def close(self) -> None:
-        """End the iteration, from whatever thread or signal handler."""
-        self._closed.set()
-        self._ring.arena.wake()
-
-    def release(self) -> None:
-        """Close, and wait until the reader has left; the callback must have stopped."""
-        self.close()
-        with self._reading:
-            self._ring.arena.close()
-
-    def _next(self) -> Block | None:
-        with self._reading:
-            while not self._closed.is_set():
-                period = self._ring.take()
-                if period:
-                    adc_time = period.microseconds * 1e-6 if period.microseconds else None
-                    return self._timeline.place(period, adc_time, time.monotonic())
-                if not self._active():
-                    raise DeviceError("sound card: stopped; plug it in again and reopen it")
-                self._ring.arena.wait(IDLE)
-            return None
+    def _idle(self) -> None:
+        if not self._active():
+            raise DeviceError("sound card: stopped; plug it in again and reopen it")
+        self._ring.arena.wait(IDLE)

@@ -21,7 +21,7 @@ class Jack(Source):
     were lost, or passed while a port or the server was away, are measured by JACK's clocks and reported as
     the next block's `dropped`. No server is ever started.
 
-    Attributes
+    Parameters
     ----------
     ports
         What to listen to: regular expressions for full names of output ports, separated by commas, as in

@@ -1,7 +1,7 @@
 """Capture from a sound card through PortAudio, for machines without JACK."""
 
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ class Soundcard(Source):
     waits for the interpreter's lock, so a busy program loses frames (and says so). Where every frame
     counts, use the source ``jack``.
 
-    Attributes
+    Parameters
     ----------
     device
         Name or part of it, or number, of the input device; empty for the default.
@@ -53,12 +53,11 @@ class Soundcard(Source):
         from monochord.sources._soundcard_stream import SoundcardStream  # noqa: PLC0415
 
         stream = SoundcardStream(self.sample_rate, self.channels)
-        device = self._start(stream)
         try:
-            stream.watch(lambda: device.active)
-            yield stream
+            with closing(self._start(stream)) as device:
+                stream.watch(lambda: device.active)
+                yield stream
         finally:
-            device.close()
             stream.release()
 
     def _start(self, stream: "SoundcardStream") -> Any:
@@ -82,7 +81,11 @@ class Soundcard(Source):
                 latency="low",
                 callback=stream.capture,
             )
-            card.start()
+            try:
+                card.start()
+            except BaseException:
+                card.close()
+                raise
         except (ValueError, sounddevice.PortAudioError) as error:
             there = ", ".join(inputs)
             raise DeviceError(

@@ -1,10 +1,8 @@
 """The split-string simulation in place of the two contact microphones, with the truth at hand."""
 
 import math
-import threading
-import time
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -14,9 +12,10 @@ from monochord.errors import InputError
 from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, touch
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, wave_speed
+from monochord.sources._paced_stream import PacedStream
 from monochord.sources._touches import Touch, play_at_random, play_script
-from monochord.sources.base import Source, Stream
-from monochord.types import Audio, Block, Contact, Signal, StreamHealth, StringParams, Truth
+from monochord.sources.base import Source
+from monochord.types import Audio, Contact, Signal, StringParams, Truth
 from monochord.units import MetresPerSecond, Newtons, Samples, Seconds
 
 
@@ -24,7 +23,7 @@ from monochord.units import MetresPerSecond, Newtons, Samples, Seconds
 class SplitStringSource(Source):
     """A driven string that is touched now and then, simulated: `monochord.physics.split_string`.
 
-    Attributes
+    Parameters
     ----------
     preset
         The string, by its name or as a TOML file.
@@ -84,7 +83,7 @@ class SplitStringSource(Source):
         try:
             yield stream
         finally:
-            stream.close()
+            stream.release()
 
     def _refuse_impossible(self, string: StringParams) -> None:
         for name in ("speed", "duration", "noise", "level", "strike"):
@@ -120,16 +119,18 @@ def _setup(string: StringParams, level: MetresPerSecond) -> SplitString:
     )
 
 
-class _SimulatedStream(Stream):
+class _SimulatedStream(PacedStream):
     def __init__(self, options: SplitStringSource, string: StringParams) -> None:
-        self._options = options
         rate = options.sample_rate
-        self._signal = Signal(
+        signal = Signal(
             sample_rate=rate,
             channels=2,
             string=string,
             open_frequency=wave_speed(string) / (2.0 * string.length),
         )
+        end = round(options.duration * rate) if options.duration else math.inf
+        super().__init__(signal, block=options.block, speed=options.speed, end=end)
+        self._options = options
         setup = _setup(string, options.level)
         self._mixing = mixing_matrix(*setup.mixing)
         self._strike = replace(setup.pluck, height=options.strike * setup.pluck.height)
@@ -143,50 +144,8 @@ class _SimulatedStream(Stream):
             forces=options.forces,
         )
         self._changes = play_script(touches, rate)
-        self._next = next(self._changes, None)
+        self._change = next(self._changes, None)
         self._history: deque[tuple[Samples, Contact | None]] = deque([(0, None)], maxlen=256)
-        self._end: Samples | None = round(options.duration * rate) if options.duration else None
-        self._start: Samples = 0
-        self._closed = threading.Event()
-        self._began: Seconds | None = None
-
-    @property
-    def signal(self) -> Signal:
-        return self._signal
-
-    @property
-    def pending(self) -> Samples:
-        """Frames in whole blocks that are due by the clock; zero where no pace is kept."""
-        if not self._options.speed or self._began is None:
-            return 0
-        due = (time.monotonic() - self._began) * self._signal.sample_rate * self._options.speed
-        due = min(due, math.inf if self._end is None else self._end) - self._start
-        return max(int(due // self._options.block) * self._options.block, 0)
-
-    @property
-    def health(self) -> StreamHealth:
-        return StreamHealth(frames=self._start)
-
-    def __iter__(self) -> Iterator[Block]:
-        if self._began is None:
-            self._began = time.monotonic()
-        while not self._closed.is_set():
-            frames = self._options.block
-            if self._end is not None:
-                frames = min(frames, self._end - self._start)
-            if frames <= 0:
-                return
-            samples = self._sound(frames)
-            adc_time = self._await(self._start + frames)
-            if self._closed.is_set():
-                return
-            block = Block(samples=samples, start=self._start, adc_time=adc_time)
-            self._start += frames
-            yield block
-
-    def close(self) -> None:
-        """End the iteration, from whatever thread."""
-        self._closed.set()
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
         """Return the touch at the end of the range; a release has neither position nor force.
@@ -203,16 +162,16 @@ class _SimulatedStream(Stream):
             return known
         return known | {"position": contact.position, "force": contact.force}
 
-    def _sound(self, frames: Samples) -> Audio:
+    def _read(self, frames: Samples) -> Audio:
         """Return the next frames, with touches that change at their own sample and not at a block's."""
         parts: list[np.ndarray] = []
         while frames:
             now = self._ringing.start
-            while self._next is not None and self._next[0] <= now:
-                self._ringing = touch(self._ringing, self._next[1], pluck=self._strike)
-                self._history.append((now, self._next[1]))
-                self._next = next(self._changes, None)
-            part = frames if self._next is None else min(frames, self._next[0] - now)
+            while self._change is not None and self._change[0] <= now:
+                self._ringing = touch(self._ringing, self._change[1], pluck=self._strike)
+                self._history.append((now, self._change[1]))
+                self._change = next(self._changes, None)
+            part = frames if self._change is None else min(frames, self._change[0] - now)
             velocity, self._ringing = advance(self._ringing, part)
             parts.append(velocity)
             frames -= part
@@ -220,11 +179,3 @@ class _SimulatedStream(Stream):
         # Drawn frame by frame, so that the noise does not depend on the size of blocks either.
         sound += self._options.noise * self._random.standard_normal(sound.shape[::-1]).T
         return sound.astype(np.float32)
-
-    def _await(self, stop: Samples) -> Seconds | None:
-        """Wait until frame `stop` is due; return the time of the block's first frame, where that is real."""
-        speed, rate, began = self._options.speed, self._signal.sample_rate, self._began
-        if not speed or began is None:
-            return None
-        self._closed.wait(max(began + stop / (rate * speed) - time.monotonic(), 0.0))
-        return began + self._start / rate if speed == 1.0 else None
