@@ -11,7 +11,6 @@ from monochord.benchmarks.base import Benchmark, Row
 from monochord.physics.split_string import Pluck, Recording, Route, SplitString, peaks, simulate
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
-from monochord.types import Contact
 from monochord.units import Seconds
 
 REFERENCE = "NumPy reference"
@@ -47,7 +46,7 @@ class Fdtd(Benchmark):
     def run(self) -> Iterator[Row]:
         """Time the routes, then compare what they say."""
         string = load_string(self.preset)
-        contact = string.contact or Contact(position=0.35 * string.string.length, force=0.0)
+        contact = string.usual_contact
         setup = SplitString(string=string.string, contact=contact)
         with one_core():
             for compiles in ("fdtd", "modal"):

@@ -66,12 +66,12 @@ def simulate(
 def _contact(
     string: StringPreset, at: float | None, force: float | None, *, untouched: bool
 ) -> Contact | None:
-    """Return the touch asked for; what is left out is the preset's, or else no force at x/L 0.35."""
+    """Return the touch asked for; what is left out is the preset's."""
     if untouched:
         if at is not None or force is not None:
             raise InputError("--untouched with --at or --force", "one of them")
         return None
-    usual = string.contact or Contact(position=0.35 * string.string.length, force=0.0)
+    usual = string.usual_contact
     return Contact(
         position=usual.position if at is None else at,
         force=usual.force if force is None else force,

@@ -12,7 +12,7 @@ from monochord.figures import _style
 from monochord.figures.base import Figure
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
-from monochord.physics.theory import harmonic_frequencies, segment_frequencies
+from monochord.physics.theory import open_frequency, segment_frequencies
 from monochord.types import Contact, Floats
 from monochord.units import Hertz, Newtons, Seconds
 
@@ -87,7 +87,7 @@ class Convergence(Figure):
         setup = SplitString(string=string, contact=contact, nodes=self.nodes, time_step=self.time_step)
         heard = simulate(setup, self.seconds, route=self.route)
         expected = segment_frequencies(string, contact)
-        top = self.highest * harmonic_frequencies(string.length, string.tension, string.linear_density, 1)[0]
+        top = self.highest * open_frequency(string)
         page = _style.canvas(155.0)
         panels = page.subplots(3, 2, gridspec_kw={"height_ratios": [1.0, 1.1, 1.1]})
         for side in (0, 1):
@@ -136,8 +136,7 @@ def spectrum(segment: Segment, span: tuple[Seconds, Seconds]) -> tuple[Floats, F
     cut = segment.velocity[round(span[0] * segment.rate) : round(span[1] * segment.rate)]
     size = 1 << 16
     level = np.abs(np.fft.rfft(cut * np.hanning(cut.size), size))
-    decibels = 20.0 * np.log10(level / level.max() + 1e-12)
-    return np.asarray(np.arange(level.size) * (segment.rate / size), float), decibels
+    return np.asarray(np.arange(level.size) * (segment.rate / size), float), _decibels(level)
 
 
 def spectrogram(segment: Segment, highest: Hertz) -> tuple[Floats, Floats, Floats]:
@@ -157,8 +156,11 @@ def spectrogram(segment: Segment, highest: Hertz) -> tuple[Floats, Floats, Float
     frequencies = np.arange(level.shape[1]) * (segment.rate / (4 * size))
     shown = frequencies <= highest
     times = (np.arange(level.shape[0]) * hop + size / 2.0) / segment.rate
-    decibels = 20.0 * np.log10(level / level.max() + 1e-12)
-    return times, frequencies[shown], decibels[:, shown].T
+    return times, frequencies[shown], _decibels(level)[:, shown].T
+
+
+def _decibels(level: Floats) -> Floats:
+    return 20.0 * np.log10(level / level.max() + 1e-12)
 
 
 def _draw_waves(axes: Axes, segment: Segment, colour: str) -> None:

@@ -13,7 +13,7 @@ from monochord.figures._sweep import Sweep, simulated_spectra, simulator
 from monochord.figures.base import Figure
 from monochord.physics.models import Model
 from monochord.physics.strings import load_string
-from monochord.physics.theory import TensionLaw, harmonic_frequencies
+from monochord.physics.theory import TensionLaw, open_frequency
 from monochord.types import Floats, StringParams
 from monochord.units import Hertz, Newtons
 
@@ -94,7 +94,7 @@ class Trends(Figure):
         """Compute both sweeps and draw theory above simulation."""
         string = load_string(self.string).string
         model = simulator(self.model, self.route)
-        top = self.highest * harmonic_frequencies(string.length, string.tension, string.linear_density, 1)[0]
+        top = self.highest * open_frequency(string)
         by_position, by_force = self.sweeps(string)
         page = _style.canvas(118.0)
         (a, d), (b, e) = page.subplots(2, 2, sharex="col", sharey=True)

@@ -11,7 +11,7 @@ import numpy as np
 from monochord.errors import InputError
 from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, touch
 from monochord.physics.strings import load_string
-from monochord.physics.theory import mixing_matrix, wave_speed
+from monochord.physics.theory import mixing_matrix, open_frequency
 from monochord.sources._paced_stream import PacedStream
 from monochord.sources._touches import Touch, play_at_random, play_script
 from monochord.sources.base import Source
@@ -111,11 +111,10 @@ def _setup(string: StringParams, level: MetresPerSecond) -> SplitString:
     At resonance the drive makes up for the loss: one driver on half the string, or two on the whole, at a
     quarter of the segment, sustain 2 A / (d L) at a pickup there.
     """
-    open_speed = math.pi * wave_speed(string) / string.length  # 2 pi times the open frequency
     return SplitString(
         string=string,
         drive=Drive(amplitude=level * string.damping * string.length / 2.0),
-        pluck=Pluck(height=level / open_speed),
+        pluck=Pluck(height=level / (2.0 * math.pi * open_frequency(string))),
     )
 
 
@@ -126,7 +125,7 @@ class _SimulatedStream(PacedStream):
             sample_rate=rate,
             channels=2,
             string=string,
-            open_frequency=wave_speed(string) / (2.0 * string.length),
+            open_frequency=open_frequency(string),
         )
         end = round(options.duration * rate) if options.duration else math.inf
         super().__init__(signal, block=options.block, speed=options.speed, end=end)

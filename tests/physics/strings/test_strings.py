@@ -7,6 +7,7 @@ import pytest
 from monochord.errors import InputError
 from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import harmonic_frequencies, inharmonicity
+from monochord.types import Contact
 
 GOOD = """
 title = "My string"
@@ -57,7 +58,9 @@ def test_file_of_ones_own(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(GOOD)
     assert load_string(str(path)).name == "mine"
-    assert load_string(str(path)).contact is None
+    preset = load_string(str(path))
+    assert preset.contact is None
+    assert preset.usual_contact == Contact(position=0.35 * preset.string.length, force=0.0)
 
 
 def test_unknown_name_is_refused_with_a_suggestion() -> None:

@@ -10,6 +10,7 @@ from monochord.physics.theory.segments import (
     harmonic_frequencies,
     locate_from_segments,
     mixing_matrix,
+    open_frequency,
     position_from_far_segment,
     segment_frequencies,
     split_frequencies,
@@ -35,6 +36,7 @@ def test_harmonics_are_multiples_of_the_first() -> None:
     f = harmonic_frequencies(0.65, 65.0, 6.5e-4, 8)
     np.testing.assert_allclose(f, f[0] * np.arange(1, 9), rtol=1e-15)
     assert f[0] == pytest.approx(np.sqrt(65.0 / 6.5e-4) / 1.3)
+    assert f[0] == pytest.approx(open_frequency(APPENDIX), rel=1e-15)
 
 
 @given(FRACTIONS, FORCES, st.sampled_from(["linear", "geometric"]))

@@ -11,6 +11,7 @@ from monochord.physics.theory.tension import (
     damping_under,
     force_from_tension,
     stretch_stiffness,
+    tension_from_force,
     tension_pressed,
     tension_under,
     wave_speed,
@@ -80,6 +81,14 @@ def test_linear_force_is_the_inverse(force: float) -> None:
     assert force_from_tension(PLAIN, tension_under(PLAIN, force)) == pytest.approx(force, abs=1e-12)
 
 
+@given(INSIDE, st.floats(0.0, 100.0))
+def test_either_law_is_found_by_its_name(x: float, force: float) -> None:
+    assert (
+        tension_from_force(PLAIN, force) == tension_from_force(PLAIN, force, x) == tension_under(PLAIN, force)
+    )
+    assert tension_from_force(PLAIN, force, x, "geometric") == tension_pressed(PLAIN, x, force)
+
+
 def test_tension_that_no_press_explains() -> None:
     assert force_from_tension(PLAIN, 67.0) == -1.0
     assert np.isnan(force_from_tension(PLAIN, 67.0, 0.2, "geometric"))
@@ -100,5 +109,7 @@ def test_what_cannot_tell_force_is_refused() -> None:
         force_from_tension(flexible, 66.0, 0.2, "geometric")
     with pytest.raises(InputError, match="no position"):
         force_from_tension(PLAIN, 74.0, law="geometric")
+    with pytest.raises(InputError, match="no position"):
+        tension_from_force(PLAIN, 1.0, law="geometric")
     with pytest.raises(InputError, match="linear, geometric"):
         check_law("quadratic")

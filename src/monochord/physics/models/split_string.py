@@ -6,7 +6,7 @@ from math import isnan
 from monochord.config import from_tree, override, to_tree
 from monochord.physics.models.base import Case, Model, Sound
 from monochord.physics.split_string import Route, SplitString, peaks, simulate
-from monochord.physics.theory import segment_frequencies, wave_speed
+from monochord.physics.theory import open_frequency, segment_frequencies
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +45,6 @@ class SplitStringModel(Model):
 
 def _expected(setup: SplitString) -> tuple[float, float]:
     if setup.contact is None:
-        open_frequency = wave_speed(setup.string) / (2.0 * setup.string.length)
-        return open_frequency, open_frequency
+        both = open_frequency(setup.string)
+        return both, both
     return segment_frequencies(setup.string, setup.contact, setup.tension_law)

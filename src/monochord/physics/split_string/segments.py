@@ -7,7 +7,7 @@ from math import ceil, pi
 import numpy as np
 
 from monochord.physics.split_string.setup import Drive, Pluck, SplitString
-from monochord.physics.theory import damping_under, tension_pressed, tension_under
+from monochord.physics.theory import damping_under, tension_from_force
 from monochord.types import Floats
 from monochord.units import KilogramsPerMetre, Metres, MetresPerSecond
 
@@ -44,11 +44,7 @@ def split(setup: SplitString) -> tuple[Segment, ...]:
         tension = string.tension
     else:
         lengths = (contact.position, string.length - contact.position)
-        pressed = {
-            "linear": lambda: tension_under(string, contact.force),
-            "geometric": lambda: tension_pressed(string, contact.position, contact.force),
-        }
-        tension = pressed[setup.tension_law]()
+        tension = tension_from_force(string, contact.force, contact.position, setup.tension_law)
     speed = (tension / string.linear_density) ** 0.5
     damping = damping_under(string, contact.force if contact else 0.0)
 

@@ -27,6 +27,11 @@ class StringPreset:
     notes: str = ""
     contact: Contact | None = None
 
+    @property
+    def usual_contact(self) -> Contact:
+        """The touch where none is asked for: `contact`, or else a clamp without force at x/L 0.35."""
+        return self.contact or Contact(position=0.35 * self.string.length, force=0.0)
+
 
 def string_names() -> list[str]:
     """Return the names of the presets, sorted.

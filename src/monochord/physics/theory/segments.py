@@ -4,7 +4,7 @@ import numpy as np
 
 from monochord.errors import InputError
 from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_outside
-from monochord.physics.theory.tension import TensionLaw, check_law, tension_pressed, tension_under
+from monochord.physics.theory.tension import TensionLaw, tension_from_force, wave_speed
 from monochord.types import Contact, Floats, StringParams
 from monochord.units import Hertz, KilogramsPerMetre, Metres, MetresPerSecond, Newtons, Seconds
 
@@ -44,6 +44,19 @@ def harmonic_frequencies(
     """
     refuse_not_positive(length=length, tension=tension, linear_density=linear_density, count=count)
     return np.arange(1, count + 1) * ((tension / linear_density) ** 0.5 / (2.0 * length))
+
+
+def open_frequency(string: StringParams) -> Hertz:
+    """Return the fundamental of the untouched string.
+
+    f = v / (2 L) with v = sqrt(T0 / mu): Eq. 2 with n = 1.
+
+    Examples
+    --------
+    >>> round(open_frequency(StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)), 2)
+    243.25
+    """
+    return wave_speed(string) / (2.0 * string.length)
 
 
 def segment_frequencies(
@@ -102,9 +115,7 @@ def split_frequencies(
     (array([1216.3,  304.1]), array([ 304.1, 1216.3]))
     """
     refuse_outside(position, string.length)
-    linear = check_law(law) == "linear"
-    tension = tension_under(string, force) if linear else tension_pressed(string, position, force)
-    half_speed = (tension / string.linear_density) ** 0.5 / 2.0
+    half_speed = (tension_from_force(string, force, position, law) / string.linear_density) ** 0.5 / 2.0
     return half_speed / position, half_speed / (string.length - position)  # pyright: ignore[reportReturnType]
 
 

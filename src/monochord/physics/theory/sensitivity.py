@@ -4,13 +4,7 @@ import numpy as np
 
 from monochord.physics.theory._checks import Number, refuse_not_positive
 from monochord.physics.theory.segments import split_frequencies
-from monochord.physics.theory.tension import (
-    TensionLaw,
-    check_law,
-    stretch_stiffness,
-    tension_pressed,
-    tension_under,
-)
+from monochord.physics.theory.tension import TensionLaw, stretch_stiffness, tension_from_force
 from monochord.types import Contact, Floats, StringParams
 from monochord.units import Hertz, Metres
 
@@ -55,13 +49,10 @@ def frequency_sensitivities(string: StringParams, contact: Contact, law: Tension
     """
     x, length = contact.position, string.length
     f1, f2 = split_frequencies(string, x, contact.force, law)
-    if check_law(law) == "linear":
-        tension = tension_under(string, contact.force)
-        by_position, by_force = 0.0, string.tension_per_force
-    else:
-        tension = tension_pressed(string, x, contact.force)
-        by_position, by_force = _geometric_slopes(string, contact, tension)
-    stretch = np.array([by_position, by_force]) / (2.0 * tension)
+    tension = tension_from_force(string, contact.force, x, law)
+    linear = (0.0, string.tension_per_force)
+    slopes = linear if law == "linear" else _geometric_slopes(string, contact, tension)
+    stretch = np.array(slopes) / (2.0 * tension)
     moved = np.array([[-1.0 / x, 0.0], [1.0 / (length - x), 0.0]])
     return np.array([[f1], [f2]]) * (stretch + moved)
 

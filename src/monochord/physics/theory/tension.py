@@ -180,8 +180,47 @@ def wave_speed(string: StringParams, force: float | Floats = 0.0) -> float | Flo
     >>> round(wave_speed(StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)), 2)
     316.23
     """
-    refuse_pull(force)
-    return ((string.tension + string.tension_per_force * force) / string.linear_density) ** 0.5
+    return (tension_under(string, force) / string.linear_density) ** 0.5  # pyright: ignore[reportArgumentType]
+
+
+def tension_from_force(
+    string: StringParams,
+    force: Number,
+    position: Number | None = None,
+    law: TensionLaw = "linear",
+) -> Number:
+    """Return the tension of a pressed string after either law: `tension_under` or `tension_pressed`.
+
+    Parameters
+    ----------
+    string
+        The string.
+    force
+        Normal force F in N.
+    position
+        Where it is pressed, in m; the geometric law needs it.
+    law
+        ``"linear"`` or ``"geometric"``.
+
+    Returns
+    -------
+    float or array
+        T in N.
+
+    Raises
+    ------
+    InputError
+        If the law is unknown, a force is negative, or the geometric law lacks a position on the string.
+
+    Examples
+    --------
+    >>> plain = StringParams(length=0.65, linear_density=4.0e-4, tension=73.0, core_diameter=2.54e-4)
+    >>> tension_from_force(plain, 2.0), round(tension_from_force(plain, 2.0, 0.325, "geometric"), 3)
+    (73.0, 73.927)
+    """
+    if check_law(law) == "linear":
+        return tension_under(string, force)
+    return tension_pressed(string, _known(position), force)
 
 
 def force_from_tension(
@@ -227,8 +266,7 @@ def force_from_tension(
         if string.tension_per_force == 0.0:
             raise InputError("tension per force 0", "a string whose tension tells force", "set k_T")
         return (tension - string.tension) / string.tension_per_force
-    if position is None:
-        raise InputError("no position", "a position in m", "the geometric law depends on it")
+    position = _known(position)
     refuse_outside(position, string.length)
     if string.core_diameter == 0.0:
         raise InputError("core diameter 0", "above 0 for the geometric law", "give the core's diameter")
@@ -251,3 +289,9 @@ def check_law(law: str) -> str:
     if law not in {"linear", "geometric"}:
         raise InputError(f"tension law '{law}'", "linear, geometric")
     return law
+
+
+def _known(position: Number | None) -> Number:
+    if position is None:
+        raise InputError("no position", "a position in m", "the geometric law depends on it")
+    return position
