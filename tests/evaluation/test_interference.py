@@ -1,9 +1,12 @@
 """Interference is mixed in at the ratio that was asked for."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from monochord.evaluation.interference import Interferer
+from monochord.errors import InputError
+from monochord.evaluation.interference import Interferer, recorded_interference
 from monochord.evaluation.known_touches import Protocol
 
 
@@ -26,3 +29,9 @@ def test_a_short_recording_goes_round() -> None:
     mixed = Interferer(sound=np.ones(300, np.float32), ratio=0.0, per="take").mixer(0.5, Protocol())(take)
     assert mixed.shape == (2, 1000)
     assert np.all(mixed == 2.0)
+
+
+def test_without_recordings_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("MONOCHORD_REALSTRINGS", str(tmp_path))
+    with pytest.raises(InputError, match="MONOCHORD_REALSTRINGS"):
+        recorded_interference()

@@ -26,7 +26,8 @@ def test_windows_beyond_the_end_are_left_out() -> None:
 @real
 def test_an_open_note_is_told_from_its_audio() -> None:
     for take in recorded_strings().open_notes.values():
-        frequency, stiffness = open_note(take, Protocol())
+        ((frequency, position, stiffness),) = open_note(take, Protocol())
+        assert position == 0.0
         assert frequency == pytest.approx(take.frequency, rel=2e-3)
         assert 0.0 <= stiffness < 5e-4
 
@@ -36,7 +37,7 @@ def test_errors_are_estimate_minus_truth() -> None:
     strings = recorded_strings()
     take = strings.fretted["green_plucked B3"][-1]
     note = open_note(strings.open_notes["green_plucked B3"], Protocol())
-    told = located(take, ((note[0], 0.0, note[1]),), Protocol())
+    told = located(take, note, Protocol())
     errors = position_errors(take, told)
     assert errors[0] == pytest.approx(told[0]["position"].value - take.position)
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 class Row:
     """One figure of a benchmark.
 
-    `baseline` names and `baseline_value` gives what it is compared with, measured in the same run or, for
-    accuracy, a stated bound; `ratio` is value / baseline_value. Both are None where nothing is compared.
+    `unit` is "1" for a plain number. `baseline` names and `baseline_value` gives what it is compared with,
+    measured in the same run or, for accuracy, a stated bound; `ratio` is value / baseline_value. Both are
+    None where nothing is compared.
     """
 
     name: str

@@ -49,7 +49,7 @@ class Bound(Benchmark):
             rng = np.random.default_rng(self.seed)
             seen = np.array([self._one(finder, rng, ratio) for _ in range(self.windows)])
             error, claimed, least = seen[np.abs(seen[:, 0]) < GROSS].T
-            yield Row(name=f"{ratio:g} dB: gross errors", value=float(self.windows - error.size), unit="")
+            yield Row(name=f"{ratio:g} dB: gross errors", value=float(self.windows - error.size), unit="1")
             yield Row(
                 name=f"{ratio:g} dB: error of f0",
                 value=_rms(error),
@@ -57,7 +57,7 @@ class Bound(Benchmark):
                 baseline="Cramer-Rao bound",
                 baseline_value=_rms(least),
             )
-            yield Row(name=f"{ratio:g} dB: error over claim", value=_rms(error / claimed), unit="")
+            yield Row(name=f"{ratio:g} dB: error over claim", value=_rms(error / claimed), unit="1")
 
     def _one(self, finder: PitchFinder, rng: np.random.Generator, ratio: float) -> tuple[float, float, float]:
         """Return error, claimed standard error and bound of one window, in Hz; a miss is infinite."""

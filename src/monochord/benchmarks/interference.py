@@ -10,8 +10,6 @@ from monochord.evaluation.interference import Interferer, Per, errors_under, rec
 from monochord.evaluation.known_touches import NEAR, Protocol
 from monochord.types import Floats
 
-RATE = 44100
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interference(Benchmark):
@@ -38,7 +36,7 @@ class Interference(Benchmark):
     def run(self) -> Iterator[Row]:
         """Yield, for each interference and ratio, the share answered and the share within 5 mm."""
         protocol = Protocol()
-        for name, sound in recorded_interference(RATE).items():
+        for name, sound in recorded_interference().items():
             for ratio in self.ratios:
                 interferer = Interferer(sound=sound, ratio=ratio, per=self.per)
                 yield from _rows(f"{name} {ratio:g} dB", *errors_under(interferer, protocol, self.seed))

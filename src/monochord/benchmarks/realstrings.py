@@ -11,13 +11,13 @@ from monochord.evaluation.known_touches import (
     NEAR,
     Calibration,
     Protocol,
+    calibrated_strings,
     located,
-    open_note,
     position_errors,
-    recorded_strings,
 )
 from monochord.realstrings import Take
 from monochord.types import Floats
+from monochord.units import Seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,26 +37,23 @@ class Realstrings(Benchmark):
         Distance of window starts, in s.
     """
 
-    window: float = 0.1
-    first: float = 0.15
-    last: float = 1.05
-    hop: float = 0.1
+    window: Seconds = 0.1
+    first: Seconds = 0.15
+    last: Seconds = 1.05
+    hop: Seconds = 0.1
 
     def run(self) -> Iterator[Row]:
         """Yield the rows of each instrument, then those of all together."""
         protocol = Protocol(length=self.window, first=self.first, last=self.last, hop=self.hop)
-        strings = recorded_strings()
         ours: dict[str, list[Floats]] = {}
         plain: dict[str, list[Floats]] = {}
         helped: list[Floats] = []
-        for name, fretted in strings.fretted.items():
-            frequency, stiffness = open_note(strings.open_notes[name], protocol)
-            calibration: Calibration = ((frequency, 0.0, stiffness),)
-            instrument = strings.open_notes[name].instrument
+        for _, calibration, fretted in calibrated_strings(protocol):
             for take in fretted:
                 told = located(take, calibration, protocol)
-                ours.setdefault(instrument, []).append(position_errors(take, told))
-                plain.setdefault(instrument, []).append(autocorrelation_errors(take, frequency, protocol))
+                baseline = autocorrelation_errors(take, calibration[0][0], protocol)
+                ours.setdefault(take.instrument, []).append(position_errors(take, told))
+                plain.setdefault(take.instrument, []).append(baseline)
             helped += _with_one_more(fretted, calibration, protocol)
         for instrument, errors in ours.items():
             yield from _rows(instrument, np.concatenate(errors), np.concatenate(plain[instrument]))
@@ -87,7 +84,7 @@ def _with_one_more(fretted: list[Take], calibration: Calibration, protocol: Prot
 def _rows(name: str, errors: Floats, plain: Floats) -> Iterator[Row]:
     answered = np.isfinite(errors)
     miss, plain_miss = np.abs(errors[answered]), np.abs(plain)
-    yield Row(name=f"{name}: windows", value=float(errors.size), unit="")
+    yield Row(name=f"{name}: windows", value=float(errors.size), unit="1")
     yield Row(name=f"{name}: answered", value=100.0 * float(answered.mean()), unit="%")
     yield Row(
         name=f"{name}: mean absolute error",

@@ -11,7 +11,7 @@ from monochord.units import Hertz
 def autocorrelation_errors(
     take: Take, open_frequency: Hertz, protocol: Protocol, mix: Mix | None = None
 ) -> Floats:
-    """Return the same for plain autocorrelation, the baseline, which never abstains.
+    """Return the position errors in m of plain autocorrelation on a take's windows; it never abstains.
 
     The lag of the first peak that reaches nine tenths of the greatest, refined by a parabola, is the period.
     """

@@ -6,19 +6,20 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from monochord import realstrings
+from monochord.errors import InputError
 from monochord.evaluation.autocorrelation import autocorrelation_errors
 from monochord.evaluation.known_touches import (
     Mix,
     Protocol,
+    calibrated_strings,
     located,
-    open_note,
     position_errors,
-    recorded_strings,
 )
 from monochord.realstrings import Take
 from monochord.types import Audio, Floats
 
 Per: TypeAlias = Literal["window", "take"]
+RATE = 44100  # of the takes that interference is added to
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +29,7 @@ class Interferer:
     Parameters
     ----------
     sound
-        The recording (n,) at the takes' sample rate.
+        The recording (n,) at `RATE`.
     ratio
         Signal-to-noise ratio in dB.
     per
@@ -59,9 +60,19 @@ class Interferer:
         return mix
 
 
-def recorded_interference(rate: int) -> dict[str, Audio]:
-    """Return the recordings of interference by name, one channel, resampled to `rate`."""
-    return {take.path.stem: _at_rate(take, rate) for take in realstrings.takes(kind="interference")}
+def recorded_interference() -> dict[str, Audio]:
+    """Return the recordings of interference by name, one channel (n,), resampled to `RATE`.
+
+    Raises
+    ------
+    InputError
+        If there are none on this machine.
+    """
+    found = {take.path.stem: _resampled(take) for take in realstrings.takes(kind="interference")}
+    if not found:
+        remedy = "name it in the environment as MONOCHORD_REALSTRINGS"
+        raise InputError("no recordings of interference", "a folder with manifest.csv", remedy)
+    return found
 
 
 def errors_under(interferer: Interferer, protocol: Protocol, seed: int) -> tuple[Floats, Floats]:
@@ -71,28 +82,25 @@ def errors_under(interferer: Interferer, protocol: Protocol, seed: int) -> tuple
     where in the recording each take's interference begins.
     """
     rng = np.random.default_rng(seed)
-    strings = recorded_strings()
     ours: list[Floats] = []
     plain: list[Floats] = []
-    for name, fretted in strings.fretted.items():
-        frequency, stiffness = open_note(strings.open_notes[name], protocol)
-        calibration = ((frequency, 0.0, stiffness),)
+    for _, calibration, fretted in calibrated_strings(protocol):
         for take in fretted:
             mix = interferer.mixer(float(rng.uniform()), protocol)
             ours.append(position_errors(take, located(take, calibration, protocol, mix)))
-            plain.append(autocorrelation_errors(take, frequency, protocol, mix))
+            plain.append(autocorrelation_errors(take, calibration[0][0], protocol, mix))
     return np.concatenate(ours), np.concatenate(plain)
 
 
 def _level(samples: Floats, protocol: Protocol) -> Floats:
     """Return the root mean square over the window around every frame."""
-    size = round(protocol.length * 44100)
+    size = round(protocol.length * RATE)
     power = np.cumsum(np.pad(samples**2, ((0, 0), (size // 2 + 1, size - size // 2 - 1)), "edge"), axis=1)
     return np.sqrt(np.maximum(power[:, size:] - power[:, :-size], 0.0) / size)
 
 
-def _at_rate(take: Take, rate: int) -> Audio:
+def _resampled(take: Take) -> Audio:
     import soxr  # noqa: PLC0415
 
     samples, own = take.read()
-    return np.asarray(soxr.resample(samples.mean(axis=0), own, rate), np.float32)
+    return np.asarray(soxr.resample(samples.mean(axis=0), own, RATE), np.float32)

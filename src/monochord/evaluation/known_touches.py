@@ -1,6 +1,6 @@
 """Real takes with known frets, cut into windows, and what estimators make of them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -11,11 +11,14 @@ from monochord.errors import InputError
 from monochord.estimators import ESTIMATORS
 from monochord.realstrings import SCALE, Take
 from monochord.types import Audio, Estimate, Floats, Signal, Window
-from monochord.units import Hertz, Metres, Seconds
+from monochord.units import Metres, Seconds
 
 Calibration = tuple[tuple[float, ...], ...]
+"""Takes of known touch, as the closed-form estimator takes them; the open note comes first."""
 Mix = Callable[[Audio], Audio]
+"""Changes the samples (channels, n) of a take, as by adding interference."""
 NEAR: Metres = 5.0e-3
+"""An answer at most this far off counts as right."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,28 +63,38 @@ def recorded_strings() -> Strings:
     if not labelled:
         remedy = "name it in the environment as MONOCHORD_REALSTRINGS"
         raise InputError("no real recordings", "a folder with manifest.csv", remedy)
-    opens = {name(take): take for take in labelled if take.position == 0.0}
+    opens = {string_name(take): take for take in labelled if take.position == 0.0}
     fretted: dict[str, list[Take]] = {string: [] for string in opens}
     for take in labelled:
-        if take.position > 0.0 and name(take) in opens:
-            fretted[name(take)].append(take)
+        if take.position > 0.0 and string_name(take) in opens:
+            fretted[string_name(take)].append(take)
     return Strings(open_notes=opens, fretted=fretted)
 
 
-def name(take: Take) -> str:
+def calibrated_strings(protocol: Protocol) -> Iterator[tuple[str, Calibration, list[Take]]]:
+    """Yield each recorded string: its name, its open note as calibration, and its fretted takes."""
+    strings = recorded_strings()
+    for name, take in strings.open_notes.items():
+        yield name, open_note(take, protocol), strings.fretted[name]
+
+
+def string_name(take: Take) -> str:
     """Return the name of a take's string: its instrument and the string's own name."""
     return f"{take.instrument} {take.string}"
 
 
-def open_note(take: Take, protocol: Protocol) -> tuple[Hertz, float]:
-    """Return the median frequency and inharmonicity of an open take's windows, from its audio alone."""
+def open_note(take: Take, protocol: Protocol) -> Calibration:
+    """Return an open take as calibration: the median frequency and inharmonicity of its windows.
+
+    From its audio alone: ``((frequency in Hz, 0.0, inharmonicity),)``.
+    """
     seen = [
         (told["frequency"].value, told["inharmonicity"].value)
         for told in located(take, ((take.frequency, 0.0),), protocol)
         if told["frequency"].valid
     ]
     frequency, stiffness = np.median(np.array(seen), axis=0).tolist()
-    return frequency, stiffness
+    return ((frequency, 0.0, stiffness),)
 
 
 def located(

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monochord.evaluation.interference import Interferer, errors_under, recorded_interference
-from monochord.evaluation.known_touches import (
-    NEAR,
-    Protocol,
-    located,
-    open_note,
-    position_errors,
-    recorded_strings,
-)
+from monochord.evaluation.known_touches import NEAR, Protocol, calibrated_strings, located, position_errors
 from monochord.figures import _style
 from monochord.figures.base import Figure
 from monochord.types import Floats
@@ -26,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 MARKS = "os^vDPX<>"
-RATE = 44100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +48,7 @@ class Realstrings(Figure):
         _style.dress(errors, "A", "recorded strings, open note known", "fret position x (mm)", "error (mm)")
         _style.dress(curves, "B", "interference mixed in", "signal-to-noise ratio (dB)", "share (%)")
         _draw_errors(errors)
-        for number, (name, sound) in enumerate(recorded_interference(RATE).items()):
+        for number, (name, sound) in enumerate(recorded_interference().items()):
             seen = [
                 errors_under(Interferer(sound=sound, ratio=ratio), Protocol(), self.seed)
                 for ratio in self.ratios
@@ -77,21 +70,19 @@ _SOUNDS = {"198_209_0000": "speech", "Kevin_MacLeod_Vibe_Ace": "music"}
 
 def string_errors() -> dict[str, list[tuple[Metres, Floats]]]:
     """Return, for every string, each fretted take's position and its windows' errors, both in m."""
-    protocol, strings = Protocol(), recorded_strings()
-    found: dict[str, list[tuple[Metres, Floats]]] = {}
-    for name, fretted in strings.fretted.items():
-        frequency, stiffness = open_note(strings.open_notes[name], protocol)
-        calibration = ((frequency, 0.0, stiffness),)
-        found[name] = [
+    protocol = Protocol()
+    return {
+        name: [
             (take.position, position_errors(take, located(take, calibration, protocol))) for take in fretted
         ]
-    return found
+        for name, calibration, fretted in calibrated_strings(protocol)
+    }
 
 
 def _draw_errors(axes: Axes) -> None:
     axes.axhspan(-1e3 * NEAR, 1e3 * NEAR, color="#EEEEEE", lw=0.0)
     axes.axhline(0.0, color=_style.INK, lw=0.6)
-    for mark, (name, takes) in zip(MARKS, sorted(string_errors().items()), strict=False):
+    for mark, (name, takes) in zip(cycle(MARKS), sorted(string_errors().items()), strict=False):
         x = np.concatenate([np.full(e.size, 1e3 * p) for p, e in takes])
         y = 1e3 * np.concatenate([e for _, e in takes])
         colour = _style.SEGMENTS[1 if name.startswith("shiny") else 0]
