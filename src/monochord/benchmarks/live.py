@@ -5,7 +5,6 @@ import math
 import tempfile
 import time
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,11 +14,10 @@ from monochord.benchmarks._process import one_core, resident
 from monochord.benchmarks._take import write_take
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.config import Tree
-from monochord.live import Session, Settings, run
+from monochord.live import Session, Settings, Summary, run
 from monochord.physics.strings import load_string
-from monochord.sinks.base import Moment, Sink, Writer
-from monochord.timing import Histogram, Percentiles
-from monochord.types import Signal
+from monochord.sinks.base import Listener, Moment
+from monochord.timing import Histogram
 from monochord.units import Seconds
 
 RATE = 44100
@@ -61,47 +59,34 @@ class Live(Benchmark):
         with tempfile.TemporaryDirectory() as folder, one_core():
             path = Path(folder) / "string.wav"
             write_take(path, load_string(self.string), TAKE, RATE)
-            yield from self._latency(path)
-            yield from self._two_sided()
+            one_sided = yield from self._latency("latency", self._take(path, 1.0, self.seconds))
+            yield from _counted(one_sided)
+            both = {"source": {"name": "split_string"}, "estimator": {"name": "closed_form"}}
+            yield from self._latency("two-sided latency", both)
             if self.minutes > 0.0:
                 yield from self._memory(path)
 
-    def _latency(self, path: Path) -> Iterator[Row]:
+    def _latency(self, name: str, tree: Tree) -> Generator[Row, None, Summary]:
         baseline = _Autocorrelation()
-        summary = run(self._session(self._take(path, 1.0, self.seconds), self.seconds, baseline))
+        summary = run(self._session(tree, self.seconds, baseline))
         seen, beside = summary.stages["latency"], baseline.histogram.percentiles()
-        for name, label in (("p50", "p50"), ("p95", "p95"), ("p99", "p99"), ("longest", "max")):
-            compared = 1e3 * getattr(beside, name)
-            yield _row(f"latency {label}", 1e3 * getattr(seen, name), "ms", AUTOCORRELATION, compared)
-        for stage in ("read", "estimate", "sinks"):
-            yield from _stage(stage, summary.stages[stage])
-        yield _row("windows", summary.windows, "1")
-        yield _row("deadline misses", summary.deadline_misses, "1")
-        yield _row("windows with a position", summary.valid / max(summary.windows, 1), "1")
+        for percentile, label in (("p50", "p50"), ("p95", "p95"), ("p99", "p99"), ("longest", "max")):
+            value, compared = (1e3 * getattr(found, percentile) for found in (seen, beside))
+            yield _row(f"{name} {label}", value, "ms", AUTOCORRELATION, compared)
+        return summary
 
     def _memory(self, path: Path) -> Iterator[Row]:
         memory = _Memory(settled=min(60.0, 6.0 * self.minutes))
         begin = time.monotonic()
         seconds = 60.0 * self.minutes
         summary = run(self._session(self._take(path, self.speed, seconds), seconds, memory))
-        pace = seconds / (time.monotonic() - begin)
+        now, pace = resident(), seconds / (time.monotonic() - begin)
         yield _row("pace of the memory run", pace, "x real time", "asked for", self.speed)
         yield _row("windows of the memory run", summary.windows, "1")
         yield _row("skipped in the memory run", summary.skipped, "1")
         settled = f"resident after {memory.settled:g} s of audio"
-        yield _row("resident at the end", memory.now, "MB", settled, memory.before)
-        yield _row("memory growth", memory.now - memory.before, "MB")
-
-    def _two_sided(self) -> Iterator[Row]:
-        baseline = _Autocorrelation()
-        tree = {"source": {"name": "split_string"}, "estimator": {"name": "closed_form"}}
-        summary = run(self._session(tree, self.seconds, baseline))
-        seen, beside = summary.stages["latency"], baseline.histogram.percentiles()
-        for name, label in (("p50", "p50"), ("p99", "p99"), ("longest", "max")):
-            compared = 1e3 * getattr(beside, name)
-            yield _row(
-                f"two-sided latency {label}", 1e3 * getattr(seen, name), "ms", AUTOCORRELATION, compared
-            )
+        yield _row("resident at the end", now, "MB", settled, memory.megabytes)
+        yield _row("memory growth", now - memory.megabytes, "MB")
 
     def _take(self, path: Path, speed: float, seconds: Seconds) -> Tree:
         preset = load_string(self.string)
@@ -120,20 +105,16 @@ class Live(Benchmark):
             },
         }
 
-    def _session(self, tree: Tree, seconds: Seconds, sink: Sink) -> Session:
+    def _session(self, tree: Tree, seconds: Seconds, sink: Listener) -> Session:
         settings = Settings.read({**tree, "window": {"hop": self.hop}, "sinks": {}, "seconds": seconds})
         return dataclasses.replace(settings.session(), sinks=(sink,))
 
 
-class _Autocorrelation(Sink, Writer):
+class _Autocorrelation(Listener):
     """Times the plain alternative on the same windows: autocorrelation through the FFT, and its peak."""
 
     def __init__(self) -> None:
         self.histogram = Histogram()
-
-    @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
-        yield self
 
     def write(self, moment: Moment) -> None:
         begin = time.monotonic()
@@ -145,22 +126,16 @@ class _Autocorrelation(Sink, Writer):
         self.histogram.add(time.monotonic() - begin)
 
 
-class _Memory(Sink, Writer):
-    """Reads the resident set once, when the loop has settled, and at every second after."""
+class _Memory(Listener):
+    """Reads the resident memory once, when the loop has settled."""
 
     def __init__(self, settled: Seconds) -> None:
         self.settled = settled
-        self.before = self.now = math.nan
-        self._next = settled
-
-    @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
-        yield self
-        self.now = resident()
+        self.megabytes = math.nan
 
     def write(self, moment: Moment) -> None:
-        if math.isnan(self.before) and moment.prediction.time >= self.settled:
-            self.before = resident()
+        if math.isnan(self.megabytes) and moment.prediction.time >= self.settled:
+            self.megabytes = resident()
 
 
 def _row(
@@ -169,6 +144,11 @@ def _row(
     return Row(name=name, value=value, unit=unit, baseline=baseline, baseline_value=compared)
 
 
-def _stage(name: str, seen: Percentiles) -> Iterator[Row]:
-    for label, value in (("p50", seen.p50), ("p99", seen.p99)):
-        yield _row(f"stage {name} {label}", 1e3 * value, "ms")
+def _counted(summary: Summary) -> Iterator[Row]:
+    for stage in ("read", "estimate", "sinks"):
+        seen = summary.stages[stage]
+        yield _row(f"stage {stage} p50", 1e3 * seen.p50, "ms")
+        yield _row(f"stage {stage} p99", 1e3 * seen.p99, "ms")
+    yield _row("windows", summary.windows, "1")
+    yield _row("deadline misses", summary.deadline_misses, "1")
+    yield _row("windows with a position", summary.valid / max(summary.windows, 1), "1")

@@ -3,8 +3,6 @@
 import dataclasses
 from array import array
 from collections import Counter
-from collections.abc import Generator
-from contextlib import contextmanager
 
 import click
 import numpy as np
@@ -12,8 +10,7 @@ import numpy as np
 from monochord.cli._options import calibrated, put, recording, refuse_short, string_options, window_options
 from monochord.config import Tree
 from monochord.live import Settings, run
-from monochord.sinks.base import Moment, Sink, Writer
-from monochord.types import Signal
+from monochord.sinks.base import Listener, Moment
 
 
 @click.command()
@@ -50,16 +47,12 @@ def locate(
         click.echo("\n".join([file, *table.lines()]))
 
 
-class _Table(Sink, Writer):
+class _Table(Listener):
     """Keeps what a summary needs, 24 bytes a window, and says what the windows have in common."""
 
     def __init__(self) -> None:
         self._positions, self._stds, self._frequencies = array("d"), array("d"), array("d")
         self._reasons: Counter[str] = Counter()
-
-    @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
-        yield self
 
     def write(self, moment: Moment) -> None:
         position, frequency = (moment.prediction.estimates[name] for name in ("position", "frequency"))
@@ -72,7 +65,7 @@ class _Table(Sink, Writer):
 
     def lines(self) -> list[str]:
         valid, total = len(self._positions), len(self._positions) + self._reasons.total()
-        lines = [f"  windows with a position  {valid} of {total} ({100 * valid / total:.1f} %)"]
+        lines = [f"  windows with a position  {valid} of {total} ({100 * valid / max(total, 1):.1f} %)"]
         if valid:
             low, high = np.quantile(self._positions, [0.1, 0.9])
             lines += [

@@ -2,14 +2,11 @@
 
 import dataclasses
 import statistics
-from collections.abc import Generator
-from contextlib import contextmanager
 
 from monochord.errors import InputError
 from monochord.live.loop import run
 from monochord.live.settings import Session
-from monochord.sinks.base import Moment, Sink, Writer
-from monochord.types import Signal
+from monochord.sinks.base import Listener, Moment
 
 
 def medians(take: Session) -> dict[str, float]:
@@ -30,14 +27,10 @@ def medians(take: Session) -> dict[str, float]:
     return {name: statistics.median(values) for name, values in heard.values.items()}
 
 
-class _Heard(Sink, Writer):
+class _Heard(Listener):
     def __init__(self) -> None:
         self.values: dict[str, list[float]] = {}
         self.why_not = ""
-
-    @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
-        yield self
 
     def write(self, moment: Moment) -> None:
         estimates = moment.prediction.estimates

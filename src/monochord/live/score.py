@@ -2,15 +2,12 @@
 
 import statistics
 from array import array
-from collections.abc import Generator
-from contextlib import contextmanager
 
-from monochord.sinks.base import Moment, Sink, Writer
-from monochord.types import Signal
+from monochord.sinks.base import Listener, Moment
 from monochord.units import Metres
 
 
-class Score(Sink, Writer):
+class Score(Listener):
     """A sink that keeps the position error of every settled window with a touch.
 
     A window counts where the truth has a contact and does not say that it is unsettled. The errors take 8
@@ -20,11 +17,6 @@ class Score(Sink, Writer):
     def __init__(self) -> None:
         self.errors = array("d")
         self.abstained = 0
-
-    @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
-        """Return itself: there is nothing to open."""
-        yield self
 
     def write(self, moment: Moment) -> None:
         """Keep the error of one window."""

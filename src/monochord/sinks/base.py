@@ -1,7 +1,8 @@
 """The contract of a sink: frozen options, opened into a writer of predictions."""
 
 from abc import ABC, abstractmethod
-from contextlib import AbstractContextManager
+from collections.abc import Generator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 from monochord.types import Prediction, Signal, StreamHealth, Truth, Window
@@ -35,3 +36,12 @@ class Sink(ABC):
     @abstractmethod
     def open(self, signal: Signal) -> AbstractContextManager[Writer]:
         """Open the sink for a signal; leaving the context flushes and closes it."""
+
+
+class Listener(Sink, Writer):
+    """A sink that is its own writer: for what only keeps or counts what passes. It serves one run."""
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+        """Return itself: there is nothing to open."""
+        yield self
