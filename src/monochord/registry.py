@@ -33,6 +33,11 @@ class Registry(Generic[T]):
     package: str
     base: type[T]
 
+    @property
+    def kind(self) -> str:
+        """What one of its plug-ins is called: the folder's name without its plural s."""
+        return self.package.rpartition(".")[2].removesuffix("s")
+
     def names(self) -> list[str]:
         """Return the names of all plug-ins, sorted, without importing any."""
         folder = import_module(self.package).__path__
@@ -42,9 +47,8 @@ class Registry(Generic[T]):
     def load(self, name: str) -> type[T]:
         """Return the plug-in class called `name`; raises `InputError` with a suggestion if there is none."""
         key, names = name.replace("-", "_"), self.names()
-        kind = self.package.rpartition(".")[2].removesuffix("s")
         if key not in names:
-            raise InputError(f"{kind} '{name}'", ", ".join(names), did_you_mean(key, names))
+            raise InputError(f"{self.kind} '{name}'", ", ".join(names), did_you_mean(key, names))
         module = import_module(f"{self.package}.{key}")
         own = [
             member

@@ -126,6 +126,14 @@ class Prediction:
     estimates: Mapping[str, Estimate]
     latency: Seconds = 0.0
 
+    def estimate(self, name: str) -> Estimate:
+        """Return an estimate by name, or an abstention where the estimator has none of this name.
+
+        >>> Prediction(start=0, time=0.0, estimates={}).estimate("force").why_not
+        'not estimated'
+        """
+        return self.estimates.get(name) or Estimate.abstain("", "not estimated")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signal:

@@ -64,3 +64,17 @@ def test_a_take_without_a_note_is_refused_with_the_reason() -> None:
 def test_a_take_shorter_than_a_window_is_refused() -> None:
     with pytest.raises(InputError, match="shorter than a window"):
         medians(take())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deaf(Estimator):
+    """Tells nothing at all."""
+
+    def prepare(self, signal: Signal, size: int) -> Prepared:  # noqa: ARG002
+        return lambda window: {}  # noqa: ARG005
+
+
+def test_an_estimator_that_tells_no_frequency_cannot_be_calibrated() -> None:
+    deaf = Session(source=Levels(1.0), estimator=Deaf(), window=WindowSettings(length=0.01, hop=0.01))
+    with pytest.raises(InputError, match=r"no window of it has a frequency \(not estimated\)"):
+        medians(deaf)

@@ -55,7 +55,7 @@ class _Table(Listener):
         self._reasons: Counter[str] = Counter()
 
     def write(self, moment: Moment) -> None:
-        position, frequency = (moment.prediction.estimates[name] for name in ("position", "frequency"))
+        position, frequency = (moment.prediction.estimate(name) for name in ("position", "frequency"))
         if not position.valid:
             self._reasons[position.why_not] += 1
             return

@@ -33,10 +33,10 @@ class _Heard(Listener):
         self.why_not = ""
 
     def write(self, moment: Moment) -> None:
-        estimates = moment.prediction.estimates
-        if not estimates["frequency"].valid:
-            self.why_not = estimates["frequency"].why_not
+        frequency = moment.prediction.estimate("frequency")
+        if not frequency.valid:
+            self.why_not = frequency.why_not
             return
-        for name, estimate in estimates.items():
+        for name, estimate in moment.prediction.estimates.items():
             if estimate.valid:
                 self.values.setdefault(name, []).append(estimate.value)

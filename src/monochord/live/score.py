@@ -21,9 +21,9 @@ class Score(Listener):
     def write(self, moment: Moment) -> None:
         """Keep the error of one window."""
         truth = moment.truth
-        position = moment.prediction.estimates.get("position")
-        if position is None or not truth.get("contact") or not truth.get("settled", 1.0):
+        if not truth.get("contact") or not truth.get("settled", 1.0):
             return
+        position = moment.prediction.estimate("position")
         if position.valid:
             self.errors.append(position.value - truth["position"])
         else:

@@ -119,8 +119,8 @@ def _build(registry: Registry[T], table: Mapping[str, Any]) -> T:
     options = dict(table)
     name = options.pop("name", None)
     if not isinstance(name, str):
-        kind = registry.package.rpartition(".")[2].removesuffix("s")
-        raise InputError(f"{kind} without a name", ", ".join(registry.names()), f"write {kind}.name")
+        given = f"{registry.kind} without a name"
+        raise InputError(given, ", ".join(registry.names()), f"write {registry.kind}.name")
     return registry.build(name, options)
 
 

@@ -75,8 +75,7 @@ class Meter:
     def add(self, prediction: Prediction, *, read: Seconds, estimate: Seconds, sinks: Seconds) -> None:
         """Count a prediction and time its stages."""
         self._windows += 1
-        position = prediction.estimates.get("position")
-        self._valid += position is not None and position.valid
+        self._valid += prediction.estimate("position").valid
         self._misses += prediction.latency > self._deadline
         spans = {"read": read, "estimate": estimate, "sinks": sinks, "latency": prediction.latency}
         for name, span in spans.items():

@@ -31,7 +31,6 @@ DECLARATIONS: dict[str, tuple[Any, list[Any]]] = {
     "jack_get_buffer_size": (c_uint32, [c_void_p]),
     "jack_is_realtime": (c_int, [c_void_p]),
     "jack_activate": (c_int, [c_void_p]),
-    "jack_deactivate": (c_int, [c_void_p]),
     "jack_set_process_callback": (c_int, [c_void_p, c_void_p, c_void_p]),
     "jack_set_xrun_callback": (c_int, [c_void_p, c_void_p, c_void_p]),
     "jack_set_port_registration_callback": (c_int, [c_void_p, c_void_p, c_void_p]),

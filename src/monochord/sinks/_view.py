@@ -26,13 +26,13 @@ def frame(
     loudness = [levels(channel)[0] for channel in window.samples]
     heard = [max(0.0, 1.0 - rms / FLOOR) if math.isfinite(rms) else 0.0 for rms in loudness]
     swings = heard if len(heard) > 1 else [0.0, heard[0]]
-    position, force = (moment.prediction.estimates.get(name) for name in ("position", "force"))
+    position, force = (moment.prediction.estimate(name) for name in ("position", "force"))
     picture = _string.draw(
         columns - 4,
         length,
-        (position.value, position.std) if position is not None and position.valid else None,
+        (position.value, position.std) if position.valid else None,
         truth.get("position") if truth.get("contact") else None,
-        force.value if force is not None and force.valid else None,
+        force.value if force.valid else None,
         swings,
     )
     meters = [_meter(k + 1, channel, columns) for k, channel in enumerate(window.samples)]

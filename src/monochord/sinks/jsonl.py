@@ -11,7 +11,7 @@ from typing import Any, TextIO
 
 from monochord.errors import InputError
 from monochord.sinks.base import Moment, Sink, Writer
-from monochord.types import Estimate, Prediction, Signal
+from monochord.types import Prediction, Signal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,11 +66,10 @@ class _Lines(Writer):
 
 
 def _position(prediction: Prediction) -> dict[str, Any]:
-    nothing = Estimate.abstain("", "not estimated")
-    position = prediction.estimates.get("position", nothing)
+    position = prediction.estimate("position")
     return {
         "time": prediction.time,
-        "frequency": prediction.estimates.get("frequency", nothing).value,
+        "frequency": prediction.estimate("frequency").value,
         "position": position.value,
         "position_std": position.std,
         "valid": position.valid,
