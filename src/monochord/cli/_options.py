@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import click
 
 from monochord.config import Tree
-from monochord.errors import InputError
+from monochord.errors import InputError, did_you_mean
 from monochord.live import Session, Settings, Summary
 from monochord.live.calibration import medians
 from monochord.registry import Registry
@@ -107,6 +107,16 @@ def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
         return tree
     estimator = dict(tree.get("estimator", {}))
     return {**tree, "estimator": {**estimator, "calibration": [*estimator.get("calibration", []), *told]}}
+
+
+def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:
+    """Refuse a file to write whose name has another suffix, or whose folder is not there."""
+    known = list(suffixes)
+    if path.suffix.lower() not in known:
+        allowed = f"a name that ends in {', '.join(known)}"
+        raise InputError(f"file '{path}'", allowed, did_you_mean(path.suffix, known))
+    if not path.parent.is_dir():
+        raise InputError(f"file '{path}'", "a file in a folder that exists", f"make '{path.parent}' first")
 
 
 def refuse_short(given: str, session: Session, summary: Summary) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import click
 
+from monochord.cli._options import refuse_unwritable
 from monochord.config import override, to_tree
-from monochord.errors import InputError, did_you_mean
 from monochord.figures import FIGURES
 
 SUFFIXES = (".png", ".pdf", ".svg")
@@ -25,14 +25,7 @@ def figure(
 ) -> None:
     """Draw the figure NAME into a file; `monochord list figures` shows which there are."""
     path = out or Path(f"{name}.png")
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            f"file '{path}'",
-            "a name that ends in " + ", ".join(SUFFIXES),
-            did_you_mean(path.suffix, SUFFIXES),
-        )
-    if not path.parent.is_dir():
-        raise InputError(f"file '{path}'", "a file in a folder that exists", f"make '{path.parent}' first")
+    refuse_unwritable(path, SUFFIXES)
     chosen = override({} if model is None else {"model": model}, assignments)
     drawing = FIGURES.build(name, chosen)
     drawing.draw().savefig(path)

@@ -6,7 +6,8 @@ from typing import Any
 
 import click
 
-from monochord.errors import InputError, did_you_mean
+from monochord.cli._options import refuse_unwritable
+from monochord.errors import InputError
 from monochord.physics.models import MODELS, Case, Sound
 from monochord.physics.strings import StringPreset, load_string
 from monochord.types import Contact
@@ -46,7 +47,7 @@ def simulate(
     monochord simulate appendix --at 0.2275 --out touch.wav --json
     """  # noqa: D301
     if out is not None:
-        _refuse_unwritable(out)
+        refuse_unwritable(out, SUBTYPES)
     string = load_string(preset)
     contact = _contact(string, at, force, untouched=untouched)
     case = Case(string=string.string, contact=contact, seconds=seconds, assignments=assignments)
@@ -76,14 +77,6 @@ def _contact(
         position=usual.position if at is None else at,
         force=usual.force if force is None else force,
     )
-
-
-def _refuse_unwritable(path: Path) -> None:
-    if path.suffix.lower() not in SUBTYPES:
-        allowed = "a name that ends in " + " or ".join(SUBTYPES)
-        raise InputError(f"file '{path}'", allowed, did_you_mean(path.suffix, SUBTYPES))
-    if not path.parent.is_dir():
-        raise InputError(f"file '{path}'", "a file in a folder that exists", f"make '{path.parent}' first")
 
 
 def _write(path: Path, sound: Sound) -> float:
