@@ -1,7 +1,9 @@
+import os
 import threading
 import time
 
 import numpy as np
+import pytest
 
 from monochord.realtime import arena as at
 from monochord.realtime.arena import Arena
@@ -39,3 +41,12 @@ def test_wake_ends_a_wait_from_another_thread_and_is_remembered_once() -> None:
     arena.close()
     arena.close()
     arena.wake()
+
+
+def test_an_arena_that_nobody_holds_gives_its_descriptor_back() -> None:
+    arena = Arena(1, 16, 2)
+    descriptor = int(arena.words[at.WAKE])
+    os.fstat(descriptor)
+    del arena
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(descriptor)

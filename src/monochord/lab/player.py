@@ -51,9 +51,9 @@ class Player:
     ) -> None:
         if samples.ndim != 2 or not samples.size:
             raise InputError(f"samples of shape {samples.shape}", "(channels, n), none of them zero")
-        self._client = JackClient(client_name, server)
         self._tape = Arena(*samples.shape, periods=0)
         self._tape.samples[:] = samples
+        self._client = JackClient(client_name, server)
         try:
             self._refuse_other_rate(sample_rate)
             self.ports = self._start()

@@ -6,6 +6,7 @@ handles, then one header a period, then the samples as float32, channel by chann
 
 import os
 import select
+import weakref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,13 +59,16 @@ class Arena:
         self.headers = self.words[headers_at:samples_at].reshape(periods, HEADER)
         floats = self.words[samples_at:].view(np.float32)
         self.samples: Audio = floats[: channels * frames].reshape(channels, frames)
+        descriptor = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._close = weakref.finalize(self, os.close, descriptor)
+        self._close.atexit = False  # a callback may still run then
         constants = {
             CHANNELS: channels,
             FRAMES: frames,
             PERIODS: periods,
             SAMPLES_AT: samples_at,
             WORDS: size,
-            WAKE: os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC),
+            WAKE: descriptor,
             SELF: self.words.ctypes.data,
             ONE: 1,
         }
@@ -98,7 +102,9 @@ class Arena:
             os.eventfd_read(descriptor)
 
     def close(self) -> None:
-        """Give back the file descriptor; no callback may run any more. Closing twice does no harm."""
-        descriptor, self.words[WAKE] = int(self.words[WAKE]), -1
-        if descriptor >= 0:
-            os.close(descriptor)
+        """Give back the file descriptor; no callback may run any more. Closing twice does no harm.
+
+        An arena that nobody holds any more is closed by that.
+        """
+        self.words[WAKE] = -1
+        self._close()
