@@ -17,7 +17,7 @@ REFERENCE = "NumPy reference"
 FDTD = "compiled FDTD"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Fdtd(Benchmark):
     """Time over audio time of the three routes through the split string, on one core.
 

@@ -25,7 +25,7 @@ TAKE: Seconds = 10.0  # of audio, played over and over
 AUTOCORRELATION = "FFT autocorrelation of the same window"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Live(Benchmark):
     """Latency and memory of the live loop on one core, with a synthetic stiff string read from a file.
 

@@ -41,7 +41,7 @@ class WindowSettings:
         return max(round(self.length * sample_rate), 1), max(round(self.hop * sample_rate), 1)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
     """A live run, ready to start: built plug-ins, the window, and when to end.
 
@@ -57,7 +57,7 @@ class Session:
     seconds: Seconds = math.inf
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """A live run as configured: each plug-in as a table with its name and its options.
 

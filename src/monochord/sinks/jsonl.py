@@ -14,7 +14,7 @@ from monochord.sinks.base import Moment, Sink, Writer
 from monochord.types import Prediction, Signal
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Jsonl(Sink):
     """Write one JSON object a window.
 

@@ -19,7 +19,7 @@ from monochord.units import Metres, Seconds
 ASSUMED_LENGTH: Metres = 0.65  # to draw a string of which nobody told the length
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Terminal(Sink):
     """Draw the string with the touch on it, the estimates, levels, latency and the stream's health.
 

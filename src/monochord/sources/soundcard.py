@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 NO_CARD = "plug one in, or use the source jack or wav"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Soundcard(Source):
     """A sound card's input.
 

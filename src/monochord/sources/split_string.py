@@ -19,7 +19,7 @@ from monochord.types import Audio, Contact, Signal, StringParams, Truth
 from monochord.units import MetresPerSecond, Newtons, Samples, Seconds
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SplitStringSource(Source):
     """A driven string that is touched now and then, simulated: `monochord.physics.split_string`.
 

@@ -17,7 +17,7 @@ from monochord.types import Audio, Signal
 from monochord.units import Samples
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Wav(Source):
     """A wav or flac file of one or two channels at 16 to 96 kHz.
 

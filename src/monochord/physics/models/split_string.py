@@ -9,7 +9,7 @@ from monochord.physics.split_string import Route, SplitString, peaks, simulate
 from monochord.physics.theory import open_frequency, segment_frequencies
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SplitStringModel(Model):
     """Two independent segments, driven and heard: `monochord.physics.split_string`.
 
