@@ -14,6 +14,7 @@ from monochord import cli
 from monochord.benchmarks import BENCHMARKS
 from monochord.estimators import ESTIMATORS
 from monochord.figures import FIGURES
+from monochord.physics.models import MODELS, Case
 from monochord.physics.strings import load_string
 from monochord.physics.theory import harmonic_frequencies
 from monochord.sinks import SINKS
@@ -46,7 +47,7 @@ def load(add: Callable[[str, str, str], Path]) -> Load:
 
 def test_there_is_a_recipe_for_everything_that_is_one_file() -> None:
     folders = {Path(path).parent.name for path in RECIPES}
-    assert folders == {"sources", "sinks", "estimators", "figures", "benchmarks", "strings", "cli"}
+    assert folders == {"sources", "sinks", "estimators", "figures", "benchmarks", "models", "strings", "cli"}
     assert len(RECIPES) == TEXT.count("```python") + TEXT.count("```toml")
 
 
@@ -110,6 +111,15 @@ def test_benchmark(load: Load) -> None:
     (row,) = BENCHMARKS.build("spectrum", {"repeats": 3}).run()
     assert 0.0 < row.value < time.perf_counter() - begun
     assert row.ratio is not None
+
+
+def test_model(load: Load) -> None:
+    load("src/monochord/physics/models/partials.py")
+    appendix = load_string("appendix")
+    case = Case(string=appendix.string, contact=appendix.usual_contact, seconds=0.5)
+    sound = MODELS.build("partials", {"count": 3}).run(case)
+    strongest = np.abs(np.fft.rfft(sound.microphones)).argmax(axis=1) / case.seconds
+    assert strongest == pytest.approx(sound.summary["theory"], abs=1.0 / case.seconds)
 
 
 def test_string(tmp_path: Path) -> None:
