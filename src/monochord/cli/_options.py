@@ -17,7 +17,7 @@ from monochord.sources import SOURCES
 
 F = TypeVar("F", bound=Callable[..., Any])
 FILES = "wav"  # the source that reads recordings
-BEND = "inharmonicity"  # what an estimator of pitch may tell of a take besides its frequency
+USUAL_ESTIMATOR = "closed-form"
 
 
 def amount(text: str) -> float:
@@ -56,9 +56,7 @@ def string_options(command: F) -> F:
         click.option("--string", metavar="PRESET", help="A string of the catalogue, or FILE.toml."),
         click.option("--open-frequency", type=amount, metavar="HZ", help="Frequency of the open string."),
         click.option("--length", type=amount, metavar="METRES", help="Length of the string, nut to bridge."),
-        click.option(
-            "--estimator", default=None, metavar="NAME", help="What estimates.  [default: closed-form]"
-        ),
+        click.option("--estimator", metavar="NAME", help=f"What estimates.  [default: {USUAL_ESTIMATOR}]"),
     ):
         command = option(command)
     return command
@@ -98,7 +96,8 @@ def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
         settings = Settings.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})
         try:
             heard = medians(settings.session())
-            told.append([heard["frequency"], position, *([heard[BEND]] if BEND in heard else [])])
+            note = [heard["frequency"], position]
+            told.append([*note, heard["inharmonicity"]] if "inharmonicity" in heard else note)
         except InputError as error:
             if Path(path).name in error.given:
                 raise

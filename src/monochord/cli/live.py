@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from monochord.cli._options import (
+    USUAL_ESTIMATOR,
     amount,
     calibrated,
     first_field,
@@ -73,7 +74,7 @@ def _tree(opened: str | None, options: dict[str, Any]) -> Tree:
     if opened is not None:
         put(tree, "source", **{first_field(SOURCES, name): opened})
     put(tree, "estimator", **{key: options[key] for key in ("length", "open_frequency")})
-    named = tree.get("estimator", {}).get("name", "closed-form")
+    named = tree.get("estimator", {}).get("name", USUAL_ESTIMATOR)
     put(tree, "estimator", name=options["estimator"] or named)
     put(tree, "window", length=options["window"], hop=options["hop"])
     given = {key: options[key] for key in ("string", "seconds") if options[key] is not None}

@@ -7,7 +7,15 @@ from collections import Counter
 import click
 import numpy as np
 
-from monochord.cli._options import calibrated, put, recording, refuse_short, string_options, window_options
+from monochord.cli._options import (
+    USUAL_ESTIMATOR,
+    calibrated,
+    put,
+    recording,
+    refuse_short,
+    string_options,
+    window_options,
+)
 from monochord.config import Tree
 from monochord.live import Settings, run
 from monochord.sinks.base import Listener, Moment
@@ -36,7 +44,7 @@ def locate(
     monochord locate two_microphones.wav --string prototype
     """  # noqa: D301
     tree: Tree = {"source": recording(file), "sinks": {"jsonl": {"everything": False}} if as_json else {}}
-    put(tree, "estimator", name=estimator or "closed-form", length=length, open_frequency=open_frequency)
+    put(tree, "estimator", name=estimator or USUAL_ESTIMATOR, length=length, open_frequency=open_frequency)
     put(tree, "window", length=window, hop=hop)
     tree = calibrated({**tree, "string": string or ""}, calibrate)
     table = _Table()
