@@ -115,7 +115,7 @@ class SplitString:
     Parameters
     ----------
     string
-        The string. It is taken as ideally flexible here: its stiffness is the twin's business.
+        The string. It is taken as ideally flexible: its stiffness is left out, as in the paper.
     contact
         Where it is touched and how hard; a force of zero clamps without raising the tension.
     tension_law
