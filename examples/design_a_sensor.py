@@ -11,8 +11,8 @@ from monochord.physics.strings import load_string
 from monochord.physics.theory import (
     contact_bound,
     frequency_sensitivities,
+    geometric_tension,
     segment_frequencies,
-    tension_pressed,
 )
 from monochord.types import Contact
 
@@ -29,7 +29,7 @@ def main() -> None:
         touch = Contact(position=string.length / 3, force=1.0)
         f1, f2 = segment_frequencies(string, touch, "geometric")
         by_position, by_force = frequency_sensitivities(string, touch, "geometric")[0]
-        rise = tension_pressed(string, touch.position, touch.force) - string.tension
+        rise = geometric_tension(string, touch.position, touch.force) - string.tension
         x_error, force_error = contact_bound(
             string, touch, SNR, duration=WINDOW, sample_rate=44100.0, highest=16000.0, law="geometric"
         )

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.units import (
-    Hertz,
     KilogramsPerMetre,
     Metres,
     MetresPerSecond,
@@ -142,7 +141,6 @@ class Signal:
     sample_rate: int
     channels: int
     string: StringParams | None = None
-    open_frequency: Hertz | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ FINDER = PitchFinder(sample_rate=RATE, size=SIZE, lowest=80.0, highest=400.0)
 
 def string(
     f0: float,
-    stiffness: float = 1e-4,
+    inharmonicity: float = 1e-4,
     partials: range = range(1, 16),
     decay: float = 3.0,
     noise: float = 1e-3,
@@ -25,7 +25,7 @@ def string(
     time = np.arange(SIZE) / RATE
     sound = noise * rng.standard_normal(SIZE)
     for n in partials:
-        f = f0 * n * np.sqrt(1.0 + stiffness * n * n)
+        f = f0 * n * np.sqrt(1.0 + inharmonicity * n * n)
         if f < 0.45 * RATE:
             sound += np.exp(-decay * n * time) / n * np.sin(2.0 * np.pi * f * time + rng.uniform(0.0, 6.28))
     return sound[np.newaxis]
@@ -33,14 +33,14 @@ def string(
 
 @given(
     f0=st.floats(82.0, 395.0),
-    stiffness=st.floats(0.0, 4e-4),
+    inharmonicity=st.floats(0.0, 4e-4),
     decay=st.floats(0.0, 10.0),
     seed=st.integers(0, 1000),
 )
 def test_clean_strings_are_found_within_three_cents(
-    f0: float, stiffness: float, decay: float, seed: int
+    f0: float, inharmonicity: float, decay: float, seed: int
 ) -> None:
-    best = FINDER.find(string(f0, stiffness, decay=decay, seed=seed))[0]
+    best = FINDER.find(string(f0, inharmonicity, decay=decay, seed=seed))[0]
     assert abs(cents(f0, best.frequency)) < 3.0
 
 

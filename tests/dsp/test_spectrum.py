@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monochord.dsp.spectrum import find_peaks, noise_floor, power_spectrum
+from monochord.dsp.spectrum import Analyser, Peaks, noise_floor, power_spectrum
 from monochord.types import Floats
 
 RATE, SIZE, PADDED = 44100, 4410, 16384
@@ -20,44 +20,53 @@ def tones(*frequencies: float, levels: tuple[float, ...] = ()) -> Floats:
     )
 
 
-def peaks(samples: Floats, least: float = 3.0) -> tuple[Floats, Floats, Floats]:
-    power = power_spectrum(samples[np.newaxis], TAPER, PADDED)
-    salience = np.log1p(power / noise_floor(power, 186))
-    return find_peaks(power, salience, SPACING, SIZE / RATE, least)
+ANALYSER = Analyser(sample_rate=RATE, size=SIZE, top=6000.0)
+
+
+def peaks(samples: Floats, least: float = 3.0) -> Peaks:
+    power = ANALYSER.powers(samples[np.newaxis])[0]
+    return ANALYSER.peaks(power, ANALYSER.salience(power), least)
 
 
 def test_a_quiet_channel_counts_as_much_as_a_loud_one() -> None:
     loud, quiet = tones(500.0), 1e-3 * tones(900.0)
     power = power_spectrum(np.stack([loud, quiet]), TAPER, PADDED)
     at = [round(f / SPACING) for f in (500.0, 900.0)]
-    assert power[at[0]] == pytest.approx(power[at[1]], rel=0.1)
+    assert power[0, at[0]] == pytest.approx(power[1, at[1]], rel=0.1)
 
 
 def test_silence_has_no_power_and_no_peaks() -> None:
     power = power_spectrum(np.zeros((2, SIZE)), TAPER, PADDED)
     assert power.max() == 0.0
-    assert np.isfinite(noise_floor(power, 186)).all()
+    assert np.isfinite(noise_floor(power[0], 186)).all()
+    assert peaks(np.zeros(SIZE)).frequency.size == 0
 
 
 def test_floor_is_blind_to_partials() -> None:
     noise = 0.01 * np.random.default_rng(3).standard_normal(SIZE)
-    bare = noise_floor(power_spectrum(noise[np.newaxis], np.ones(SIZE), SIZE), 60)
-    power = power_spectrum((noise + 0.1 * tones(*(200.0 * n for n in range(1, 20))))[np.newaxis], TAPER, SIZE)
-    scale = np.mean(noise**2) / np.mean((noise + 0.1 * tones(*(200.0 * n for n in range(1, 20)))) ** 2)
-    with_partials = noise_floor(power, 60)
-    ratio = with_partials[50:400] / (bare[50:400] * scale * np.mean(TAPER**2))
+    sound = noise + 0.1 * tones(*(200.0 * n for n in range(1, 20)))
+    bare, full = (power_spectrum(x[np.newaxis], TAPER, SIZE)[0] for x in (noise, sound))
+    scale = np.var(noise) / np.var(sound)
+    ratio = noise_floor(full, 60)[50:400] / (scale * noise_floor(bare, 60)[50:400])
     assert 0.3 < np.median(ratio) < 3.0
 
 
 @pytest.mark.parametrize("frequency", [82.4, 440.0, 1234.5, 4999.9])
 def test_peak_lies_on_the_tone(frequency: float) -> None:
-    found, height, _ = peaks(tones(frequency))
-    assert found[np.argmax(height)] == pytest.approx(frequency, abs=0.15)
+    found = peaks(tones(frequency))
+    assert found.frequency[np.argmax(found.power)] == pytest.approx(frequency, abs=0.15)
+    assert found.rank[np.argmax(found.power)] == 1.0
 
 
 def test_side_lobes_are_left_out_and_weak_tones_kept() -> None:
-    found, _, _ = peaks(tones(1000.0, 1600.0, levels=(1.0, 0.003)), least=1.0)
+    found = peaks(tones(1000.0, 1600.0, levels=(1.0, 0.003)), least=1.0).frequency
     strong = found[(found > 950.0) & (found < 1050.0)]
     assert strong.size == 1
     assert np.abs(found - 1600.0).min() < 0.5
     assert found.size < 12
+
+
+def test_a_peak_of_noise_is_less_sure_than_a_tone() -> None:
+    noisy = tones(1000.0) + 0.3 * np.random.default_rng(1).standard_normal(SIZE)
+    found = peaks(noisy, least=1.0)
+    assert found.variance[np.argmax(found.power)] < 0.1 * found.variance[np.argmin(found.power)]

@@ -15,10 +15,10 @@ MONO = Signal(sample_rate=RATE, channels=1)
 APPENDIX = load_string("appendix").string
 
 
-def note(f0: float, *, stiffness: float = 1e-4, level: float = 0.3) -> Audio:
+def note(f0: float, *, inharmonicity: float = 1e-4, level: float = 0.3) -> Audio:
     time = np.arange(SIZE) / RATE
     n = np.arange(1.0, 13.0)[:, np.newaxis]
-    partial = np.sin(2.0 * np.pi * f0 * n * np.sqrt(1.0 + stiffness * n * n) * time + n) / n
+    partial = np.sin(2.0 * np.pi * f0 * n * np.sqrt(1.0 + inharmonicity * n * n) * time + n) / n
     hiss = 1e-5 * np.random.default_rng(2).standard_normal(SIZE)
     return (level * partial.sum(axis=0) + hiss)[np.newaxis].astype(np.float32)
 
@@ -183,4 +183,5 @@ class TestTwoSegments:
         cut = (0.5 * heard / np.abs(heard).max())[:, 26460 : 26460 + SIZE].astype(np.float32)
         told = ClosedForm(tension_law="geometric").prepare(signal, SIZE)(window(cut))
         assert told["position"].value == pytest.approx(0.25, abs=1e-3)
+        assert told["force"].std < 0.5
         assert abs(told["force"].value - 1.5) < 3.0 * told["force"].std + 0.1

@@ -38,7 +38,6 @@ def test_blocks_follow_one_another_to_the_end() -> None:
         assert (stream.health.frames, stream.pending) == (2205, 0)
         assert (stream.signal.channels, stream.signal.sample_rate) == (2, RATE)
         assert stream.signal.string is not None
-        assert stream.signal.open_frequency == pytest.approx(243.25, abs=0.01)
 
 
 @pytest.mark.parametrize("block", [1, 333])

@@ -8,23 +8,25 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from monochord.dsp import series, spectrum
+from monochord.dsp import series
+from monochord.dsp.spectrum import FLOOR_WIDTH, Analyser
 from monochord.types import Floats
-from monochord.units import Hertz
+from monochord.units import Hertz, Samples
 
 GRID_CENTS = 4.0
-GRID_STIFFNESS = (0.0, 1e-4, 2.5e-4, 5e-4)
-RELATIVES = (1 / 3, 1 / 2, 2 / 3, 3 / 2, 2.0, 3.0)
-"""Series that share many partials with a candidate and must be weighed against it."""
+"""Distance of neighbouring guesses of f0."""
+FAINT = 1.0
+"""Least salience of a peak."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """One candidate: f0 in Hz with its standard error, B, and the log evidence over clutter in nats."""
+    """One candidate: f0 in Hz and B with their standard errors, and the log evidence over clutter in nats."""
 
     frequency: Hertz
     frequency_std: Hertz
-    stiffness: float
+    inharmonicity: float
+    inharmonicity_std: float
     evidence: float
 
 
@@ -44,6 +46,9 @@ class PitchFinder:
         Largest number of partials.
     residual_weight
         See `monochord.dsp.series.series_evidence`.
+    inharmonicity_prior
+        Mean and standard deviation of B at `lowest`; at f0 both are (f0 / lowest)^2 times as large, as on a
+        string that is shortened.
 
     Examples
     --------
@@ -55,44 +60,44 @@ class PitchFinder:
     """
 
     sample_rate: int
-    size: int
+    size: Samples
     lowest: Hertz
     highest: Hertz
     top: Hertz = 6000.0
     partials: int = 40
     residual_weight: float = 8.0
-    stiffness_prior: tuple[float, float] = (5e-5, 2e-4)
-    _taper: Floats = field(init=False, repr=False, compare=False)
+    inharmonicity_prior: tuple[float, float] = (5e-5, 2e-4)
+    _analyser: Analyser = field(init=False, repr=False, compare=False)
     _grid: Floats = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         step = 2.0 ** (GRID_CENTS / 1200.0)
         count = int(np.log(self.highest / self.lowest) / np.log(step)) + 2
-        object.__setattr__(self, "_taper", np.hanning(self.size + 1)[:-1])
+        analyser = Analyser(
+            sample_rate=self.sample_rate,
+            size=self.size,
+            top=self.top,
+            floor_width=max(FLOOR_WIDTH, 4.0 * self.lowest),
+        )
+        object.__setattr__(self, "_analyser", analyser)
         object.__setattr__(self, "_grid", self.lowest * step ** np.arange(-1.0, count))
-        object.__setattr__(self, "top", min(self.top, 0.45 * self.sample_rate))
 
     def find(self, samples: Floats) -> list[Series]:
         """Return the candidates in a window (channels, size), best first; empty if there is no peak."""
-        padded = 1 << int(np.ceil(np.log2(3.0 * self.size)))
-        spacing = self.sample_rate / padded
-        bins = int(1.05 * self.top / spacing)
-        power = spectrum.power_spectrum(samples, self._taper, padded)[:bins]
-        block = max(int(max(500.0, 4.0 * self.lowest) / spacing), 8)
-        salience = np.log1p(power / spectrum.noise_floor(power, block))
-        frequency, height, stands = spectrum.find_peaks(
-            power, salience, spacing, self.size / self.sample_rate, 1.0
-        )
-        if frequency.size == 0:
+        analyser = self._analyser
+        power = analyser.powers(samples).mean(axis=0)
+        salience = analyser.salience(power)
+        peaks = analyser.peaks(power, salience, FAINT)
+        if peaks.frequency.size == 0:
             return []
-        rank = np.empty(frequency.size)
-        rank[np.argsort(-height)] = np.arange(1.0, frequency.size + 1.0)
-        rows = series.search(
-            self._grid, np.array(GRID_STIFFNESS), np.array(RELATIVES), frequency, height, rank, stands,
-            salience, spacing, self.top, self.partials, self.residual_weight, self.stiffness_prior,
-        )  # fmt: skip
-        order = np.argsort(-rows[:, 3])
-        return [
-            Series(frequency=r[0], frequency_std=r[1], stiffness=r[2], evidence=r[3])
-            for r in rows[order].tolist()
-        ]
+        view = series.View(
+            salience=salience,
+            spacing=analyser.spacing,
+            resolution=analyser.resolution,
+            bottom=0.5 * self.lowest,
+            top=analyser.top,
+            most=self.partials,
+            residual_weight=self.residual_weight,
+        )
+        rows = series.search(self._grid, self.inharmonicity_prior, peaks, view)
+        return [Series(**dict(zip(series.COLUMNS, row, strict=True))) for row in rows.tolist()]

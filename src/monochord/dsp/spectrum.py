@@ -1,20 +1,97 @@
 """Spectra of short windows: power, noise floor, and the peaks that stand out of it."""
 
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
 from monochord.types import Floats
-from monochord.units import Hertz, Seconds
+from monochord.units import Hertz, Samples, Seconds
 
-HANN_LOBE = 2.0
-"""Half width of a Hann window's main lobe, in bins of the unpadded transform."""
+FLOOR_WIDTH: Hertz = 500.0
+"""Width of the blocks that the noise floor is taken in; several partials wide."""
+BEAT = 0.01
+"""Standard deviation of a strong peak's frequency, as a share of the resolution: partials beat and glide."""
+BLUR = 0.55
+"""The same for a peak at the noise floor."""
 
 
-def power_spectrum(samples: Floats, taper: Floats, size: int) -> Floats:
-    """Return the power spectrum of a window, averaged over channels that were each scaled to unit power.
+class Peaks(NamedTuple):
+    """Spectral peaks by ascending frequency, each array (peaks,).
 
-    Scaling first lets a quiet channel count as much as a loud one, so that two transducers of different gain
-    can be heard together.
+    `frequency` in Hz and its `variance` in Hz^2; `power`, and `rank` by power from 1; `salience`, the
+    logarithmic height over the noise floor in nepers of power.
+    """
+
+    frequency: Floats
+    variance: Floats
+    power: Floats
+    rank: Floats
+    salience: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Analyser:
+    """Spectra of windows of one size, up to a highest frequency.
+
+    Parameters
+    ----------
+    sample_rate, size
+        Frames a second, and frames a window.
+    top
+        Highest frequency looked at in Hz; at most nine tenths of half the sample rate are.
+    floor_width
+        Width in Hz of the blocks that the noise floor is taken in.
+    """
+
+    sample_rate: int
+    size: Samples
+    top: Hertz
+    floor_width: Hertz = FLOOR_WIDTH
+    taper: Floats = field(init=False, repr=False, compare=False)
+    padded: Samples = field(init=False, repr=False)
+    bins: int = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "top", min(self.top, 0.45 * self.sample_rate))
+        object.__setattr__(self, "taper", np.hanning(self.size + 1)[:-1])
+        object.__setattr__(self, "padded", 1 << int(np.ceil(np.log2(3.0 * self.size))))
+        object.__setattr__(self, "bins", int(1.05 * self.top / self.spacing))
+
+    @property
+    def spacing(self) -> Hertz:
+        """Distance of two bins."""
+        return self.sample_rate / self.padded
+
+    @property
+    def resolution(self) -> Hertz:
+        """One over the window's duration: what frequencies can be told apart."""
+        return self.sample_rate / self.size
+
+    def powers(self, samples: Floats) -> Floats:
+        """Return the power spectrum of every channel, (channels, bins), each channel scaled to unit power."""
+        return power_spectrum(samples, self.taper, self.padded)[:, : self.bins]
+
+    def salience(self, power: Floats) -> Floats:
+        """Return the logarithmic height of a power spectrum (bins,) over its noise floor."""
+        block = max(int(self.floor_width / self.spacing), 8)
+        return np.log1p(power / noise_floor(power, block))
+
+    def peaks(self, power: Floats, salience: Floats, least: float) -> Peaks:
+        """Return the peaks of at least a salience of `least` that are not a stronger peak's side lobe."""
+        frequency, height, stands = find_peaks(power, salience, self.spacing, 1.0 / self.resolution, least)
+        rank = np.empty(frequency.size)
+        rank[np.argsort(-height)] = np.arange(1.0, frequency.size + 1.0)
+        variance = self.resolution**2 * (BEAT**2 + BLUR**2 * np.exp(-stands))
+        return Peaks(frequency, variance, height, rank, stands)
+
+
+def power_spectrum(samples: Floats, taper: Floats, size: Samples) -> Floats:
+    """Return the power spectrum of each channel, scaled to unit power.
+
+    Scaling lets a quiet channel count as much as a loud one, so that two transducers of different gain can be
+    heard together.
 
     Parameters
     ----------
@@ -27,7 +104,7 @@ def power_spectrum(samples: Floats, taper: Floats, size: int) -> Floats:
 
     Returns
     -------
-    Power (size // 2 + 1,), dimensionless; zero everywhere if every channel is silent.
+    Power (channels, size // 2 + 1), dimensionless; zero for a silent channel.
 
     Examples
     --------
@@ -39,7 +116,7 @@ def power_spectrum(samples: Floats, taper: Floats, size: int) -> Floats:
     centred = samples - samples.mean(axis=1, keepdims=True)
     rms = np.sqrt(np.mean(centred**2, axis=1, keepdims=True))
     spectra = np.fft.rfft(centred / np.where(rms > 0.0, rms, 1.0) * taper, size, axis=1)
-    return np.mean(spectra.real**2 + spectra.imag**2, axis=0)
+    return spectra.real**2 + spectra.imag**2
 
 
 def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:

@@ -1,6 +1,5 @@
 """Position from the far segment alone: one fretted or pressed string, one note, its open note known."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,11 +7,10 @@ import numpy as np
 from monochord.dsp.pitch import PitchFinder, Series
 from monochord.errors import InputError
 from monochord.estimators._usable import why_unusable
+from monochord.estimators.base import Estimates, Prepared
 from monochord.physics.theory import position_from_far_segment
 from monochord.types import Estimate, Floats, Window
 from monochord.units import Hertz, Metres
-
-Estimates = dict[str, Estimate]
 
 AT_NUT = 1.0e-3
 """Calibration takes this close to the nut, in metres, are the open note itself."""
@@ -65,9 +63,23 @@ class FarSegment:
     margin: float
     evidence: float
 
-    def prepare(self, sample_rate: int, size: int) -> Callable[[Window], Estimates]:
+    def __post_init__(self) -> None:
+        if not 0.0 < self.length < np.inf:
+            raise InputError(f"string length {self.length:g} m", "above 0 m", "give --length in metres")
+        if not 10.0 <= self.open_frequency <= 5000.0:
+            given = f"open frequency {self.open_frequency:g} Hz"
+            raise InputError(given, "10 to 5000 Hz", "give the untouched string's pitch")
+        if not 0.0 < self.reach < 1.0:
+            raise InputError(f"reach {self.reach:g}", "a share of the length between 0 and 1", "0.8 is usual")
+        for take in self.calibration:
+            fits = 2 <= len(take) <= 3 and 0.0 < take[0] < np.inf and 0.0 <= take[1] < self.length
+            if not (fits and all(0.0 <= b < 1.0 for b in take[2:])):
+                form = f"[frequency in Hz, position from 0 to {self.length:g} m, inharmonicity B if known]"
+                raise InputError(f"calibration {list(take)}", form)
+
+    def prepare(self, sample_rate: int, size: int) -> Prepared:
         """Return the function from a window to frequency, position and inharmonicity."""
-        open_frequency, stiffness = self._open_note()
+        open_frequency, inharmonicity = self._open_note()
         setup = Setup()
         for frequency, position, *_ in self.calibration:
             if position >= AT_NUT:
@@ -77,7 +89,7 @@ class FarSegment:
             size=size,
             lowest=open_frequency * 2.0 ** (-FLAT / 1200.0),
             highest=min(open_frequency / (1.0 - self.reach), 0.2 * sample_rate),
-            stiffness_prior=stiffness,
+            inharmonicity_prior=inharmonicity,
         )
 
         def estimate(window: Window) -> Estimates:
@@ -119,7 +131,7 @@ class FarSegment:
             "position": Estimate(
                 value=position, std=self.length * float(np.hypot(noise, correction_std)), unit="m"
             ),
-            "inharmonicity": Estimate(value=series.stiffness, std=float("nan"), unit=""),
+            "inharmonicity": Estimate(value=series.inharmonicity, std=series.inharmonicity_std, unit=""),
         }
 
 
@@ -127,18 +139,3 @@ def abstain(why_not: str) -> Estimates:
     """Return the far-segment form's estimates for a window that tells nothing."""
     units = {"frequency": "Hz", "position": "m", "inharmonicity": ""}
     return {name: Estimate.abstain(unit, why_not) for name, unit in units.items()}
-
-
-def refuse_bad_options(form: FarSegment) -> None:
-    """Raise `InputError` for options that no string has."""
-    if not (form.length > 0.0 and np.isfinite(form.length)):
-        raise InputError(f"string length {form.length:g} m", "above 0 m", "give --length in metres")
-    if not 10.0 <= form.open_frequency <= 5000.0:
-        given = f"open frequency {form.open_frequency:g} Hz"
-        raise InputError(given, "10 to 5000 Hz", "give the untouched string's pitch")
-    if not 0.0 < form.reach < 1.0:
-        raise InputError(f"reach {form.reach:g}", "a share of the length between 0 and 1", "0.8 is usual")
-    for take in form.calibration:
-        if not (2 <= len(take) <= 3 and take[0] > 0.0 and 0.0 <= take[1] < form.length):
-            given = f"calibration {list(take)}"
-            raise InputError(given, f"[frequency in Hz, position from 0 to {form.length:g} m]")

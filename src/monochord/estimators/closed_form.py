@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from monochord.errors import InputError
-from monochord.estimators._far_segment import FarSegment, refuse_bad_options
+from monochord.estimators._far_segment import FarSegment
 from monochord.estimators._two_segments import TwoSegments
 from monochord.estimators.base import Estimator, Prepared
-from monochord.physics.theory import TensionLaw, wave_speed
+from monochord.physics.theory import TensionLaw, open_frequency
 from monochord.types import Signal
 from monochord.units import Hertz, Metres, Newtons, Samples
 
@@ -72,20 +72,18 @@ class ClosedForm(Estimator):
     def _far_segment(self, signal: Signal) -> FarSegment:
         string = signal.string
         length = self.length if self.length is not None or string is None else string.length
-        known = signal.open_frequency if string is None else wave_speed(string) / (2.0 * string.length)
-        open_frequency = self.open_frequency if self.open_frequency is not None else known
-        if length is None or open_frequency is None:
+        known = self.open_frequency
+        if known is None and string is not None:
+            known = open_frequency(string)
+        if length is None or known is None:
             missing = "length" if length is None else "open frequency"
-            raise InputError(
-                f"a string of unknown {missing}", "a known string", "give --length and --open-frequency"
-            )
-        form = FarSegment(
+            remedy = "give --length and --open-frequency"
+            raise InputError(f"a string of unknown {missing}", "a known string", remedy)
+        return FarSegment(
             length=length,
-            open_frequency=open_frequency,
+            open_frequency=known,
             calibration=self.calibration,
             reach=self.reach,
             margin=self.margin,
             evidence=self.evidence,
         )
-        refuse_bad_options(form)
-        return form

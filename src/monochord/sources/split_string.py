@@ -125,7 +125,6 @@ class _SimulatedStream(PacedStream):
             sample_rate=rate,
             channels=2,
             string=string,
-            open_frequency=open_frequency(string),
         )
         end = round(options.duration * rate) if options.duration else math.inf
         super().__init__(signal, block=options.block, speed=options.speed, end=end)

@@ -12,7 +12,7 @@ from monochord.physics.split_string.segments import (
 )
 from monochord.physics.split_string.setup import Drive, Pluck, SplitString
 from monochord.physics.strings import load_string
-from monochord.physics.theory import segment_frequencies, tension_pressed
+from monochord.physics.theory import geometric_tension, segment_frequencies
 from monochord.types import Contact
 
 APPENDIX = load_string("appendix").string
@@ -37,7 +37,7 @@ def test_an_untouched_string_is_one_segment_that_carries_both_ends_mirrored() ->
 def test_the_geometric_law_sets_the_speed() -> None:
     string, contact = load_string("plain_010").string, Contact(position=0.2, force=2.0)
     first, _ = split(SplitString(string=string, contact=contact, tension_law="geometric"))
-    tension = tension_pressed(string, 0.2, 2.0)
+    tension = geometric_tension(string, 0.2, 2.0)
     assert first.speed**2 * string.linear_density == pytest.approx(tension, rel=1e-12)
 
 

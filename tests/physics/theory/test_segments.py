@@ -17,7 +17,7 @@ from monochord.physics.theory.segments import (
     step_limit,
     tension_from_segments,
 )
-from monochord.physics.theory.tension import TensionLaw, force_from_tension, tension_pressed, tension_under
+from monochord.physics.theory.tension import TensionLaw, force_from_tension, geometric_tension, linear_tension
 from monochord.types import Contact, StringParams
 
 APPENDIX = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0, tension_per_force=6.0)
@@ -47,7 +47,7 @@ def test_inverse_returns_position_and_force(fraction: float, force: float, law: 
     x = locate_from_segments(string.length, f1, f2)
     tension = tension_from_segments(string, f1, f2)
     assert x == pytest.approx(contact.position, rel=1e-12)
-    pressed = tension_pressed(string, x, force) if law == "geometric" else tension_under(string, force)
+    pressed = geometric_tension(string, x, force) if law == "geometric" else linear_tension(string, force)
     assert tension == pytest.approx(pressed, rel=1e-12)
     # The geometric law rises with F^2, so that near F = 0 rounding of T is all that is left of it.
     heard = force_from_tension(string, max(tension, string.tension), x, law)

@@ -10,10 +10,10 @@ from monochord.physics.theory.tension import (
     check_law,
     damping_under,
     force_from_tension,
+    geometric_tension,
+    linear_tension,
     stretch_stiffness,
     tension_from_force,
-    tension_pressed,
-    tension_under,
     wave_speed,
 )
 from monochord.types import StringParams
@@ -30,7 +30,7 @@ INSIDE = st.floats(0.001, 0.649)
 
 
 def test_linear_laws() -> None:
-    assert tension_under(PLAIN, 2.0) == 85.0
+    assert linear_tension(PLAIN, 2.0) == 85.0
     assert damping_under(PLAIN, 2.0) == pytest.approx(0.04)
     assert wave_speed(PLAIN) == pytest.approx(np.sqrt(73.0 / 4e-4))
     assert wave_speed(PLAIN, 2.0) == pytest.approx(np.sqrt(85.0 / 4e-4))
@@ -39,7 +39,7 @@ def test_linear_laws() -> None:
 
 @given(INSIDE, st.floats(0.0, 100.0))
 def test_geometric_tension_balances_the_press_and_the_stretch(x: float, force: float) -> None:
-    tension = tension_pressed(PLAIN, x, force)
+    tension = geometric_tension(PLAIN, x, force)
     deflection = force * x * (0.65 - x) / (tension * 0.65)
     elongation = deflection**2 * 0.65 / (2.0 * x * (0.65 - x))
     rise = stretch_stiffness(PLAIN) * elongation / 0.65
@@ -55,38 +55,40 @@ def test_light_press_agrees_with_the_exact_triangle() -> None:
         tension = PLAIN.tension + stretch_stiffness(PLAIN) * (sum(sides) - length) / length
         deflection = force / (tension * (1.0 / sides[0] + 1.0 / sides[1]))
     exact_rise = tension - PLAIN.tension
-    assert tension_pressed(PLAIN, x, force) - 73.0 == pytest.approx(exact_rise, rel=1e-3)
+    assert geometric_tension(PLAIN, x, force) - 73.0 == pytest.approx(exact_rise, rel=1e-3)
 
 
 @given(INSIDE)
 def test_rise_is_quadratic_for_a_light_press(x: float) -> None:
-    light = tension_pressed(PLAIN, x, 0.05) - 73.0
-    double = tension_pressed(PLAIN, x, 0.1) - 73.0
+    light = geometric_tension(PLAIN, x, 0.05) - 73.0
+    double = geometric_tension(PLAIN, x, 0.1) - 73.0
     assert double == pytest.approx(4.0 * light, rel=1e-3, abs=1e-12)
 
 
 @given(INSIDE, st.floats(0.0, 10.0), st.floats(0.01, 1.0))
 def test_harder_is_never_looser(x: float, force: float, more: float) -> None:
-    assert tension_pressed(PLAIN, x, force + more) > tension_pressed(PLAIN, x, force) >= 73.0
+    assert geometric_tension(PLAIN, x, force + more) > geometric_tension(PLAIN, x, force) >= 73.0
 
 
 @given(INSIDE, st.floats(0.01, 100.0))
 def test_geometric_force_is_the_inverse(x: float, force: float) -> None:
-    tension = tension_pressed(PLAIN, x, force)
+    tension = geometric_tension(PLAIN, x, force)
     assert force_from_tension(PLAIN, tension, x, "geometric") == pytest.approx(force, rel=1e-6)
 
 
 @given(st.floats(0.0, 100.0))
 def test_linear_force_is_the_inverse(force: float) -> None:
-    assert force_from_tension(PLAIN, tension_under(PLAIN, force)) == pytest.approx(force, abs=1e-12)
+    assert force_from_tension(PLAIN, linear_tension(PLAIN, force)) == pytest.approx(force, abs=1e-12)
 
 
 @given(INSIDE, st.floats(0.0, 100.0))
 def test_either_law_is_found_by_its_name(x: float, force: float) -> None:
     assert (
-        tension_from_force(PLAIN, force) == tension_from_force(PLAIN, force, x) == tension_under(PLAIN, force)
+        tension_from_force(PLAIN, force)
+        == tension_from_force(PLAIN, force, x)
+        == linear_tension(PLAIN, force)
     )
-    assert tension_from_force(PLAIN, force, x, "geometric") == tension_pressed(PLAIN, x, force)
+    assert tension_from_force(PLAIN, force, x, "geometric") == geometric_tension(PLAIN, x, force)
 
 
 def test_tension_that_no_press_explains() -> None:
@@ -98,7 +100,7 @@ def test_tension_that_no_press_explains() -> None:
 
 def test_flexible_string_does_not_stretch() -> None:
     flexible = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
-    assert tension_pressed(flexible, 0.2, 3.0) == 65.0
+    assert geometric_tension(flexible, 0.2, 3.0) == 65.0
 
 
 def test_what_cannot_tell_force_is_refused() -> None:

@@ -27,10 +27,10 @@ from monochord.physics.theory.tension import (
     TensionLaw,
     damping_under,
     force_from_tension,
+    geometric_tension,
+    linear_tension,
     stretch_stiffness,
     tension_from_force,
-    tension_pressed,
-    tension_under,
     wave_speed,
 )
 
@@ -42,8 +42,10 @@ __all__ = [
     "far_segment_sensitivity",
     "force_from_tension",
     "frequency_sensitivities",
+    "geometric_tension",
     "harmonic_frequencies",
     "inharmonicity",
+    "linear_tension",
     "locate_from_segments",
     "mixing_matrix",
     "open_frequency",
@@ -58,8 +60,6 @@ __all__ = [
     "stretch_stiffness",
     "tension_from_force",
     "tension_from_segments",
-    "tension_pressed",
-    "tension_under",
     "tone_bound",
     "wave_speed",
 ]

@@ -12,7 +12,7 @@ TensionLaw: TypeAlias = Literal["linear", "geometric"]
 """How a press raises the tension: the paper's trend k_T F, or the stretch of the deflected string."""
 
 
-def tension_under(string: StringParams, force: Number) -> Number:
+def linear_tension(string: StringParams, force: Number) -> Number:
     """Return the tension of a pressed string after the linear law.
 
     T(F) = T0 + k_T F, the paper's tunable trend for small deformations; where on the string the press is
@@ -42,14 +42,14 @@ def tension_under(string: StringParams, force: Number) -> Number:
     Examples
     --------
     >>> appendix = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0, tension_per_force=6.0)
-    >>> tension_under(appendix, 0.5)
+    >>> linear_tension(appendix, 0.5)
     68.0
     """
     refuse_pull(force)
     return string.tension + string.tension_per_force * force
 
 
-def tension_pressed(string: StringParams, position: Number, force: Number) -> Number:
+def geometric_tension(string: StringParams, position: Number, force: Number) -> Number:
     """Return the tension of a pressed string after the geometric law.
 
     A press F at x deflects the string to a triangle of depth delta = F x (L - x) / (T L). Its sides are
@@ -87,7 +87,7 @@ def tension_pressed(string: StringParams, position: Number, force: Number) -> Nu
     Examples
     --------
     >>> plain = StringParams(length=0.65, linear_density=4.0e-4, tension=73.0, core_diameter=2.54e-4)
-    >>> round(tension_pressed(plain, 0.325, 0.0), 6), round(tension_pressed(plain, 0.325, 2.0), 3)
+    >>> round(geometric_tension(plain, 0.325, 0.0), 6), round(geometric_tension(plain, 0.325, 2.0), 3)
     (73.0, 73.927)
     """
     refuse_pull(force)
@@ -180,7 +180,7 @@ def wave_speed(string: StringParams, force: float | Floats = 0.0) -> float | Flo
     >>> round(wave_speed(StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)), 2)
     316.23
     """
-    return (tension_under(string, force) / string.linear_density) ** 0.5  # pyright: ignore[reportArgumentType]
+    return (linear_tension(string, force) / string.linear_density) ** 0.5  # pyright: ignore[reportArgumentType]
 
 
 def tension_from_force(
@@ -189,7 +189,7 @@ def tension_from_force(
     position: Number | None = None,
     law: TensionLaw = "linear",
 ) -> Number:
-    """Return the tension of a pressed string after either law: `tension_under` or `tension_pressed`.
+    """Return the tension of a pressed string after either law: `linear_tension` or `geometric_tension`.
 
     Parameters
     ----------
@@ -219,8 +219,8 @@ def tension_from_force(
     (73.0, 73.927)
     """
     if check_law(law) == "linear":
-        return tension_under(string, force)
-    return tension_pressed(string, _known(position), force)
+        return linear_tension(string, force)
+    return geometric_tension(string, _known(position), force)
 
 
 def force_from_tension(
