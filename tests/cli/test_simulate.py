@@ -19,6 +19,17 @@ def test_the_appendix_case_by_default(capsys: pytest.CaptureFixture[str]) -> Non
     assert (result["position"], result["force"]) == (0.2275, 0.0)
 
 
+@pytest.mark.parametrize(
+    "case", [["prototype"], ["appendix", "--at", "0.05"], ["appendix", "--at", "0.6", "--force", "2"]]
+)
+def test_a_touch_near_an_end_or_a_fast_string_needs_no_option(
+    case: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["simulate", *case, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["peaks"] == pytest.approx(result["theory"], rel=1e-3)
+
+
 def test_a_line_for_a_person(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["simulate", "appendix", "--route", "modal"]) == 0
     assert "touched at 227.5 mm with 0 N" in (text := capsys.readouterr().out)
@@ -81,7 +92,10 @@ def test_an_untouched_string(capsys: pytest.CaptureFixture[str]) -> None:
         (["appendix", "--force", "-1"], "force -1 N: allowed is 0 N or more"),
         (["appendix", "--seconds", "0"], "0 seconds: allowed is above 0"),
         (["appendix", "--seconds", "0.001"], "allowed is 0.01 s or more"),
-        (["appendix", "--at", "0.05"], "allowed is below 5.891e-07 s"),
+        (
+            ["appendix", "--at", "0.05", "--set", "time_step=1e-6"],
+            "allowed is below 5.891e-07 s = 0.95 dxi/v on the segment of 0.05 m; --set time_step=5e-07",
+        ),
         (["appendix", "--untouched", "--at", "0.2"], "--untouched with --at or --force"),
         (
             ["appendix", "--out", "touch.mp3"],

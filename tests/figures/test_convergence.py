@@ -61,6 +61,10 @@ def test_envelope_of_a_decaying_tone_is_its_amplitude() -> None:
     np.testing.assert_allclose(envelope(tone)[50:-50], amplitude[50:-50], rtol=0.02)
 
 
+def test_a_string_that_needs_a_finer_step_is_drawn_as_it_comes() -> None:
+    assert len(Convergence(string="prototype", seconds=0.35).draw().axes) > 6
+
+
 def test_panels_are_labelled_with_units() -> None:
     page = Convergence(route="modal").draw()
     panels = {axes.get_title(loc="left"): axes for axes in page.axes}

@@ -7,7 +7,7 @@ import pytest
 
 from monochord.physics.split_string import Drive, Pluck, Recording, Route, SplitString, peaks, simulate
 from monochord.physics.split_string.compiled import leapfrog
-from monochord.physics.split_string.grid import Grid, lay_out
+from monochord.physics.split_string.grid import Grid, lay_out, time_step
 from monochord.physics.split_string.segments import split
 from monochord.physics.split_string.simulate import step_grid
 from monochord.physics.strings import load_string
@@ -94,7 +94,7 @@ def test_energy_stays_without_loss_and_only_falls_with_it(damping: float) -> Non
     setup = replace(UNDRIVEN, string=string)
     segment = split(setup)[0]
     grid = lay_out(setup, segment)
-    courant = segment.speed * setup.time_step / segment.spacing
+    courant = segment.speed * time_step(setup) / segment.spacing
     history: list[float] = []
     for _ in range(200):
         grid.step(leapfrog, np.zeros((2, 501)), np.zeros((2, 501)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.physics.split_string import Pluck, Recording, Route, SplitString, peaks, simulate
+from monochord.physics.split_string import Pluck, Recording, Route, SplitString, peaks, simulate, time_step
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
 from monochord.units import Seconds
@@ -87,7 +87,7 @@ def _distances(setup: SplitString, expected: tuple[float, float]) -> Iterator[Ro
         yield _row(f"peaks of {name} off theory, relative", float(off), "bound", 1e-3)
     # A broad pluck: the partials of a narrow one are too high for either grid to be near its limit.
     broad = replace(setup, pluck=Pluck(width=0.02))
-    finer = replace(broad, nodes=2 * setup.nodes - 1, time_step=setup.time_step / 2.0)
+    finer = replace(broad, nodes=2 * setup.nodes - 1, time_step=time_step(setup) / 2.0)
     limit = simulate(broad, 0.4, route="modal")
     coarse, fine = (_difference(limit, simulate(each, 0.4)) for each in (broad, finer))
     yield _row("FDTD off modes, relative", coarse, "bound", 0.05)

@@ -57,7 +57,8 @@ class Convergence(Figure):
     route
         How to simulate: the finite-difference scheme, or the exact modal route, which is faster.
     nodes, time_step
-        Grid of the finite-difference scheme: nodes a segment and step in s.
+        Grid of the finite-difference scheme: nodes a segment, and step in s; None takes 1 us, or the longest
+        whole fraction of it that is stable.
     highest
         Highest frequency shown, in multiples of the open string's.
     """
@@ -69,7 +70,7 @@ class Convergence(Figure):
     model: Literal["split_string"] = "split_string"
     route: Literal["fdtd", "modal"] = "fdtd"
     nodes: int = 256
-    time_step: Seconds = 1.0e-6
+    time_step: Seconds | None = None
     highest: float = 12.0
 
     def __post_init__(self) -> None:

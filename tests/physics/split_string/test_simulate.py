@@ -65,7 +65,8 @@ def test_what_cannot_be_simulated_is_refused(options: dict[str, Any], line: str)
 
 
 def test_a_step_too_long_for_the_shorter_segment_is_refused_before_anything_runs() -> None:
-    short = SplitString(string=APPENDIX.string, contact=Contact(position=0.05, force=0.0))
+    near = Contact(position=0.05, force=0.0)
+    short = SplitString(string=APPENDIX.string, contact=near, time_step=1e-6)
     with pytest.raises(InputError, match=r"time step 1e-06 s: allowed is below 5.891e-07 s"):
         simulate(short, 0.1)
     assert peaks(simulate(short, 0.4, route="modal")) == pytest.approx((3162.3, 263.5), rel=1e-3)

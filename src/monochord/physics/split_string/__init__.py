@@ -4,6 +4,7 @@
 `advance` and `touch` run the modes as a stream whose touch may change.
 """
 
+from monochord.physics.split_string.grid import time_step
 from monochord.physics.split_string.recording import Recording, peaks
 from monochord.physics.split_string.setup import Drive, Pluck, SplitString
 from monochord.physics.split_string.simulate import Route, simulate
@@ -20,5 +21,6 @@ __all__ = [
     "begin",
     "peaks",
     "simulate",
+    "time_step",
     "touch",
 ]

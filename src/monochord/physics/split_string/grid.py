@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import floor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +13,19 @@ from monochord.physics.split_string.segments import (
     drive_density,
     gaussian_modes,
     pluck_amplitudes,
+    split,
 )
 from monochord.physics.split_string.setup import SplitString
 from monochord.physics.theory import step_limit
 from monochord.types import Floats
+from monochord.units import Seconds
 
 Kernel = Callable[
     [Floats, Floats, tuple[float, float, float], Floats, Floats, NDArray[np.int64], Floats, Floats], None
 ]
+
+APPENDIX_STEP: Seconds = 1.0e-6
+MOST_PARTS = 100  # of the appendix's step: finer grids take minutes a second
 
 
 @dataclass(slots=True, kw_only=True)
@@ -47,8 +53,7 @@ class Grid:
 
 def lay_out(setup: SplitString, segment: Segment) -> Grid:
     """Return a segment on its grid at time zero; raises `InputError` for a step that would be unstable."""
-    refuse_unstable(setup, segment)
-    dt, count = setup.time_step, setup.nodes
+    dt, count = time_step(setup), setup.nodes
     places = np.linspace(0.0, segment.length, count)
     loss = segment.decay_rate * dt / 2.0
     courant = (segment.speed * dt / segment.spacing) ** 2
@@ -78,16 +83,35 @@ def lay_out(setup: SplitString, segment: Segment) -> Grid:
     )
 
 
-def refuse_unstable(setup: SplitString, segment: Segment) -> None:
-    """Refuse a time step at or above alpha dxi / v (Eq. 13), naming the limit."""
+def time_step(setup: SplitString) -> Seconds:
+    """Return the step in s that both segments are stepped by: the setup's own, or a stable one.
+
+    Stable is a step below alpha dxi / v (Eq. 13) on every segment. Where the setup leaves the step open, it
+    is 1 us divided by the smallest whole number that makes it so: then the drivers' interval is a whole
+    number of steps, and their ear has the same rate, whatever the string.
+
+    Raises
+    ------
+    InputError
+        If the setup's own step is unstable, or a stable one would be below 10 ns.
+    """
+    segment = min(split(setup), key=lambda each: each.spacing / each.speed)
     limit = step_limit(segment.spacing, segment.speed, setup.alpha)
+    parts = floor(APPENDIX_STEP / limit) + 1
+    if setup.time_step is None:
+        if parts <= MOST_PARTS:
+            return APPENDIX_STEP / parts
+        given = f"a grid that needs steps below {limit:.4g} s"
+        remedy = "set fewer nodes, or take --route modal"
+        raise InputError(given, f"steps of {APPENDIX_STEP / MOST_PARTS:g} s or more", remedy)
     if setup.time_step >= limit:
         coarsest = int(1 + setup.alpha * segment.length / (segment.speed * setup.time_step))
         raise InputError(
             f"time step {setup.time_step:g} s",
             f"below {limit:.4g} s = {setup.alpha:g} dxi/v on the segment of {segment.length:g} m",
-            f"take a shorter step, at most {coarsest} nodes, or the modal route",
+            f"--set time_step={APPENDIX_STEP / parts:.3g}, at most {coarsest} nodes, or --route modal",
         )
+    return setup.time_step
 
 
 def _initial(setup: SplitString, segment: Segment, places: Floats) -> Floats:

@@ -130,7 +130,8 @@ class SplitString:
     nodes
         N of each segment, ends included; spacing L_k / (N - 1).
     time_step
-        In s. The modal route has neither nodes nor step, and never refuses one.
+        In s. None: 1 us as in the appendix, or where that is unstable the longest whole fraction of it (1/2,
+        1/3 ... us) that is stable. The modal route has neither nodes nor step, and never refuses one.
     alpha
         Safety factor of the refusal dt < alpha dxi / v.
     damping
@@ -148,7 +149,7 @@ class SplitString:
     mixing: tuple[float, float] = (0.85, 0.85)
     pickup_place: float = 0.25
     nodes: int = 256
-    time_step: Seconds = 1.0e-6
+    time_step: Seconds | None = None
     alpha: float = 0.95
     damping: Damping = "continuous"
 
@@ -163,7 +164,9 @@ class SplitString:
             0.0 < self.pickup_place < 1.0, f"pickup place {self.pickup_place:g}", "between 0 and 1"
         )
         _refuse_unless(8 <= self.nodes <= 65536, f"{self.nodes} nodes", "8 to 65536")
-        _refuse_unless(1e-9 <= self.time_step <= 1e-3, f"time step {self.time_step:g} s", "1e-9 to 1e-3 s")
+        if self.time_step is not None:
+            step = self.time_step
+            _refuse_unless(1e-9 <= step <= 1e-3, f"time step {step:g} s", "1e-9 to 1e-3 s")
         _refuse_unless(0.0 < self.alpha <= 1.0, f"alpha {self.alpha:g}", "above 0, at most 1")
         silent = self.drive.amplitude != 0.0 and self.drive.start_frequencies is None
         if silent and (self.initial == "rest" or self.drive.feedback == "off"):

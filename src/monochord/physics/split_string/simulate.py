@@ -9,7 +9,7 @@ import numpy as np
 
 from monochord.errors import InputError, did_you_mean
 from monochord.physics.split_string import feedback, stream
-from monochord.physics.split_string.grid import Kernel, lay_out
+from monochord.physics.split_string.grid import Kernel, lay_out, time_step
 from monochord.physics.split_string.recording import Recording
 from monochord.physics.split_string.segments import split
 from monochord.physics.split_string.setup import SplitString
@@ -106,7 +106,7 @@ def _on_grid(kernel_module: str) -> Callable[[SplitString, Samples, int], tuple[
         tones: list[Floats] = []
         # A little more than asked, so that the resampler's end lies beyond what is kept.
         seconds = count / sample_rate + 0.005
-        velocity = _resample(step_grid(setup, seconds, kernel, tones), 1.0 / setup.time_step, sample_rate)
+        velocity = _resample(step_grid(setup, seconds, kernel, tones), 1.0 / time_step(setup), sample_rate)
         return np.ascontiguousarray(velocity[:, :count]), tones
 
     return run
@@ -132,7 +132,7 @@ def step_grid(setup: SplitString, seconds: Seconds, kernel: Kernel, tones: list[
         Velocities on the grid of time steps.
     """
     grids = [lay_out(setup, segment) for segment in split(setup)]
-    dt = setup.time_step
+    dt = time_step(setup)
     steps = max(1, round(setup.drive.hop / dt))
     stride = max(s for s in range(1, steps + 1) if steps % s == 0 and (s == 1 or 1.0 / (s * dt) >= _EAR_RATE))
     ear_rate = 1.0 / (stride * dt)
