@@ -15,9 +15,9 @@ MONO = Signal(sample_rate=RATE, channels=1)
 APPENDIX = load_string("appendix").string
 
 
-def note(f0: float, *, inharmonicity: float = 1e-4, level: float = 0.3) -> Audio:
+def note(f0: float, *, inharmonicity: float = 1e-4, level: float = 0.3, every: int = 1) -> Audio:
     time = np.arange(SIZE) / RATE
-    n = np.arange(1.0, 13.0)[:, np.newaxis]
+    n = np.arange(1.0, 13.0, every)[:, np.newaxis]
     partial = np.sin(2.0 * np.pi * f0 * n * np.sqrt(1.0 + inharmonicity * n * n) * time + n) / n
     hiss = 1e-5 * np.random.default_rng(2).standard_normal(SIZE)
     return (level * partial.sum(axis=0) + hiss)[np.newaxis].astype(np.float32)
@@ -76,6 +76,25 @@ class TestFarSegment:
         assert all(not estimate.valid for estimate in told.values())
         assert told["position"].why_not.startswith(reason)
         assert np.isnan(told["position"].value)
+
+    @pytest.mark.parametrize("ratio", [0.33, 0.45, 0.5, 2 / 3, 0.75, 0.9, 0.97, 6.0, 7.5, 9.0])
+    def test_a_note_outside_the_strings_range_is_not_taken_for_its_octave(self, ratio: float) -> None:
+        told = far(note(110.0 * ratio))["position"]
+        assert not told.valid
+
+    @pytest.mark.parametrize("ratio", [1.5, 4 / 3, 1.25, 1.19])
+    def test_two_strings_at_once_are_two_candidates(self, ratio: float) -> None:
+        told = far(0.5 * (note(122.2) + note(122.2 * ratio)))["position"]
+        assert told.why_not.startswith("two candidates")
+
+    @pytest.mark.parametrize("position", [0.0, 0.13, 0.3])
+    def test_a_string_plucked_at_its_middle_is_heard(self, position: float) -> None:
+        told = far(note(110.0 * 0.65 / (0.65 - position), every=2))["position"]
+        assert told.value == pytest.approx(position, abs=1e-3)
+
+    def test_a_calibration_take_that_cannot_be_is_refused(self) -> None:
+        with pytest.raises(InputError, match="where its pitch puts it"):
+            far(note(150.0), calibration=((200.0, 0.6),))
 
     def test_a_gap_abstains(self) -> None:
         estimate = ClosedForm(length=0.65, open_frequency=110.0).prepare(MONO, SIZE)

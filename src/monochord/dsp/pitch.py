@@ -21,18 +21,29 @@ FAINT = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """One candidate: f0 in Hz and B with their standard errors, and the log evidence over clutter in nats."""
+    """One candidate: f0 in Hz and B with their standard errors, and what speaks for it.
+
+    `claims` says of every spectral peak what share of all power it is if it lies on a partial, and zero if
+    not; `evidence` is the log evidence over clutter in nats.
+    """
 
     frequency: Hertz
     frequency_std: Hertz
     inharmonicity: float
     inharmonicity_std: float
     evidence: float
+    claims: Floats = field(repr=False, compare=False)
+
+    def beside(self, other: "Series") -> float:
+        """Return the share of all power that this series explains and the other does not."""
+        return float(self.claims[other.claims == 0.0].sum())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitchFinder:
-    """Finds stiff harmonic series whose f0 lies in [lowest, highest] in windows of one size.
+    """Finds stiff harmonic series in windows of one size, looking for f0 in [lowest, highest].
+
+    Series outside that range are told where they are relatives of one inside, such as its lower octave.
 
     Parameters
     ----------
@@ -99,5 +110,8 @@ class PitchFinder:
             most=self.partials,
             residual_weight=self.residual_weight,
         )
-        rows = series.search(self._grid, self.inharmonicity_prior, peaks, view)
-        return [Series(**dict(zip(series.COLUMNS, row, strict=True))) for row in rows.tolist()]
+        rows, claims = series.search(self._grid, self.inharmonicity_prior, peaks, view)
+        return [
+            Series(**dict(zip(series.COLUMNS, row, strict=True)), claims=claim)
+            for row, claim in zip(rows.tolist(), claims, strict=True)
+        ]

@@ -15,8 +15,10 @@ from monochord.units import Hertz
 
 GRID_INHARMONICITY = np.array([0.0, 1e-4, 2.5e-4, 5e-4])
 """Guesses of B."""
-RELATIVES = np.array([1 / 3, 1 / 2, 2 / 3, 3 / 2, 2.0, 3.0])
-"""Series that share many partials with a candidate and must be weighed against it."""
+RELATIVES = np.array([1 / 5, 1 / 4, 1 / 3, 2 / 5, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2.0, 3.0, 4.0])
+"""Series that share many partials with a candidate and must be weighed against it, inside the grid or not."""
+PROPOSED, WEIGHED = 10, 4
+"""How many maxima of the comb are looked at, and of how many the relatives too."""
 CAPTURE = 1.2
 """How far from its partial a peak is looked for at first, as a share of the resolution."""
 MATCH = 0.15
@@ -26,6 +28,8 @@ ROBUST = 0.08
 LEAST_B, MOST_B = 0.0, 3.0e-3
 MISSING = 0.03
 """Probability that a partial between strong ones is missing."""
+NODES, NODE_COST = 5, 4.0
+"""A pluck at a k-th of the string leaves out every k-th partial: up to which k, and what to assume it costs."""
 AROUND = 5
 """How many partials on each side tell what height a partial should have."""
 DIP = 4.0
@@ -130,21 +134,21 @@ def fit_series(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> float:
-    """Return the log evidence for a series over clutter alone, in nats.
+def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tuple[float, Floats]:
+    """Return the log evidence for a series over clutter alone, in nats, and the power of the peaks it claims.
 
     Three parts. (1) Each partial either shows a peak, spread about its place as a normal law, or does not;
     clutter scatters peaks uniformly, and the stronger a peak, the rarer its like in clutter: the density of
     clutter peaks as strong as the k-th strongest is k over the band. (2) A partial that is far weaker than
-    partials on both sides counts as missing, which a string seldom does, and which all odd partials of an
-    octave-too-low guess do. (3) What the series explains: `residual_weight` ln(total / residual power), which
-    a guess that leaves the strongest peak over cannot have; the weight is half the effective number of
-    independent residuals.
+    partials on both sides counts as missing, which a string seldom has but at the nodes of its pluck, and
+    which all odd partials of an octave-too-low guess are. (3) What the series explains: `residual_weight`
+    ln(total / residual power), which a guess that leaves the strongest peak over cannot have; the weight is
+    half the effective number of independent residuals.
     """
     count = partial_count(f0, view.top, view.most)
     height = np.empty(count)
     gain = np.empty(count)
-    claimed = np.zeros(peaks.frequency.size, np.bool_)
+    claimed = np.zeros(peaks.frequency.size)
     for n in range(1, count + 1):
         expected = _partial(f0, inharmonicity, n)
         spread = MATCH * view.resolution * (1.0 + 0.05 * n)
@@ -159,19 +163,23 @@ def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -
         gain[n - 1] = np.log(1.0 - shown + shown * ratio)
         for j in (k - 1, k, k + 1):
             if 0 <= j < peaks.frequency.size and abs(peaks.frequency[j] - expected) < 4.0 * spread:
-                claimed[j] = True
+                claimed[j] = peaks.power[j] if peaks.frequency[j] > view.bottom else 0.0
     evidence = 0.0
+    forgiven = np.zeros(NODES + 1)
     for i in range(count):
+        evidence += gain[i]
         depth = _neighbours(height, i) - DIP - height[i]
-        evidence += min(gain[i], np.log(MISSING) - min(0.4 * depth, 3.0)) if depth > 0.0 else gain[i]
-    total, residual = 0.0, 0.0
-    for j in range(peaks.frequency.size):
-        if peaks.frequency[j] > view.bottom:
-            total += peaks.power[j]
-            residual += 0.0 if claimed[j] else peaks.power[j]
+        if depth > 0.0:
+            cost = max(gain[i] - np.log(MISSING) + min(0.4 * depth, 3.0), 0.0)
+            evidence -= cost
+            for k in range(2, NODES + 1):
+                forgiven[k] += cost if (i + 1) % k == 0 else 0.0
+    evidence += max(forgiven.max() - NODE_COST, 0.0)
+    total = np.sum(np.where(peaks.frequency > view.bottom, peaks.power, 0.0))
     if total > 0.0:
-        evidence += view.residual_weight * np.log(total / (residual + 1e-4 * total))
-    return evidence
+        evidence += view.residual_weight * np.log(total / (total - np.sum(claimed) + 1e-4 * total))
+        claimed /= total
+    return evidence, claimed
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -203,8 +211,13 @@ def _comb(f0: float, inharmonicity: float, view: View) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def search(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -> Floats:
-    """Return the distinct series found, best first, as rows of `COLUMNS`.
+def search(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -> tuple[Floats, Floats]:
+    """Return the distinct series found, best first, as rows of `COLUMNS`, and each one's claims on the peaks.
+
+    Claims (series, peaks) are shares of the power of all peaks.
+
+    Relatives of what is found on the grid are found outside it too, so that the octave of a note that lies
+    outside does not pass for the note.
 
     Parameters
     ----------
@@ -217,18 +230,21 @@ def search(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -
     """
     starts = _starts(grid, view)
     rows = np.empty((starts.shape[0], len(COLUMNS)))
+    claims = np.empty((starts.shape[0], peaks.frequency.size))
     count = 0
     for start in starts:
         scale = (start[0] / grid[0]) ** 2
-        here = (prior[0] * scale, prior[1] * scale)
+        here = (min(prior[0] * scale, 0.5 * MOST_B), prior[1] * scale)
         f0, std, bend, bend_std, used = fit_series(start[0], start[1], here, peaks, view)
-        new = used > 0 and grid[0] <= f0 <= grid[-1]
+        new = used > 0
         for row in rows[:count]:
             new = new and abs(np.log(f0 / row[0])) > DISTINCT
         if new:
-            rows[count] = (f0, std, bend, bend_std, series_evidence(f0, bend, peaks, view))
+            evidence, claims[count] = series_evidence(f0, bend, peaks, view)
+            rows[count] = (f0, std, bend, bend_std, evidence)
             count += 1
-    return rows[:count][np.argsort(-rows[:count, -1])]
+    order = np.argsort(-rows[:count, -1])
+    return rows[order], claims[order]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -245,15 +261,15 @@ def _starts(grid: Floats, view: View) -> Floats:
     ])  # fmt: skip
     if inner.size == 0:
         inner = np.array([np.argmax(score)])
-    top = inner[np.argsort(-score[inner])][:10]
-    starts = np.empty((top.size + 4 * RELATIVES.size, 2))
+    top = inner[np.argsort(-score[inner])][:PROPOSED]
+    starts = np.empty((top.size + WEIGHED * RELATIVES.size, 2))
     count = 0
     for k, i in enumerate(top):
         starts[count] = (grid[i], best[i])
         count += 1
-        if k < 4:
+        if k < WEIGHED:
             for relative in RELATIVES:
-                if grid[0] <= grid[i] * relative <= grid[-1]:
-                    starts[count] = (grid[i] * relative, 1e-4)
+                if view.resolution < grid[i] * relative < 0.5 * view.top:
+                    starts[count] = (grid[i] * relative, best[i])
                     count += 1
     return starts[:count]

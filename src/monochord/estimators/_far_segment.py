@@ -12,6 +12,8 @@ from monochord.physics.theory import position_from_far_segment
 from monochord.types import Estimate, Floats, Window
 from monochord.units import Hertz, Metres
 
+INCREDIBLE = 8.0
+"""How many standard deviations off a calibration take is refused."""
 AT_NUT = 1.0e-3
 """Calibration takes this close to the nut, in metres, are the open note itself."""
 SETUP_STD = 0.004
@@ -20,6 +22,12 @@ TAKE_STD = 0.0008
 """How well a calibration take's position is known, as a share of the length: 0.5 mm on 650 mm."""
 DISTINCT = 0.006
 """Candidates nearer than this share of the length tell the same position."""
+SECOND_EVIDENCE, SECOND_SOUND = 12.0, 0.25
+"""Evidence in nats, and share of all power beside the best, from which another series is a second string."""
+OUTSIDE = 2.0
+"""How many times the margin a note outside the string's range must lead by to be believed."""
+SLACK = 4.0
+"""How far outside its grid, in cents, a fit may end up and still count as inside."""
 FLAT = 40.0
 """How far below the open note, in cents, a note may lie: tunings drift."""
 
@@ -39,11 +47,19 @@ class Setup:
     covariance: Floats = field(default_factory=lambda: SETUP_STD**2 * np.array([[2.0, 1.0], [1.0, 1.0]]))
 
     def learn(self, ratio: float, position: float) -> "Setup":
-        """Return the setup after a take with q = `ratio` at x/L = `position`."""
+        """Return the setup after a take with q = `ratio` at x/L = `position`; refuse one that cannot be."""
         slope = np.array([-ratio, 1.0])
         spread = self.covariance @ slope
-        gain = spread / (slope @ spread + TAKE_STD**2)
-        miss = position - (1.0 - ratio) - slope @ self.shift
+        variance = slope @ spread + TAKE_STD**2
+        gain = spread / variance
+        expected = 1.0 - ratio + slope @ self.shift
+        miss = position - expected
+        if abs(miss) > INCREDIBLE * variance**0.5:
+            given = f"calibration take at {100.0 * position:.1f} % of the length"
+            allowed = f"{100.0 * expected:.1f} % give or take {100.0 * INCREDIBLE * variance**0.5:.1f}"
+            raise InputError(
+                given, f"{allowed}, where its pitch puts it", "check its position and the open note"
+            )
         return Setup(shift=self.shift + gain * miss, covariance=self.covariance - np.outer(gain, spread))
 
     def correct(self, ratio: float) -> tuple[float, float]:
@@ -91,14 +107,16 @@ class FarSegment:
             highest=min(open_frequency / (1.0 - self.reach), 0.2 * sample_rate),
             inharmonicity_prior=inharmonicity,
         )
+        inside = (finder.lowest * 2.0 ** (-SLACK / 1200.0), finder.highest * 2.0 ** (SLACK / 1200.0))
 
         def estimate(window: Window) -> Estimates:
             why_not = why_unusable(window)
             candidates = [] if why_not else finder.find(window.samples.astype(np.float64))
-            why_not = why_not or self._why_undecided(candidates, open_frequency)
+            why_not = why_not or self._why_undecided(candidates, open_frequency, inside)
             if why_not:
                 return abstain(why_not)
-            return self._locate(candidates[0], open_frequency, setup)
+            heard = next(each for each in candidates if inside[0] <= each.frequency <= inside[1])
+            return self._locate(heard, open_frequency, setup)
 
         return estimate
 
@@ -110,13 +128,20 @@ class FarSegment:
         mean = max(float(np.median(told)), 1.0e-5) if told else 5.0e-5
         return frequency, (mean, 0.05 * mean if told else 2.0e-4)
 
-    def _why_undecided(self, candidates: list[Series], open_frequency: Hertz) -> str:
-        if not candidates or candidates[0].evidence < self.evidence:
+    def _why_undecided(
+        self, candidates: list[Series], open_frequency: Hertz, inside: tuple[Hertz, Hertz]
+    ) -> str:
+        heard = [series for series in candidates if inside[0] <= series.frequency <= inside[1]]
+        if not heard or heard[0].evidence < self.evidence:
             return "no harmonic structure"
-        best = candidates[0]
-        for other in candidates[1:]:
+        best, loudest = heard[0], candidates[0]
+        if loudest.evidence > best.evidence + OUTSIDE * self.margin:
+            return f"a note of {loudest.frequency:.1f} Hz, outside {inside[0]:.1f} to {inside[1]:.1f} Hz"
+        for other in heard[1:]:
             apart = abs(open_frequency / other.frequency - open_frequency / best.frequency)
-            if apart > DISTINCT and best.evidence - other.evidence < self.margin:
+            near = best.evidence - other.evidence < self.margin
+            sounds = other.evidence > SECOND_EVIDENCE and other.beside(best) > SECOND_SOUND
+            if apart > DISTINCT and (near or sounds):
                 return f"two candidates, {best.frequency:.1f} and {other.frequency:.1f} Hz"
         return ""
 
