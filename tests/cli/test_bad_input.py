@@ -151,6 +151,10 @@ WRONG: dict[str, tuple[list[str], str]] = {
         ["live", "{file}", "--source", "wav", *STRING, "--sink", "jsonl=/no/such/file"],
         "/no/such/file",
     ),
+    "sink that is full": (
+        ["live", "{file}", "--source", "wav", *STRING, "--sink", "jsonl=/dev/full"],
+        "space",
+    ),
     "setting misspelt": (["live", "{file}", "--source", "wav", *STRING, "--set", "window.hp=1"], "'hop'"),
     "setting without value": (["live", "{file}", "--source", "wav", *STRING, "--set", "window"], "VALUE"),
     "setting of a plug-in misspelt": (

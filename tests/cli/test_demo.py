@@ -1,4 +1,7 @@
 import json
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -40,3 +43,18 @@ def test_the_view_ends_with_the_error_against_truth(capsys: pytest.CaptureFixtur
 def test_no_time_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["demo", "--seconds", "0"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_told_to_terminate_it_ends_with_its_result() -> None:
+    code = "from monochord.cli import main; main(['demo', '--seconds', '60'])"
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout
+        assert process.stderr
+        process.stdout.readline()
+        process.send_signal(signal.SIGTERM)
+        rest, told = process.stdout.read(), process.stderr.read()
+    assert process.returncode == 0, told
+    assert told == ""
+    assert "All of this is simulated sound." in rest

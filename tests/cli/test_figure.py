@@ -31,6 +31,17 @@ def test_default_name_and_json(
     assert Path(said["path"]).is_file()
 
 
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_a_full_disk_is_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str
+) -> None:
+    (link := tmp_path / f"full{suffix}").symlink_to("/dev/full")
+    assert run(["figure", "convergence", "--set", "route=modal", "--out", str(link)]) == 2
+    line = capsys.readouterr().err
+    assert "No space left on device" in line
+    assert line.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

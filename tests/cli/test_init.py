@@ -24,6 +24,7 @@ FAULTS = {
     "interrupt": KeyboardInterrupt(),
     "bug": ZeroDivisionError("a fault of ours"),
     "socket": ConnectionResetError(104, "Connection reset"),
+    "full": OSError(28, "No space left on device"),
 }
 
 
@@ -36,6 +37,8 @@ def pluck(fault: str, length: float, status: int | None) -> int | None:
 
     What follows the first line stands in the verb's own help only.
     """
+    if fault == "kernel":
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
     if fault in FAULTS:
         raise FAULTS[fault]
     click.echo(f"{fault} {length}")
@@ -93,6 +96,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["pluck", "device"], 2, ["no JACK server"]),
         (["pluck", "file"], 2, ["take.wav: No such file or directory"]),
         (["pluck", "own"], 1, ["gave up"]),
+        (["pluck", "full"], 2, ["output (No space left on device): allowed is", "write elsewhere"]),
     ],
 )
 def test_an_error_is_one_line_and_a_status(
@@ -113,6 +117,7 @@ def test_a_verb_may_return_its_own_status() -> None:
 
 def test_interrupted_is_130() -> None:
     assert cli.run(["pluck", "interrupt"]) == 130
+    assert cli.run(["pluck", "kernel"]) == 130
 
 
 @pytest.mark.parametrize(("fault", "kind"), [("bug", ZeroDivisionError), ("socket", ConnectionResetError)])
@@ -137,3 +142,15 @@ def test_a_reader_that_goes_away_is_no_traceback() -> None:
         assert run.stderr
         assert run.stderr.read() == b""
     assert run.returncode == 1
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["list"], ["list", "--json"]])
+def test_output_that_cannot_be_written_is_one_line_and_status_2(arguments: list[str]) -> None:
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", "from monochord.cli import main; main()", *arguments],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.startswith("monochord: output (No space left on device): allowed is ")
+    assert done.stderr.count("\n") == 1

@@ -1,4 +1,10 @@
 import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -98,3 +104,38 @@ def test_a_take_shorter_than_a_window_is_refused(take: Take, capsys: pytest.Capt
         assert captured.out == ""
         assert "shorter than a window" in captured.err
         assert captured.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_it_ends_with_whole_lines_and_status_130(take: Take, sent: signal.Signals) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", "from monochord.cli import main; main()", "locate", str(take(0.2, seconds=90)),
+         *STRING, "--json"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert process.stdout
+        assert process.stderr
+        first = process.stdout.readline()
+        process.send_signal(sent)
+        lines = [json.loads(line) for line in [first, *process.stdout]]
+        assert process.stderr.read() == ""
+    assert process.returncode == 130
+    assert 1 <= len(lines) < 8991
+
+
+def test_interrupted_it_sums_up_what_it_has(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    usual = signal.getsignal(signal.SIGINT)
+
+    def interrupt() -> None:
+        while signal.getsignal(signal.SIGINT) is usual:
+            time.sleep(0.01)
+        time.sleep(0.5)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    path = str(take(0.2, seconds=90))
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    assert run(["locate", path, *STRING]) == 130
+    thread.join()
+    assert " of 8991 " not in capsys.readouterr().out
+    assert signal.getsignal(signal.SIGINT) is usual

@@ -2,6 +2,8 @@
 
 import gc
 import math
+import os
+import signal
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
@@ -192,6 +194,17 @@ def test_interrupting_ends_with_the_summary() -> None:
     assert len(keep.seen) == 3
     assert source.closed
     assert keep.closed
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_after_the_window_at_hand(sent: signal.Signals) -> None:
+    usual = signal.getsignal(sent)
+    keep = Keep(lambda count: os.kill(os.getpid(), sent) if count == 3 else None)
+    summary = run(session(Script(cut(NOISE, 100)), keep))
+    assert summary.interrupted
+    assert summary.windows == len(keep.seen) == 3
+    assert keep.closed
+    assert signal.getsignal(sent) is usual
 
 
 def test_a_device_that_goes_away_for_good_closes_everything_and_is_told() -> None:

@@ -68,7 +68,7 @@ class Live(Benchmark):
 
     def _latency(self, name: str, tree: Tree) -> Generator[Row, None, Summary]:
         baseline = _Autocorrelation()
-        summary = run(self._session(tree, self.seconds, baseline))
+        summary = _whole(run(self._session(tree, self.seconds, baseline)))
         seen, beside = summary.stages["latency"], baseline.histogram.percentiles()
         for percentile, label in (("p50", "p50"), ("p95", "p95"), ("p99", "p99"), ("longest", "max")):
             value, compared = (1e3 * getattr(found, percentile) for found in (seen, beside))
@@ -79,7 +79,7 @@ class Live(Benchmark):
         memory = _Memory(settled=min(60.0, 6.0 * self.minutes))
         begin = time.monotonic()
         seconds = 60.0 * self.minutes
-        summary = run(self._session(self._take(path, self.speed, seconds), seconds, memory))
+        summary = _whole(run(self._session(self._take(path, self.speed, seconds), seconds, memory)))
         now, pace = resident(), seconds / (time.monotonic() - begin)
         yield _row("pace of the memory run", pace, "x real time", "asked for", self.speed)
         yield _row("windows of the memory run", summary.windows, "1")
@@ -142,6 +142,13 @@ def _row(
     name: str, value: float, unit: str, baseline: str | None = None, compared: float | None = None
 ) -> Row:
     return Row(name=name, value=value, unit=unit, baseline=baseline, baseline_value=compared)
+
+
+def _whole(summary: Summary) -> Summary:
+    """Return the summary of a run that nobody cut off: part of one is no measurement."""
+    if summary.interrupted:
+        raise KeyboardInterrupt
+    return summary
 
 
 def _counted(summary: Summary) -> Iterator[Row]:

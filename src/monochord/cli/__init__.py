@@ -6,7 +6,10 @@ the verb is used.
 """
 
 import ast
+import errno
+import os
 import sys
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +18,11 @@ from pkgutil import iter_modules
 import click
 
 from monochord.errors import DeviceError, InputError, MonochordError, did_you_mean
+
+INTERRUPTED = 130
+"""Exit status of a verb that Control-C cut off."""
+_ROOM = "make room there, or write elsewhere"
+_NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 class _Verbs(click.Group):
@@ -53,17 +61,32 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str]) -> int:
     """Run the command line and return its exit status, printing any error as one line on stderr."""
     try:
+        return _answered(arguments)
+    except (KeyboardInterrupt, click.Abort):
+        return INTERRUPTED
+    except SystemError as error:  # what comes of Control-C inside a compiled kernel
+        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+            raise
+        return INTERRUPTED
+
+
+def _answered(arguments: list[str]) -> int:
+    """Run the command line with every error but an interruption told."""
+    try:
         result = monochord.main(arguments, prog_name="monochord", standalone_mode=False)
+        _flush()
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         return 2
+    except BrokenPipeError:  # the reader of the output went away, as `head` does
+        _forget_output()
+        return 1
     except (click.ClickException, MonochordError, OSError) as error:
         line, status = _verdict(error)
+        _forget_output()
         click.echo("monochord: " + " ".join(line.split()), err=True)
         return status
-    except (KeyboardInterrupt, click.Abort):
-        return 130
-    except SystemExit as stop:  # click's answer to a reader that went away, as `head` does
+    except SystemExit as stop:  # click's answer to a reader that went away
         return stop.code if isinstance(stop.code, int) else 1
     return result if isinstance(result, int) else 0
 
@@ -76,12 +99,31 @@ def _verdict(error: click.ClickException | MonochordError | OSError) -> tuple[st
             return f"{error.format_message()} (see '{verb} --help')", 2
         case InputError() | DeviceError():
             return str(error), 2
+        case OSError() if error.errno in _NOT_WRITTEN:
+            what = error.filename or "output"
+            return str(InputError(f"{what} ({error.strerror})", "a place that takes all of it", _ROOM)), 2
         case OSError(filename=None):
             raise error
         case OSError():
             return f"{error.filename}: {error.strerror}", 2
         case _:
             return str(error), 1
+
+
+def _flush() -> None:
+    if sys.stdout:  # None where a program was started without one
+        sys.stdout.flush()
+
+
+def _forget_output() -> None:
+    """Let go of standard output that cannot be written, or Python complains of it again as it ends."""
+    try:
+        _flush()
+    except OSError:
+        with suppress(OSError):
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, sys.stdout.fileno())
+            os.close(null)
 
 
 def _summary(verb: str) -> str:

@@ -17,7 +17,7 @@ def demo(seconds: float, as_json: bool) -> None:  # noqa: FBT001
     """Touch a simulated string in real time and see it located, truth beside estimate.
 
     The split-string simulation takes the place of the two contact microphones; windows, estimator and view
-    are those of `monochord live`.
+    are those of `monochord live`. Control-C or SIGTERM ends it with its result.
     """
     settings = Settings.read(
         {

@@ -1,10 +1,6 @@
 """Estimates from a running source, as they come."""
 
 import dataclasses
-import signal
-import threading
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +42,7 @@ def live(opened: str | None, **options: Any) -> None:
     """Show where a sounding string is touched, live.
 
     INPUT is what the source opens: ports, a device, a file. Settings come from --config, then from the
-    options, then from --set. Control-C ends the run with its summary.
+    options, then from --set. Control-C or SIGTERM ends the run with its summary.
 
     \b
     monochord live --source jack --length 0.65 --open-frequency 110
@@ -58,8 +54,7 @@ def live(opened: str | None, **options: Any) -> None:
     session = settings.session()
     if options["save_config"]:
         _save(options["save_config"], dump_toml(settings.resolved()))
-    with _terminated_as_interrupted():
-        summary = run(session)
+    summary = run(session)
     refuse_short(opened or settings.source["name"], session, summary)
     # Standard output may carry data, of which the summary is no part.
     click.echo("\n".join(summary.lines()), err=options["as_json"])
@@ -96,19 +91,6 @@ def _sinks(configured: Tree | None, asked: tuple[str, ...], as_json: bool) -> Tr
     if sinks or configured is not None:
         return sinks or known
     return {"terminal": {}}
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Generator[None]:
-    """End a run that is told to terminate as Control-C does: with everything closed, and its summary."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _save(path: Path, text: str) -> None:

@@ -7,6 +7,7 @@ from collections import Counter
 import click
 import numpy as np
 
+from monochord.cli import INTERRUPTED
 from monochord.cli._options import (
     USUAL_ESTIMATOR,
     calibrated,
@@ -36,8 +37,10 @@ def locate(
     window: float | None,
     hop: float | None,
     as_json: bool,  # noqa: FBT001
-) -> None:
+) -> int:
     """Locate the touch in a recording: position in metres from the nut, for every window.
+
+    Control-C ends it with what it has so far, and with status 130.
 
     \b
     monochord locate take.wav --length 0.65 --open-frequency 110 --json
@@ -53,6 +56,7 @@ def locate(
     refuse_short(file, session, summary)
     if not as_json:
         click.echo("\n".join([file, *table.lines()]))
+    return INTERRUPTED if summary.interrupted else 0
 
 
 class _Table(Listener):

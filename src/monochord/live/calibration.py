@@ -18,9 +18,12 @@ def medians(take: Session) -> dict[str, float]:
     ------
     InputError
         If no window of the take has a frequency.
+    KeyboardInterrupt
+        If it is interrupted: half a take is no calibration.
     """
     heard = _Heard()
-    run(dataclasses.replace(take, sinks=(heard,)))
+    if run(dataclasses.replace(take, sinks=(heard,))).interrupted:
+        raise KeyboardInterrupt
     if not heard.values:
         why = f"no window of it has a frequency ({heard.why_not or 'it is shorter than a window'})"
         raise InputError(f"calibration take: {why}", "a take with a clear note", "record it again")

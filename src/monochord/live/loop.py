@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 import numpy as np
 
 from monochord.clock import SampleClock
+from monochord.live.interruption import interruption
 from monochord.live.settings import Session
 from monochord.live.summary import Meter, Summary
 from monochord.physics.strings import load_string
@@ -33,7 +34,8 @@ def run(session: Session) -> Summary:
     Returns
     -------
     Summary
-        What was counted and timed. Control-C ends the loop and is not raised.
+        What was counted and timed. A first Control-C or SIGTERM ends the loop after the window at hand and is
+        not raised: `interrupted` tells of it.
 
     Raises
     ------
@@ -43,7 +45,9 @@ def run(session: Session) -> Summary:
         If a device is absent or goes away for good.
     """
     with ExitStack() as stack:
+        wish = stack.enter_context(interruption())
         stream = stack.enter_context(session.source.open())
+        stack.enter_context(wish.ending(stream.close))
         signal = _known(stream.signal, session.string)
         size, hop = session.window.frames(signal.sample_rate)
         estimate = session.estimator.prepare(signal, size)
@@ -56,7 +60,7 @@ def run(session: Session) -> Summary:
         try:
             for window in windows(feed, size=size, hop=hop, sample_rate=signal.sample_rate):
                 end = window.start + size
-                if clock.time(end) > session.seconds:
+                if wish.asked or clock.time(end) > session.seconds:
                     break
                 if stream.pending >= hop:
                     meter.skip()
@@ -84,7 +88,8 @@ def run(session: Session) -> Summary:
                 if not window.has_gap:
                     meter.add_capture(feed.captured(end), done)
         except KeyboardInterrupt:
-            meter.interrupted = True
+            wish.asked = True
+        meter.interrupted = wish.asked
         return meter.summary(feed.frames, stream.health)
 
 

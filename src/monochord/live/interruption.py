@@ -1,0 +1,65 @@
+"""Control-C and SIGTERM as a wish that the loop grants between two windows."""
+
+import signal
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interruption:
+    """Whether the person or the system asked for the end of a run; a second signal raises at once.
+
+    A KeyboardInterrupt may be raised anywhere, and inside a compiled kernel it comes out as another error; so
+    the first signal only sets `asked` and closes the stream, which may be waiting for a block that never
+    comes.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._close: Callable[[], None] | None = None
+        self._closing: threading.Thread | None = None
+
+    @contextmanager
+    def ending(self, close: Callable[[], None]) -> Generator[None]:
+        """Have `close` called, from a thread of its own, once the end is asked for."""
+        self._close = close
+        if self.asked:
+            close()
+        try:
+            yield
+        finally:
+            self._close = None
+            if self._closing:
+                self._closing.join()
+
+    def handle(self, number: int, frame: FrameType | None) -> None:
+        """Take a signal."""
+        if self.asked:
+            signal.default_int_handler(number, frame)
+        self.asked = True
+        if self._close:
+            # The interrupted code may hold a lock that closing wants, and goes on only after this returns.
+            self._closing = threading.Thread(target=self._close, daemon=True)
+            self._closing.start()
+
+
+@contextmanager
+def interruption() -> Generator[Interruption]:
+    """Take SIGINT and SIGTERM, unless they are ignored, and put back what stood there before.
+
+    Outside the main thread, where Python takes no signals, nothing is changed.
+    """
+    wish = Interruption()
+    before = {}
+    with suppress(ValueError):  # not the main thread
+        for number in SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, wish.handle)
+    try:
+        yield wish
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
