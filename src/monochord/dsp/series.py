@@ -29,7 +29,7 @@ LEAST_B, MOST_B = 0.0, 3.0e-3
 MISSING = 0.03
 """Probability that a partial between strong ones is missing."""
 NODES, NODE_COST = 5, 4.0
-"""A pluck at a k-th of the string leaves out every k-th partial: up to which k, and the price of assuming it."""
+"""A pluck at a k-th of the string leaves out every k-th partial: up to which k, and its price in nats."""
 AROUND = 5
 """How many partials on each side tell what height a partial should have."""
 DIP = 4.0
