@@ -138,6 +138,16 @@ WRONG: dict[str, tuple[list[str], str]] = {
         "above 0",
     ),
     "frequency in words": (["locate", "{file}", "--length", "0.65", "--open-frequency", "low"], "above 0"),
+    "window of a nanosecond": (["locate", "{file}", *STRING, "--window", "1e-9"], "0.01 to 60 s"),
+    "hop of a nanosecond": (["locate", "{file}", *STRING, "--hop", "1e-9"], "0.001 to 60 s"),
+    "string of a source that knows its own": (
+        ["live", "--source", "split_string", "--string", "appendix"],
+        "name it as INPUT",
+    ),
+    "unknown string of such a source": (
+        ["live", "--source", "split_string", "--string", "apendix"],
+        "'appendix'",
+    ),
     "window of a day": (["locate", "{file}", *STRING, "--window", "86400"], "60 s"),
     "hop of zero": (["locate", "{file}", *STRING, "--hop", "0"], "above 0"),
     "calibration without position": (["locate", "{file}", *STRING, "--calibrate", "{file}"], "FILE:POSITION"),

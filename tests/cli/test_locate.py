@@ -139,3 +139,18 @@ def test_interrupted_it_sums_up_what_it_has(take: Take, capsys: pytest.CaptureFi
     thread.join()
     assert " of 8991 " not in capsys.readouterr().out
     assert signal.getsignal(signal.SIGINT) is usual
+
+
+def test_what_is_there_of_a_cut_file_is_read_as_the_refusal_says(
+    take: Take, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = take(0.2)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert run(["locate", str(path), *STRING]) == 2
+    told = capsys.readouterr().err
+    assert "locate --allow-truncated, live --set source.allow_truncated=true" in told
+    there = located(capsys, str(path), *STRING, "--allow-truncated")
+    assert 15 < len(there) < 25
+    assert there[0]["position"] == pytest.approx(0.2, abs=1e-3)
+    options = ["--source", "wav", "--set", "source.allow_truncated=true", *STRING]
+    assert run(["live", str(path), *options]) == 0

@@ -16,6 +16,7 @@ from monochord.errors import DeviceError, InputError
 from monochord.estimators.base import Estimator, Prepared
 from monochord.live import Session, WindowSettings, run
 from monochord.sinks.base import Moment, Sink, Writer
+from monochord.sources import SOURCES
 from monochord.sources.base import Source, Stream
 from monochord.types import Audio, Block, Estimate, Signal, StreamHealth, Truth, Window
 
@@ -224,6 +225,19 @@ def test_seconds_of_the_stream_are_looked_at() -> None:
     summary = run(session(Script(cut(NOISE, 100)), keep, seconds=0.5))
     assert summary.windows == 41
     assert keep.seen[-1].prediction.start + 100 == 500
+
+
+@pytest.mark.parametrize(
+    ("preset", "line"),
+    [
+        ("appendix", "string 'appendix': allowed is no string beside.*name it as INPUT"),
+        ("apendix", "'appendix'"),
+    ],
+)
+def test_a_string_is_refused_beside_a_source_that_knows_its_own(preset: str, line: str) -> None:
+    known = Session(source=SOURCES.build("split_string"), estimator=Mean(), string=preset)
+    with pytest.raises(InputError, match=line):
+        run(known)
 
 
 def test_an_unknown_string_preset_is_refused() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.dsp.pitch import PitchFinder
+from monochord.errors import InputError
 from monochord.physics.theory import series_bound, stiff_partials
 from monochord.types import Floats
 from monochord.units import Hertz, Seconds
@@ -40,6 +41,12 @@ class Bound(Benchmark):
     windows: int = 300
     window: Seconds = 0.1
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.windows < 1:
+            raise InputError(f"{self.windows} windows", "1 or more")
+        if not 0.05 <= self.window <= 60.0:
+            raise InputError(f"window {self.window:g} s", "0.05 to 60 s")
 
     def run(self) -> Iterator[Row]:
         """Measure every ratio."""

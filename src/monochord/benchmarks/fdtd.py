@@ -8,6 +8,7 @@ import numpy as np
 
 from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark, Row
+from monochord.errors import InputError
 from monochord.physics.split_string import Pluck, Recording, Route, SplitString, peaks, simulate, time_step
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
@@ -15,6 +16,7 @@ from monochord.units import Seconds
 
 REFERENCE = "NumPy reference"
 FDTD = "compiled FDTD"
+LEAST, MOST = 0.001, 3600.0  # s of audio
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +44,13 @@ class Fdtd(Benchmark):
     seconds: Seconds = 4.0
     reference_seconds: Seconds = 0.1
     repeats: int = 5
+
+    def __post_init__(self) -> None:
+        for name in ("seconds", "reference_seconds"):
+            if not LEAST <= getattr(self, name) <= MOST:
+                raise InputError(f"{name} {getattr(self, name):g}", f"{LEAST:g} to {MOST:g} s")
+        if self.repeats < 1:
+            raise InputError(f"{self.repeats} repeats", "1 or more")
 
     def run(self) -> Iterator[Row]:
         """Time the routes, then compare what they say."""

@@ -14,6 +14,7 @@ from monochord.benchmarks._process import one_core, resident
 from monochord.benchmarks._take import write_take
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.config import Tree
+from monochord.errors import InputError
 from monochord.live import Session, Settings, Summary, run
 from monochord.physics.strings import load_string
 from monochord.sinks.base import Listener, Moment
@@ -53,6 +54,12 @@ class Live(Benchmark):
     speed: float = 20.0
     hop: Seconds = 0.01
     string: str = "plain_012"
+
+    def __post_init__(self) -> None:
+        if not 0.2 <= self.seconds < math.inf:
+            raise InputError(f"seconds {self.seconds:g}", "0.2 s or more")
+        if not (0.0 <= self.minutes < math.inf and 0.0 < self.speed < math.inf):
+            raise InputError(f"minutes {self.minutes:g} at speed {self.speed:g}", "0 or more, and above 0")
 
     def run(self) -> Iterator[Row]:
         """Measure the latency, its stages, then the memory."""

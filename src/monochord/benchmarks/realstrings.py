@@ -42,9 +42,15 @@ class Realstrings(Benchmark):
     last: Seconds = 1.05
     hop: Seconds = 0.1
 
+    def __post_init__(self) -> None:
+        self._protocol()
+
+    def _protocol(self) -> Protocol:
+        return Protocol(length=self.window, first=self.first, last=self.last, hop=self.hop)
+
     def run(self) -> Iterator[Row]:
         """Yield the rows of each instrument, then those of all together."""
-        protocol = Protocol(length=self.window, first=self.first, last=self.last, hop=self.hop)
+        protocol = self._protocol()
         ours: dict[str, list[Floats]] = {}
         plain: dict[str, list[Floats]] = {}
         helped: list[Floats] = []

@@ -12,7 +12,7 @@ import numpy as np
 from monochord.benchmarks import BENCHMARKS
 from monochord.benchmarks.base import Row
 from monochord.config import override
-from monochord.errors import InputError
+from monochord.errors import InputError, MonochordError
 
 
 @click.command()
@@ -23,13 +23,24 @@ def bench(name: str | None, as_json: bool, assignments: tuple[str, ...]) -> None
     """Run the benchmark NAME, or all of them, and print each figure with its baseline."""
     if assignments and not name:
         raise InputError(f"--set {assignments[0]} for all benchmarks", "one NAME with --set")
+    # Whatever is refused is refused before anything is measured.
+    chosen = {
+        each: BENCHMARKS.build(each, override({}, assignments))
+        for each in ([name] if name else BENCHMARKS.names())
+    }
     click.echo(_machine(), err=as_json)
-    for each in [name] if name else BENCHMARKS.names():
-        benchmark = BENCHMARKS.build(each, override({}, assignments))
+    missing: list[MonochordError] = []
+    for each, benchmark in chosen.items():
         if not as_json:
             click.echo(f"\n{each}")
-        for row in benchmark.run():
-            click.echo(json.dumps(_record(each, row)) if as_json else _line(row))
+        try:
+            for row in benchmark.run():
+                click.echo(json.dumps(_record(each, row)) if as_json else _line(row))
+        except MonochordError as error:  # what it needs is not on this machine
+            missing.append(error)
+            if len(missing) == len(chosen):
+                raise
+            click.echo(f"{each}  skipped: {error}", err=True)
 
 
 def _record(benchmark: str, row: Row) -> dict[str, str | float | None]:

@@ -26,6 +26,7 @@ from monochord.sinks.base import Listener, Moment
 @click.argument("file")
 @string_options
 @window_options
+@click.option("--allow-truncated", is_flag=True, help="Read what is there of a file that was cut short.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object a window.")
 def locate(
     file: str,
@@ -36,6 +37,7 @@ def locate(
     calibrate: tuple[tuple[str, float], ...],
     window: float | None,
     hop: float | None,
+    allow_truncated: bool,  # noqa: FBT001
     as_json: bool,  # noqa: FBT001
 ) -> int:
     """Locate the touch in a recording: position in metres from the nut, for every window.
@@ -46,7 +48,8 @@ def locate(
     monochord locate take.wav --length 0.65 --open-frequency 110 --json
     monochord locate two_microphones.wav --string prototype
     """  # noqa: D301
-    tree: Tree = {"source": recording(file), "sinks": {"jsonl": {"everything": False}} if as_json else {}}
+    source = {**recording(file), "allow_truncated": allow_truncated}
+    tree: Tree = {"source": source, "sinks": {"jsonl": {"everything": False}} if as_json else {}}
     put(tree, "estimator", name=estimator or USUAL_ESTIMATOR, length=length, open_frequency=open_frequency)
     put(tree, "window", length=window, hop=hop)
     tree = calibrated({**tree, "string": string or ""}, calibrate)

@@ -17,6 +17,7 @@ Calibration = tuple[tuple[float, ...], ...]
 """Takes of known touch, as the closed-form estimator takes them; the open note comes first."""
 Mix = Callable[[Audio], Audio]
 """Changes the samples (channels, n) of a take, as by adding interference."""
+SHORTEST, LONGEST = 0.01, 60.0  # s, of a window and of the distance of two
 NEAR: Metres = 5.0e-3
 """An answer at most this far off counts as right."""
 
@@ -29,6 +30,15 @@ class Protocol:
     first: Seconds = 0.15
     last: Seconds = 1.05
     hop: Seconds = 0.1
+
+    def __post_init__(self) -> None:
+        for name, span in (("window", self.length), ("hop", self.hop)):
+            if not SHORTEST <= span <= LONGEST:
+                raise InputError(f"{name} {span:g} s", f"{SHORTEST:g} to {LONGEST:g} s")
+        if not 0.0 <= self.first <= self.last - self.length <= LONGEST:
+            given = f"windows of {self.length:g} s from {self.first:g} s to {self.last:g} s"
+            allowed = f"a first of 0 s or more, and a last one window or more after it, up to {LONGEST:g} s"
+            raise InputError(given, allowed)
 
     def windows(self, take: Audio, heard: Audio, rate: int) -> list[Window]:
         """Return the windows of `heard` that lie wholly in it, counted from the onset of `take`."""
@@ -87,12 +97,20 @@ def open_note(take: Take, protocol: Protocol) -> Calibration:
     """Return an open take as calibration: the median frequency and inharmonicity of its windows.
 
     From its audio alone: ``((frequency in Hz, 0.0, inharmonicity),)``.
+
+    Raises
+    ------
+    InputError
+        If no window has a frequency, as where all begin after the note has died away.
     """
     seen = [
         (told["frequency"].value, told["inharmonicity"].value)
         for told in located(take, ((take.frequency, 0.0),), protocol)
         if told["frequency"].valid
     ]
+    if not seen:
+        given = f"take {take.path.name} from {protocol.first:g} s to {protocol.last:g} s"
+        raise InputError(given, "a stretch with a clear note in it", "begin earlier after the onset")
     frequency, stiffness = np.median(np.array(seen), axis=0).tolist()
     return ((frequency, 0.0, stiffness),)
 

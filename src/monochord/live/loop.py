@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 import numpy as np
 
 from monochord.clock import SampleClock
+from monochord.errors import InputError
 from monochord.live.interruption import interruption
 from monochord.live.settings import Session
 from monochord.live.summary import Meter, Summary
@@ -129,10 +130,14 @@ def _made_up(signal: Signal, size: Samples) -> Window:
 
 
 def _known(signal: Signal, preset: str) -> Signal:
-    """Return the signal with the string that the session names; a source that knows its string wins."""
-    if not preset or signal.string is not None:
+    """Return the signal with the string that the session names, which a source may not know better."""
+    if not preset:
         return signal
-    return dataclasses.replace(signal, string=load_string(preset).string)
+    string = load_string(preset).string
+    if signal.string is not None:
+        allowed = "no string beside a source that knows its own"
+        raise InputError(f"string '{preset}'", allowed, f"name it as INPUT: monochord live {preset} ...")
+    return dataclasses.replace(signal, string=string)
 
 
 @contextmanager

@@ -18,6 +18,9 @@ from monochord.sources.base import Source
 from monochord.units import Samples, Seconds
 
 T = TypeVar("T")
+SHORTEST: Seconds = 0.01  # holds a period of 100 Hz
+CLOSEST: Seconds = 0.001  # at the least rate of a source 16 frames
+LONGEST: Seconds = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,21 +35,21 @@ class WindowSettings:
     hop: Seconds = 0.01
 
     def __post_init__(self) -> None:
-        for name, span in (("length", self.length), ("hop", self.hop)):
-            if not 0.0 < span <= 60.0:
-                raise InputError(f"window {name} {span:g} s", "more than 0, up to 60 s")
+        for name, span, least in (("length", self.length, SHORTEST), ("hop", self.hop, CLOSEST)):
+            if not least <= span <= LONGEST:
+                raise InputError(f"window {name} {span:g} s", f"{least:g} to {LONGEST:g} s")
 
     def frames(self, sample_rate: int) -> tuple[Samples, Samples]:
-        """Return window length and hop in frames, to the nearest frame and at least one."""
-        return max(round(self.length * sample_rate), 1), max(round(self.hop * sample_rate), 1)
+        """Return window length and hop in frames, to the nearest frame."""
+        return round(self.length * sample_rate), round(self.hop * sample_rate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
     """A live run, ready to start: built plug-ins, the window, and when to end.
 
-    `string` names the preset that a source without knowledge of its string is taken to have; `seconds`
-    of the stream are looked at.
+    `string` names the preset that a source without knowledge of its string is taken to have, and is refused
+    by another; `seconds` of the stream are looked at.
     """
 
     source: Source

@@ -12,6 +12,7 @@ FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
 MOST_CHANNELS = 2
 UNKNOWN_LENGTH = 0xFFFFFFFF  # what a program that writes to a pipe, or RF64, puts for a length
 
+READ_ANYWAY = "read what is there: locate --allow-truncated, live --set source.allow_truncated=true"
 ENDLESS = 2**63 - 1  # frames, as libsndfile puts it, of a flac stream that does not say how many
 
 
@@ -66,17 +67,16 @@ def _refuse(file: soundfile.SoundFile, path: Path) -> None:
 
 def _refuse_truncated(file: soundfile.SoundFile, path: Path) -> None:
     if file.frames == ENDLESS:
-        remedy = "convert it, or set allow_truncated=true"
-        raise InputError(f"file {path} (does not say how long it is)", "one that does", remedy)
+        raise InputError(
+            f"file {path} (does not say how long it is)", "one that does", f"convert it, or {READ_ANYWAY}"
+        )
     if file.format == "FLAC":
         whole = _last_frame_reads(file)
     else:
         with path.open("rb") as raw:
             whole = _holds_what_it_promises(raw, path.stat().st_size)
     if not whole:
-        raise InputError(
-            f"file {path} (truncated)", "a whole file", "copy it again or set allow_truncated=true"
-        )
+        raise InputError(f"file {path} (truncated)", "a whole file", f"copy it again, or {READ_ANYWAY}")
 
 
 def _last_frame_reads(file: soundfile.SoundFile) -> bool:
