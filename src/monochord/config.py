@@ -138,7 +138,7 @@ def _explain(error: msgspec.ValidationError, cls: type, tree: Mapping[str, Any],
         key = _culprit(kind, value) if step == "..." else step
         kind, where, value = inside(kind, key), _place(where, key), dict(_children(value)).get(key)
     if absent:
-        return InputError(f"option '{where}', not given,", wording(kind))
+        return InputError(f"option '{where}' (not given)", wording(kind))
     bound = re.match("Expected `(.+?)` ([<>].*|matching .*)", reason)
     allowed = f"{bound[1]} {bound[2]}" if bound else wording(kind)
     if not reason.startswith(("Expected", "Invalid", "cannot make")):

@@ -91,6 +91,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["pluck"], 2, ["Missing argument 'FAULT'", "see 'monochord pluck --help'"]),
         (["pluck", "it", "--lenght", "1"], 2, ["No such option '--lenght'", "Did you mean '--length'?"]),
         (["pluck", "it", "--length", "long"], 2, ["--length", "'long' is not a valid float"]),
+        (["pluck", "it", "--length"], 2, ["requires an argument", "see 'monochord pluck --help'"]),
         (["--verbose"], 2, ["No such option '--verbose'", "see 'monochord --help'"]),
         (["pluck", "input"], 2, ["force -1 N: allowed is 0 N or more; press, don't pull"]),
         (["pluck", "device"], 2, ["no JACK server"]),

@@ -54,3 +54,11 @@ def test_the_tree_is_plain_json() -> None:
     assert tree["windows"] == 10
     assert tree["health"]["gaps"] == 3
     assert tree["stages"]["latency"]["longest"] == 0.02
+
+
+def test_clocks_are_told_where_the_stream_knows_them() -> None:
+    known = StreamHealth(clock_offsets={"realtime": 1.2, "monotonic_raw": -0.25, "jack": 0.001})
+    last = metered().summary(441, known).lines()[-1]
+    assert last.split()[:3] == ["clocks", "realtime", "+1.200000"]
+    assert "monotonic_raw -0.250000 s  jack +0.001000 s" in last
+    assert "clocks" not in "\n".join(metered().summary(441, StreamHealth()).lines())

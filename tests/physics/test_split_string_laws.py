@@ -11,6 +11,7 @@ from monochord.physics.split_string.grid import Grid, lay_out, time_step
 from monochord.physics.split_string.segments import split
 from monochord.physics.split_string.simulate import step_grid
 from monochord.physics.strings import load_string
+from monochord.physics.theory import segment_frequencies
 from monochord.types import Contact, Floats
 
 APPENDIX = load_string("appendix")
@@ -158,3 +159,14 @@ def test_trap_a_printed_phase_jumps_when_the_frequency_changes() -> None:
         steps.append(float(loudness(recording, 0.6, 1.0)[0]))
     # Jumps at every hop push out of step, and the string never reaches the amplitude of a steady drive.
     assert steps[1] < 0.9 * steps[0]
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_a_driven_segment_sounds_above_its_own_frequency_by_half_over_q_squared(share: float) -> None:
+    bass = load_string("bass_100")
+    string = replace(bass.string, damping=share * bass.string.damping)
+    contact = bass.usual_contact
+    heard = peaks(simulate(SplitString(string=string, contact=contact), 2.0, route="modal"), settle=1.0)
+    for found, own in zip(heard, segment_frequencies(string, contact), strict=True):
+        quality = 2.0 * np.pi * own * string.linear_density / string.damping
+        assert found / own - 1.0 == pytest.approx(0.5 / quality**2, rel=0.1)

@@ -82,7 +82,7 @@ def _answered(arguments: list[str]) -> int:
         _forget_output()
         return 1
     except (click.ClickException, MonochordError, OSError) as error:
-        line, status = _verdict(error)
+        line, status = _verdict(error, arguments)
         _forget_output()
         click.echo("monochord: " + " ".join(line.split()), err=True)
         return status
@@ -91,11 +91,12 @@ def _answered(arguments: list[str]) -> int:
     return result if isinstance(result, int) else 0
 
 
-def _verdict(error: click.ClickException | MonochordError | OSError) -> tuple[str, int]:
+def _verdict(error: click.ClickException | MonochordError | OSError, arguments: list[str]) -> tuple[str, int]:
     """Return the line and the exit status that an error ends with; a fault of ours is raised again."""
     match error:
         case click.UsageError():
-            verb = error.ctx.command_path if error.ctx else "monochord"
+            named = [word for word in arguments[:1] if not word.startswith("-")]
+            verb = error.ctx.command_path if error.ctx else " ".join(["monochord", *named])
             return f"{error.format_message()} (see '{verb} --help')", 2
         case InputError() | DeviceError():
             return str(error), 2

@@ -47,7 +47,7 @@ class Summary:
             "reconnects": health.reconnects,
         }
         timed = [f"{name:<9}{seen.line()}" for name, seen in self.stages.items() if seen.count]
-        return [_counts(counted), _counts(stream), *timed]
+        return [_counts(counted), _counts(stream), *timed, *_clocks(health)]
 
     def tree(self) -> dict[str, Any]:
         """Return the summary as plain values."""
@@ -102,3 +102,9 @@ class Meter:
 
 def _counts(counted: Mapping[str, int]) -> str:
     return "  ".join(f"{name} {count}" for name, count in counted.items())
+
+
+def _clocks(health: StreamHealth) -> list[str]:
+    """Return what each clock shows beyond the monotonic one, where the stream knows it."""
+    ahead = "  ".join(f"{name} {offset:+.6f} s" for name, offset in health.clock_offsets.items())
+    return [f"{'clocks':<9}{ahead} against monotonic"] if ahead else []

@@ -72,8 +72,12 @@ def quantity(value: float, unit: str) -> str:
 
     >>> quantity(0.22748, "m")
     '227.5 mm'
+    >>> quantity(8.134e-5, "")
+    '8.1e-05'
     """
     shown, name = (1e3 * value, "mm") if unit == "m" else (value, unit)
+    if not name and 0.0 < abs(shown) < 0.1:
+        return f"{shown:.2g}"
     if 0.0 < abs(shown) < 0.1:
         return f"{shown:.3f} {name}".rstrip()
     digits = 2 if abs(shown) < 10.0 else 1

@@ -50,6 +50,10 @@ def peaks(recording: Recording, *, settle: Seconds = 0.15) -> tuple[Hertz, Hertz
     The mixing of Eq. 5 is undone, since the louder segment would otherwise be the maximum of both
     microphones; then each channel's strongest line under a Hann window is read between bins.
 
+    A driver that closes its phase sustains a segment slightly above its own frequency f, since its other
+    modes answer the drive too: by about f / (2 Q^2), with Q = 2 pi f mu / d. That is 0.01 % on the appendix's
+    string, and 0.3 % on the longer side of a bass string whose Q is 13; no length of recording takes it away.
+
     Parameters
     ----------
     recording
