@@ -51,8 +51,8 @@ TENSION_DRIFT = 0.02
 """Share by which the tension may lie below or above what the force explains."""
 LEAD = 0.25
 """Least lead in score of the best reading over any that tells something else."""
-SCORE_SCALE = 0.1
-"""Lead in score that makes a reading e times as likely as its rival: judged by eye, not measured."""
+SCORE_SCALE, LEAST_DOUBT = 0.1, 0.01
+"""Lead in score that makes a reading e times as likely as its rival, and the least doubt: judged, not measured."""
 NEAR = 0.01
 """Readings nearer than this share of the length tell the same position."""
 
@@ -164,7 +164,7 @@ def _no_contact(frequency: Hertz, std: Hertz, lead: float) -> Estimates:
 
 def _doubt(lead: float) -> float:
     """Return the standard deviation of a yes or no that leads its contrary by a score."""
-    return float(0.5 / np.cosh(0.5 * min(lead, 100.0 * SCORE_SCALE) / SCORE_SCALE))
+    return max(LEAST_DOUBT, float(0.5 / np.cosh(0.5 * min(lead, 10.0) / SCORE_SCALE)))
 
 
 def _find_lines(analyser: Analyser, samples: Floats, lowest: Hertz) -> _Lines:
