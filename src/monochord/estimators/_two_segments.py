@@ -52,7 +52,7 @@ TENSION_DRIFT = 0.02
 LEAD = 0.25
 """Least lead in score of the best reading over any that tells something else."""
 SCORE_SCALE, LEAST_DOUBT = 0.1, 0.01
-"""Lead in score that makes a reading e times as likely as its rival, and the least doubt: judged, not measured."""
+"""Lead in score that makes a reading e times as likely as its rival, and the least doubt: judged by eye."""
 NEAR = 0.01
 """Readings nearer than this share of the length tell the same position."""
 
