@@ -18,7 +18,8 @@ from monochord.sources.base import Source, Stream
 from monochord.types import Block
 
 RATE = 44100
-DEVICES = {"jack", "soundcard"}
+DEVICES = {"jack", "soundcard"}  # what they hear is never the same twice
+MAY_BE_ABSENT = {"soundcard"}  # a JACK server is started; a card cannot be
 Open = Callable[..., Any]
 
 
@@ -54,6 +55,8 @@ def opened(what_to_open: Callable[[str], dict[str, Any]]) -> Open:
         try:
             stream = context.__enter__()
         except DeviceError as error:
+            if name not in MAY_BE_ABSENT:
+                raise
             pytest.skip(str(error))
         try:
             yield stream
@@ -94,11 +97,8 @@ def test_a_block_keeps_its_samples_when_the_next_one_comes(name: str, opened: Op
         assert np.array_equal(first.samples, kept)
 
 
-@each_source
+@pytest.mark.parametrize("name", sorted(set(SOURCES.names()) - DEVICES))
 def test_the_size_of_blocks_does_not_change_the_samples(name: str, opened: Open) -> None:
-    if name in DEVICES:
-        pytest.skip("what a device hears is never the same twice")
-
     def beginning(block: int) -> np.ndarray:
         with opened(name, block=block) as stream:
             parts = [part.samples for part in islice(stream, -(-2000 // block))]
