@@ -1,10 +1,14 @@
 """Closed forms of the touched string: frequencies, their inverse, stiffness, sensitivities and bounds.
 
-Touches are clamps here: they cut the string into two segments that share nothing but the tension. Functions
+Touches are clamps where nothing else is said: they cut the string into two segments that share nothing but
+the tension. Beside these stand softer touches (a spring, Hertz's contact) and what a string loses. Functions
 take plain numbers or, where their signature says so, arrays.
 """
 
 from monochord.physics.theory.bounds import contact_bound, far_segment_bound, series_bound, tone_bound
+from monochord.physics.theory.hertz import contact_width, hertz_stiffness, mindlin_ratio, outer_diameter
+from monochord.physics.theory.loaded import bending_stiffness, loaded_frequencies, static_compliance
+from monochord.physics.theory.losses import Losses, decay_rates
 from monochord.physics.theory.segments import (
     harmonic_frequencies,
     locate_from_segments,
@@ -35,26 +39,35 @@ from monochord.physics.theory.tension import (
 )
 
 __all__ = [
+    "Losses",
     "TensionLaw",
+    "bending_stiffness",
     "contact_bound",
+    "contact_width",
     "damping_under",
+    "decay_rates",
     "far_segment_bound",
     "far_segment_sensitivity",
     "force_from_tension",
     "frequency_sensitivities",
     "geometric_tension",
     "harmonic_frequencies",
+    "hertz_stiffness",
     "inharmonicity",
     "linear_tension",
+    "loaded_frequencies",
     "locate_from_segments",
+    "mindlin_ratio",
     "mixing_matrix",
     "open_frequency",
+    "outer_diameter",
     "partial_numbers",
     "position_from_far_segment",
     "segment_frequencies",
     "segment_inharmonicity",
     "series_bound",
     "split_frequencies",
+    "static_compliance",
     "step_limit",
     "stiff_partials",
     "stretch_stiffness",

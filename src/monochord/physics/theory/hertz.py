@@ -1,0 +1,227 @@
+"""Contact of a steel string with a round object across it: Hertz's stiffness, and how wide they touch."""
+
+import math
+
+from monochord.errors import InputError
+from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_pull
+from monochord.physics.theory.loaded import bending_stiffness
+from monochord.types import StringParams
+from monochord.units import Metres, Pascals
+
+STEEL_DENSITY = 7850.0
+"""Of plain carbon steel, in kg/m^3: the handbook value."""
+STEEL_POISSON_RATIO = 0.3
+"""Of steel: the handbook value."""
+
+
+def outer_diameter(string: StringParams) -> Metres:
+    """Return the diameter of a solid steel string of the same weight.
+
+    d = sqrt(4 mu / (pi rho)), rho = 7850 kg/m^3. For a plain string this is its gauge; a wound one, whose
+    windings leave air between them, is a few per cent thicker than this.
+
+    Parameters
+    ----------
+    string
+        The string; its linear density counts.
+
+    Returns
+    -------
+    float
+        d in m.
+
+    Raises
+    ------
+    InputError
+        If the linear density is not above zero.
+
+    Examples
+    --------
+    >>> f"{outer_diameter(StringParams(length=0.65, linear_density=3.978e-4, tension=73.0)):.3e}"
+    '2.540e-04'
+    """
+    refuse_not_positive(linear_density=string.linear_density)
+    return math.sqrt(4.0 * string.linear_density / (math.pi * STEEL_DENSITY))
+
+
+def hertz_stiffness(
+    string: StringParams, radius: Metres, young_modulus: Pascals, poisson_ratio: float
+) -> float:
+    """Return the contact stiffness of a string pressed against a cylinder across it.
+
+    f = k delta^(3/2) with k = (2 pi E* / (3 K))^(3/2) sqrt(3 D / (2 pi E* A)): Hertz's elliptic contact. A is
+    half of the smaller of the curvatures 1/R and 2/d; K and E are the complete elliptic integrals and
+    D = (K - E)/m, all of the parameter m, one less the squared ratio of the ellipse's axes, which follows
+    from the ratio of the curvatures. 1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2. Holds for smooth elastic
+    bodies, an ellipse small beside d and R, and no friction. A flat object touches along a line, for which
+    no such law exists, and is refused; towards it k grows without end, slowly.
+
+    Parameters
+    ----------
+    string
+        The string, of steel: `young_modulus`, Poisson ratio 0.3, `outer_diameter`.
+    radius
+        Of the object, R in m: above zero and finite.
+    young_modulus
+        Of the object, in Pa; infinite for a rigid one.
+    poisson_ratio
+        Of the object, above -1 and at most 0.5.
+
+    Returns
+    -------
+    float
+        k in N/m^1.5.
+
+    Raises
+    ------
+    InputError
+        If the radius, a modulus or the Poisson ratio is out of its range.
+
+    References
+    ----------
+    Johnson (1985), Contact Mechanics, section 4.2; the elliptic integrals after Abramowitz and Stegun, 17.6.
+
+    Examples
+    --------
+    >>> plain = StringParams(length=0.65, linear_density=3.978e-4, tension=73.0)
+    >>> f"{hertz_stiffness(plain, 5.0e-3, 2.0e9, 0.35):.2e}"
+    '1.08e+08'
+    """
+    modulus = _contact_modulus(string, young_modulus, poisson_ratio)
+    _, integral, part = _ellipse(string, radius)
+    major_per_force = 3.0 * part / (2.0 * math.pi * modulus * _least_curvature(string, radius))
+    return (2.0 * math.pi * modulus / (3.0 * integral)) ** 1.5 * math.sqrt(major_per_force)
+
+
+def contact_width(
+    string: StringParams, radius: Metres, young_modulus: Pascals, poisson_ratio: float, force: Number
+) -> Number:
+    """Return the length of string that takes part in a contact.
+
+    The axis of Hertz's ellipse along the string, plus the wrap: a press F turns the string by F / T, so that
+    an ideally flexible one lies on the arc R F / T. A stiff string turns by lambda / R on each side before it
+    lies on, lambda = sqrt(E I / T): then the wrap is R F / T - 2 lambda, and there is none below
+    F = 2 sqrt(E I T) / R. Holds for small turns; where the wrap is long the sum is an upper estimate.
+
+    Parameters
+    ----------
+    string
+        The string, of steel; its tension at rest counts.
+    radius, young_modulus, poisson_ratio
+        Of the object, as in `hertz_stiffness`.
+    force
+        Normal force F in N, zero or more; any shape.
+
+    Returns
+    -------
+    float or array
+        Width in m, of the shape of `force`.
+
+    Raises
+    ------
+    InputError
+        As `hertz_stiffness`, or if a force is negative.
+
+    References
+    ----------
+    Johnson (1985), Contact Mechanics, section 4.2. The wrap is derived here from the tensioned beam.
+
+    Examples
+    --------
+    >>> plain = StringParams(length=0.2, linear_density=3.978e-4, tension=65.0, core_diameter=2.54e-4)
+    >>> round(1e3 * contact_width(plain, 5.0e-3, 2.0e9, 0.35, 1.0), 3)
+    0.36
+    """
+    refuse_pull(force)
+    modulus = _contact_modulus(string, young_modulus, poisson_ratio)
+    squared, _, part = _ellipse(string, radius)
+    major_per_force = 3.0 * part / (2.0 * math.pi * modulus * _least_curvature(string, radius))
+    along = 1.0 if radius >= outer_diameter(string) / 2.0 else math.sqrt(squared)
+    wrap = radius * force / string.tension - 2.0 * math.sqrt(bending_stiffness(string) / string.tension)
+    return 2.0 * along * (major_per_force * force) ** (1.0 / 3.0) + wrap * (wrap > 0.0)  # pyright: ignore[reportReturnType]
+
+
+def mindlin_ratio(poisson_ratio: float) -> float:
+    """Return the tangential over the normal stiffness of a contact that does not slide.
+
+    k_t / k_n = 2 (1 - nu) / (2 - nu), the tangents of force over displacement, for a circular contact of two
+    bodies of the same Poisson ratio. For an ellipse it depends somewhat on the direction.
+
+    Parameters
+    ----------
+    poisson_ratio
+        nu, above -1 and at most 0.5.
+
+    Returns
+    -------
+    float
+        The ratio, without unit: from 2/3 at nu 0.5 to 1 at nu 0 for common materials.
+
+    Raises
+    ------
+    InputError
+        If nu is out of its range.
+
+    References
+    ----------
+    Mindlin (1949), Compliance of elastic bodies in contact, J. Appl. Mech. 16, 259; Johnson (1985), Contact
+    Mechanics, section 7.2.
+
+    Examples
+    --------
+    >>> round(mindlin_ratio(0.3), 4)
+    0.8235
+    """
+    _refuse_poisson(poisson_ratio)
+    return 2.0 * (1.0 - poisson_ratio) / (2.0 - poisson_ratio)
+
+
+def _contact_modulus(string: StringParams, young_modulus: Pascals, poisson_ratio: float) -> Pascals:
+    """Return E*, the modulus of both bodies together."""
+    refuse_not_positive(young_modulus_of_the_string=string.young_modulus, young_modulus=young_modulus)
+    _refuse_poisson(poisson_ratio)
+    string_part = (1.0 - STEEL_POISSON_RATIO**2) / string.young_modulus
+    return 1.0 / (string_part + (1.0 - poisson_ratio**2) / young_modulus)
+
+
+def _refuse_poisson(poisson_ratio: float) -> None:
+    if not -1.0 < poisson_ratio <= 0.5:
+        raise InputError(f"Poisson ratio {poisson_ratio:g}", "above -1 and at most 0.5")
+
+
+def _least_curvature(string: StringParams, radius: Metres) -> float:
+    """Return A of the gap A x^2 + B y^2 between the bodies, x along the ellipse's longer axis, in 1/m."""
+    return 0.5 / max(radius, outer_diameter(string) / 2.0)
+
+
+def _ellipse(string: StringParams, radius: Metres) -> tuple[float, float, float]:
+    """Return the squared ratio of the short to the long axis, and K and D of that ellipse."""
+    refuse_not_positive(radius=radius)
+    if math.isinf(radius):
+        raise InputError("radius inf", "a finite radius", "a flat object has no point contact")
+    ratio = radius / (outer_diameter(string) / 2.0)
+    ratio = max(ratio, 1.0 / ratio)
+    # B / A = (1 - D/K) / (p D/K) falls from infinity to one as p grows to one; bisected in log p.
+    low, high = math.log(1e-300), 0.0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        squared = math.exp(middle)
+        integral, part = _elliptic(squared)
+        low, high = (middle, high) if integral - part > ratio * squared * part else (low, middle)
+    squared = math.exp(0.5 * (low + high))
+    return squared, *_elliptic(squared)
+
+
+def _elliptic(complement: float) -> tuple[float, float]:
+    """Return K(m) and D(m) = (K(m) - E(m)) / m at m = 1 - `complement`, by the arithmetic-geometric mean."""
+    root = math.sqrt(complement)
+    mean, geometric = 0.5 * (1.0 + root), math.sqrt(root)
+    # The sum of 2^(n-1) c_n^2 / m, which is D / K; dividing by m beforehand keeps it whole as m vanishes.
+    term, weight = 0.25 * (1.0 - root) / (1.0 + root), 1.0
+    share = 0.5 + term
+    while term * weight > 1e-17 * share:
+        mean, geometric = 0.5 * (mean + geometric), math.sqrt(mean * geometric)
+        term, weight = (1.0 - complement) * term**2 / (16.0 * mean**2), 2.0 * weight
+        share += weight * term
+    integral = math.pi / (mean + geometric)
+    return integral, share * integral
