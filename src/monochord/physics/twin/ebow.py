@@ -1,0 +1,34 @@
+"""The EBow: what a coil hears of the string is filtered, amplified to its limit and pushed back by another coil.
+
+The sense coil gives the string's velocity, a two-pole band filter its band, and the drive coil pushes with
+F = F_max tanh(g y / F_max) (after Heet 1978: feedback through sense and drive coil). The filter is the trapezoidal
+state-variable one (Zavalishin 2012), and the force held over a sample is that of its middle, extrapolated.
+"""
+
+import numpy as np
+
+from monochord.physics.twin.part import part
+from monochord.types import Floats
+
+WARP, DAMP, GAIN, LIMIT = range(4)
+"""Parameters: tan(pi f / rate), 1 / Q, gain in N s/m, limit in N."""
+FIRST, SECOND, BEFORE, GATE = range(4)
+"""Memory: the two states of the filter, its last output, and how far the driver is switched on, 0 to 1."""
+
+
+@part
+def drive(ebow: Floats, memory: Floats, velocity: float) -> float:
+    """Return the force in N held over the next sample, given the velocity at the sense coil in m/s."""
+    g, k = ebow[WARP], ebow[DAMP]
+    high = (velocity - (k + g) * memory[FIRST] - memory[SECOND]) / (1.0 + g * (g + k))
+    band = g * high + memory[FIRST]
+    low = g * band + memory[SECOND]
+    memory[FIRST] = g * high + band
+    memory[SECOND] = g * band + low
+    heard = k * band
+    ahead = 1.5 * heard - 0.5 * memory[BEFORE]
+    memory[BEFORE] = heard
+    limit = ebow[LIMIT]
+    if limit <= 0.0 or memory[GATE] <= 0.0:
+        return 0.0
+    return memory[GATE] * limit * np.tanh(ebow[GAIN] * ahead / limit)

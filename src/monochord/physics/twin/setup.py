@@ -1,0 +1,193 @@
+"""What a twin is made of: the sensor as built, and the scene around it."""
+
+from dataclasses import dataclass, field
+from math import inf, pi
+from typing import Annotated
+
+from msgspec import Meta
+
+from monochord.errors import InputError
+from monochord.physics.materials import Material
+from monochord.physics.theory import Losses, TensionLaw
+from monochord.types import Audio, StringParams
+from monochord.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
+
+MOST_TOUCHES = 8
+"""How many objects may touch the string at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ebow:
+    """A driver: coils at `sense` and `drive` on the string, each as wide as `aperture` (a Gaussian's deviation).
+
+    Its band has the centre `centre` and quality `quality`; `gain` in N s/m is what it gives for a small
+    velocity in its band, `limit` in N what it gives at most. `angle` is between its pull and the direction in
+    which touches press, in radians.
+    """
+
+    sense: Metres
+    drive: Metres
+    aperture: Annotated[Metres, Meta(ge=0.0, le=0.05)] = 4.0e-3
+    centre: Annotated[Hertz, Meta(ge=20.0, le=12000.0)] = 1500.0
+    quality: Annotated[float, Meta(ge=0.1, le=20.0)] = 0.5
+    gain: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.01
+    limit: Annotated[Newtons, Meta(ge=0.0, le=1.0)] = 0.01
+    angle: Annotated[float, Meta(ge=-pi, le=pi)] = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pickups:
+    """Two contact microphones at the string's ends and what follows them.
+
+    `own` is l1 and l2 of the paper's Eq. 5; `gain` in full scale a newton; `angle` is the direction they feel,
+    from that of a touch's press. The preamplifiers pass `low` to `high`; `hiss` is the converter's noise in rms
+    of full scale; `air` is how much of an outside sound each hears, of its full scale.
+    """
+
+    own: tuple[Annotated[float, Meta(ge=0.0, le=1.0)], Annotated[float, Meta(ge=0.0, le=1.0)]] = (0.85, 0.85)
+    gain: tuple[Annotated[float, Meta(ge=0.0, le=1e4)], Annotated[float, Meta(ge=0.0, le=1e4)]] = (0.5, 0.5)
+    angle: Annotated[float, Meta(ge=-pi, le=pi)] = 0.5
+    low: Annotated[Hertz, Meta(ge=1.0, le=1000.0)] = 40.0
+    high: Annotated[Hertz, Meta(ge=1000.0, le=20000.0)] = 15000.0
+    hiss: Annotated[float, Meta(ge=0.0, le=0.1)] = 3.0e-5
+    air: tuple[float, float] = (1.0, 0.9)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """A sensor as built: string, losses, two drivers, two pickups, and the stretch where it senses.
+
+    `drift` is how far the string's tension is off its nominal value at the start, in N, and `drift_rate` how fast
+    it moves, in N/s. `shake` is the acceleration of the frame, in m/s^2, that an outside sound of full scale causes.
+    """
+
+    name: str
+    string: StringParams
+    drivers: tuple[Ebow, Ebow]
+    range: tuple[Metres, Metres]
+    title: str = ""
+    source: str = ""
+    notes: str = ""
+    losses: Losses = field(default_factory=Losses)
+    pickups: Pickups = field(default_factory=Pickups)
+    drift: Annotated[Newtons, Meta(ge=-50.0, le=50.0)] = 0.0
+    drift_rate: Annotated[float, Meta(ge=-1.0, le=1.0)] = 0.0
+    shake: Annotated[float, Meta(ge=0.0, le=100.0)] = 2.0
+
+    def __post_init__(self) -> None:
+        refuse_impossible(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Key:
+    """What a touch is told to do at a time: where, and how hard or how far off.
+
+    `force` is the normal force that a string at rest would press back with, `clearance` the distance of the
+    surface from the string at rest, `across` the object's speed across the string.
+    """
+
+    time: Seconds
+    position: Metres
+    force: Annotated[Newtons, Meta(ge=0.0, le=10.0)] = 0.0
+    clearance: Annotated[Metres, Meta(ge=0.0, le=0.1)] = 0.0
+    across: Annotated[MetresPerSecond, Meta(ge=-0.5, le=0.5)] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touch:
+    """An object and its motion; between keys all runs linearly, before the first and after the last it holds.
+
+    `radius` is the object's where it touches, its material's usual one if none is given. Where the position
+    moves, the object rolls along the string or, with `rolls` false, slides.
+    """
+
+    material: Material
+    motion: tuple[Key, ...]
+    radius: Annotated[Metres, Meta(ge=2e-4, le=1.0)] | None = None
+    rolls: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.motion:
+            raise InputError("a touch without keys", "at least one key", "give time and position")
+        for before, after in zip(self.motion, self.motion[1:], strict=False):
+            if not after.time > before.time:
+                raise InputError(f"key at {after.time:g} s after {before.time:g} s", "rising times")
+            speed = abs(after.position - before.position) / (after.time - before.time)
+            if speed > 5.0:
+                raise InputError(f"a touch that moves at {speed:.3g} m/s", "5 m/s at most along the string")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outside:
+    """A sound from outside: mono, at the twin's rate, repeated without end; full scale is that of the converter.
+
+    `level` multiplies it before it reaches microphones and frame.
+    """
+
+    samples: Audio
+    level: Annotated[float, Meta(ge=0.0, le=1e3)] = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pluck:
+    """A start from a triangle of height `height` at `position`, along `angle` from the press direction."""
+
+    position: Metres
+    height: Annotated[Metres, Meta(ge=-2e-3, le=2e-3)]
+    angle: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """What happens to a sensor: touches, outside sound, how it starts, which drivers are on, and the law T(F)."""
+
+    touches: tuple[Touch, ...] = ()
+    outside: Outside | None = None
+    pluck: Pluck | None = None
+    drivers: tuple[bool, bool] = (True, True)
+    tension_law: TensionLaw = "geometric"
+
+    def __post_init__(self) -> None:
+        if len(self.touches) > MOST_TOUCHES:
+            raise InputError(f"{len(self.touches)} touches", f"{MOST_TOUCHES} at most")
+
+
+def hold(position: Metres, force: Newtons, material: Material, *, across: MetresPerSecond = 0.0) -> Touch:
+    """Return a touch that presses from the start and never changes.
+
+    Examples
+    --------
+    >>> from monochord.physics.materials import load_material
+    >>> hold(0.08, 1.0, load_material("plastic")).motion[0].force
+    1.0
+    """
+    return Touch(material=material, motion=(Key(time=0.0, position=position, force=force, across=across),))
+
+
+def refuse_impossible(sensor: Sensor) -> None:
+    """Raise `InputError` for a sensor that no string could be, or that the scheme was not made for."""
+    string, where = sensor.string, f"sensor {sensor.name}"
+    for name, low, high, unit in (
+        ("length", 0.05, 2.0, "m"),
+        ("linear_density", 1e-5, 0.05, "kg/m"),
+        ("tension", 2.0, 500.0, "N"),
+        ("core_diameter", 0.0, 3e-3, "m"),
+        ("young_modulus", 1e9, 1e12, "Pa"),
+        ("tension_per_force", 0.0, 20.0, "N/N"),
+    ):
+        value = float(getattr(string, name))
+        if not low <= value <= high:
+            raise InputError(f"{where}: {name} {value:g} {unit}", f"{low:g} to {high:g} {unit}")
+    fundamental = (string.tension / string.linear_density) ** 0.5 / (2.0 * string.length)
+    if not 20.0 <= fundamental <= 5000.0:
+        raise InputError(
+            f"{where}: open frequency {fundamental:.4g} Hz", "20 to 5000 Hz", "change length, tension or density"
+        )
+    if abs(sensor.drift) > 0.25 * string.tension:
+        raise InputError(f"{where}: drift {sensor.drift:g} N", "a quarter of the tension at most")
+    places = [place for driver in sensor.drivers for place in (driver.sense, driver.drive)]
+    for place in [*places, *sensor.range]:
+        if not 0.0 < place < string.length:
+            raise InputError(f"{where}: place {place:g} m", f"between 0 and {string.length:g} m")
+    if not sensor.range[0] < sensor.range[1] < inf:
+        raise InputError(f"{where}: range {sensor.range}", "start before end")

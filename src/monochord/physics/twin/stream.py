@@ -1,0 +1,214 @@
+"""The twin as a stream: a state goes in, sound with its labels and the next state come out."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.physics.twin.assemble import plucked, sensor_arrays, touch_arrays
+from monochord.physics.twin.rate import Plan, padded, plan
+from monochord.physics.twin.string import Q, STRETCH, rows
+from monochord.physics.twin.setup import Scene, Sensor, Touch
+from monochord.types import Audio
+from monochord.units import Samples
+
+TOUCH_MEMORY, SENSOR_MEMORY = 19, 13
+"""How many numbers the kernel remembers of each touch and of the sensor."""
+ETA, SINCE = 1, 13
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Labels:
+    """What is true at every frame; of each touch, (touches, n), save `settled`, (n,).
+
+    `contact` and `slip` are 0 or 1, `position` in m, `force` the normal force in N averaged over 5 ms,
+    `across` and `along` the mean speed at which the object slides, in m/s, `friction` the state of the contact
+    at that instant (0 none, 1 stick, 2 creep, 3 slide), `settled` whether the sound has come to rest since the
+    last change of any touch or driver.
+    """
+
+    contact: np.ndarray
+    position: np.ndarray
+    force: np.ndarray
+    slip: np.ndarray
+    across: np.ndarray
+    along: np.ndarray
+    friction: np.ndarray
+    settled: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Take:
+    """A stretch of sound, `microphones` (2, n) in full scale, with its labels."""
+
+    microphones: Audio
+    labels: Labels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Twin:
+    """A twin at an instant: all that its next frame depends on. Never changed, only succeeded.
+
+    `start` is the index of the next frame; `fixed` and `moving` are the kernel's arrays, with an axis of one
+    sensor in front.
+    """
+
+    sensor: Sensor
+    scene: Scene
+    sample_rate: int
+    seed: int
+    plan: Plan
+    start: Samples
+    fixed: tuple[np.ndarray, ...]
+    moving: tuple[np.ndarray, ...]
+
+
+def begin(
+    sensor: Sensor,
+    scene: Scene | None = None,
+    *,
+    sample_rate: int = 44100,
+    seed: int = 0,
+    finer: int | None = None,
+) -> Twin:
+    """Return a twin at time zero.
+
+    Parameters
+    ----------
+    sensor
+        As built, see `monochord.physics.sensors.load_sensor`.
+    scene
+        What happens to it; an untouched string with both drivers on by default.
+    sample_rate
+        Frames a second, 16 kHz to 192 kHz.
+    seed
+        Of the converter's noise and the surfaces of objects.
+    finer
+        Steps a frame; found from the string by `monochord.physics.twin.rate.plan` by default.
+
+    Raises
+    ------
+    InputError
+        If the rate or the scene cannot be.
+    """
+    scene = Scene() if scene is None else scene
+    if not 16000 <= sample_rate <= 192000:
+        raise InputError(f"sample rate {sample_rate} Hz", "16000 to 192000 Hz")
+    found = plan(sensor.string, float(sample_rate), finer=finer)
+    fixed = sensor_arrays(sensor, scene, found, float(sample_rate), seed)
+    fixed |= touch_arrays(sensor, scene.touches, found, float(sample_rate))
+    size, count = 2 * padded(found.count), len(scene.touches)
+    bank = np.concatenate([fixed.pop("bank"), np.zeros((rows(count) - rows(0), size))])
+    bank[Q] = plucked(sensor, scene.pluck, found)
+    memory = np.zeros(SENSOR_MEMORY)
+    memory[1] = float(bank[STRETCH] @ bank[Q] ** 2)
+    asked, ahead = np.zeros((count, 5)), np.zeros((count, 5))
+    for t, touch in enumerate(scene.touches):
+        _place(touch, 0.0, asked[t], ahead[t])
+    coils = np.zeros((2, 4))
+    coils[:, 3] = fixed["gates"]
+    moving = {
+        "bank": bank.ravel(),
+        "contact": _untouched(count),
+        "asked": asked,
+        "ahead": ahead,
+        "coils": coils,
+        "band": np.zeros((2, 3)),
+        "memory": memory,
+    }
+    return Twin(
+        sensor=sensor,
+        scene=scene,
+        sample_rate=sample_rate,
+        seed=seed,
+        plan=found,
+        start=0,
+        fixed=_packed(fixed),
+        moving=tuple(array[None] for array in moving.values()),
+    )
+
+
+FIXED = (
+    "scalars", "integers", "ebows", "pickup", "gates", "sound", "touches", "keys", "counts", "weights", "tables",
+)  # fmt: skip
+
+
+MOVING = ("bank", "contact", "asked", "ahead", "coils", "band", "memory")
+OUT_OF_REACH = 0.1
+"""Metres above the string where a new object waits for the first tick."""
+
+
+def advance(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
+    """Return the next `frames` frames and the twin after them; alike, bit for bit, however they are cut."""
+    from monochord.physics.twin.kernel import Out, State, kernel  # noqa: PLC0415  (numba loads on use)
+    from monochord.physics.twin.kernel import Sensor as Fixed  # noqa: PLC0415
+
+    moving = State(*(array.copy() for array in twin.moving))
+    count = len(twin.scene.touches)
+    out = Out(
+        np.zeros((1, 2, frames), np.float32),
+        np.zeros((1, count, frames), np.uint8),
+        np.zeros((1, count, frames), np.float32),
+        np.zeros((1, count, frames), np.float32),
+        np.zeros((1, count, frames), np.uint8),
+        np.zeros((1, count, frames), np.float32),
+        np.zeros((1, count, frames), np.float32),
+        np.zeros((1, count, frames), np.uint8),
+        np.zeros((1, frames), np.uint8),
+    )
+    kernel(2 * padded(twin.plan.count))(Fixed(*twin.fixed), moving, out, 0, twin.start)
+    take = Take(microphones=out.microphones[0], labels=Labels(
+        contact=out.contact[0], position=out.position[0], force=out.force[0], slip=out.slip[0],
+        across=out.across[0], along=out.along[0], friction=out.friction[0], settled=out.settled[0]))
+    return take, replace(twin, start=twin.start + frames, moving=tuple(moving))
+
+
+def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
+    """Return the same twin with other motions of its touches from its next frame on.
+
+    Keys' times count from the twin's own time zero. The first touches go on as the objects they were; more are
+    new objects, which begin where their motion says, and those left out are gone.
+    """
+    scene = replace(twin.scene, touches=touches)
+    arrays = dict(zip(FIXED, (array[0] for array in twin.fixed), strict=True))
+    arrays |= touch_arrays(twin.sensor, touches, twin.plan, float(twin.sample_rate))
+    moving = dict(zip(MOVING, (array[0] for array in twin.moving), strict=True))
+    kept, count, size = min(len(touches), len(twin.scene.touches)), len(touches), 2 * padded(twin.plan.count)
+    bank = moving["bank"].reshape(-1, size)[: rows(kept)]
+    moving["bank"] = np.concatenate([bank, np.zeros((rows(count) - rows(kept), size))]).ravel()
+    for name, fresh in (("contact", _untouched(count)), ("asked", np.zeros((count, 5))), ("ahead", np.zeros((count, 5)))):
+        fresh[:kept] = moving[name][:kept]
+        moving[name] = fresh
+    time = twin.start / twin.sample_rate
+    for t in range(kept, count):
+        _place(touches[t], time, moving["asked"][t], moving["ahead"][t])
+    return replace(
+        twin, scene=scene, fixed=_packed(arrays), moving=tuple(np.ascontiguousarray(moving[name])[None] for name in MOVING)
+    )
+
+
+def switch(twin: Twin, drivers: tuple[bool, bool]) -> Twin:
+    """Return the same twin with its drivers on or off from its next tick on; each goes over in 5 ms."""
+    arrays = dict(zip(FIXED, (array[0] for array in twin.fixed), strict=True))
+    arrays["gates"] = np.array(drivers, dtype=np.float64)
+    return replace(twin, scene=replace(twin.scene, drivers=drivers), fixed=_packed(arrays))
+
+
+def _untouched(count: int) -> np.ndarray:
+    contact = np.zeros((count, TOUCH_MEMORY))
+    contact[:, SINCE] = 1.0
+    contact[:, ETA] = -1.0
+    return contact
+
+
+def _place(touch: Touch, time: float, asked: np.ndarray, ahead: np.ndarray) -> None:
+    """Put a new object where its motion says, out of reach until the next tick reads how deep it is."""
+    times = [key.time for key in touch.motion]
+    for column, name in enumerate(("position", "force", "clearance", "across")):
+        ahead[column] = np.interp(time, times, [getattr(key, name) for key in touch.motion])
+    ahead[4] = -OUT_OF_REACH
+    asked[:] = ahead
+
+
+def _packed(arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, ...]:
+    return tuple(np.ascontiguousarray(arrays[name])[None] for name in FIXED)
