@@ -1,0 +1,250 @@
+"""An oracle: the first modes of a touched and driven string, an initial value problem to a tight tolerance.
+
+    m q'' + 2 m sigma_n q' + m w_n^2 q = forces on phi_n = sin(n pi x / L),   m = mu L / 2,
+
+with the static compliance R of the modes left out in series with the touch: the compression delta satisfies
+delta + R f_e(delta) = g, where g = d - sum q_n phi_n(x_c) and f_e = k1 delta + k2 delta^1.5, and the touch's
+force is f_e (1 + beta g'), never below 0. Modes, and how touch and coils meet them, are arrays: any aperture
+will do.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from monochord.types import Floats
+
+
+def still(t: float) -> float:
+    """Zero at all times."""
+    return 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Modes:
+    """Length L in m, density mu in kg/m, tension T and stretch EA in N; w_n in rad/s and sigma_n in 1/s."""
+
+    length: float
+    density: float
+    tension: float
+    omega: Floats  # (N,)
+    sigma: Floats  # (N,)
+    stretch: float = 0.0
+
+    @property
+    def mass(self) -> float:
+        """The modal mass mu L / 2."""
+        return self.density * self.length / 2.0
+
+    @property
+    def numbers(self) -> Floats:
+        """1 to N."""
+        return np.arange(1.0, self.omega.size + 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModalTouch:
+    """`shape` is phi_n(x_c), (N,); `residual` R in m/N; `surface` d(t) in m, `surface_velocity` d' in m/s."""
+
+    shape: Floats
+    k1: float
+    k2: float = 0.0
+    beta: float = 0.0
+    residual: float = 0.0
+    surface: Callable[[float], float] = still
+    surface_velocity: Callable[[float], float] = still
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModalEBow:
+    """A driver: the velocity at the sense coil, through a band-pass, y; then F_max tanh(g y / F_max).
+
+    `sense` and `drive` are phi_n at the coils, (N,). The filter's gain is 1 at `centre` in Hz;
+    `quality` is Q. `gain` g is in N s/m, `max_force` in N.
+    """
+
+    sense: Floats
+    drive: Floats
+    gain: float
+    max_force: float
+    centre: float
+    quality: float
+
+
+class ModalMotion(NamedTuple):
+    """What the modes did, at the samples of the rate that was asked for."""
+
+    time: Floats  # (n,) s
+    q: Floats  # (N, n) m
+    v: Floats  # (N, n) m/s
+    pickups: Floats  # (2, n) N: T u_x at the near end, -T u_x at the far end
+    touch_force: Floats  # (n,) N
+    drive_forces: Floats  # (ebows, n) N
+
+
+def hinged(
+    *,
+    length: float,
+    density: float,
+    tension: float,
+    bending: float = 0.0,
+    stretch: float = 0.0,
+    sigma0: float = 0.0,
+    sigma1: float = 0.0,
+    count: int = 20,
+) -> Modes:
+    """Return the modes of the hinged string.
+
+    mu u_tt = T u_xx - EI u_xxxx - 2 mu sigma0 u_t + 2 mu sigma1 u_txx.
+    """
+    wave = np.pi * np.arange(1.0, count + 1.0) / length
+    omega = np.sqrt((tension * wave**2 + bending * wave**4) / density)
+    sigma = sigma0 + sigma1 * wave**2
+    return Modes(length=length, density=density, tension=tension, omega=omega, sigma=sigma, stretch=stretch)
+
+
+def shapes(modes: Modes, x: float) -> Floats:
+    """Return phi_n(x), (N,)."""
+    return np.sin(np.pi * modes.numbers * x / modes.length)
+
+
+def residual(*, length: float, tension: float, x: float, bending: float = 0.0, count: int = 20) -> float:
+    """Return R in m/N, the static compliance at x of the modes above `count`.
+
+    It is phi_n(x)^2 / (m w_n^2), summed to the 100,000th mode: x (L - x) / (T L) for a flexible string and
+    `count` 0.
+    """
+    wave = np.pi * np.arange(count + 1.0, 100001.0) / length
+    return float(np.sum(np.sin(wave * x) ** 2 / (tension * wave**2 + bending * wave**4))) * 2.0 / length
+
+
+def simulate(
+    modes: Modes,
+    *,
+    touch: ModalTouch | None = None,
+    ebows: Sequence[ModalEBow] = (),
+    q: Floats | None = None,
+    v: Floats | None = None,
+    seconds: float,
+    rate: float = 44100.0,
+    rtol: float = 1e-11,
+    max_step: float | None = None,
+) -> ModalMotion:
+    """Let the modes go from `q` and `v`, each zero unless given; no step is above a sample."""
+    count, bows = modes.omega.size, len(ebows)
+    start = np.zeros(2 * count + 2 * bows)
+    start[:count] = 0.0 if q is None else q
+    start[count : 2 * count] = 0.0 if v is None else v
+    slow = float(modes.omega[0])
+    atol = 1e-15 * np.concatenate([np.ones(count), modes.omega, np.full(bows, slow), np.ones(bows)])
+    time = np.arange(round(seconds * rate)) / rate
+    solution = solve_ivp(
+        _rates(modes, touch, ebows),
+        (0.0, time[-1]),
+        start,
+        method="DOP853",
+        t_eval=time,
+        rtol=rtol,
+        atol=atol,
+        max_step=max_step or 1.0 / rate,
+    )
+    if not solution.success:
+        raise ArithmeticError(solution.message)
+    found_q, found_v = solution.y[:count], solution.y[count : 2 * count]
+    filtered = solution.y[2 * count : 2 * count + bows]
+    number = modes.numbers
+    slope = modes.tension * np.pi * number / modes.length
+    forces = [e.max_force * np.tanh(e.gain * y / e.max_force) for e, y in zip(ebows, filtered, strict=True)]
+    return ModalMotion(
+        time=time,
+        q=found_q,
+        v=found_v,
+        pickups=np.stack([slope @ found_q, (slope * -((-1.0) ** number)) @ found_q]),
+        touch_force=_touch_forces(touch, time, found_q, found_v),
+        drive_forces=np.array(forces).reshape(bows, time.size),
+    )
+
+
+def energy(modes: Modes, touch: ModalTouch | None, motion: ModalMotion) -> Floats:
+    """Return the energy in J at each sample: of motion, of tension and bending, of stretch and of the touch.
+
+    It is constant where sigma and beta are 0, the touch stands still and there are no drivers.
+    """
+    m, q = modes.mass, motion.q
+    linear = 0.5 * m * np.sum(motion.v**2 + (modes.omega[:, None] * q) ** 2, axis=0)
+    stretched = np.sum((modes.numbers[:, None] * q) ** 2, axis=0)
+    total = linear + modes.stretch * np.pi**4 / (32.0 * modes.length**3) * stretched**2
+    if touch:
+        gaps = [touch.surface(t) - float(touch.shape @ now) for t, now in zip(motion.time, q.T, strict=True)]
+        delta = np.array([compression(touch, gap) for gap in gaps])
+        elastic = touch.k1 * delta + touch.k2 * delta**1.5
+        total += 0.5 * touch.k1 * delta**2 + 0.4 * touch.k2 * delta**2.5 + 0.5 * touch.residual * elastic**2
+    return total
+
+
+def compression(touch: ModalTouch, gap: float) -> float:
+    """Return delta with delta + R (k1 delta + k2 delta^1.5) = `gap`, or 0 where nothing touches.
+
+    Newton's rule in s = sqrt(delta), from above, where the cubic is convex: it falls towards the root.
+    """
+    if gap <= 0.0:
+        return 0.0
+    square, cube = 1.0 + touch.residual * touch.k1, touch.residual * touch.k2
+    s = sqrt(gap / square)
+    for _ in range(60):
+        less = (s * s * (square + cube * s) - gap) / (s * (2.0 * square + 3.0 * cube * s))
+        s -= less
+        if less <= 1e-15 * s:
+            break
+    return s * s
+
+
+def _press(touch: ModalTouch, t: float, q: Floats, v: Floats) -> float:
+    delta = compression(touch, touch.surface(t) - float(touch.shape @ q))
+    if delta == 0.0:
+        return 0.0
+    approach = touch.surface_velocity(t) - float(touch.shape @ v)
+    return max(0.0, (touch.k1 * delta + touch.k2 * delta * sqrt(delta)) * (1.0 + touch.beta * approach))
+
+
+def _touch_forces(touch: ModalTouch | None, time: Floats, q: Floats, v: Floats) -> Floats:
+    if not touch:
+        return np.zeros(time.size)
+    return np.array([_press(touch, *now) for now in zip(time, q.T, v.T, strict=True)])
+
+
+def _rates(
+    modes: Modes, touch: ModalTouch | None, ebows: Sequence[ModalEBow]
+) -> Callable[[float, Floats], Floats]:
+    """Return the right-hand side for q, v, y, z; a driver has y' = (w0 / Q) (s - y) - w0^2 z and z' = y."""
+    count, bows, mass = modes.omega.size, len(ebows), modes.mass
+    spring, loss, squares = modes.omega**2, 2.0 * modes.sigma, modes.numbers**2
+    pull = modes.stretch * np.pi**2 / (4.0 * modes.length**2) * np.pi**2 / (2.0 * modes.length * mass)
+    sense = np.array([e.sense for e in ebows]).reshape(bows, count)
+    drive = np.array([e.drive for e in ebows]).reshape(bows, count) / mass
+    w0 = 2.0 * np.pi * np.array([e.centre for e in ebows])
+    width = w0 / np.array([e.quality for e in ebows])
+    gain, limit = np.array([e.gain for e in ebows]), np.array([e.max_force for e in ebows])
+
+    def rates(t: float, state: Floats) -> Floats:
+        q, v = state[:count], state[count : 2 * count]
+        change = np.empty_like(state)
+        change[:count] = v
+        a = -spring * q - loss * v
+        if pull:
+            a -= pull * (squares @ (q * q)) * squares * q
+        if touch:
+            a += _press(touch, t, q, v) / mass * touch.shape
+        if bows:
+            y, z = state[2 * count : 2 * count + bows], state[2 * count + bows :]
+            a += (limit * np.tanh(gain * y / limit)) @ drive
+            change[2 * count : 2 * count + bows] = width * (sense @ v - y) - w0 * w0 * z
+            change[2 * count + bows :] = y
+        change[count : 2 * count] = a
+        return change
+
+    return rates
