@@ -134,7 +134,7 @@ FIXED = (
 
 
 MOVING = ("bank", "contact", "asked", "ahead", "coils", "band", "memory")
-OUT_OF_REACH = 0.1
+OUT_OF_REACH = 1e-3
 """Metres above the string where a new object waits for the first tick."""
 
 
