@@ -42,7 +42,9 @@ USUAL_FORCE = 1.0
 Arrays = dict[str, Any]
 
 
-def sensor_arrays(sensor: Sensor, scene: Scene, plan: Plan, rate: Hertz, seed: int) -> Arrays:
+def sensor_arrays(
+    sensor: Sensor, scene: Scene, plan: Plan, rate: Hertz, seed: int, agreement: float
+) -> Arrays:
     """Return the fixed arrays of one sensor, by the names of the kernel's `Sensor`, without the touches."""
     string, step = sensor.string, 1.0 / (rate * plan.finer)
     half, count = padded(plan.count), plan.count
@@ -82,6 +84,7 @@ def sensor_arrays(sensor: Sensor, scene: Scene, plan: Plan, rate: Hertz, seed: i
         sensor.drift,
         sensor.drift_rate,
         sensor.shake,
+        agreement,
     ]
     return {
         "scalars": np.array(scalars),

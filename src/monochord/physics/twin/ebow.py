@@ -5,8 +5,6 @@ F = F_max tanh(g y / F_max) (after Heet 1978: feedback through sense and drive c
 state-variable one (Zavalishin 2012), and the force held over a sample is that of its middle, extrapolated.
 """
 
-import numpy as np
-
 from monochord.physics.twin.part import part
 from monochord.types import Floats
 
@@ -14,6 +12,15 @@ WARP, DAMP, GAIN, LIMIT = range(4)
 """Parameters: tan(pi f / rate), 1 / Q, gain in N s/m, limit in N."""
 FIRST, SECOND, BEFORE, GATE = range(4)
 """Memory: the two states of the filter, its last output, and how far the driver is switched on, 0 to 1."""
+
+
+@part
+def saturated(x: float) -> float:
+    """Return tanh(x) to 1e-6, and to 2e-4 beyond 8: two halves of its continued fraction (Lambert 1768)."""
+    half = 0.5 * min(20.0, max(-20.0, x))
+    y = half * half
+    t = half * (10395.0 + y * (1260.0 + 21.0 * y)) / (10395.0 + y * (4725.0 + y * (210.0 + y)))
+    return 2.0 * t / (1.0 + t * t)
 
 
 @part
@@ -31,4 +38,4 @@ def drive(ebow: Floats, memory: Floats, velocity: float) -> float:
     limit = ebow[LIMIT]
     if limit <= 0.0 or memory[GATE] <= 0.0:
         return 0.0
-    return memory[GATE] * limit * np.tanh(ebow[GAIN] * ahead / limit)
+    return memory[GATE] * limit * saturated(ebow[GAIN] * ahead / limit)

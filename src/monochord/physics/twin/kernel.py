@@ -21,9 +21,10 @@ from monochord.types import Audio, Floats
 Integers = NDArray[np.int64]
 Flags = NDArray[np.uint8]
 
-STEP, LENGTH, TENSION, MASS, REACH, STRETCH, AXIAL, RISE, DRIFT, DRIFT_RATE, SHAKE = range(11)
+STEP, LENGTH, TENSION, MASS, REACH, STRETCH, AXIAL, RISE, DRIFT, DRIFT_RATE, SHAKE, AGREED = range(12)
 """Scalars: time step, L, T0, modal mass, pi^2/(4L), E A pi^2/(4 L^2), E A, k_T of the linear law, N off T0 and N/s of
-drift, acceleration of the frame in m/s^2 at full scale of the outside sound."""
+drift, acceleration of the frame in m/s^2 at full scale of the outside sound, and the relative change of the stretch
+sum at which its rounds end."""
 FINER, SEED, LAW = range(3)
 """Integers: steps a frame, seed, and tension law (0 geometric, 1 linear)."""
 K1, K2, LOSS, TANGENT, STATIC, KINETIC, STRIBECK, ROUGH, ROUGH_LENGTH, ROLLS = range(10)
@@ -47,8 +48,6 @@ TICK = 32
 """Steps from one reading of the touches' motion to the next; between, they run linearly."""
 TELLING = 1e-10
 """Relative difference of two guesses that tells how a miss comes back."""
-AGREED = 1e-7
-"""Relative change of the stretch sum at which its rounds end."""
 ALIKE = 1e-12
 """Relative change of the largest force at which several touches have come to terms."""
 MOST = 12
@@ -95,6 +94,8 @@ class State(NamedTuple):
     coils: Floats
     band: Floats
     memory: Floats
+    solved: Floats
+    mutual: Floats
 
 
 class Out(NamedTuple):
@@ -294,7 +295,7 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
             spread = string.pushed(bank, size)
         if turn == 1 and abs(guess - before) > TELLING * spread:
             slope = (spread - came) / (guess - before)
-        agreed = linear or abs(spread - guess) <= AGREED * spread
+        agreed = linear or abs(spread - guess) <= scalars[AGREED] * spread
         if agreed:
             break
         before, came = guess, spread
@@ -387,14 +388,13 @@ def _settle(memory: Floats, first: float, second: float, period: float) -> None:
 @part.part
 def _one(sensor: Sensor, state: State, out: Out, size: int, start: int) -> None:
     """Run one sensor for as many frames as `out` holds; `start` is the index of the first."""
-    count, finer = max(1, sensor.touches.shape[0]), sensor.integers[FINER]
-    solved, mutual = np.zeros((count, FOUND)), np.zeros((2, count, count))
+    finer = sensor.integers[FINER]
     for frame in range(out.settled.size):
         for sub in range(finer):
             index = (start + frame) * finer + sub
             if index % TICK == 0:
                 _look(sensor, state, size, index)
-            _step(sensor, state, size, solved, mutual, index)
+            _step(sensor, state, size, state.solved, state.mutual, index)
         _hear(sensor, state, size, out, frame, start + frame)
 
 
@@ -407,7 +407,7 @@ PARTS = part.fingerprint(
 def kernel(size: int, parts: int = PARTS) -> Callable[[Sensor, State, Out, int, int], int]:
     """Compile the kernel for a bank of `size`; `parts` lets their cache know them by their text."""
 
-    @njit(cache=True, fastmath=part.FAST, error_model="numpy")
+    @njit(cache=True, fastmath=part.FAST, error_model="numpy", _nrt=False)
     def run(many: Sensor, states: State, outs: Out, i: int, start: int) -> int:
         sensor = Sensor(
             many.scalars[i], many.integers[i], many.ebows[i], many.pickup[i], many.gates[i], many.sound[i],
@@ -415,7 +415,7 @@ def kernel(size: int, parts: int = PARTS) -> Callable[[Sensor, State, Out, int, 
         )  # fmt: skip
         state = State(
             states.bank[i], states.contact[i], states.asked[i], states.ahead[i], states.coils[i],
-            states.band[i], states.memory[i],
+            states.band[i], states.memory[i], states.solved[i], states.mutual[i],
         )  # fmt: skip
         out = Out(
             outs.microphones[i], outs.contact[i], outs.position[i], outs.force[i], outs.slip[i],

@@ -12,7 +12,7 @@ from monochord.physics.twin.setup import Scene, Sensor, Touch
 from monochord.types import Audio
 from monochord.units import Samples
 
-TOUCH_MEMORY, SENSOR_MEMORY = 19, 13
+TOUCH_MEMORY, SENSOR_MEMORY, FOUND = 19, 13, 16
 """How many numbers the kernel remembers of each touch and of the sensor."""
 ETA, SINCE = 1, 13
 
@@ -70,6 +70,7 @@ def begin(
     sample_rate: int = 44100,
     seed: int = 0,
     finer: int | None = None,
+    agreement: float = 1e-6,
 ) -> Twin:
     """Return a twin at time zero.
 
@@ -85,6 +86,8 @@ def begin(
         Of the converter's noise and the surfaces of objects.
     finer
         Steps a frame; found from the string by `monochord.physics.twin.rate.plan` by default.
+    agreement
+        How well tension and motion of a step agree, of the stretch sum; what is left goes into the energy.
 
     Raises
     ------
@@ -95,7 +98,7 @@ def begin(
     if not 16000 <= sample_rate <= 192000:
         raise InputError(f"sample rate {sample_rate} Hz", "16000 to 192000 Hz")
     found = plan(sensor.string, float(sample_rate), finer=finer)
-    fixed = sensor_arrays(sensor, scene, found, float(sample_rate), seed)
+    fixed = sensor_arrays(sensor, scene, found, float(sample_rate), seed, agreement)
     fixed |= touch_arrays(sensor, scene.touches, found, float(sample_rate))
     size, count = 2 * padded(found.count), len(scene.touches)
     bank = np.concatenate([fixed.pop("bank"), np.zeros((rows(count) - rows(0), size))])
@@ -115,6 +118,8 @@ def begin(
         "coils": coils,
         "band": np.zeros((2, 3)),
         "memory": memory,
+        "solved": np.zeros((count, FOUND)),
+        "mutual": np.zeros((2, count, count)),
     }
     return Twin(
         sensor=sensor,
@@ -133,7 +138,7 @@ FIXED = (
 )  # fmt: skip
 
 
-MOVING = ("bank", "contact", "asked", "ahead", "coils", "band", "memory")
+MOVING = ("bank", "contact", "asked", "ahead", "coils", "band", "memory", "solved", "mutual")
 OUT_OF_REACH = 1e-3
 """Metres above the string where a new object waits for the first tick."""
 
@@ -179,6 +184,7 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     for name, fresh in (("contact", _untouched(count)), ("asked", np.zeros((count, 5))), ("ahead", np.zeros((count, 5)))):
         fresh[:kept] = moving[name][:kept]
         moving[name] = fresh
+    moving["solved"], moving["mutual"] = np.zeros((count, FOUND)), np.zeros((2, count, count))
     time = twin.start / twin.sample_rate
     for t in range(kept, count):
         _place(touches[t], time, moving["asked"][t], moving["ahead"][t])
