@@ -121,7 +121,7 @@ def test_free_stiff_string_sounds_its_partials() -> None:
 def test_lossy_mode_dies_as_it_should() -> None:
     string, modes = both(sigma0=6.0, sigma1=0.05)
     pluck = 1e-3 * np.eye(3)[2]
-    on_grid = grid.simulate(string, shape=sines(pluck), seconds=0.03, oversampling=16, probes=[AT])
+    on_grid = grid.simulate(string, shape=sines(pluck), seconds=0.03, segments=400, probes=[AT])
     of_modes = ode.simulate(modes, q=kept(pluck), seconds=0.03)
     sigma = 6.0 + 0.05 * (3.0 * np.pi / LENGTH) ** 2
     ringing = np.sqrt((3.0 * np.pi * SPEED / LENGTH) ** 2 - sigma**2)
@@ -130,13 +130,13 @@ def test_lossy_mode_dies_as_it_should() -> None:
     true = 1e-3 * np.exp(-sigma * time) * (np.cos(turned) + sigma / ringing * np.sin(turned))
     np.testing.assert_allclose(of_modes.q[2], true, atol=1e-11)
     at = np.sin(3.0 * np.pi * 0.35)
-    np.testing.assert_allclose(
-        on_grid.displacement[0], at * true, atol=1e-5
-    )  # 1 % of a mm: phase, after 0.03 s
-    np.testing.assert_allclose(
-        on_grid.velocity[0], at * of_modes.v[2], atol=0.01 * np.abs(of_modes.v[2]).max()
-    )
-    np.testing.assert_allclose(on_grid.pickups, of_modes.pickups, atol=0.01 * np.abs(of_modes.pickups).max())
+    # The grid is late by 2e-3 rad at most; its first step, were it twice as long, would put it 6e-3 ahead.
+    for found, other in (
+        (on_grid.displacement[0], at * true),
+        (on_grid.velocity[0], at * of_modes.v[2]),
+        (on_grid.pickups, of_modes.pickups),
+    ):
+        np.testing.assert_allclose(found, other, atol=2e-3 * np.abs(other).max())
 
 
 def test_stretched_mode_has_duffing_s_period() -> None:
