@@ -33,9 +33,10 @@ S, ETA, Z, Z_ALONG, PULL_ALONG, SLIP, SIDE, PATH, HEIGHT, REST, GRIP, DAMP, NOW,
 """Memory of a touch: contact (sqrt delta, eta), bristles, force along, last speed, place aside, path slid, height,
 residual compliance, stiffness and damping of the bristles, force now, time since it pressed, its mean, slip speeds,
 state of friction, and whether it counted as touching."""
-TUNED, SPREAD, BRIEF_1, BRIEF_2, LONG_1, LONG_2, QUIET, SETTLED, COIL_1, COIL_2, MISSED, SLOPE, ROUNDS = range(13)
+TUNED, SPREAD, BRIEF_1, BRIEF_2, LONG_1, LONG_2, QUIET, SETTLED, COIL_1, COIL_2, MISSED, SLOPE, NEAR, FAR, ROUNDS = range(15)
 """Memory of the sensor: tension of the propagator, stretch sum, levels, time at rest, flag, speeds at the coils, how
-far the free motion misses the stretch sum, how a miss of the guess comes back, and how many rounds were done."""
+far the free motion misses the stretch sum, how a miss of the guess comes back, forces on
+the ends, and how many rounds were done."""
 
 (
     LOAD, SIDE_FORCE, ALONG_FORCE, NEW_S, NEW_ETA, Z_NEW, Z_NEW_ALONG, LEFT, LEFT_ALONG, GRIPS, ASIDE, BELOW, BESIDE,
@@ -139,7 +140,7 @@ def _look(sensor: Sensor, state: State, size: int, index: int) -> None:
     ratio = nominal / tension
     for t in range(count):
         now, ahead, own = state.asked[t], state.ahead[t], state.contact[t]
-        k1, k2, row = touches[t, K1], touches[t, K2], string.SHAPE + 2 * t
+        k1, k2, row = touches[t, K1], touches[t, K2], string.SHAPE + string.EACH * t
         others = 0.0
         for o in range(count):
             if o != t:
@@ -214,14 +215,20 @@ def _rub(
 @part.part
 def _touch(
     sensor: Sensor, state: State, size: int, solved: Floats, mutual: Floats, turn: int
-) -> None:
-    """Solve all touches together, given the free positions, and add their forces to the modal force."""
+) -> float:
+    """Solve all touches together, given the free positions, and let them push; return the stretch sum."""
     bank, touches = state.bank, sensor.touches
     count = touches.shape[0]
     for t in range(count):
-        solved[t, BELOW], solved[t, BESIDE] = string.placed(bank, size, string.SHAPE + 2 * t)
-        for o in range(t + 1):
-            below, aside = string.eased(bank, size, string.SHAPE + 2 * t, string.SHAPE + 2 * o)
+        row, own, found = string.SHAPE + string.EACH * t, state.contact[t], solved[t]
+        found[BELOW], found[BESIDE], mutual[0, t, t], mutual[1, t, t] = string.placed(bank, size, row)
+        if turn == 0:
+            found[NEW_S] = press.guess(
+                found[SURFACE] - found[BELOW] - mutual[0, t, t] * own[NOW], own[S], own[ETA], touches[t, K1],
+                touches[t, K2], own[REST],
+            )  # fmt: skip
+        for o in range(t):
+            below, aside = string.between(bank, size, row, string.SHAPE + string.EACH * o)
             mutual[0, t, o], mutual[0, o, t] = below, below
             mutual[1, t, o], mutual[1, o, t] = aside, aside
     for _ in range(SWEEPS):
@@ -251,9 +258,10 @@ def _touch(
             most = max(most, found[LOAD])
         if count == 1 or change <= ALIKE * most:
             break
-    string.release(bank, size)
+    spread = 0.0
     for t in range(count):
-        string.hold(bank, size, string.SHAPE + 2 * t, solved[t, LOAD], solved[t, SIDE_FORCE])
+        spread = string.pushed(bank, size, string.SHAPE + string.EACH * t, solved[t, LOAD], solved[t, SIDE_FORCE])
+    return spread
 
 
 @part.part
@@ -274,7 +282,7 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
         asked, ahead, found, own = state.asked[t], state.ahead[t], solved[t], state.contact[t]
         travel = ahead[motion.PLACE] - asked[motion.PLACE]
         if travel != 0.0:
-            string.slide(bank, size, string.SHAPE + 2 * t)
+            string.slide(bank, size, string.SHAPE + string.EACH * t)
         depth = asked[motion.DEPTH] + past * (ahead[motion.DEPTH] - asked[motion.DEPTH])
         found[SURFACE] = depth + own[HEIGHT]
         found[ALONG_SPEED] = 0.0 if sensor.touches[t, ROLLS] != 0.0 else travel / (TICK * step)
@@ -291,8 +299,7 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
         spread = string.pulled(bank, size, tension)
         memory[ROUNDS] += 1.0
         if count > 0:
-            _touch(sensor, state, size, solved, mutual, turn)
-            spread = string.pushed(bank, size)
+            spread = _touch(sensor, state, size, solved, mutual, turn)
         if turn == 1 and abs(guess - before) > TELLING * spread:
             slope = (spread - came) / (guess - before)
         agreed = linear or abs(spread - guess) <= scalars[AGREED] * spread
@@ -304,9 +311,10 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
     memory[MISSED] = guess - free
     memory[SLOPE] = min(0.5, max(-0.5, slope))
     memory[SPREAD] = guess
-    if count == 0:
-        string.release(bank, size)
-    memory[COIL_1], memory[COIL_2] = string.arrive(bank, size, tension)
+    string.release(bank, size)
+    for t in range(count):
+        string.hold(bank, size, string.SHAPE + string.EACH * t, solved[t, LOAD], solved[t, SIDE_FORCE])
+    memory[COIL_1], memory[COIL_2], memory[NEAR], memory[FAR] = string.arrive(bank, size, tension)
     for t in range(count):
         _remember(sensor.touches[t], state.contact[t], solved[t], step, sensor.integers[SEED] + 16 * t)
 
@@ -340,12 +348,11 @@ def _remember(touch: Floats, own: Floats, found: Floats, step: float, seed: int)
 def _hear(sensor: Sensor, state: State, size: int, out: Out, frame: int, index: int) -> None:
     """Write one frame: microphones and labels."""
     memory, seed = state.memory, sensor.integers[SEED]
-    near, far = string.ends(state.bank, size)
     taut = memory[TUNED] / sensor.scalars[TENSION]
     air = 0.0
     if sensor.sound.size > 0:
         air = float(sensor.sound[index % sensor.sound.size])
-    first, second = pickup.mixed(sensor.pickup, taut * near, taut * far, air)
+    first, second = pickup.mixed(sensor.pickup, taut * memory[NEAR], taut * memory[FAR], air)
     first = pickup.amplified(sensor.pickup, state.band[0], first)
     second = pickup.amplified(sensor.pickup, state.band[1], second)
     hiss = sensor.pickup[pickup.HISS]

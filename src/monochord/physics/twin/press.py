@@ -98,10 +98,19 @@ def _give(
 
 
 @part
+def guess(eta: float, s_old: float, eta_old: float, k1: float, k2: float, rest: float) -> float:
+    """Return about the s at which eta takes a value near the old one; nothing is known of a fresh contact."""
+    if s_old == 0.0:
+        return 0.0
+    slope = s_old * (2.0 + rest * (2.0 * k1 + 3.0 * k2 * s_old))
+    return max(0.2 * s_old, s_old + (eta - eta_old) / slope)
+
+
+@part
 def press(
     gap: float,
     ease: float,
-    guess: float,
+    start: float,
     s_old: float,
     eta_old: float,
     k1: float,
@@ -117,8 +126,8 @@ def press(
         eta after the sample if nothing pressed, in m.
     ease
         What a newton held over the sample takes off it, in m/N.
-    guess
-        Of s after the sample.
+    start
+        A guess of s after the sample.
     s_old, eta_old
         sqrt(delta) in sqrt(m), zero out of contact, and eta in m before the sample.
     k1, k2
@@ -145,7 +154,7 @@ def press(
         eta = 0.5 * (eta_old + gap - np.sqrt(far * far + 4.0 * ease * stored))
         return 0.0, eta, stored / (eta_old - eta)
     low, high = 0.0, np.sqrt(gap)
-    s = min(guess, high) if guess > 0.0 else high
+    s = min(start, high) if start > 0.0 else high
     force, eta = 0.0, 0.0
     for _ in range(NEWTON):
         force, slope, eta, eta_slope = _give(s, s_old, eta_old, k1, k2, rest, loss)

@@ -20,10 +20,12 @@ Q_Q, Q_V, V_Q, V_V, PUSH_Q, PUSH_V, KICK_Q, KICK_V = range(11, 19)
 """Rows of its propagator: what q and v become of q, v, a held force and an extra tension."""
 Q, V = range(19, 21)
 """Rows of its state: displacement in m and velocity in m/s."""
-FORCE, Q_FREE, V_FREE, Q_NEXT, EASE = range(21, 26)
-"""Rows at work within a sample: modal force in N, free motion, new displacement, and its ease in m/N."""
-SHAPE, DRIFT = range(26, 28)
-"""Rows of the first touch: the modes' shapes there, and their change a step; others follow in pairs."""
+FORCE, Q_FREE, V_FREE, Q_NEXT, EASE, WORK = range(21, 27)
+"""Rows at work within a sample: modal force in N, free motion, new displacement, its ease in m/N, and products."""
+SHAPE, DRIFT, GIVE = range(27, 30)
+"""Rows of the first touch: the modes' shapes there (in the first half), their change a step, and what a newton there
+gives each mode in a sample, in m. Others follow in threes."""
+EACH = 3
 
 
 def rows(touches: int) -> int:
@@ -32,9 +34,9 @@ def rows(touches: int) -> int:
     Examples
     --------
     >>> rows(0), rows(2)
-    (26, 30)
+    (27, 33)
     """
-    return SHAPE + 2 * touches
+    return SHAPE + EACH * touches
 
 
 @part
@@ -111,23 +113,13 @@ def pulled(bank: Floats, size: int, tension: float) -> float:
 
 
 @part
-def pushed(bank: Floats, size: int) -> float:
-    """Add what the touches' modal force in `FORCE` does to `Q_NEXT`; return the stretch sum."""
-    total = 0.0
-    for i in range(size):
-        new = bank[Q_NEXT * size + i] + bank[EASE * size + i] * bank[FORCE * size + i]
-        bank[Q_NEXT * size + i] = new
-        total += bank[STRETCH * size + i] * new * new
-    return total
+def arrive(bank: Floats, size: int, tension: float) -> tuple[float, float, float, float]:
+    """Let new positions and velocities take the old ones' place.
 
-
-@part
-def arrive(bank: Floats, size: int, tension: float) -> tuple[float, float]:
-    """Let new positions and velocities take the old ones' place; return the speeds at both sense coils in m/s.
-
-    `FORCE` holds the modal force of the touches, `tension` is the extra tension in N.
+    `FORCE` holds the modal force of the touches, `tension` is the extra tension in N. Returns the speeds at both
+    sense coils in m/s and the forces on both ends as the microphones feel them, in N at nominal tension.
     """
-    first, second = 0.0, 0.0
+    first, second, near, far = 0.0, 0.0, 0.0, 0.0
     for i in range(size):
         old, new = bank[Q * size + i], bank[Q_NEXT * size + i]
         speed = (
@@ -139,17 +131,9 @@ def arrive(bank: Floats, size: int, tension: float) -> tuple[float, float]:
         bank[Q * size + i] = new
         first += bank[SENSE_1 * size + i] * speed
         second += bank[SENSE_2 * size + i] * speed
-    return first, second
-
-
-@part
-def ends(bank: Floats, size: int) -> tuple[float, float]:
-    """Return the forces on both ends as the microphones feel them, in N at nominal tension."""
-    near, far = 0.0, 0.0
-    for i in range(size):
-        near += bank[END_1 * size + i] * bank[Q * size + i]
-        far += bank[END_2 * size + i] * bank[Q * size + i]
-    return near, far
+        near += bank[END_1 * size + i] * new
+        far += bank[END_2 * size + i] * new
+    return first, second, near, far
 
 
 @part
@@ -175,24 +159,53 @@ def shape_at(bank: Floats, size: int, row: int, position: float, weight: Floats)
 
 
 @part
-def placed(bank: Floats, size: int, row: int) -> tuple[float, float]:
-    """Return where the string is at a touch, in the press direction and across it, in m, from `Q_NEXT`."""
-    below, aside = 0.0, 0.0
+def placed(bank: Floats, size: int, row: int) -> tuple[float, float, float, float]:
+    """Return where the string is at a touch, from `Q_NEXT`, and what a newton there gives it in a sample.
+
+    In the press direction and across it, in m, then both ways in m/N. Fills the touch's row `GIVE`. That the products
+    are stored keeps the loop in vectors: a bare sum of so few terms would be unrolled into one long chain.
+    """
+    below, aside, ease, ease_aside = 0.0, 0.0, 0.0, 0.0
+    give = row + GIVE - SHAPE
     for i in range(size // 2):
-        below += bank[row * size + i] * bank[Q_NEXT * size + i]
-        aside += bank[row * size + i] * bank[Q_NEXT * size + size // 2 + i]
-    return below, aside
+        shape = bank[row * size + i]
+        gives, gives_aside = shape * bank[EASE * size + i], shape * bank[EASE * size + size // 2 + i]
+        bank[give * size + i] = gives
+        bank[give * size + size // 2 + i] = gives_aside
+        below += shape * bank[Q_NEXT * size + i]
+        aside += shape * bank[Q_NEXT * size + size // 2 + i]
+        ease += shape * gives
+        ease_aside += shape * gives_aside
+    return below, aside, ease, ease_aside
 
 
 @part
-def eased(bank: Floats, size: int, row: int, other: int) -> tuple[float, float]:
-    """Return what a newton held over one sample at one touch moves the string at another, in m/N, both ways."""
-    below, aside = 0.0, 0.0
+def between(bank: Floats, size: int, row: int, other: int) -> tuple[float, float]:
+    """Return what a newton held over one sample at another touch gives the string at this one, in m/N, both ways."""
+    ease, ease_aside = 0.0, 0.0
+    give = other + GIVE - SHAPE
     for i in range(size // 2):
-        both = bank[row * size + i] * bank[other * size + i]
-        below += both * bank[EASE * size + i]
-        aside += both * bank[EASE * size + size // 2 + i]
-    return below, aside
+        gives = bank[row * size + i] * bank[give * size + i]
+        gives_aside = bank[row * size + i] * bank[give * size + size // 2 + i]
+        bank[WORK * size + i] = gives
+        bank[WORK * size + size // 2 + i] = gives_aside
+        ease += gives
+        ease_aside += gives_aside
+    return ease, ease_aside
+
+
+@part
+def pushed(bank: Floats, size: int, row: int, load: float, side: float) -> float:
+    """Add to `Q_NEXT` what a touch's forces in N give; return the stretch sum."""
+    total = 0.0
+    give = row + GIVE - SHAPE
+    for i in range(size // 2):
+        new = bank[Q_NEXT * size + i] + bank[give * size + i] * load
+        aside = bank[Q_NEXT * size + size // 2 + i] + bank[give * size + size // 2 + i] * side
+        bank[Q_NEXT * size + i] = new
+        bank[Q_NEXT * size + size // 2 + i] = aside
+        total += bank[STRETCH * size + i] * (new * new + aside * aside)
+    return total
 
 
 @part
