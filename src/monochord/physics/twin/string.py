@@ -166,16 +166,16 @@ def placed(bank: Floats, size: int, row: int) -> tuple[float, float, float, floa
     are stored keeps the loop in vectors: a bare sum of so few terms would be unrolled into one long chain.
     """
     below, aside, ease, ease_aside = 0.0, 0.0, 0.0, 0.0
-    give = row + GIVE - SHAPE
-    for i in range(size // 2):
-        shape = bank[row * size + i]
-        gives, gives_aside = shape * bank[EASE * size + i], shape * bank[EASE * size + size // 2 + i]
-        bank[give * size + i] = gives
-        bank[give * size + size // 2 + i] = gives_aside
-        below += shape * bank[Q_NEXT * size + i]
-        aside += shape * bank[Q_NEXT * size + size // 2 + i]
-        ease += shape * gives
-        ease_aside += shape * gives_aside
+    half = size // 2
+    shape, give = bank[row * size : row * size + half], bank[(row + 2) * size : (row + 3) * size]
+    for i in range(half):
+        gives, gives_aside = shape[i] * bank[EASE * size + i], shape[i] * bank[EASE * size + half + i]
+        give[i] = gives
+        give[half + i] = gives_aside
+        below += shape[i] * bank[Q_NEXT * size + i]
+        aside += shape[i] * bank[Q_NEXT * size + half + i]
+        ease += shape[i] * gives
+        ease_aside += shape[i] * gives_aside
     return below, aside, ease, ease_aside
 
 
@@ -183,12 +183,12 @@ def placed(bank: Floats, size: int, row: int) -> tuple[float, float, float, floa
 def between(bank: Floats, size: int, row: int, other: int) -> tuple[float, float]:
     """Return what a newton held over one sample at another touch gives the string at this one, in m/N, both ways."""
     ease, ease_aside = 0.0, 0.0
-    give = other + GIVE - SHAPE
-    for i in range(size // 2):
-        gives = bank[row * size + i] * bank[give * size + i]
-        gives_aside = bank[row * size + i] * bank[give * size + size // 2 + i]
+    half = size // 2
+    shape, give = bank[row * size : row * size + half], bank[(other + 2) * size : (other + 3) * size]
+    for i in range(half):
+        gives, gives_aside = shape[i] * give[i], shape[i] * give[half + i]
         bank[WORK * size + i] = gives
-        bank[WORK * size + size // 2 + i] = gives_aside
+        bank[WORK * size + half + i] = gives_aside
         ease += gives
         ease_aside += gives_aside
     return ease, ease_aside
@@ -198,12 +198,12 @@ def between(bank: Floats, size: int, row: int, other: int) -> tuple[float, float
 def pushed(bank: Floats, size: int, row: int, load: float, side: float) -> float:
     """Add to `Q_NEXT` what a touch's forces in N give; return the stretch sum."""
     total = 0.0
-    give = row + GIVE - SHAPE
-    for i in range(size // 2):
-        new = bank[Q_NEXT * size + i] + bank[give * size + i] * load
-        aside = bank[Q_NEXT * size + size // 2 + i] + bank[give * size + size // 2 + i] * side
+    half, give = size // 2, bank[(row + 2) * size : (row + 3) * size]
+    for i in range(half):
+        new = bank[Q_NEXT * size + i] + give[i] * load
+        aside = bank[Q_NEXT * size + half + i] + give[half + i] * side
         bank[Q_NEXT * size + i] = new
-        bank[Q_NEXT * size + size // 2 + i] = aside
+        bank[Q_NEXT * size + half + i] = aside
         total += bank[STRETCH * size + i] * (new * new + aside * aside)
     return total
 
@@ -211,9 +211,10 @@ def pushed(bank: Floats, size: int, row: int, load: float, side: float) -> float
 @part
 def hold(bank: Floats, size: int, row: int, load: float, side: float) -> None:
     """Add a touch's forces in N to the modal force in `FORCE`."""
-    for i in range(size // 2):
-        bank[FORCE * size + i] += bank[row * size + i] * load
-        bank[FORCE * size + size // 2 + i] += bank[row * size + i] * side
+    half, shape = size // 2, bank[row * size : row * size + size // 2]
+    for i in range(half):
+        bank[FORCE * size + i] += shape[i] * load
+        bank[FORCE * size + half + i] += shape[i] * side
 
 
 @part
@@ -226,8 +227,9 @@ def release(bank: Floats, size: int) -> None:
 @part
 def slide(bank: Floats, size: int, row: int) -> None:
     """Move a touch's shape on by one step."""
+    shape, drift = bank[row * size : (row + 1) * size], bank[(row + 1) * size : (row + 2) * size]
     for i in range(size // 2):
-        bank[row * size + i] += bank[(row + 1) * size + i]
+        shape[i] += drift[i]
 
 
 @part
