@@ -29,10 +29,14 @@ FINER, SEED, LAW = range(3)
 """Integers: steps a frame, seed, and tension law (0 geometric, 1 linear)."""
 K1, K2, LOSS, TANGENT, STATIC, KINETIC, STRIBECK, ROUGH, ROUGH_LENGTH, ROLLS = range(10)
 """Parameters of a touch: stiffness, Hunt-Crossley's beta, tangential over normal stiffness, friction, roughness."""
-S, ETA, Z, Z_ALONG, PULL_ALONG, SLIP, SIDE, PATH, HEIGHT, REST, GRIP, DAMP, NOW, SINCE, MEAN, ACROSS, ALONG, STATE, ON = range(19)
-"""Memory of a touch: contact (sqrt delta, eta), bristles, force along, last speed, place aside, path slid, height,
-residual compliance, stiffness and damping of the bristles, force now, time since it pressed, its mean, slip speeds,
-state of friction, and whether it counted as touching."""
+(
+    S, ETA, Z, Z_ALONG, PULL_ALONG, SLIP, SIDE, PATH, HEIGHT, REST, GRIP, DAMP, NOW, SINCE, MEAN, ACROSS, ALONG, STATE,
+    ON, PATH_ALONG, ROLL, LAG, LAG_ALONG, SLOW, SLOW_ALONG, MARK, MARK_ALONG,
+) = range(27)  # fmt: skip
+"""Memory of a touch: contact (sqrt delta, eta), bristles, force along, last speed, place aside, path slid across,
+height, residual compliance, stiffness and damping of the bristles, force now, time since it pressed, its mean, slip
+speeds, state of friction, and whether it counted as touching; then the path slid along and the one rolled, both
+paths after one pole and after two, and the mark that their play leaves."""
 TUNED, SPREAD, BRIEF_1, BRIEF_2, LONG_1, LONG_2, QUIET, SETTLED, COIL_1, COIL_2, MISSED, SLOPE, NEAR, FAR, ROUNDS = range(15)
 """Memory of the sensor: tension of the propagator, stretch sum, levels, time at rest, flag, speeds at the coils, how
 far the free motion misses the stretch sum, how a miss of the guess comes back, forces on
@@ -56,9 +60,11 @@ MOST = 12
 SWEEPS = 40
 """Most rounds of several touches among themselves."""
 HOLD = 0.005
-"""Seconds without force after which a touch counts as off, and time constant of slip speeds."""
+"""Seconds without force after which a touch counts as off, and time constant of its force."""
+SWING, SPEEDING = 0.002, 0.003
+"""Time constants in s of the two poles that take the swing off the path slid, and of sliding speeds."""
 SLIPPING = 5e-4
-"""Mean sliding speed in m/s from which a touch counts as slipping."""
+"""Sliding speed in m/s from which a touch counts as slipping."""
 BRIEF, LONG, SAME, CALM = 0.010, 0.050, 0.2, 0.020
 """Time constants of the two levels in s, how far they may differ, and for how long in s, to be settled."""
 SILENCE = 1e-12
@@ -178,23 +184,22 @@ def _rub(
     scalars: Floats, touch: Floats, own: Floats, asked: Floats, found: Floats, aside: float, ease: float
 ) -> None:
     """Solve both bristles of one touch under the force in `found`, and leave what they give there."""
-    load = found[LOAD]
-    found[SIDE_FORCE], found[ALONG_FORCE], found[Z_NEW], found[Z_NEW_ALONG] = 0.0, 0.0, 0.0, 0.0
-    found[LEFT], found[LEFT_ALONG], found[GRIPS] = 0.0, 0.0, float(friction.NONE)
-    found[ASIDE] = aside
-    if load <= 0.0:
-        return
-    step, length, axial = scalars[STEP], scalars[LENGTH], scalars[AXIAL]
-    speed, stiffness, damping = own[SLIP], own[GRIP], own[DAMP]
-    z, z_along = own[Z], own[Z_ALONG]
-    limit = friction.grip(speed, touch[STATIC], touch[KINETIC], touch[STRIBECK]) * load / stiffness
-    share = friction.creeping(np.sqrt(z * z + z_along * z_along), limit)
-    fade = share * speed * step / limit
+    load, step, length, axial = found[LOAD], scalars[STEP], scalars[LENGTH], scalars[AXIAL]
     soft = 0.0
     if axial > 0.0:
         soft = asked[motion.PLACE] * (length - asked[motion.PLACE]) / (axial * length)
     moved = asked[motion.SPEED] * step - (aside - own[SIDE])
     moved_along = found[ALONG_SPEED] * step + soft * own[PULL_ALONG]
+    found[SIDE_FORCE], found[ALONG_FORCE], found[Z_NEW], found[Z_NEW_ALONG] = 0.0, 0.0, 0.0, 0.0
+    found[LEFT], found[LEFT_ALONG], found[GRIPS] = moved, moved_along, float(friction.NONE)
+    found[ASIDE] = aside
+    if load <= 0.0:
+        return
+    speed, stiffness, damping = own[SLIP], own[GRIP], own[DAMP]
+    z, z_along = own[Z], own[Z_ALONG]
+    limit = friction.grip(speed, touch[STATIC], touch[KINETIC], touch[STRIBECK]) * load / stiffness
+    share = friction.creeping(np.sqrt(z * z + z_along * z_along), limit)
+    fade = share * speed * step / limit
     side, left, z_new = friction.bristle(z, moved, ease, stiffness, damping, fade)
     lengthwise, left_along, z_new_along = friction.bristle(
         z_along, moved_along, soft, stiffness, damping, fade
@@ -202,10 +207,9 @@ def _rub(
     state = friction.STICK if share == 0.0 else (friction.CREEP if share < 1.0 else friction.SLIDE)
     cap, whole = touch[STATIC] * load, np.sqrt(side * side + lengthwise * lengthwise)
     if whole > cap:
-        side *= cap / whole
-        lengthwise *= cap / whole
+        cut = cap / whole
+        side, lengthwise, z_new, z_new_along = cut * side, cut * lengthwise, cut * z_new, cut * z_new_along
         left, left_along = moved - ease * side, moved_along - soft * lengthwise
-        z_new, z_new_along = side / stiffness, lengthwise / stiffness
         state = friction.SLIDE
     found[SIDE_FORCE], found[ALONG_FORCE], found[Z_NEW], found[Z_NEW_ALONG] = side, lengthwise, z_new, z_new_along
     found[LEFT], found[LEFT_ALONG], found[GRIPS] = left, left_along, float(state)
@@ -286,7 +290,7 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
         depth = asked[motion.DEPTH] + past * (ahead[motion.DEPTH] - asked[motion.DEPTH])
         found[SURFACE] = depth + own[HEIGHT]
         found[ALONG_SPEED] = 0.0 if sensor.touches[t, ROLLS] != 0.0 else travel / (TICK * step)
-        found[ROLLED] = abs(travel) / TICK if sensor.touches[t, ROLLS] != 0.0 else 0.0
+        found[ROLLED] = travel / TICK if sensor.touches[t, ROLLS] != 0.0 else 0.0
         found[LOAD], found[SIDE_FORCE], found[NEW_S] = own[NOW], 0.0, own[S]
     drifted = scalars[DRIFT] + scalars[DRIFT_RATE] * ((index // TICK) * TICK) * step
     taken = memory[TUNED] - scalars[TENSION] - drifted
@@ -321,7 +325,7 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
 
 @part.part
 def _remember(touch: Floats, own: Floats, found: Floats, step: float, seed: int) -> None:
-    """Keep what a touch has become, and let its path and its labels follow."""
+    """Keep what a touch has become, and let its path over the object and its labels follow."""
     load = found[LOAD]
     lost = found[LEFT] - (found[Z_NEW] - own[Z])
     lost_along = found[LEFT_ALONG] - (found[Z_NEW_ALONG] - own[Z_ALONG])
@@ -329,19 +333,34 @@ def _remember(touch: Floats, own: Floats, found: Floats, step: float, seed: int)
     own[Z], own[Z_ALONG], own[PULL_ALONG] = found[Z_NEW], found[Z_NEW_ALONG], found[ALONG_FORCE]
     own[SIDE], own[STATE] = found[ASIDE], found[GRIPS]
     own[SLIP] = np.sqrt(found[LEFT] ** 2 + found[LEFT_ALONG] ** 2) / step
-    keep = step / HOLD
-    own[SINCE] += step
-    if load > 0.0:
-        own[SINCE] = 0.0
-        moved = np.sqrt(lost * lost + lost_along * lost_along) + found[ROLLED]
-        if moved > 0.0 and touch[ROUGH] > 0.0:
-            own[PATH] += moved
-            own[HEIGHT] = touch[ROUGH] * roughness.height(seed, own[PATH] / touch[ROUGH_LENGTH])
-    else:
-        lost, lost_along = 0.0, 0.0
-    own[ACROSS] += keep * (lost / step - own[ACROSS])
-    own[ALONG] += keep * (lost_along / step - own[ALONG])
-    own[MEAN] += keep * (load - own[MEAN])
+    began = load > 0.0 and own[SINCE] >= HOLD
+    own[SINCE] = 0.0 if load > 0.0 else own[SINCE] + step
+    gone, gone_along = 0.0, 0.0
+    if own[SINCE] < HOLD:
+        own[PATH] += lost
+        own[PATH_ALONG] += lost_along
+        own[ROLL] += found[ROLLED]
+        if began:
+            own[LAG], own[SLOW], own[MARK] = own[PATH], own[PATH], own[PATH]
+            own[LAG_ALONG], own[SLOW_ALONG], own[MARK_ALONG] = own[PATH_ALONG], own[PATH_ALONG], own[PATH_ALONG]
+        if touch[ROUGH] > 0.0 and (lost != 0.0 or lost_along != 0.0 or found[ROLLED] != 0.0):
+            scale = 1.0 / touch[ROUGH_LENGTH]
+            along = own[PATH_ALONG] + own[ROLL]
+            own[HEIGHT] = touch[ROUGH] * roughness.height(seed, scale * own[PATH], scale * along)
+        keep = step / SWING
+        own[LAG] += keep * (own[PATH] - own[LAG])
+        own[SLOW] += keep * (own[LAG] - own[SLOW])
+        own[LAG_ALONG] += keep * (own[PATH_ALONG] - own[LAG_ALONG])
+        own[SLOW_ALONG] += keep * (own[LAG_ALONG] - own[SLOW_ALONG])
+        gone, gone_along = friction.played(
+            friction.PLAY, own[SLOW], own[SLOW_ALONG], own[MARK], own[MARK_ALONG]
+        )
+        own[MARK] += gone
+        own[MARK_ALONG] += gone_along
+    keep = step / SPEEDING
+    own[ACROSS] += keep * (gone / step - own[ACROSS])
+    own[ALONG] += keep * (gone_along / step - own[ALONG])
+    own[MEAN] += step / HOLD * (load - own[MEAN])
 
 
 @part.part

@@ -1,15 +1,18 @@
-"""The surface of an object: height along the path that has slid past, a fixed landscape for each seed.
+"""The surface of an object: height at the place where the string touches it, a fixed landscape for each seed.
 
-Three octaves of value noise with amplitude halved from one to the next: a self-affine profile of Hurst exponent
-one between the correlation length and a quarter of it, as ground and printed surfaces roughly are.
+Five octaves of value noise over the plane with amplitude halved from one to the next: self-affine, of Hurst
+exponent one, between the correlation length and a sixteenth of it. Measured profiles have exponents of some
+0.7 to 1 (Persson et al. 2005); the patch of contact, tens of micrometres wide, averages over what is finer,
+which steepens them. A place that comes back finds the height that it had, so that a string that rocks under
+an object at rest hears nothing new.
 """
 
 import numpy as np
 
 from monochord.physics.twin.part import part
 
-OCTAVES = 3
-LEVEL = 1.34
+OCTAVES = 5
+LEVEL = 2.02
 """Makes the root mean square of the sum one."""
 
 
@@ -29,15 +32,19 @@ def hashed(seed: int, index: int) -> float:
 
 
 @part
-def height(seed: int, path: float) -> float:
-    """Return the height at a path in correlation lengths, of unit root mean square."""
+def height(seed: int, across: float, along: float) -> float:
+    """Return the height at a place in correlation lengths, of unit root mean square over the plane."""
     total, share = 0.0, 1.0
     for octave in range(OCTAVES):
-        cell = np.floor(path)
-        t = path - cell
-        i = np.int64(cell)
-        low, high = hashed(seed + octave, i), hashed(seed + octave, i + 1)
-        total += share * (low + (high - low) * t * t * (3.0 - 2.0 * t))
+        column, row = np.floor(across), np.floor(along)
+        x, y = across - column, along - row
+        x, y = x * x * (3.0 - 2.0 * x), y * y * (3.0 - 2.0 * y)
+        i = (int(column) << 24) + int(row)
+        near, far = hashed(seed + octave, i), hashed(seed + octave, i + (1 << 24))
+        near += y * (hashed(seed + octave, i + 1) - near)
+        far += y * (hashed(seed + octave, i + (1 << 24) + 1) - far)
+        total += share * (near + x * (far - near))
         share *= 0.5
-        path *= 2.0
+        across *= 2.0
+        along *= 2.0
     return LEVEL * total

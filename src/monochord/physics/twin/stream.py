@@ -12,7 +12,7 @@ from monochord.physics.twin.setup import Scene, Sensor, Touch
 from monochord.types import Audio
 from monochord.units import Samples
 
-TOUCH_MEMORY, SENSOR_MEMORY, FOUND = 19, 15, 16
+TOUCH_MEMORY, SENSOR_MEMORY, FOUND = 27, 15, 16
 """How many numbers the kernel remembers of each touch and of the sensor."""
 ETA, SINCE = 1, 13
 
