@@ -8,6 +8,7 @@ import click
 from monochord.cli._options import refuse_unwritable
 from monochord.config import override, to_tree
 from monochord.figures import FIGURES
+from monochord.figures.base import Measured
 
 SUFFIXES = (".png", ".pdf", ".svg")
 
@@ -30,6 +31,9 @@ def figure(
     drawing = FIGURES.build(name, chosen)
     drawing.draw().savefig(path)
     if as_json:
-        click.echo(json.dumps({"figure": name, "path": str(path), "options": to_tree(drawing)}))
+        told = {"figure": name, "path": str(path), "options": to_tree(drawing)}
+        if isinstance(drawing, Measured):
+            told["numbers"] = drawing.numbers()
+        click.echo(json.dumps(told))
     else:
         click.echo(str(path))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -15,3 +15,11 @@ class Figure(ABC):
     @abstractmethod
     def draw(self) -> Canvas:
         """Compute what the figure shows and return it drawn, good enough to print."""
+
+
+class Measured(Figure):
+    """A figure that can also tell in numbers what it shows, as `monochord figure NAME --json` does."""
+
+    @abstractmethod
+    def numbers(self) -> dict[str, Any]:
+        """Return what the figure shows, by name, as values that JSON can hold."""
