@@ -169,6 +169,11 @@ def _look(sensor: Sensor, state: State, size: int, index: int) -> None:
         normal = press.stiffness_at(press.root_of_compression(load, k1, k2), k1, k2)
         own[GRIP] = 1.0 / (1.0 / (touches[t, TANGENT] * normal) + own[REST])
         own[DAMP] = touches[t, LOSS] * load / step
+        if own[SINCE] >= HOLD and touches[t, ROUGH] > 0.0:
+            scale = 1.0 / touches[t, ROUGH_LENGTH]
+            own[HEIGHT] = touches[t, ROUGH] * roughness.height(
+                sensor.integers[SEED] + 16 * t, scale * own[PATH], scale * (own[PATH_ALONG] + own[ROLL])
+            )
     for d in range(2):
         gate, wanted, most = state.coils[d, ebow.GATE], sensor.gates[d], TICK * step / SWITCH
         if gate != wanted:
