@@ -50,7 +50,8 @@ def area_interval(
     """Return the interval of the area under the curve, by drawing whole runs anew with replacement.
 
     Windows of one run are alike, so that runs and not windows are drawn (a cluster bootstrap). Both lists
-    hold the same runs in the same order, and each draw takes the same ones of both.
+    hold the same runs in the same order, and each draw takes the same ones of both. A run that is drawn twice
+    meets itself more often than it should; what this adds to the mean area is taken off the interval.
 
     Parameters
     ----------
@@ -90,5 +91,7 @@ def area_interval(
             areas.append(area_under_curve(ones, others))
     if not areas:
         raise InputError("runs without values of one kind", "values of both kinds")
-    low, high = np.quantile(areas, [0.5 - 0.5 * share, 0.5 + 0.5 * share]).tolist()
+    bias = np.mean(areas) - area_under_curve(np.concatenate(positive), np.concatenate(negative))
+    edges = np.quantile(areas, [0.5 - 0.5 * share, 0.5 + 0.5 * share]) - bias
+    low, high = np.clip(edges, 0.0, 1.0).tolist()
     return low, high
