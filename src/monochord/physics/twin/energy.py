@@ -14,10 +14,11 @@ def energy(twin: Twin) -> float:
     E = sum m/2 (v^2 + omega^2 q^2) + r (a S^2 / 2 - d S) + contacts,  r = pi^2/(4 L), a = E A pi^2/(4 L^2),
 
     over the modes of both polarisations, with omega at the tension that the modes are carried with, S the
-    stretch sum of weights times q^2, and d how far that tension is above that of a string which does not stretch.
-    A contact holds k1 delta^2 / 2 + 2 k2 delta^(5/2) / 5, its modes left out R f^2 / 2, its bristles
-    sigma z^2 / 2. This is what the scheme keeps: without losses and drivers, under objects that hold still, it
-    stays as it is, up to rounding and to how well tension and motion agree in a step (`agreement` of `begin`).
+    stretch sum of weights times q^2, and d how far that tension is above that of a string which does not
+    stretch. A contact holds k1 delta^2 / 2 + 2 k2 delta^(5/2) / 5, its modes left out R f^2 / 2, its bristles
+    sigma z^2 / 2. This is what the scheme keeps: without losses and drivers, under objects that hold still,
+    it stays as it is, up to rounding and to how well tension and motion agree in a step (`agreement` of
+    `begin`).
 
     Parameters
     ----------

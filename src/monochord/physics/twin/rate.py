@@ -83,7 +83,11 @@ def plan(
             least = min(padded(one.count) for one in good)
             found = [one for one in good if padded(one.count) == least]
             break
-    return min(found, key=lambda one: one.error)
+    best = min(found, key=lambda one: one.error)
+    if best.count == 0:
+        given = f"{string.length:g} m of string whose fourth mode is too fast for {rate:g} Hz"
+        raise InputError(given, "2.3 steps a period at least", "raise the sample rate")
+    return best
 
 
 def mode_frequencies(string: StringParams, count: int) -> Floats:
@@ -122,6 +126,8 @@ def _best(string: StringParams, rate: Hertz, finer: int, partials: int, top: flo
     step = 1.0 / (rate * finer)
     count = mode_count(string, 1.0 / step, top)
     omega = mode_frequencies(string, BEYOND * count)
+    if omega[count - 1] * step > 0.9 * np.pi:
+        return Plan(finer=finer, count=0, beta=0.0, error=np.inf)
     mass = 0.5 * string.linear_density * string.length
     at = PLACES * string.length
     shape = np.sin(np.outer(at, np.arange(1, omega.size + 1)) * np.pi / string.length) ** 2 / mass
