@@ -153,22 +153,25 @@ def plucked(sensor: Sensor, pluck: Pluck | None, plan: Plan) -> Floats:
     return q
 
 
-def _ebow(driver: Ebow, step: float) -> tuple[float, float, float, float]:
-    return tan(pi * driver.centre * step), 1.0 / driver.quality, driver.gain, driver.limit
+def _ebow(driver: Ebow, step: float) -> tuple[float, ...]:
+    g, k = tan(pi * driver.centre * step), 1.0 / driver.quality
+    gain = driver.gain / driver.limit if driver.limit > 0.0 else 0.0
+    return g, k, gain, driver.limit, 1.0 / (1.0 + g * (g + k))
 
 
 def _pickup(sensor: Sensor, rate: Hertz) -> Floats:
     pickups, low = sensor.pickups, tan(pi * sensor.pickups.low / rate)
-    high = min(pickups.high, 0.45 * rate)
+    g = tan(pi * min(pickups.high, 0.45 * rate) / rate)
     return np.array(
         [
             *pickups.own,
             *pickups.gain,
             low / (1.0 + low),
-            tan(pi * high / rate),
+            g,
             2.0**0.5,
             pickups.hiss,
             *pickups.air,
+            1.0 / (1.0 + g * (g + 2.0**0.5)),
         ]
     )
 

@@ -8,8 +8,8 @@ state-variable one (Zavalishin 2012), and the force held over a sample is that o
 from monochord.physics.twin.part import part
 from monochord.types import Floats
 
-WARP, DAMP, GAIN, LIMIT = range(4)
-"""Parameters: tan(pi f / rate), 1 / Q, gain in N s/m, limit in N."""
+WARP, DAMP, GAIN, LIMIT, SCALE = range(5)
+"""Parameters: g = tan(pi f / rate), k = 1 / Q, gain over limit in s/m, limit in N, and 1 / (1 + g (g + k))."""
 FIRST, SECOND, BEFORE, GATE = range(4)
 """Memory: the two states of the filter, its last output, and how far the driver is switched on, 0 to 1."""
 
@@ -27,7 +27,7 @@ def saturated(x: float) -> float:
 def drive(ebow: Floats, memory: Floats, velocity: float) -> float:
     """Return the force in N held over the next sample, given the velocity at the sense coil in m/s."""
     g, k = ebow[WARP], ebow[DAMP]
-    high = (velocity - (k + g) * memory[FIRST] - memory[SECOND]) / (1.0 + g * (g + k))
+    high = (velocity - (k + g) * memory[FIRST] - memory[SECOND]) * ebow[SCALE]
     band = g * high + memory[FIRST]
     low = g * band + memory[SECOND]
     memory[FIRST] = g * high + band
@@ -38,4 +38,4 @@ def drive(ebow: Floats, memory: Floats, velocity: float) -> float:
     limit = ebow[LIMIT]
     if limit <= 0.0 or memory[GATE] <= 0.0:
         return 0.0
-    return memory[GATE] * limit * saturated(ebow[GAIN] * ahead / limit)
+    return memory[GATE] * limit * saturated(ebow[GAIN] * ahead)

@@ -37,10 +37,11 @@ K1, K2, LOSS, TANGENT, STATIC, KINETIC, STRIBECK, ROUGH, ROUGH_LENGTH, ROLLS = r
 height, residual compliance, stiffness and damping of the bristles, force now, time since it pressed, its mean, slip
 speeds, state of friction, and whether it counted as touching; then the path slid along and the one rolled, both
 paths after one pole and after two, and the mark that their play leaves."""
-TUNED, SPREAD, BRIEF_1, BRIEF_2, LONG_1, LONG_2, QUIET, SETTLED, COIL_1, COIL_2, MISSED, SLOPE, NEAR, FAR, ROUNDS = range(15)
+TUNED, SPREAD, BRIEF_1, BRIEF_2, LONG_1, LONG_2, QUIET, SETTLED, COIL_1, COIL_2, MISSED, SLOPE, NEAR, FAR, KICK, FRESH, ROUNDS = range(17)
 """Memory of the sensor: tension of the propagator, stretch sum, levels, time at rest, flag, speeds at the coils, how
 far the free motion misses the stretch sum, how a miss of the guess comes back, forces on
-the ends, and how many rounds were done."""
+the ends, largest kick of a mode, whether touches
+must be laid anew, and how many rounds were done."""
 
 (
     LOAD, SIDE_FORCE, ALONG_FORCE, NEW_S, NEW_ETA, Z_NEW, Z_NEW_ALONG, LEFT, LEFT_ALONG, GRIPS, ASIDE, BELOW, BESIDE,
@@ -67,6 +68,8 @@ SLIPPING = 5e-4
 """Sliding speed in m/s from which a touch counts as slipping."""
 BRIEF, LONG, SAME, CALM = 0.010, 0.050, 0.2, 0.020
 """Time constants of the two levels in s, how far they may differ, and for how long in s, to be settled."""
+RETUNE = 1e-7
+"""Relative change of the tension at which the propagators follow; what is less acts as an extra tension."""
 SILENCE = 1e-12
 """Level, in full scale squared, that counts as none."""
 LEAST = 0.01
@@ -120,60 +123,71 @@ class Out(NamedTuple):
 
 
 @part.part
+def _lay(sensor: Sensor, state: State, size: int, t: int) -> None:
+    """Lay a touch on the string for a tick: how deep it is asked to go, its modes' shapes, what its bristles hold."""
+    scalars, touches, bank = sensor.scalars, sensor.touches, state.bank
+    length, tension = scalars[LENGTH], state.memory[TUNED]
+    now, ahead, own = state.asked[t], state.ahead[t], state.contact[t]
+    k1, k2, row, ratio = touches[t, K1], touches[t, K2], string.row_of(t), scalars[TENSION] / tension
+    others = 0.0
+    for o in range(touches.shape[0]):
+        if o != t:
+            others += state.ahead[o, motion.LOAD] * motion.cross_compliance(
+                ahead[motion.PLACE], state.ahead[o, motion.PLACE], length, tension
+            )
+    static = motion.between(sensor.tables[t], ahead[motion.PLACE] / length) * ratio
+    ahead[motion.DEPTH] = motion.depth_of(ahead[motion.LOAD], k1, k2, static, others, ahead[motion.GAP])
+    string.shape_at(bank, size, row, now[motion.PLACE] / length, sensor.weights[t])
+    if ahead[motion.PLACE] != now[motion.PLACE]:
+        string.shape_at(bank, size, row + 1, ahead[motion.PLACE] / length, sensor.weights[t])
+        for i in range(size // 2):
+            bank[(row + 1) * size + i] = (bank[(row + 1) * size + i] - bank[row * size + i]) / TICK
+    modal = string.static_share(bank, size, row, tension, scalars[MASS])
+    here = motion.between(sensor.tables[t], now[motion.PLACE] / length) * ratio
+    own[REST] = max(0.0, here - modal)
+    if own[S] > 0.0:
+        own[ETA] = press.approach_at(own[S], k1, k2, own[REST])
+    load = max(now[motion.LOAD], LEAST)
+    normal = press.stiffness_at(press.root_of_compression(load, k1, k2), k1, k2)
+    own[GRIP] = 1.0 / (1.0 / (touches[t, TANGENT] * normal) + own[REST])
+    own[DAMP] = touches[t, LOSS] * load / scalars[STEP]
+    if own[SINCE] >= HOLD and touches[t, ROUGH] > 0.0:
+        scale = 1.0 / touches[t, ROUGH_LENGTH]
+        own[HEIGHT] = touches[t, ROUGH] * roughness.height(
+            sensor.integers[SEED] + 16 * t, scale * own[PATH], scale * (own[PATH_ALONG] + own[ROLL])
+        )
+
+
+@part.part
 def _look(sensor: Sensor, state: State, size: int, index: int) -> None:
     """At a tick: read the touches' motion and prepare the string for the steps up to the next."""
     scalars, touches, bank, memory = sensor.scalars, sensor.touches, state.bank, state.memory
     step, length, nominal = scalars[STEP], scalars[LENGTH], scalars[TENSION]
     count = touches.shape[0]
-    moving = False
+    moving, fresh = False, memory[FRESH] > 0.0
     tension = nominal + scalars[DRIFT] + scalars[DRIFT_RATE] * index * step
     for t in range(count):
         now, ahead = state.asked[t], state.ahead[t]
         for c in range(5):
+            fresh = fresh or now[c] != ahead[c]
             now[c] = ahead[c]
         motion.asked(sensor.keys[t], sensor.counts[t], (index + TICK) * step, ahead)
         for c in range(3):
             moving = moving or ahead[c] != now[c]
         if sensor.integers[LAW] == 1:
             tension += scalars[RISE] * now[motion.LOAD]
-        else:
+        elif now[motion.LOAD] > 0.0:
             tension += motion.geometric_rise(
                 now[motion.LOAD], now[motion.PLACE], length, nominal, scalars[AXIAL]
             )
-    if abs(tension - memory[TUNED]) > 1e-9 * nominal:
-        string.tune(bank, size, tension, scalars[MASS], scalars[REACH], step)
+    if abs(tension - memory[TUNED]) > RETUNE * nominal:
+        memory[KICK] = string.tune(bank, size, tension, scalars[MASS], scalars[REACH], step)
         memory[TUNED] = tension
-    ratio = nominal / tension
-    for t in range(count):
-        now, ahead, own = state.asked[t], state.ahead[t], state.contact[t]
-        k1, k2, row = touches[t, K1], touches[t, K2], string.SHAPE + string.EACH * t
-        others = 0.0
-        for o in range(count):
-            if o != t:
-                others += state.ahead[o, motion.LOAD] * motion.cross_compliance(
-                    ahead[motion.PLACE], state.ahead[o, motion.PLACE], length, tension
-                )
-        static = motion.between(sensor.tables[t], ahead[motion.PLACE] / length) * ratio
-        ahead[motion.DEPTH] = motion.depth_of(ahead[motion.LOAD], k1, k2, static, others, ahead[motion.GAP])
-        string.shape_at(bank, size, row, now[motion.PLACE] / length, sensor.weights[t])
-        if ahead[motion.PLACE] != now[motion.PLACE]:
-            string.shape_at(bank, size, row + 1, ahead[motion.PLACE] / length, sensor.weights[t])
-            for i in range(size // 2):
-                bank[(row + 1) * size + i] = (bank[(row + 1) * size + i] - bank[row * size + i]) / TICK
-        modal = string.static_share(bank, size, row, tension, scalars[MASS])
-        here = motion.between(sensor.tables[t], now[motion.PLACE] / length) * ratio
-        own[REST] = max(0.0, here - modal)
-        if own[S] > 0.0:
-            own[ETA] = press.approach_at(own[S], k1, k2, own[REST])
-        load = max(now[motion.LOAD], LEAST)
-        normal = press.stiffness_at(press.root_of_compression(load, k1, k2), k1, k2)
-        own[GRIP] = 1.0 / (1.0 / (touches[t, TANGENT] * normal) + own[REST])
-        own[DAMP] = touches[t, LOSS] * load / step
-        if own[SINCE] >= HOLD and touches[t, ROUGH] > 0.0:
-            scale = 1.0 / touches[t, ROUGH_LENGTH]
-            own[HEIGHT] = touches[t, ROUGH] * roughness.height(
-                sensor.integers[SEED] + 16 * t, scale * own[PATH], scale * (own[PATH_ALONG] + own[ROLL])
-            )
+        fresh = True
+    if moving or fresh:
+        memory[FRESH] = 0.0
+        for t in range(count):
+            _lay(sensor, state, size, t)
     for d in range(2):
         gate, wanted, most = state.coils[d, ebow.GATE], sensor.gates[d], TICK * step / SWITCH
         if gate != wanted:
@@ -229,15 +243,15 @@ def _touch(
     bank, touches = state.bank, sensor.touches
     count = touches.shape[0]
     for t in range(count):
-        row, own, found = string.SHAPE + string.EACH * t, state.contact[t], solved[t]
+        row, own, found = string.row_of(t), state.contact[t], solved[t]
         found[BELOW], found[BESIDE], mutual[0, t, t], mutual[1, t, t] = string.placed(bank, size, row)
         if turn == 0:
+            gap = found[SURFACE] - found[BELOW]
             found[NEW_S] = press.guess(
-                found[SURFACE] - found[BELOW] - mutual[0, t, t] * own[NOW], own[S], own[ETA], touches[t, K1],
-                touches[t, K2], own[REST],
-            )  # fmt: skip
+                gap, mutual[0, t, t], own[S], own[ETA], touches[t, K1], touches[t, K2]
+            )
         for o in range(t):
-            below, aside = string.between(bank, size, row, string.SHAPE + string.EACH * o)
+            below, aside = string.between(bank, size, row, string.row_of(o))
             mutual[0, t, o], mutual[0, o, t] = below, below
             mutual[1, t, o], mutual[1, o, t] = aside, aside
     for _ in range(SWEEPS):
@@ -269,7 +283,7 @@ def _touch(
             break
     spread = 0.0
     for t in range(count):
-        spread = string.pushed(bank, size, string.SHAPE + string.EACH * t, solved[t, LOAD], solved[t, SIDE_FORCE])
+        spread = string.pushed(bank, size, string.row_of(t), solved[t, LOAD], solved[t, SIDE_FORCE])
     return spread
 
 
@@ -284,14 +298,13 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
     shake = 0.0
     if sensor.sound.size > 0:
         shake = scalars[SHAKE] * sensor.sound[(index // sensor.integers[FINER]) % sensor.sound.size]
-    string.driven(bank, size, first, second, shake)
-    guess = string.carry(bank, size)
+    guess = string.carry(bank, size, first, second, shake)
     past = (index % TICK + 1.0) / TICK
     for t in range(count):
         asked, ahead, found, own = state.asked[t], state.ahead[t], solved[t], state.contact[t]
         travel = ahead[motion.PLACE] - asked[motion.PLACE]
         if travel != 0.0:
-            string.slide(bank, size, string.SHAPE + string.EACH * t)
+            string.slide(bank, size, string.row_of(t))
         depth = asked[motion.DEPTH] + past * (ahead[motion.DEPTH] - asked[motion.DEPTH])
         found[SURFACE] = depth + own[HEIGHT]
         found[ALONG_SPEED] = 0.0 if sensor.touches[t, ROLLS] != 0.0 else travel / (TICK * step)
@@ -305,7 +318,7 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
     for turn in range(MOST):
         if not linear:
             tension = 0.5 * scalars[STRETCH] * (memory[SPREAD] + guess) - taken
-        spread = string.pulled(bank, size, tension)
+        spread = string.pulled(bank, size, tension, memory[KICK])
         memory[ROUNDS] += 1.0
         if count > 0:
             spread = _touch(sensor, state, size, solved, mutual, turn)
@@ -320,9 +333,10 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
     memory[MISSED] = guess - free
     memory[SLOPE] = min(0.5, max(-0.5, slope))
     memory[SPREAD] = guess
-    string.release(bank, size)
+    if count > 0:
+        string.release(bank, size)
     for t in range(count):
-        string.hold(bank, size, string.SHAPE + string.EACH * t, solved[t, LOAD], solved[t, SIDE_FORCE])
+        string.hold(bank, size, string.row_of(t), solved[t, LOAD], solved[t, SIDE_FORCE])
     memory[COIL_1], memory[COIL_2], memory[NEAR], memory[FAR] = string.arrive(bank, size, tension)
     for t in range(count):
         _remember(sensor.touches[t], state.contact[t], solved[t], step, sensor.integers[SEED] + 16 * t)

@@ -10,8 +10,9 @@ from monochord.physics.twin.part import part
 from monochord.physics.twin.roughness import mixed_bits
 from monochord.types import Floats
 
-OWN_1, OWN_2, GAIN_1, GAIN_2, LOW_CUT, HIGH_WARP, HIGH_DAMP, HISS, AIR_1, AIR_2 = range(10)
-"""Parameters: mixing, gain to full scale a newton, filters, rms of the converter's noise, share of air-borne sound."""
+OWN_1, OWN_2, GAIN_1, GAIN_2, LOW_CUT, HIGH_WARP, HIGH_DAMP, HISS, AIR_1, AIR_2, SCALE = range(11)
+"""Parameters: mixing, gain to full scale a newton, filters, rms of the converter's noise, share of air-borne sound,
+and 1 / (1 + g (g + k)) of the high cut."""
 CUT, FIRST, SECOND = range(3)
 """Memory of one channel: the low cut's state and the two of the high cut."""
 UNIT = (12.0 / 8.0) ** 0.5 / 65536.0
@@ -37,7 +38,7 @@ def amplified(pickup: Floats, memory: Floats, signal: float) -> float:
     slow = memory[CUT] + step
     memory[CUT] = slow + step
     g, k = pickup[HIGH_WARP], pickup[HIGH_DAMP]
-    high = (signal - slow - (k + g) * memory[FIRST] - memory[SECOND]) / (1.0 + g * (g + k))
+    high = (signal - slow - (k + g) * memory[FIRST] - memory[SECOND]) * pickup[SCALE]
     band = g * high + memory[FIRST]
     low = g * band + memory[SECOND]
     memory[FIRST] = g * high + band

@@ -21,7 +21,7 @@ QUICK = 6
 """Most rounds of the plain Newton iteration; two or three are usual."""
 EXACT = 1e-14
 """The same, where the static press is sought."""
-CLOSE = 1e-5
+CLOSE = 1e-4
 """Relative step of s after which the iteration ends; what is left is of its square."""
 
 
@@ -140,12 +140,21 @@ def _quickly(
 
 
 @part
-def guess(eta: float, s_old: float, eta_old: float, k1: float, k2: float, rest: float) -> float:
-    """Return about the s at which eta takes a value near the old one; nothing is known of a fresh contact."""
-    if s_old == 0.0:
+def guess(gap: float, ease: float, s_old: float, eta_old: float, k1: float, k2: float) -> float:
+    """Return about the s that solves a sample of a touch; the arguments are those of `press`.
+
+    The string gives way far more in a sample than the contact does, so the mean force is close to what takes the
+    whole gap but the old eta; a contact that goes on takes it as the mean of old and new, a fresh one stores it.
+    """
+    if s_old > 0.0:
+        force = 2.0 * (gap - eta_old) / ease - force_at(s_old, k1, k2)
+        if force <= 0.0:
+            return 0.3 * s_old
+        return np.cbrt(force / (k2 + k1 / s_old))
+    if gap <= 0.0:
         return 0.0
-    slope = s_old * (2.0 + rest * (2.0 * k1 + 3.0 * k2 * s_old))
-    return max(0.2 * s_old, s_old + (eta - eta_old) / slope)
+    hard = gap / (0.4 * ease * (k2 + k1 / np.sqrt(gap)))
+    return max(np.cbrt(hard), (hard * -eta_old) ** 0.2)
 
 
 @part

@@ -12,9 +12,9 @@ from monochord.physics.twin.setup import Scene, Sensor, Touch
 from monochord.types import Audio
 from monochord.units import Samples
 
-TOUCH_MEMORY, SENSOR_MEMORY, FOUND = 27, 15, 16
+TOUCH_MEMORY, SENSOR_MEMORY, FOUND = 27, 17, 16
 """How many numbers the kernel remembers of each touch and of the sensor."""
-ETA, SINCE = 1, 13
+ETA, SINCE, FRESH = 1, 13, 15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +70,7 @@ def begin(
     sample_rate: int = 44100,
     seed: int = 0,
     finer: int | None = None,
-    agreement: float = 1e-6,
+    agreement: float = 1e-5,
 ) -> Twin:
     """Return a twin at time zero.
 
@@ -104,6 +104,7 @@ def begin(
     bank = np.concatenate([fixed.pop("bank"), np.zeros((rows(count) - rows(0), size))])
     bank[Q] = plucked(sensor, scene.pluck, found)
     memory = np.zeros(SENSOR_MEMORY)
+    memory[FRESH] = 1.0
     memory[1] = float(bank[STRETCH] @ bank[Q] ** 2)
     asked, ahead = np.zeros((count, 5)), np.zeros((count, 5))
     for t, touch in enumerate(scene.touches):
@@ -185,6 +186,8 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
         fresh[:kept] = moving[name][:kept]
         moving[name] = fresh
     moving["solved"], moving["mutual"] = np.zeros((count, FOUND)), np.zeros((2, count, count))
+    moving["memory"] = moving["memory"].copy()
+    moving["memory"][FRESH] = 1.0
     time = twin.start / twin.sample_rate
     for t in range(kept, count):
         _place(touches[t], time, moving["asked"][t], moving["ahead"][t])

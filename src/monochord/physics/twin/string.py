@@ -21,11 +21,13 @@ Q_Q, Q_V, V_Q, V_V, PUSH_Q, PUSH_V, KICK_Q, KICK_V = range(11, 19)
 Q, V = range(19, 21)
 """Rows of its state: displacement in m and velocity in m/s."""
 FORCE, Q_FREE, V_FREE, Q_NEXT, EASE, WORK = range(21, 27)
-"""Rows at work within a sample: modal force in N, free motion, new displacement, its ease in m/N, and products."""
+"""Rows at work within a sample: modal force of the touches in N, free motion, new displacement, its ease in m/N, and products."""
 SHAPE, DRIFT, GIVE = range(27, 30)
 """Rows of the first touch: the modes' shapes there (in the first half), their change a step, and what a newton there
 gives each mode in a sample, in m. Others follow in threes."""
 EACH = 3
+LITTLE = 0.1
+"""Share of a mode's motion in a sample up to which an extra tension is little."""
 
 
 def rows(touches: int) -> int:
@@ -40,8 +42,14 @@ def rows(touches: int) -> int:
 
 
 @part
-def tune(bank: Floats, size: int, tension: float, mass: float, reach: float, step: float) -> None:
-    """Fill the propagator of every mode for a tension.
+def row_of(touch: int) -> int:
+    """Return the first row of a touch."""
+    return SHAPE + EACH * touch
+
+
+@part
+def tune(bank: Floats, size: int, tension: float, mass: float, reach: float, step: float) -> float:
+    """Fill the propagator of every mode for a tension; return the largest of `KICK_Q`.
 
     Parameters
     ----------
@@ -58,6 +66,7 @@ def tune(bank: Floats, size: int, tension: float, mass: float, reach: float, ste
     step
         Time step in s.
     """
+    most = 0.0
     for i in range(size):
         square = bank[PULL * size + i] * tension + bank[BEND * size + i]
         if square <= 0.0:
@@ -77,14 +86,24 @@ def tune(bank: Floats, size: int, tension: float, mass: float, reach: float, ste
         bank[PUSH_V * size + i] = sine / mass
         bank[KICK_Q * size + i] = push * weight
         bank[KICK_V * size + i] = sine / mass * weight
+        most = max(most, push * weight)
+    return most
 
 
 @part
-def carry(bank: Floats, size: int) -> float:
-    """Carry all modes over one sample under the held force in `FORCE`; return their stretch sum."""
+def carry(bank: Floats, size: int, first: float, second: float, shake: float) -> float:
+    """Carry all modes over one sample under held forces; return their stretch sum.
+
+    `first` and `second` are the drivers' forces in N, `shake` the acceleration of the frame in m/s^2.
+    """
     total = 0.0
     for i in range(size):
-        q, v, force = bank[Q * size + i], bank[V * size + i], bank[FORCE * size + i]
+        force = (
+            bank[DRIVE_1 * size + i] * first
+            + bank[DRIVE_2 * size + i] * second
+            + bank[FRAME * size + i] * shake
+        )
+        q, v = bank[Q * size + i], bank[V * size + i]
         new = bank[Q_Q * size + i] * q + bank[Q_V * size + i] * v + bank[PUSH_Q * size + i] * force
         bank[Q_FREE * size + i] = new
         bank[V_FREE * size + i] = (
@@ -95,19 +114,30 @@ def carry(bank: Floats, size: int) -> float:
 
 
 @part
-def pulled(bank: Floats, size: int, tension: float) -> float:
+def pulled(bank: Floats, size: int, tension: float, most: float) -> float:
     """Fill `Q_NEXT` and `EASE` under an extra tension, in N; return the stretch sum.
 
     The tension acts at the mean of old and new position, q_next = (q_free - h q) / (1 + h) with
-    h = KICK_Q tension, which solves that mean exactly.
+    h = KICK_Q tension, which solves that mean exactly. `most` is the largest KICK_Q: while h stays below `LITTLE`,
+    1 / (1 + h) is 1 - h + h^2 after two rounds of Newton's reciprocal, wrong by h^12, which is far cheaper.
     """
     total = 0.0
+    if abs(tension) * most < LITTLE:
+        for i in range(size):
+            h = bank[KICK_Q * size + i] * tension
+            share = 1.0 - h + h * h
+            share *= 2.0 - share * (1.0 + h)
+            share *= 2.0 - share * (1.0 + h)
+            new = (bank[Q_FREE * size + i] - h * bank[Q * size + i]) * share
+            bank[Q_NEXT * size + i] = new
+            bank[EASE * size + i] = bank[PUSH_Q * size + i] * share
+            total += bank[STRETCH * size + i] * new * new
+        return total
     for i in range(size):
         h = bank[KICK_Q * size + i] * tension
-        share = 1.0 / (1.0 + h)
-        new = (bank[Q_FREE * size + i] - h * bank[Q * size + i]) * share
+        new = (bank[Q_FREE * size + i] - h * bank[Q * size + i]) / (1.0 + h)
         bank[Q_NEXT * size + i] = new
-        bank[EASE * size + i] = bank[PUSH_Q * size + i] * share
+        bank[EASE * size + i] = bank[PUSH_Q * size + i] / (1.0 + h)
         total += bank[STRETCH * size + i] * new * new
     return total
 
@@ -134,17 +164,6 @@ def arrive(bank: Floats, size: int, tension: float) -> tuple[float, float, float
         near += bank[END_1 * size + i] * new
         far += bank[END_2 * size + i] * new
     return first, second, near, far
-
-
-@part
-def driven(bank: Floats, size: int, first: float, second: float, shake: float) -> None:
-    """Fill `FORCE` with what both drivers, in N, and a shake of the frame, in m/s^2, do to every mode."""
-    for i in range(size):
-        bank[FORCE * size + i] = (
-            bank[DRIVE_1 * size + i] * first
-            + bank[DRIVE_2 * size + i] * second
-            + bank[FRAME * size + i] * shake
-        )
 
 
 @part
