@@ -9,6 +9,7 @@ from msgspec import Meta
 from monochord.errors import InputError
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses, TensionLaw
+from monochord.physics.twin.tolerance import Changes, Tolerances
 from monochord.types import Audio, StringParams
 from monochord.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 
@@ -59,6 +60,10 @@ class Sensor:
 
     `drift` is how far the string's tension is off its nominal value at the start, in N, and `drift_rate` how fast
     it moves, in N/s. `shake` is the acceleration of the frame, in m/s^2, that an outside sound of full scale causes.
+
+    `frame_expansion` and `string_expansion` are how much frame and wire lengthen by a kelvin, of their length:
+    handbook values of aluminium and of steel. `tolerances` say how another sensor of the design may differ and
+    `changes` how this one does on another day; `monochord.physics.twin.variation` draws them.
     """
 
     name: str
@@ -73,6 +78,10 @@ class Sensor:
     drift: Annotated[Newtons, Meta(ge=-50.0, le=50.0)] = 0.0
     drift_rate: Annotated[float, Meta(ge=-1.0, le=1.0)] = 0.0
     shake: Annotated[float, Meta(ge=0.0, le=100.0)] = 2.0
+    frame_expansion: Annotated[float, Meta(ge=0.0, le=1e-4)] = 23.0e-6
+    string_expansion: Annotated[float, Meta(ge=0.0, le=1e-4)] = 11.7e-6
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    changes: Changes = field(default_factory=Changes)
 
     def __post_init__(self) -> None:
         refuse_impossible(self)
