@@ -16,7 +16,7 @@ DESIGN = load_sensor("prototype")
 MANY = [build(DESIGN, seed) for seed in range(400)]
 DAYS = [day(DESIGN, seed) for seed in range(400)]
 LEFT = 0.955
-"""Standard deviation of a unit normal cut at 2.5, from its closed form: 1 - 2 c phi(c) / (2 Phi(c) - 1), rooted."""
+"""Deviation of a unit normal cut at 2.5: the root of 1 - 2 c phi(c) / (2 Phi(c) - 1)."""
 
 
 def drawn(sensors: list[Sensor], of: Callable[[Sensor], float]) -> np.ndarray:

@@ -1,7 +1,6 @@
-"""How much sensors of one design differ, and one sensor from week to week: standard deviations, each with
-its reason.
+"""How much sensors of one design differ, and one sensor from week to week.
 
-All are assumed unless a source is named; a preset may state its own.
+All are standard deviations, and assumed unless a source is named; a preset may state its own.
 """
 
 from dataclasses import dataclass
@@ -21,8 +20,8 @@ Small = Annotated[Metres, Meta(ge=0.0, le=0.005)]
 class Tolerances:
     """How another sensor of the same design differs.
 
-    The wire: `diameter` is a share; ASTM A228 allows 0.3 thousandths of an inch on a music wire of .010, 3
-    % or three of these deviations. `tuning` is the error of whoever tunes it to its pitch by ear or meter,
+    The wire: `diameter` is a share; ASTM A228 allows 0.3 thousandths of an inch on a music wire of .010, 3 %
+    or three of these deviations. `tuning` is the error of whoever tunes it to its pitch by ear or meter,
     in cents. `length` is that between the ends, `places` that of each of the four coils, `aperture` a
     coil's width as it acts.
 
