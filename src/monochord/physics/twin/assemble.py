@@ -16,7 +16,7 @@ from monochord.physics.theory import (
     stretch_stiffness,
 )
 from monochord.physics.twin.rate import Plan, mode_frequencies, padded, touch_weights
-from monochord.physics.twin.string import (
+from monochord.physics.twin.bank import (
     BEND,
     DRIVE_1,
     END_1,

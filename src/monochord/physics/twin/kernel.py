@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from monochord.physics.twin import bank as layout
 from monochord.physics.twin import ebow, friction, motion, part, pickup, press, roughness, string
 from monochord.types import Audio, Floats
 
@@ -444,7 +445,7 @@ def _one(sensor: Sensor, state: State, out: Out, size: int, start: int) -> None:
 
 
 PARTS = part.fingerprint(
-    [sys.modules[__name__], ebow, friction, motion, part, pickup, press, roughness, string]
+    [sys.modules[__name__], layout, ebow, friction, motion, part, pickup, press, roughness, string]
 )
 
 
@@ -452,7 +453,7 @@ PARTS = part.fingerprint(
 def kernel(size: int, parts: int = PARTS) -> Callable[[Sensor, State, Out, int, int], int]:
     """Compile the kernel for a bank of `size`; `parts` lets their cache know them by their text."""
 
-    @njit(cache=True, fastmath=part.FAST, error_model="numpy", _nrt=False)
+    @njit(cache=True, fastmath=part.FAST, error_model="numpy", nogil=True, _nrt=False)
     def run(many: Sensor, states: State, outs: Out, i: int, start: int) -> int:
         sensor = Sensor(
             many.scalars[i], many.integers[i], many.ebows[i], many.pickup[i], many.gates[i], many.sound[i],

@@ -1,23 +1,27 @@
 """The twin as a stream: a state goes in, sound with its labels and the next state come out."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monochord.errors import InputError
 from monochord.physics.twin.assemble import plucked, sensor_arrays, touch_arrays
 from monochord.physics.twin.rate import Plan, padded, plan
-from monochord.physics.twin.string import Q, STRETCH, rows
+from monochord.physics.twin.bank import Q, STRETCH, rows
 from monochord.physics.twin.setup import Scene, Sensor, Touch
 from monochord.types import Audio
 from monochord.units import Samples
+
+if TYPE_CHECKING:
+    from monochord.physics.twin.kernel import Out
 
 TOUCH_MEMORY, SENSOR_MEMORY, FOUND = 27, 17, 16
 """How many numbers the kernel remembers of each touch and of the sensor."""
 ETA, SINCE, FRESH = 1, 13, 15
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Labels:
     """What is true at every frame; of each touch, (touches, n), save `settled`, (n,).
 
@@ -146,27 +150,38 @@ OUT_OF_REACH = 1e-3
 
 def advance(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     """Return the next `frames` frames and the twin after them; alike, bit for bit, however they are cut."""
-    from monochord.physics.twin.kernel import Out, State, kernel  # noqa: PLC0415  (numba loads on use)
-    from monochord.physics.twin.kernel import Sensor as Fixed  # noqa: PLC0415
+    from monochord.physics.twin.kernel import Sensor as Fixed  # noqa: PLC0415  (numba loads on use)
+    from monochord.physics.twin.kernel import State, kernel  # noqa: PLC0415
 
-    moving = State(*(array.copy() for array in twin.moving))
-    count = len(twin.scene.touches)
-    out = Out(
-        np.zeros((1, 2, frames), np.float32),
-        np.zeros((1, count, frames), np.uint8),
-        np.zeros((1, count, frames), np.float32),
-        np.zeros((1, count, frames), np.float32),
-        np.zeros((1, count, frames), np.uint8),
-        np.zeros((1, count, frames), np.float32),
-        np.zeros((1, count, frames), np.float32),
-        np.zeros((1, count, frames), np.uint8),
-        np.zeros((1, frames), np.uint8),
+    moving = tuple(array.copy() for array in twin.moving)
+    heard = room(1, len(twin.scene.touches), frames)
+    run = kernel(2 * padded(twin.plan.count))
+    run(Fixed(*twin.fixed), State(*moving), heard, 0, twin.start)
+    return taken(heard, 0), replace(twin, start=twin.start + frames, moving=moving)
+
+
+def room(sensors: int, touches: int, frames: Samples) -> "Out":
+    """Return empty arrays for what the kernel writes."""
+    from monochord.physics.twin.kernel import Out  # noqa: PLC0415  (numba loads on use)
+
+    each = (sensors, touches, frames)
+    return Out(
+        microphones=np.zeros((sensors, 2, frames), np.float32),
+        contact=np.zeros(each, np.uint8),
+        position=np.zeros(each, np.float32),
+        force=np.zeros(each, np.float32),
+        slip=np.zeros(each, np.uint8),
+        across=np.zeros(each, np.float32),
+        along=np.zeros(each, np.float32),
+        friction=np.zeros(each, np.uint8),
+        settled=np.zeros((sensors, frames), np.uint8),
     )
-    kernel(2 * padded(twin.plan.count))(Fixed(*twin.fixed), moving, out, 0, twin.start)
-    take = Take(microphones=out.microphones[0], labels=Labels(
-        contact=out.contact[0], position=out.position[0], force=out.force[0], slip=out.slip[0],
-        across=out.across[0], along=out.along[0], friction=out.friction[0], settled=out.settled[0]))
-    return take, replace(twin, start=twin.start + frames, moving=tuple(moving))
+
+
+def taken(heard: "Out", i: int) -> Take:
+    """Return what the kernel wrote of one sensor."""
+    microphones, *labels = (array[i] for array in heard)
+    return Take(microphones=microphones, labels=Labels(*labels))
 
 
 def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
