@@ -8,12 +8,12 @@ import numpy as np
 
 from monochord.errors import InputError
 from monochord.evaluation.ranking import Groups, area_interval, area_under_curve
-from monochord.evaluation.slip_features import filled_gaps, rumble
+from monochord.evaluation.slip_features import LOWEST, filled_gaps, rumble
 from monochord.physics.materials import Material
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Scene, Sensor, advance, begin, hold
-from monochord.types import Audio
-from monochord.units import MetresPerSecond, Newtons, Seconds
+from monochord.types import Floats
+from monochord.units import MetresPerSecond, Newtons, Samples, Seconds
 
 RATE = 44100
 FEATURES = ("rumble", "filled gaps")
@@ -29,6 +29,9 @@ class Sliding:
     `seed` determines; each run has its own surface and noise. Every other run slides the other way. After
     `settle` the sound is cut into `windows` windows that do not overlap. A window counts if it is settled
     and in contact throughout, and slips for half of it or more, by the twin's label, or, at rest, never.
+
+    With `noise`, pink noise is added to both microphones at that signal-to-noise ratio in dB, over all of a
+    run's windows.
     """
 
     sensor: Sensor
@@ -39,6 +42,7 @@ class Sliding:
     window: Seconds = 0.1
     windows: int = 5
     settle: Seconds = 0.6
+    noise: float | None = None
 
     def __post_init__(self) -> None:
         if not (2 <= self.runs <= 10000 and 1 <= self.windows <= 1000):
@@ -48,6 +52,8 @@ class Sliding:
         if not (0.02 <= self.window <= 10.0 and 0.0 <= self.settle <= 10.0):
             given = f"windows of {self.window:g} s after {self.settle:g} s"
             raise InputError(given, "windows of 0.02 to 10 s after 10 s at most")
+        if self.noise is not None and not -60.0 <= self.noise <= 120.0:
+            raise InputError(f"noise {self.noise:g} dB below the sound", "-60 to 120 dB")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +107,7 @@ def feature_values(study: Sliding, speed: MetresPerSecond) -> tuple[Groups, ...]
     )
 
 
-def windows_of(study: Sliding, run: int, speed: MetresPerSecond) -> list[Audio]:
+def windows_of(study: Sliding, run: int, speed: MetresPerSecond) -> list[Floats]:
     """Return the windows (2, n) of one run that count, at a speed in m/s or at rest."""
     stream = np.random.default_rng((study.seed, run))
     place = float(stream.uniform(*study.sensor.range))
@@ -111,11 +117,30 @@ def windows_of(study: Sliding, run: int, speed: MetresPerSecond) -> list[Audio]:
     seed = int(stream.integers(1 << 31))
     size, first = round(study.window * RATE), round(study.settle * RATE)
     take, _ = advance(begin(study.sensor, Scene(touches=(touch,)), seed=seed), first + study.windows * size)
-    labels, kept = take.labels, list[Audio]()
+    heard = take.microphones[:, first:].astype(np.float64)
+    if study.noise is not None:
+        around = pink(stream, heard.shape[1])
+        heard += around * np.sqrt(np.mean(heard**2)) * 10.0 ** (-study.noise / 20.0)
+    labels, kept = take.labels, list[Floats]()
     for start in range(first, first + study.windows * size, size):
         cut = slice(start, start + size)
         slips = float(labels.slip[0, cut].mean())
         right = slips >= PART if speed > 0.0 else slips == 0.0
         if right and labels.settled[cut].all() and labels.contact[0, cut].all():
-            kept.append(take.microphones[:, cut])
+            kept.append(heard[:, start - first : start - first + size])
     return kept
+
+
+def pink(stream: np.random.Generator, size: Samples) -> Floats:
+    """Return pink noise of unit power, (size,): as strong in every octave from 30 Hz up.
+
+    Examples
+    --------
+    >>> round(float(np.mean(pink(np.random.default_rng(0), 4410) ** 2)), 6)
+    1.0
+    """
+    spectrum = np.fft.rfft(stream.normal(size=size))
+    frequencies = np.arange(spectrum.size) * (RATE / size)
+    spectrum *= np.where(frequencies >= LOWEST, 1.0 / np.sqrt(np.maximum(frequencies, LOWEST)), 0.0)
+    sound = np.fft.irfft(spectrum, size)
+    return sound / np.sqrt(np.mean(sound**2))

@@ -1,0 +1,205 @@
+"""How well sliding is heard, by speed, and what stick and slip are beneath it, both simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monochord.config import to_tree
+from monochord.errors import InputError
+from monochord.evaluation.sliding import RATE, Sliding, Told, told_apart
+from monochord.figures import _style
+from monochord.figures.base import Measured
+from monochord.physics.materials import load_material
+from monochord.physics.sensors import load_sensor
+from monochord.physics.twin.stream import MOVING
+from monochord.types import Floats
+from monochord.units import Metres, MetresPerSecond, Newtons, Seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+MARKS = "os^v"
+MEAN: Seconds = 0.002
+STATES = ("none", "stick", "creep", "slide")
+SHADES = ("#FFFFFF", "#C9DDEB", "#7FB2D3", _style.SEGMENTS[0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drag:
+    """A touch dragged across, (n,) each, in s, m and N; state is 0 none, 1 stick, 2 creep, 3 slide."""
+
+    time: Floats
+    object: Floats
+    string: Floats
+    force: Floats
+    state: Floats
+    slip: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slip(Measured):
+    """Sliding told from rest by two plain features on 0.1 s windows, and one touch that sticks and slips.
+
+    A: area under the curve of hits against false alarms by sliding speed, with 95 % intervals over runs;
+    0.5 is chance, 1 is always; in quiet, and with pink noise. B to D: a touch dragged slowly across:
+    friction's state with the slip label where the string is quiet, the places of object and string aside,
+    the friction force. A quiet string sticks and slips; a ringing one is shaken loose sooner, and so it
+    gives way more often and by less (its friction is averaged over 2 ms here).
+
+    Parameters
+    ----------
+    sensor, material
+        Presets, or paths of TOML files.
+    speeds
+        Across the string, in m/s.
+    runs
+        Touches at each speed, each with its own position, force and surface; 2 to 1000.
+    lowest, highest
+        Forces in N between which they are drawn.
+    seed
+        Of all draws.
+    noise
+        Signal-to-noise ratio of the pink noise, in dB.
+    position, force, speed, seconds
+        The touch of B to D: where in m, how hard in N, how fast in m/s, and how long it is shown.
+    """
+
+    sensor: str = "prototype"
+    material: str = "plastic"
+    speeds: tuple[MetresPerSecond, ...] = (0.002, 0.005, 0.01, 0.02, 0.03, 0.1)
+    runs: int = 60
+    lowest: Newtons = 0.2
+    highest: Newtons = 2.0
+    seed: int = 0
+    noise: float = 20.0
+    position: Metres = 0.08
+    force: Newtons = 1.0
+    speed: MetresPerSecond = 0.005
+    seconds: Seconds = 0.25
+
+    def __post_init__(self) -> None:
+        if not self.speeds or not all(0.0 < speed <= 0.5 for speed in self.speeds):
+            raise InputError(f"speeds {list(self.speeds)} m/s", "one or more, above 0 to 0.5 m/s")
+        if not 2 <= self.runs <= 1000:
+            raise InputError(f"runs {self.runs}", "2 to 1000")
+        if not 0.05 <= self.seconds <= 10.0:
+            raise InputError(f"seconds {self.seconds:g}", "0.05 to 10 s")
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the areas under the curve with their intervals and counts."""
+        return {
+            "simulated": True,
+            "areas": [to_tree(told) for told in self._areas(None)],
+            "areas in noise": [to_tree(told) for told in self._areas(self.noise)],
+        }
+
+    def draw(self) -> Canvas:
+        """Simulate all touches and draw the curve beside the slow drag."""
+        page = _style.canvas(92.0)
+        panels = page.subplot_mosaic([["A", "B"], ["A", "C"], ["A", "D"]], height_ratios=[0.55, 1.0, 1.0])
+        title = f"simulated, {self.material.replace('_', ' ')}, {self.lowest:g} to {self.highest:g} N"
+        _style.dress(panels["A"], "A", title, "sliding speed (mm/s)", "area under the curve")
+        _draw_areas(panels["A"], self._areas(None), "-", "")
+        _draw_areas(panels["A"], self._areas(self.noise), "--", f", noise at {self.noise:g} dB")
+        _dress_areas(panels["A"], self.speeds)
+        quiet, ringing = self.dragged(drivers=False), self.dragged(drivers=True)
+        slow = f"simulated, {1e3 * self.speed:g} mm/s across, {self.force:g} N"
+        _style.dress(panels["B"], "B", slow, "", "")
+        _style.dress(panels["C"], "C", "", "", "place aside (\N{MICRO SIGN}m)")
+        _style.dress(panels["D"], "D", "", "time (ms)", "friction (N)")
+        _draw_states(panels["B"], quiet)
+        time, size = 1e3 * quiet.time, round(MEAN * RATE)
+        mean = np.convolve(ringing.force, np.full(size, 1.0 / size), mode="same")
+        panels["C"].plot(time, 1e6 * quiet.object, color=_style.PALE, lw=1.0, label="object")
+        for dragged, force, colour, label in (
+            (quiet, quiet.force, _style.SEGMENTS[0], "string, drivers off"),
+            (ringing, mean, _style.SEGMENTS[1], "string, drivers on"),
+        ):
+            panels["C"].plot(time, 1e6 * dragged.string, color=colour, lw=0.8, label=label)
+            panels["D"].plot(time[size:-size], force[size:-size], color=colour, lw=0.8)
+        top = 1e6 * max(quiet.string.max(), ringing.string.max())
+        panels["C"].set_ylim(0.0, 1.25 * top)
+        panels["C"].legend(
+            fontsize=_style.TICK, frameon=False, loc="lower right", ncols=3, labelcolor=_style.INK,
+            handlelength=1.2, columnspacing=1.0,
+        )  # fmt: skip
+        for name in "BC":
+            panels[name].sharex(panels["D"])
+            panels[name].tick_params(labelbottom=False)
+        panels["D"].set_xlim(0.0, 1e3 * self.seconds)
+        page.align_ylabels([panels["C"], panels["D"]])
+        return page
+
+    def dragged(self, *, drivers: bool) -> Drag:
+        """Return the touch of B to D, frame by frame from its first moment, with the drivers on or off."""
+        from monochord.physics.twin import Scene, advance, begin, hold  # noqa: PLC0415
+        from monochord.physics.twin.kernel import SIDE, SIDE_FORCE  # noqa: PLC0415
+
+        touch = hold(self.position, self.force, load_material(self.material), across=self.speed)
+        scene = Scene(touches=(touch,), drivers=(drivers, drivers))
+        twin = begin(load_sensor(self.sensor), scene, seed=self.seed)
+        rows: list[tuple[float, ...]] = []
+        for frame in range(round(self.seconds * RATE)):
+            take, twin = advance(twin, 1)
+            moving = dict(zip(MOVING, twin.moving, strict=True))
+            time = (frame + 1) / RATE
+            rows.append((
+                time, self.speed * time, moving["contact"][0, 0, SIDE], moving["solved"][0, 0, SIDE_FORCE],
+                take.labels.friction[0, 0], take.labels.slip[0, 0],
+            ))  # fmt: skip
+        time, mover, string, force, state, slip = np.array(rows).T
+        return Drag(time=time, object=mover, string=string, force=force, state=state, slip=slip)
+
+    def _areas(self, noise: float | None) -> list[Told]:
+        study = Sliding(
+            sensor=load_sensor(self.sensor), material=load_material(self.material), runs=self.runs,
+            seed=self.seed, forces=(self.lowest, self.highest), noise=noise,
+        )  # fmt: skip
+        return told_apart(study, self.speeds)
+
+
+def _draw_areas(axes: Axes, areas: list[Told], line: str, where: str) -> None:
+    for number, feature in enumerate(dict.fromkeys(told.feature for told in areas)):
+        own = [told for told in areas if told.feature == feature]
+        speeds, colour = [1e3 * told.speed for told in own], _style.SEGMENTS[number % 2]
+        axes.fill_between(
+            speeds, [told.low for told in own], [told.high for told in own], color=colour, alpha=0.14, lw=0.0
+        )
+        axes.plot(
+            speeds, [told.area for told in own], MARKS[number] + line, ms=3.5, lw=1.2, color=colour,
+            label=feature + where, mfc=colour if line == "-" else "white",
+        )  # fmt: skip
+
+
+def _dress_areas(axes: Axes, speeds: tuple[MetresPerSecond, ...]) -> None:
+    axes.axhline(0.5, color=_style.PALE, lw=0.8, ls=":", label="chance")
+    axes.set_xscale("log")
+    ticks = sorted(1e3 * speed for speed in speeds)
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+    axes.set_ylim(0.2, 1.02)
+    axes.legend(fontsize=_style.TICK, frameon=False, loc="lower right", labelcolor=_style.INK)
+
+
+def _draw_states(axes: Axes, dragged: Drag) -> None:
+    from matplotlib.colors import ListedColormap  # noqa: PLC0415
+    from matplotlib.patches import Patch  # noqa: PLC0415
+
+    strip = np.array([3.0 * dragged.slip, dragged.state])
+    span = (0.0, 1e3 * float(dragged.time[-1]), 0.0, 2.0)
+    axes.imshow(
+        strip, aspect="auto", interpolation="nearest", extent=span, cmap=ListedColormap(SHADES), vmin=-0.5,
+        vmax=3.5,
+    )  # fmt: skip
+    legend = axes.legend(
+        handles=[Patch(color=SHADES[state], label=STATES[state]) for state in (1, 2, 3)],
+        fontsize=_style.TICK, frameon=False, ncols=3, loc="upper right", bbox_to_anchor=(1.0, -0.02),
+        labelcolor=_style.INK, handlelength=1.0, columnspacing=1.0,
+    )  # fmt: skip
+    legend.set_in_layout(False)  # it fits between the panels
+    axes.set_yticks([0.5, 1.5], ["state", "slip"])
+    axes.tick_params(length=0.0)

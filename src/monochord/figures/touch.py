@@ -1,0 +1,233 @@
+"""What a touch sounds like from beginning to end, over what is true of it, simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.figures import _style
+from monochord.figures.base import Figure
+from monochord.physics.materials import load_material
+from monochord.physics.sensors import load_sensor
+from monochord.physics.theory import split_frequencies
+from monochord.physics.twin import Key, Pluck, Scene, Take, Touch, advance, begin
+from monochord.types import Audio, Floats
+from monochord.units import Hertz, MetresPerSecond, Newtons, Seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
+    from matplotlib.figure import Figure as Canvas
+
+RATE = 44100
+LEAD: Seconds = 0.6
+"""How long the untouched string sounds before the figure begins."""
+SIZE, HOP = 0.030, 0.004
+"""Window of the spectrogram and its step in s."""
+QUIETEST = -70.0  # dB
+PHASES = (
+    ("untouched", 0.25), ("approach", 0.20), ("press", 0.15), ("hold", 0.40), ("slide across", 0.35),
+    ("hold", 0.25), ("slide along", 0.40), ("release", 0.15), ("untouched", 0.35),
+)  # fmt: skip
+"""What happens, and for how many seconds."""
+PLUCKED = 0.37
+"""Share of the string at which it is plucked once, before all."""
+FAR = 3e-3
+"""Clearance in m at which the object waits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touched(Figure):
+    """Spectrograms of both channels while an object comes, presses, holds, slides and goes, over its labels.
+
+    Below the sound, on the same axis of time, stand the twin's labels: contact c, position x, force F, slip s
+    with its speed, and whether the sound has settled.
+
+    Parameters
+    ----------
+    sensor, material
+        Presets, or paths of TOML files.
+    force
+        Of the press, in N.
+    start, end
+        Where the object presses and where it has slid to, as shares of the sensor's range.
+    speed
+        At which it slides across, in m/s.
+    highest
+        Highest frequency shown, in Hz.
+    seed
+        Of surface and noise.
+    """
+
+    sensor: str = "prototype"
+    material: str = "plastic"
+    force: Newtons = 1.0
+    start: float = 0.3
+    end: float = 0.7
+    speed: MetresPerSecond = 0.03
+    highest: Hertz = 12000.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, share in (("start", self.start), ("end", self.end)):
+            if not 0.0 <= share <= 1.0:
+                raise InputError(f"{name} {share:g}", "a share of the sensor's range, 0 to 1")
+        if not 0.0 < self.force <= 10.0:
+            raise InputError(f"force {self.force:g} N", "above 0 to 10 N")
+        if not -0.5 <= self.speed <= 0.5:
+            raise InputError(f"speed {self.speed:g} m/s", "-0.5 to 0.5 m/s")
+        if not 500.0 <= self.highest <= 0.5 * RATE:
+            raise InputError(f"highest {self.highest:g} Hz", f"500 to {0.5 * RATE:g} Hz")
+
+    def play(self) -> Take:
+        """Return sound and labels, from half a window before the figure begins to half a one after it."""
+        sensor = load_sensor(self.sensor)
+        low, high = sensor.range
+        here, there = low + self.start * (high - low), low + self.end * (high - low)
+        touch = Touch(material=load_material(self.material), motion=self._motion(here, there), rolls=False)
+        pluck = Pluck(position=PLUCKED * sensor.string.length, height=1e-4)
+        twin = begin(sensor, Scene(touches=(touch,), pluck=pluck), seed=self.seed)
+        _, twin = advance(twin, round((LEAD - 0.5 * SIZE) * RATE))
+        take, _ = advance(twin, round((sum(seconds for _, seconds in PHASES) + SIZE) * RATE))
+        return take
+
+    def draw(self) -> Canvas:
+        """Play the touch and draw it."""
+        take = self.play()
+        page = _style.canvas(150.0)
+        panels = page.subplot_mosaic(
+            [[name] for name in "ABCDEFG"], sharex=True, height_ratios=[4.2, 4.2, 0.45, 1.1, 1.1, 1.1, 0.45]
+        )
+        picture = [spectrogram(channel, self.highest) for channel in take.microphones]
+        loudest = max(levels.max() for _, _, levels in picture)
+        images: list[QuadMesh] = []
+        for channel, (times, frequencies, levels) in enumerate(picture):
+            axes = panels["AB"[channel]]
+            _style.dress(axes, "AB"[channel], "", "", f"microphone {channel + 1} (kHz)")
+            images.append(_draw_sound(axes, times, frequencies, levels - loudest))
+            self._draw_theory(axes, take)
+        bar = page.colorbar(images[0], ax=[panels["A"], panels["B"]], pad=0.01, aspect=22)
+        _style.dress_bar(bar, "level (dB)")
+        self._draw_labels({name: panels[name] for name in "CDEFG"}, take)
+        _draw_phases(panels["A"], [panels[name] for name in "BCDEFG"])
+        material = self.material.replace("_", " ")
+        panels["A"].set_title(
+            f"simulated: {material}, {self.force:g} N, {1e3 * abs(self.speed):g} mm/s across",
+            fontsize=_style.LABEL, color=_style.INK, pad=14,
+        )  # fmt: skip
+        page.align_ylabels(list(panels.values()))
+        return page
+
+    def _motion(self, here: float, there: float) -> tuple[Key, ...]:
+        far, held = {"clearance": FAR}, {"force": self.force}
+        # The object comes to touch, presses, holds, goes across, holds, goes along and leaves.
+        stops = [
+            (here, far, 0.0), (here, far, 0.0), (here, {}, 0.0), (here, held, 0.0), (here, held, 0.0),
+            (here, held, 0.0), (here, held, 0.0), (there, held, 0.0), (there, far, 0.0),
+        ]  # fmt: skip
+        times = LEAD + np.concatenate([[0.0], np.cumsum([seconds for _, seconds in PHASES[:-1]])])
+        keys = [
+            Key(time=float(time), position=place, across=across, **kind)
+            for time, (place, kind, across) in zip(times, stops, strict=True)
+        ]
+        begins, ends = float(times[4]), float(times[5])
+        keys[5:5] = [
+            Key(time=begins + RAMP, position=here, force=self.force, across=self.speed),
+            Key(time=ends - RAMP, position=here, force=self.force, across=self.speed),
+        ]
+        return tuple(keys)
+
+    def _draw_theory(self, axes: Axes, take: Take) -> None:
+        string, labels = load_sensor(self.sensor).string, take.labels
+        pressed = np.flatnonzero(labels.force[0] > 0.2 * self.force)[:: round(HOP * RATE)]
+        both = split_frequencies(string, labels.position[0, pressed], labels.force[0, pressed], "geometric")
+        for side, (frequency, colour) in enumerate(zip(both, _style.SEGMENTS, strict=True)):
+            axes.plot(
+                pressed / RATE - 0.5 * SIZE, 1e-3 * frequency, color=colour, lw=1.0, ls=_style.THEORY,
+                label=f"$f_{side + 1}$ in theory",
+            )  # fmt: skip
+        if axes.get_title(loc="left") == "B":
+            axes.legend(
+                fontsize=_style.TICK, frameon=True, framealpha=0.85, edgecolor="none", loc="upper left",
+                labelcolor=_style.INK, handlelength=1.8,
+            )  # fmt: skip
+
+    def _draw_labels(self, panels: dict[str, Axes], take: Take) -> None:
+        labels = take.labels
+        time = np.arange(labels.settled.size) / RATE - 0.5 * SIZE
+        touched = labels.contact[0] > 0
+        _draw_flag(panels["C"], time, touched, "c")
+        _draw_flag(panels["G"], time, labels.settled > 0, "settled")
+        position = np.where(touched, 1e3 * labels.position[0], np.nan)
+        across, along = 1e3 * labels.across[0], 1e3 * labels.along[0]
+        panels["D"].plot(time, position, color=_style.INK, lw=1.1)
+        panels["E"].plot(time, labels.force[0], color=_style.INK, lw=1.1)
+        panels["F"].fill_between(
+            time, 0.0, 1.0, where=labels.slip[0] > 0, transform=panels["F"].get_xaxis_transform(),
+            color="#E6E6E6", lw=0.0, label="s = 1",
+        )  # fmt: skip
+        panels["F"].plot(time, across, color=_style.SEGMENTS[0], lw=1.1, label="across")
+        panels["F"].plot(time, along, color=_style.SEGMENTS[1], lw=1.1, label="along")
+        for name, label in (("D", "x (mm)"), ("E", "F (N)"), ("F", "slip (mm/s)")):
+            _style.dress(panels[name], "", "", "", label)
+        panels["E"].set_ylim(bottom=0.0)
+        panels["F"].margins(y=0.15)
+        panels["F"].legend(
+            fontsize=_style.TICK, frameon=False, ncols=3, loc="upper left", labelcolor=_style.INK,
+            handlelength=1.2, columnspacing=1.0, borderaxespad=0.1,
+        )  # fmt: skip
+        panels["G"].set_xlabel("time (s)", fontsize=_style.LABEL, color=_style.INK)
+        panels["G"].set_xlim(0.0, float(time[-1]) - 0.5 * SIZE)
+
+
+RAMP: Seconds = 0.03
+"""How long the object takes to full speed across."""
+
+
+def spectrogram(channel: Audio, highest: Hertz) -> tuple[Floats, Floats, Floats]:
+    """Return times in s, frequencies in Hz and levels in dB (rows, columns) of a channel, up to a frequency.
+
+    Times count from the middle of the first window.
+    """
+    size, hop = round(SIZE * RATE), round(HOP * RATE)
+    cuts = np.lib.stride_tricks.sliding_window_view(channel.astype(np.float64), size)[::hop]
+    power = np.abs(np.fft.rfft(cuts * np.hanning(size), 2 * size, axis=1)) ** 2
+    frequencies = np.arange(power.shape[1]) * (RATE / (2 * size))
+    shown = frequencies <= highest
+    return (
+        np.arange(power.shape[0]) * (hop / RATE),
+        frequencies[shown],
+        10.0 * np.log10(power[:, shown].T + 1e-20),
+    )
+
+
+def _draw_sound(axes: Axes, times: Floats, frequencies: Floats, levels: Floats) -> QuadMesh:
+    image = axes.pcolormesh(
+        times, 1e-3 * frequencies, levels, cmap=_style.LOUDNESS, vmin=QUIETEST, vmax=0.0, shading="nearest",
+        rasterized=True,
+    )  # fmt: skip
+    axes.tick_params(labelbottom=False)
+    return image
+
+
+def _draw_flag(axes: Axes, time: Floats, on: np.ndarray, label: str) -> None:
+    _style.dress(axes, "", "", "", "")
+    axes.fill_between(time, 0.0, 1.0, where=on, color=_style.INK, lw=0.0)
+    axes.set_ylim(0.0, 1.0)
+    axes.set_yticks([0.5], [label])
+    axes.tick_params(axis="y", length=0.0)
+
+
+def _draw_phases(top: Axes, others: list[Axes]) -> None:
+    edge = 0.0
+    for name, seconds in PHASES:
+        top.text(
+            edge + 0.5 * seconds, 1.02, name, transform=top.get_xaxis_transform(), ha="center", va="bottom",
+            fontsize=_style.TICK, color=_style.INK,
+        )  # fmt: skip
+        edge += seconds
+        for axes in (top, *others):
+            axes.axvline(edge, color=_style.PALE, lw=0.5, ls=":")
