@@ -38,7 +38,25 @@ K1, K2, LOSS, TANGENT, STATIC, KINETIC, STRIBECK, ROUGH, ROUGH_LENGTH, ROLLS = r
 height, residual compliance, stiffness and damping of the bristles, force now, time since it pressed, its mean, slip
 speeds, state of friction, and whether it counted as touching; then the path slid along and the one rolled, both
 paths after one pole and after two, and the mark that their play leaves."""
-TUNED, SPREAD, BRIEF_1, BRIEF_2, LONG_1, LONG_2, QUIET, SETTLED, COIL_1, COIL_2, MISSED, SLOPE, NEAR, FAR, KICK, FRESH, ROUNDS = range(17)
+(
+    TUNED,
+    SPREAD,
+    BRIEF_1,
+    BRIEF_2,
+    LONG_1,
+    LONG_2,
+    QUIET,
+    SETTLED,
+    COIL_1,
+    COIL_2,
+    MISSED,
+    SLOPE,
+    NEAR,
+    FAR,
+    KICK,
+    FRESH,
+    ROUNDS,
+) = range(17)
 """Memory of the sensor: tension of the propagator, stretch sum, levels, time at rest, flag, speeds at the coils, how
 far the free motion misses the stretch sum, how a miss of the guess comes back, forces on
 the ends, largest kick of a mode, whether touches
@@ -123,7 +141,7 @@ class Out(NamedTuple):
     settled: Flags
 
 
-@part.part
+@part.called
 def _lay(sensor: Sensor, state: State, size: int, t: int) -> None:
     """Lay a touch on the string for a tick: how deep it is asked to go, its modes' shapes, what its bristles hold."""
     scalars, touches, bank = sensor.scalars, sensor.touches, state.bank
@@ -159,7 +177,7 @@ def _lay(sensor: Sensor, state: State, size: int, t: int) -> None:
         )
 
 
-@part.part
+@part.called
 def _look(sensor: Sensor, state: State, size: int, index: int) -> None:
     """At a tick: read the touches' motion and prepare the string for the steps up to the next."""
     scalars, touches, bank, memory = sensor.scalars, sensor.touches, state.bank, state.memory
@@ -231,15 +249,18 @@ def _rub(
         side, lengthwise, z_new, z_new_along = cut * side, cut * lengthwise, cut * z_new, cut * z_new_along
         left, left_along = moved - ease * side, moved_along - soft * lengthwise
         state = friction.SLIDE
-    found[SIDE_FORCE], found[ALONG_FORCE], found[Z_NEW], found[Z_NEW_ALONG] = side, lengthwise, z_new, z_new_along
+    found[SIDE_FORCE], found[ALONG_FORCE], found[Z_NEW], found[Z_NEW_ALONG] = (
+        side,
+        lengthwise,
+        z_new,
+        z_new_along,
+    )
     found[LEFT], found[LEFT_ALONG], found[GRIPS] = left, left_along, float(state)
     found[ASIDE] = aside + ease * side
 
 
 @part.part
-def _touch(
-    sensor: Sensor, state: State, size: int, solved: Floats, mutual: Floats, turn: int
-) -> float:
+def _touch(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Floats, turn: int) -> float:
     """Solve all touches together, given the free positions, and let them push; return the stretch sum."""
     bank, touches = state.bank, sensor.touches
     count = touches.shape[0]
@@ -248,9 +269,7 @@ def _touch(
         found[BELOW], found[BESIDE], mutual[0, t, t], mutual[1, t, t] = string.placed(bank, size, row)
         if turn == 0:
             gap = found[SURFACE] - found[BELOW]
-            found[NEW_S] = press.guess(
-                gap, mutual[0, t, t], own[S], own[ETA], touches[t, K1], touches[t, K2]
-            )
+            found[NEW_S] = press.guess(gap, mutual[0, t, t], own[S], own[ETA], touches[t, K1], touches[t, K2])
         for o in range(t):
             below, aside = string.between(bank, size, row, string.row_of(o))
             mutual[0, t, o], mutual[0, o, t] = below, below
@@ -362,7 +381,11 @@ def _remember(touch: Floats, own: Floats, found: Floats, step: float, seed: int)
         own[ROLL] += found[ROLLED]
         if began:
             own[LAG], own[SLOW], own[MARK] = own[PATH], own[PATH], own[PATH]
-            own[LAG_ALONG], own[SLOW_ALONG], own[MARK_ALONG] = own[PATH_ALONG], own[PATH_ALONG], own[PATH_ALONG]
+            own[LAG_ALONG], own[SLOW_ALONG], own[MARK_ALONG] = (
+                own[PATH_ALONG],
+                own[PATH_ALONG],
+                own[PATH_ALONG],
+            )
         if touch[ROUGH] > 0.0 and (lost != 0.0 or lost_along != 0.0 or found[ROLLED] != 0.0):
             scale = 1.0 / touch[ROUGH_LENGTH]
             along = own[PATH_ALONG] + own[ROLL]

@@ -6,7 +6,7 @@ string at rest would press back with it; the string then decides what force ther
 
 import numpy as np
 
-from monochord.physics.twin.part import part
+from monochord.physics.twin.part import called
 from monochord.physics.twin.press import root_of_compression
 from monochord.types import Floats
 
@@ -18,7 +18,7 @@ STILL = 0.02
 """Clearance in m beyond which a touch is out of the string's reach."""
 
 
-@part
+@called
 def asked(keys: Floats, count: int, time: float, want: Floats) -> None:
     """Fill what the keys ask at a time, save the depth; before the first and after the last they hold."""
     i = 0
@@ -34,7 +34,7 @@ def asked(keys: Floats, count: int, time: float, want: Floats) -> None:
         want[c] = keys[i - 1, c + 1] + share * (keys[i, c + 1] - keys[i - 1, c + 1])
 
 
-@part
+@called
 def between(table: Floats, share: float) -> float:
     """Return a value of a table over 0 to 1, linearly between its entries."""
     place = share * (table.size - 1)
@@ -42,13 +42,13 @@ def between(table: Floats, share: float) -> float:
     return table[i] + (place - i) * (table[i + 1] - table[i])
 
 
-@part
+@called
 def cross_compliance(a: float, b: float, length: float, tension: float) -> float:
     """Return the deflection a newton at a of a flexible string at rest at b, in m/N."""
     return min(a, b) * (length - max(a, b)) / (tension * length)
 
 
-@part
+@called
 def depth_of(force: float, k1: float, k2: float, static: float, others: float, clearance: float) -> float:
     """Return the depth in m of a surface that presses with a force on a string of static compliance in m/N.
 
@@ -58,7 +58,7 @@ def depth_of(force: float, k1: float, k2: float, static: float, others: float, c
     return s * s + static * force + others - clearance
 
 
-@part
+@called
 def geometric_rise(force: float, place: float, length: float, tension: float, stretch: float) -> float:
     """Return the rise of tension in N by a static press; see `monochord.physics.theory.geometric_tension`."""
     load = stretch * force * force * place * (length - place)

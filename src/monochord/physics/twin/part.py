@@ -30,6 +30,17 @@ def part(function: Function) -> Function:
     return njit(fastmath=FAST, error_model="numpy", inline="always")(function)
 
 
+def called(function: Function) -> Function:
+    """Compile a function that the kernel calls: one that runs seldom, or has no rows of modes to run along.
+
+    Examples
+    --------
+    >>> called(lambda x: x + 1.0)(2.0)
+    3.0
+    """
+    return njit(fastmath=FAST, error_model="numpy", _nrt=False)(function)
+
+
 def fingerprint(modules: Iterable[ModuleType]) -> int:
     """Return a number that changes with the text of any of the modules, below 2^62.
 

@@ -13,7 +13,7 @@ All is written in s = sqrt(delta), in which force, energy and eta are polynomial
 
 import numpy as np
 
-from monochord.physics.twin.part import part
+from monochord.physics.twin.part import called, part
 
 NEWTON = 60
 """Most rounds of the safeguarded Newton iteration; three or four are usual."""
@@ -50,7 +50,7 @@ def approach_at(s: float, k1: float, k2: float, rest: float) -> float:
     return s * s + rest * force_at(s, k1, k2)
 
 
-@part
+@called
 def root_of_compression(force: float, k1: float, k2: float) -> float:
     """Return s where the elastic force has a given value: the static press."""
     if force <= 0.0:
@@ -64,7 +64,7 @@ def root_of_compression(force: float, k1: float, k2: float) -> float:
     return s
 
 
-@part
+@called
 def _give(
     s: float, s_old: float, eta_old: float, k1: float, k2: float, rest: float, loss: float
 ) -> tuple[float, float, float, float]:
@@ -103,7 +103,15 @@ def _give(
 
 @part
 def _quickly(
-    gap: float, ease: float, s: float, s_old: float, eta_old: float, k1: float, k2: float, rest: float, loss: float
+    gap: float,
+    ease: float,
+    s: float,
+    s_old: float,
+    eta_old: float,
+    k1: float,
+    k2: float,
+    rest: float,
+    loss: float,
 ) -> tuple[float, float]:
     """Solve a touch that goes on by Newton's iteration alone, with one division a round; s is 0 if that fails.
 
@@ -157,6 +165,50 @@ def guess(gap: float, ease: float, s_old: float, eta_old: float, k1: float, k2: 
     return max(np.cbrt(hard), (hard * -eta_old) ** 0.2)
 
 
+@called
+def _carefully(
+    gap: float,
+    ease: float,
+    start: float,
+    s_old: float,
+    eta_old: float,
+    k1: float,
+    k2: float,
+    rest: float,
+    loss: float,
+) -> tuple[float, float, float]:
+    """Solve a touch that comes, goes or goes on, by Newton's iteration between two bounds; see `press`."""
+    stored = energy_at(s_old, k1, k2, rest)
+    leaves = gap <= 0.0
+    if not leaves and s_old > 0.0:
+        force, _, _, _ = _give(0.0, s_old, eta_old, k1, k2, rest, loss)
+        leaves = ease * force >= gap
+    if leaves:
+        far = eta_old - gap
+        eta = 0.5 * (eta_old + gap - np.sqrt(far * far + 4.0 * ease * stored))
+        return 0.0, eta, stored / (eta_old - eta)
+    low, high = 0.0, np.sqrt(gap)
+    s = min(start, high) if start > 0.0 else high
+    force, eta = 0.0, 0.0
+    for _ in range(NEWTON):
+        force, slope, eta, eta_slope = _give(s, s_old, eta_old, k1, k2, rest, loss)
+        miss = eta + ease * force - gap
+        if miss > 0.0:
+            high = s
+        else:
+            low = s
+        new = s - miss / (eta_slope + ease * slope)
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        change = new - s
+        s = new
+        force += slope * change
+        eta += eta_slope * change
+        if abs(change) <= CLOSE * s:
+            break
+    return s, eta, max(force, 0.0)
+
+
 @part
 def press(
     gap: float,
@@ -200,32 +252,4 @@ def press(
         force = (gap - eta) / ease
         if s > 0.0 and force >= 0.0:
             return s, eta, force
-    stored = energy_at(s_old, k1, k2, rest)
-    leaves = gap <= 0.0
-    if not leaves and s_old > 0.0:
-        force, _, _, _ = _give(0.0, s_old, eta_old, k1, k2, rest, loss)
-        leaves = ease * force >= gap
-    if leaves:
-        far = eta_old - gap
-        eta = 0.5 * (eta_old + gap - np.sqrt(far * far + 4.0 * ease * stored))
-        return 0.0, eta, stored / (eta_old - eta)
-    low, high = 0.0, np.sqrt(gap)
-    s = min(start, high) if start > 0.0 else high
-    force, eta = 0.0, 0.0
-    for _ in range(NEWTON):
-        force, slope, eta, eta_slope = _give(s, s_old, eta_old, k1, k2, rest, loss)
-        miss = eta + ease * force - gap
-        if miss > 0.0:
-            high = s
-        else:
-            low = s
-        new = s - miss / (eta_slope + ease * slope)
-        if not low <= new <= high:
-            new = 0.5 * (low + high)
-        change = new - s
-        s = new
-        force += slope * change
-        eta += eta_slope * change
-        if abs(change) <= CLOSE * s:
-            break
-    return s, eta, max(force, 0.0)
+    return _carefully(gap, ease, start, s_old, eta_old, k1, k2, rest, loss)

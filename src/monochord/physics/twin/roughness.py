@@ -9,14 +9,14 @@ an object at rest hears nothing new.
 
 import numpy as np
 
-from monochord.physics.twin.part import part
+from monochord.physics.twin.part import called
 
 OCTAVES = 5
 LEVEL = 2.02
 """Makes the root mean square of the sum one."""
 
 
-@part
+@called
 def mixed_bits(seed: int, index: int) -> np.uint64:
     """Return 64 bits that seed and index determine, by the mixer of SplitMix64 (Steele et al. 2014)."""
     x = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(index)
@@ -25,13 +25,13 @@ def mixed_bits(seed: int, index: int) -> np.uint64:
     return x ^ (x >> np.uint64(31))
 
 
-@part
+@called
 def hashed(seed: int, index: int) -> float:
     """Return a uniform number in -1 to 1 that seed and index determine."""
     return np.float64(np.int64(mixed_bits(seed, index) >> np.uint64(11))) * 2.0**-52 - 1.0
 
 
-@part
+@called
 def height(seed: int, across: float, along: float) -> float:
     """Return the height at a place in correlation lengths, of unit root mean square over the plane."""
     total, share = 0.0, 1.0
