@@ -1,6 +1,8 @@
 """The view on a real pseudo-terminal, and the plain lines without one."""
 
+import dataclasses
 import fcntl
+import itertools
 import os
 import pty
 import re
@@ -16,8 +18,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.sinks import _view
 from monochord.sinks.base import Moment
 from monochord.sinks.terminal import Terminal
+from monochord.timing import Histogram
 from monochord.types import Estimate, Prediction, Signal, StreamHealth, Window
 
 SIGNAL = Signal(sample_rate=44100, channels=2)
@@ -153,6 +157,47 @@ def test_without_a_terminal_one_line_a_second_and_the_last(capsys: pytest.Captur
         assert part in first
     assert "0.99 s  no position (silence)" in last
     assert first.isascii()
+
+
+def seen(**truth: float) -> Moment:
+    return dataclasses.replace(moment(0), truth=truth)
+
+
+@pytest.mark.parametrize(
+    ("truth", "words"),
+    [
+        ({"contact": 0.0, "settled": 1.0}, "truth: untouched"),
+        ({"contact": 0.0, "settled": 0.0}, "truth: untouched, settling"),
+        ({"contact": 1.0, "position": 0.3}, "truth"),
+        (
+            {"contact": 1.0, "position": 0.3, "slip": 0.0, "slip_velocity": 1e-4, "settled": 0.0},
+            "truth, settling",
+        ),
+        ({"contact": 1.0, "position": 0.3, "slip": 1.0, "slip_velocity": 0.0123}, "truth, slides 12.3 mm/s"),
+        (
+            {"contact": 1.0, "position": 0.64, "slip": 1.0, "slip_velocity": 0.0123},
+            "truth, slides 12.3 mm/s ▲",
+        ),
+        ({}, ""),
+    ],
+)
+@pytest.mark.parametrize("columns", [60, 110])
+def test_what_the_touch_does_in_truth_stands_below_it(
+    truth: dict[str, float], words: str, columns: int
+) -> None:
+    picture = _view.frame(seen(**truth), SIGNAL, 0.65, Histogram().percentiles(), columns, 40).plain.split(
+        "\n"
+    )
+    (below,) = [above for above, line in itertools.pairwise(picture) if "└" in line]
+    assert below.strip().removeprefix("▲ ") == words
+    assert len(below) <= columns
+
+
+def test_a_plain_line_tells_the_truth_too(capsys: pytest.CaptureFixture[str]) -> None:
+    with Terminal(plain=True).open(SIGNAL) as writer:
+        writer.write(seen(contact=1.0, position=0.3, force=0.5, slip=1.0, slip_velocity=0.01, settled=0.0))
+    line = capsys.readouterr().out
+    assert "; truth position 300.0 mm, force 0.50 N, slides 10.0 mm/s, settling; level" in line
 
 
 def test_standard_error_on_request(capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,11 +22,12 @@ def draw(
     truth: Metres | None,
     force: Newtons | None,
     levels: Sequence[float],
+    caption: str = "",
 ) -> list[Text]:
     """Return the picture as lines of `columns` cells.
 
     `touch` is position and standard error, `levels` the loudness of the two segments from 0 to 1; without
-    a touch only the largest counts.
+    a touch only the largest counts. `caption` stands where the touch really is, at `truth`, or at the nut.
     """
     canvas = Canvas(columns - 2, ROWS)
     if touch is None:
@@ -35,7 +36,7 @@ def draw(
         _touched(canvas, float(np.clip(touch[0] / length, 0.0, 1.0)), force, levels)
     lines = [Text.assemble(("▐", QUIET), line, ("▌", QUIET)) for line in canvas.lines()]
     above = _spread(columns, length, touch)
-    return [above, *lines, _true(columns, length, truth), *_ruler(columns, length)]
+    return [above, *lines, _true(columns, length, truth, caption), *_ruler(columns, length)]
 
 
 def _touched(canvas: Canvas, place: float, force: Newtons | None, levels: Sequence[float]) -> None:
@@ -66,13 +67,17 @@ def _spread(columns: int, length: Metres, touch: tuple[Metres, Metres] | None) -
     return Text(" " * left + "╌" * (column - left) + "┃" + "╌" * (right - column), TOUCH)
 
 
-def _true(columns: int, length: Metres, truth: Metres | None) -> Text:
-    """Return the line below the string: where the touch really is."""
+def _true(columns: int, length: Metres, truth: Metres | None, caption: str) -> Text:
+    """Return the line below the string: where the touch really is, and what it does there."""
     if truth is None:
-        return Text(" " * columns)
+        return Text(f" {caption}"[:columns].ljust(columns), TRUTH)
     column = _column(columns, length, truth)
-    fits = column + len("▲ truth") <= columns
-    return Text(" " * column + "▲ truth" if fits else "truth ▲".rjust(column + 1), TRUTH)
+    words = caption or "truth"
+    if column + 2 + len(words) <= columns:
+        return Text(" " * column + f"▲ {words}", TRUTH)
+    # A caption that has no room on either side gives way to the first of its words.
+    words = words if len(words) < column else words.partition(",")[0]
+    return Text(f"{words} ▲".rjust(column + 1), TRUTH)
 
 
 def _ruler(columns: int, length: Metres) -> list[Text]:

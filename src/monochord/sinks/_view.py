@@ -34,6 +34,7 @@ def frame(
         truth.get("position") if truth.get("contact") else None,
         force.value if force.valid else None,
         swings,
+        _caption(truth),
     )
     meters = [_meter(k + 1, channel, columns) for k, channel in enumerate(window.samples)]
     foot = [Text(), *meters, Text(), _latency(latency), _health(moment)]
@@ -54,9 +55,11 @@ def plain(moment: Moment, latency: Percentiles) -> str:
     )
     rms = " / ".join(f"{levels(channel)[0]:.0f}" for channel in moment.window.samples)
     p99 = f"{1e3 * latency.p99:.2f}"
+    known = f"; {_truth_in_words(moment.truth)}" if moment.truth else ""
     return (
-        f"{moment.prediction.time:8.2f} s  {said}; level {rms} dB, latency p99 {p99} ms, gaps {health.gaps}, "
-        f"dropped {health.dropped}, xruns {health.xruns}, skipped {moment.skipped}"
+        f"{moment.prediction.time:8.2f} s  {said}{known}; level {rms} dB, "
+        f"latency p99 {p99} ms, gaps {health.gaps}, dropped {health.dropped}, xruns {health.xruns}, "
+        f"skipped {moment.skipped}"
     )
 
 
@@ -118,6 +121,26 @@ def _beside(name: str, estimate: Estimate, truth: Truth) -> Text:
         off = estimate.value - truth[name]
         line.append(f"   off by {'+' if off >= 0 else '-'}{quantity(abs(off), estimate.unit)}", LABEL)
     return line
+
+
+def _caption(truth: Truth) -> str:
+    """Return what is true of the touch beside where it is; empty where nothing is known."""
+    if not truth:
+        return ""
+    words = ["truth" if truth.get("contact", 1.0) else "truth: untouched"]
+    if truth.get("slip"):
+        words.append(f"slides {1e3 * truth.get('slip_velocity', math.nan):.1f} mm/s")
+    if not truth.get("settled", 1.0):
+        words.append("settling")
+    return ", ".join(words)
+
+
+def _truth_in_words(truth: Truth) -> str:
+    """Return all that is true, for a line without a drawing."""
+    first, *rest = _caption(truth).split(", ")
+    units = {"position": "m", "force": "N"}
+    known = [f"{name} {quantity(truth[name], unit)}" for name, unit in units.items() if name in truth]
+    return ", ".join([f"{first}{' ' if known else ''}{', '.join(known)}", *rest])
 
 
 def _meter(number: int, channel: Audio, columns: int) -> Text:
