@@ -14,7 +14,9 @@ from monochord.units import Samples
 KEYS = FIXED.index("keys")
 
 
-def advance_many(twins: Sequence[Twin], frames: Samples, *, cores: int | None = None) -> list[tuple[Take, Twin]]:
+def advance_many(
+    twins: Sequence[Twin], frames: Samples, *, cores: int | None = None
+) -> list[tuple[Take, Twin]]:
     """Return the next `frames` frames of every twin, and the twins after them, in the order given.
 
     Twins of one shape, that is with as many modes and touches and an outside sound as long, run side by side,
@@ -65,7 +67,9 @@ def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> 
     return [
         (
             taken(heard, i),
-            replace(twin, start=twin.start + frames, moving=tuple(array[i : i + 1].copy() for array in moving)),
+            replace(
+                twin, start=twin.start + frames, moving=tuple(array[i : i + 1].copy() for array in moving)
+            ),
         )
         for i, twin in enumerate(twins)
     ]
@@ -77,8 +81,8 @@ def _padded(twins: Sequence[Twin]) -> list[tuple[np.ndarray, ...]]:
     padded_arrays: list[tuple[np.ndarray, ...]] = []
     for twin in twins:
         keys = twin.fixed[KEYS]
-        wide = np.concatenate([keys, np.zeros((*keys.shape[:2], most - keys.shape[2], keys.shape[3]))], axis=2)
+        wide = np.concatenate(
+            [keys, np.zeros((*keys.shape[:2], most - keys.shape[2], keys.shape[3]))], axis=2
+        )
         padded_arrays.append((*twin.fixed[:KEYS], wide, *twin.fixed[KEYS + 1 :]))
     return padded_arrays
-
-

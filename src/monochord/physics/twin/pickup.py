@@ -58,5 +58,3 @@ def mixed(pickup: Floats, near: float, far: float, air: float) -> tuple[float, f
     first = pickup[GAIN_1] * (pickup[OWN_1] * near + (1.0 - pickup[OWN_1]) * far) + pickup[AIR_1] * air
     second = pickup[GAIN_2] * ((1.0 - pickup[OWN_2]) * near + pickup[OWN_2] * far) + pickup[AIR_2] * air
     return first, second
-
-

@@ -190,7 +190,9 @@ def refuse_impossible(sensor: Sensor) -> None:
     fundamental = (string.tension / string.linear_density) ** 0.5 / (2.0 * string.length)
     if not 20.0 <= fundamental <= 5000.0:
         raise InputError(
-            f"{where}: open frequency {fundamental:.4g} Hz", "20 to 5000 Hz", "change length, tension or density"
+            f"{where}: open frequency {fundamental:.4g} Hz",
+            "20 to 5000 Hz",
+            "change length, tension or density",
         )
     if abs(sensor.drift) > 0.25 * string.tension:
         raise InputError(f"{where}: drift {sensor.drift:g} N", "a quarter of the tension at most")

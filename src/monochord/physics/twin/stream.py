@@ -197,7 +197,11 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     kept, count, size = min(len(touches), len(twin.scene.touches)), len(touches), 2 * padded(twin.plan.count)
     bank = moving["bank"].reshape(-1, size)[: rows(kept)]
     moving["bank"] = np.concatenate([bank, np.zeros((rows(count) - rows(kept), size))]).ravel()
-    for name, fresh in (("contact", _untouched(count)), ("asked", np.zeros((count, 5))), ("ahead", np.zeros((count, 5)))):
+    for name, fresh in (
+        ("contact", _untouched(count)),
+        ("asked", np.zeros((count, 5))),
+        ("ahead", np.zeros((count, 5))),
+    ):
         fresh[:kept] = moving[name][:kept]
         moving[name] = fresh
     moving["solved"], moving["mutual"] = np.zeros((count, FOUND)), np.zeros((2, count, count))
@@ -207,7 +211,10 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     for t in range(kept, count):
         _place(touches[t], time, moving["asked"][t], moving["ahead"][t])
     return replace(
-        twin, scene=scene, fixed=_packed(arrays), moving=tuple(np.ascontiguousarray(moving[name])[None] for name in MOVING)
+        twin,
+        scene=scene,
+        fixed=_packed(arrays),
+        moving=tuple(np.ascontiguousarray(moving[name])[None] for name in MOVING),
     )
 
 
