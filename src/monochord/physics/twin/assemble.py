@@ -51,7 +51,8 @@ def sensor_arrays(
     omega = mode_frequencies(string, count)
     n = np.arange(1, count + 1)
     wave = n * pi / string.length
-    stretch = n**2 * (omega * step / np.sin(omega * step))
+    turn = omega * step
+    stretch = n**2 * np.minimum(turn / np.sin(turn), 1.0 / np.sin(0.5 * turn) ** 2)
     sigma = decay_rates(string, sensor.losses, omega / (2.0 * pi))
     if (sigma >= 0.9 * omega).any():
         raise InputError(f"sensor {sensor.name}: losses", "modes that ring", "lower the loss factors")

@@ -75,8 +75,10 @@ TELLING = 1e-10
 """Relative difference of two guesses that tells how a miss comes back."""
 ALIKE = 1e-12
 """Relative change of the largest force at which several touches have come to terms."""
-MOST = 12
-"""Most rounds of the stretch."""
+MOST = 60
+"""Most rounds of the stretch: two or three are usual, and a bracket is halved where they go astray."""
+SLACK = 0.9
+"""Share of the slack that a mode bears in a step at which the extra tension is held, should it fall so low."""
 SWEEPS = 40
 """Most rounds of several touches among themselves."""
 HOLD = 0.005
@@ -333,11 +335,11 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
     drifted = scalars[DRIFT] + scalars[DRIFT_RATE] * ((index // TICK) * TICK) * step
     taken = memory[TUNED] - scalars[TENSION] - drifted
     tension, free, slope = 0.0, guess, memory[SLOPE]
-    guess += memory[MISSED]
-    before, came = 0.0, 0.0
+    guess = max(0.0, guess + memory[MISSED])
+    before, came, low, high = 0.0, 0.0, 0.0, np.inf
     for turn in range(MOST):
         if not linear:
-            tension = 0.5 * scalars[STRETCH] * (memory[SPREAD] + guess) - taken
+            tension = max(0.5 * scalars[STRETCH] * (memory[SPREAD] + guess) - taken, -SLACK / memory[KICK])
         spread = string.pulled(bank, size, tension, memory[KICK])
         memory[ROUNDS] += 1.0
         if count > 0:
@@ -348,7 +350,13 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
         if agreed:
             break
         before, came = guess, spread
+        if spread > guess:
+            low = guess
+        else:
+            high = guess
         guess = (spread - slope * guess) / (1.0 - slope)
+        if not low < guess < high:
+            guess = 0.5 * (low + high) if high < np.inf else 2.0 * spread
     guess = spread
     memory[MISSED] = guess - free
     memory[SLOPE] = min(0.5, max(-0.5, slope))
