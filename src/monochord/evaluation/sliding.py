@@ -30,8 +30,7 @@ class Sliding:
     `settle` the sound is cut into `windows` windows that do not overlap. A window counts if it is settled
     and in contact throughout, and slips for half of it or more, by the twin's label, or, at rest, never.
 
-    With `noise`, pink noise is added to both microphones at that signal-to-noise ratio in dB, over all of a
-    run's windows.
+    With `noise`, pink noise of that level, in dB of full scale, is added to both microphones.
     """
 
     sensor: Sensor
@@ -52,8 +51,8 @@ class Sliding:
         if not (0.02 <= self.window <= 10.0 and 0.0 <= self.settle <= 10.0):
             given = f"windows of {self.window:g} s after {self.settle:g} s"
             raise InputError(given, "windows of 0.02 to 10 s after 10 s at most")
-        if self.noise is not None and not -60.0 <= self.noise <= 120.0:
-            raise InputError(f"noise {self.noise:g} dB below the sound", "-60 to 120 dB")
+        if self.noise is not None and not -200.0 <= self.noise <= 0.0:
+            raise InputError(f"noise of {self.noise:g} dB of full scale", "-200 to 0 dB")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,8 +118,7 @@ def windows_of(study: Sliding, run: int, speed: MetresPerSecond) -> list[Floats]
     take, _ = advance(begin(study.sensor, Scene(touches=(touch,)), seed=seed), first + study.windows * size)
     heard = take.microphones[:, first:].astype(np.float64)
     if study.noise is not None:
-        around = pink(stream, heard.shape[1])
-        heard += around * np.sqrt(np.mean(heard**2)) * 10.0 ** (-study.noise / 20.0)
+        heard += 10.0 ** (study.noise / 20.0) * pink(stream, heard.shape[1])
     labels, kept = take.labels, list[Floats]()
     for start in range(first, first + study.windows * size, size):
         cut = slice(start, start + size)

@@ -63,7 +63,7 @@ class Slip(Measured):
     seed
         Of all draws.
     noise
-        Signal-to-noise ratio of the pink noise, in dB.
+        Level of the pink noise, in dB of full scale; a touched string sounds at some -20 dB.
     position, force, speed, seconds
         The touch of B to D: where in m, how hard in N, how fast in m/s, and how long it is shown.
     """
@@ -75,7 +75,7 @@ class Slip(Measured):
     lowest: Newtons = 0.2
     highest: Newtons = 2.0
     seed: int = 0
-    noise: float = 20.0
+    noise: float = -45.0
     position: Metres = 0.08
     force: Newtons = 1.0
     speed: MetresPerSecond = 0.005
@@ -104,7 +104,7 @@ class Slip(Measured):
         title = f"simulated, {self.material.replace('_', ' ')}, {self.lowest:g} to {self.highest:g} N"
         _style.dress(panels["A"], "A", title, "sliding speed (mm/s)", "area under the curve")
         _draw_areas(panels["A"], self._areas(None), "-", "")
-        _draw_areas(panels["A"], self._areas(self.noise), "--", f", noise at {self.noise:g} dB")
+        _draw_areas(panels["A"], self._areas(self.noise), "--", f", noise of {self.noise:g} dB")
         _dress_areas(panels["A"], self.speeds)
         quiet, ringing = self.dragged(drivers=False), self.dragged(drivers=True)
         slow = f"simulated, {1e3 * self.speed:g} mm/s across, {self.force:g} N"
