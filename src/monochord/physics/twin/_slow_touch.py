@@ -5,7 +5,8 @@ from math import exp, floor, hypot, sqrt
 
 import numpy as np
 
-from monochord.physics.twin import friction, motion, roughness, string
+from monochord.physics.twin import bank as layout
+from monochord.physics.twin import friction, motion, roughness
 from monochord.physics.twin import kernel as k
 from monochord.physics.twin.kernel import Sensor, State
 from monochord.types import Floats
@@ -27,7 +28,7 @@ def touched(
     Friction is solved in the first round of tension only, with `rubbing`, and held in those that follow.
     """
     half, step = q.size // 2, sensor.scalars[k.STEP]
-    shapes = [bank[string.SHAPE + string.EACH * t, :half] for t in range(len(found))]
+    shapes = [bank[layout.SHAPE + layout.EACH * t, :half] for t in range(len(found))]
     press = sum((one[k.LOAD] * shape for one, shape in zip(found, shapes, strict=True)), np.zeros(half))
     rub = sum((one[k.SIDE_FORCE] * shape for one, shape in zip(found, shapes, strict=True)), np.zeros(half))
     for _ in range(MOST):

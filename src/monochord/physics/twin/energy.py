@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from monochord.physics.twin import bank as layout
 from monochord.physics.twin import kernel as k
-from monochord.physics.twin import string
 from monochord.physics.twin.kernel import Sensor, State
 from monochord.physics.twin.stream import Twin
 
@@ -49,13 +49,13 @@ def energy(twin: Twin) -> float:
     fixed = Sensor(*(array[0] for array in twin.fixed))
     state = State(*(array[0] for array in twin.moving))
     scalars, memory = fixed.scalars, state.memory
-    bank = state.bank.reshape(string.rows(len(twin.scene.touches)), -1)
+    bank = state.bank.reshape(layout.rows(len(twin.scene.touches)), -1)
     tension = memory[k.TUNED] if memory[k.TUNED] > 0.0 else scalars[k.TENSION]
-    square = bank[string.PULL] * tension + bank[string.BEND]
-    q, v = bank[string.Q], bank[string.V]
+    square = bank[layout.PULL] * tension + bank[layout.BEND]
+    q, v = bank[layout.Q], bank[layout.V]
     total = 0.5 * scalars[k.MASS] * float(np.sum(v**2 + square * q**2))
     if fixed.integers[k.LAW] == 0:
-        stretch = float(bank[string.STRETCH] @ q**2)
+        stretch = float(bank[layout.STRETCH] @ q**2)
         tick = max(0, (twin.start * int(fixed.integers[k.FINER]) - 1)) // k.TICK * k.TICK
         drift = scalars[k.DRIFT] + scalars[k.DRIFT_RATE] * tick * scalars[k.STEP]
         above = tension - scalars[k.TENSION] - drift

@@ -11,7 +11,8 @@ from math import hypot, pi, sqrt
 
 import numpy as np
 
-from monochord.physics.twin import ebow, motion, pickup, string
+from monochord.physics.twin import bank as layout
+from monochord.physics.twin import ebow, motion, pickup
 from monochord.physics.twin import kernel as k
 from monochord.physics.twin._slow_touch import (
     ALIKE,
@@ -57,7 +58,7 @@ def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     """
     sensor = Sensor(*(array[0] for array in twin.fixed))
     state = State(*(array[0].copy() for array in twin.moving))
-    bank = state.bank.reshape(string.rows(len(twin.scene.touches)), -1)
+    bank = state.bank.reshape(layout.rows(len(twin.scene.touches)), -1)
     out = _silence(len(twin.scene.touches), frames)
     finer = int(sensor.integers[k.FINER])
     for frame in range(frames):
@@ -106,11 +107,11 @@ def _look(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
             tension += sensor.scalars[k.RISE] * state.asked[t, load]
         else:
             tension += _rise(sensor, state.asked[t, load], state.asked[t, place])
-    if abs(tension - state.memory[k.TUNED]) > 1e-9 * nominal:
+    if abs(tension - state.memory[k.TUNED]) > k.RETUNE * nominal:
         _tune(bank, tension, mass, reach, step)
-        state.memory[k.TUNED] = tension
+        state.memory[k.TUNED], state.memory[k.KICK] = tension, bank[layout.KICK_Q].max()
 
-    squares = bank[string.PULL] * tension + bank[string.BEND]
+    squares = bank[layout.PULL] * tension + bank[layout.BEND]
     for t in touches:
         own, (k1, k2) = state.contact[t], sensor.touches[t, [k.K1, k.K2]]
         now, ahead = state.asked[t], state.ahead[t]
@@ -128,7 +129,7 @@ def _look(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
         )
         s = compressed(ahead[load], k1, k2)
         ahead[motion.DEPTH] = s * s + ahead_gives * ahead[load] + others - ahead[gap]
-        row = string.SHAPE + string.EACH * t
+        row = layout.SHAPE + layout.EACH * t
         half = bank.shape[1] // 2
         n = np.arange(1, half + 1)
         bank[row, :half] = sensor.weights[t] * np.sin(n * pi * now[place] / length)
@@ -162,18 +163,18 @@ def _rise(sensor: Sensor, force: float, place: float) -> float:
 
 def _tune(bank: Floats, tension: float, mass: float, reach: float, step: float) -> None:
     """Write down how each mode goes over one step of its closed solution."""
-    square = bank[string.PULL] * tension + bank[string.BEND]
+    square = bank[layout.PULL] * tension + bank[layout.BEND]
     rings = square > 0.0
-    square, sigma, stretch = square[rings], bank[string.SIGMA, rings], bank[string.STRETCH, rings]
+    square, sigma, stretch = square[rings], bank[layout.SIGMA, rings], bank[layout.STRETCH, rings]
     ring = np.sqrt(square - sigma**2)
     decay = np.exp(-sigma * step)
     cosine, sine = decay * np.cos(ring * step), decay * np.sin(ring * step) / ring
-    bank[string.Q_Q, rings], bank[string.Q_V, rings] = cosine + sigma * sine, sine
-    bank[string.V_Q, rings], bank[string.V_V, rings] = -square * sine, cosine - sigma * sine
-    bank[string.PUSH_Q, rings] = (1.0 - cosine - sigma * sine) / (mass * square)
-    bank[string.PUSH_V, rings] = sine / mass
-    bank[string.KICK_Q, rings] = bank[string.PUSH_Q, rings] * stretch * reach
-    bank[string.KICK_V, rings] = bank[string.PUSH_V, rings] * stretch * reach
+    bank[layout.Q_Q, rings], bank[layout.Q_V, rings] = cosine + sigma * sine, sine
+    bank[layout.V_Q, rings], bank[layout.V_V, rings] = -square * sine, cosine - sigma * sine
+    bank[layout.PUSH_Q, rings] = (1.0 - cosine - sigma * sine) / (mass * square)
+    bank[layout.PUSH_V, rings] = sine / mass
+    bank[layout.KICK_Q, rings] = bank[layout.PUSH_Q, rings] * stretch * reach
+    bank[layout.KICK_V, rings] = bank[layout.PUSH_V, rings] * stretch * reach
 
 
 def _step(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
@@ -184,48 +185,49 @@ def _step(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
     if sensor.sound.size:
         shake = scalars[k.SHAKE] * sensor.sound[(index // sensor.integers[k.FINER]) % sensor.sound.size]
     forces = [_driven(sensor.ebows[d], state.coils[d], memory[k.COIL_1 + d]) for d in (0, 1)]
-    push = bank[string.DRIVE_1] * forces[0] + bank[string.DRIVE_2] * forces[1] + bank[string.FRAME] * shake
-    q, v = bank[string.Q].copy(), bank[string.V].copy()
-    q_free = bank[string.Q_Q] * q + bank[string.Q_V] * v + bank[string.PUSH_Q] * push
-    v_free = bank[string.V_Q] * q + bank[string.V_V] * v + bank[string.PUSH_V] * push
+    push = bank[layout.DRIVE_1] * forces[0] + bank[layout.DRIVE_2] * forces[1] + bank[layout.FRAME] * shake
+    q, v = bank[layout.Q].copy(), bank[layout.V].copy()
+    q_free = bank[layout.Q_Q] * q + bank[layout.Q_V] * v + bank[layout.PUSH_Q] * push
+    v_free = bank[layout.V_Q] * q + bank[layout.V_V] * v + bank[layout.PUSH_V] * push
 
     past = (index % k.TICK + 1.0) / k.TICK
     found = np.zeros((count, k.FOUND))
     for t, one in enumerate(found):
         travel = (state.ahead[t, motion.PLACE] - state.asked[t, motion.PLACE]) / k.TICK
         if travel != 0.0:
-            bank[string.SHAPE + string.EACH * t] += bank[string.SHAPE + string.EACH * t + 1]
+            bank[layout.SHAPE + layout.EACH * t] += bank[layout.SHAPE + layout.EACH * t + 1]
         rolls = sensor.touches[t, k.ROLLS] != 0.0
-        one[k.ALONG_SPEED], one[k.ROLLED] = (0.0, abs(travel)) if rolls else (travel / step, 0.0)
+        one[k.ALONG_SPEED], one[k.ROLLED] = (0.0, travel) if rolls else (travel / step, 0.0)
         depth, depth_ahead = state.asked[t, motion.DEPTH], state.ahead[t, motion.DEPTH]
         one[k.SURFACE] = depth + past * (depth_ahead - depth) + state.contact[t, k.HEIGHT]
 
     drift = scalars[k.DRIFT] + scalars[k.DRIFT_RATE] * (index - index % k.TICK) * step
     taken = memory[k.TUNED] - scalars[k.TENSION] - drift
-    free = float(bank[string.STRETCH] @ q_free**2)
-    spread, tension, q_next, held = free + memory[k.MISSED], 0.0, q_free, np.zeros_like(q)
+    free = float(bank[layout.STRETCH] @ q_free**2)
+    spread, tension, q_next, held = max(0.0, free + memory[k.MISSED]), 0.0, q_free, np.zeros_like(q)
     for turn in range(MOST):
         if sensor.integers[k.LAW] == 0:
             tension = 0.5 * scalars[k.STRETCH] * (memory[k.SPREAD] + spread) - taken
-        pull = bank[string.KICK_Q] * tension
-        q_pulled, ease = (q_free - pull * q) / (1.0 + pull), bank[string.PUSH_Q] / (1.0 + pull)
+            tension = max(tension, -k.SLACK / memory[k.KICK])
+        pull = bank[layout.KICK_Q] * tension
+        q_pulled, ease = (q_free - pull * q) / (1.0 + pull), bank[layout.PUSH_Q] / (1.0 + pull)
         held = touched(sensor, state, bank, q_pulled, ease, found, rubbing=turn == 0)
         q_next = q_pulled + ease * held
-        before, spread = spread, float(bank[string.STRETCH] @ q_next**2)
+        before, spread = spread, float(bank[layout.STRETCH] @ q_next**2)
         if abs(spread - before) <= ALIKE * spread:
             break
     memory[k.SPREAD], memory[k.MISSED] = spread, spread - free
-    bank[string.V] = v_free + bank[string.PUSH_V] * held - bank[string.KICK_V] * tension * (q_next + q)
-    bank[string.Q] = q_next
-    memory[k.COIL_1] = bank[string.SENSE_1] @ bank[string.V]
-    memory[k.COIL_2] = bank[string.SENSE_2] @ bank[string.V]
+    bank[layout.V] = v_free + bank[layout.PUSH_V] * held - bank[layout.KICK_V] * tension * (q_next + q)
+    bank[layout.Q] = q_next
+    memory[k.COIL_1] = bank[layout.SENSE_1] @ bank[layout.V]
+    memory[k.COIL_2] = bank[layout.SENSE_2] @ bank[layout.V]
     for t, one in enumerate(found):
         remember(sensor.touches[t], state.contact[t], one, step, int(sensor.integers[k.SEED]) + 16 * t)
 
 
 def _driven(parameters: Floats, memory: Floats, velocity: float) -> float:
     """Return a driver's force in N: band filter (trapezoidal rule), limit, and half a step of foresight."""
-    warp, damp, gain, limit = parameters
+    warp, damp, sensitivity, limit, _ = parameters
     rise, fall, before, gate = memory
     band = (rise + warp * (velocity - fall)) / (1.0 + warp * (warp + damp))
     low = fall + warp * band
@@ -233,7 +235,7 @@ def _driven(parameters: Floats, memory: Floats, velocity: float) -> float:
     memory[:] = 2.0 * band - rise, 2.0 * low - fall, heard, gate
     if limit == 0.0 or gate == 0.0:
         return 0.0
-    half = 0.5 * float(np.clip(gain * (1.5 * heard - 0.5 * before) / limit, -20.0, 20.0))
+    half = 0.5 * float(np.clip(sensitivity * (1.5 * heard - 0.5 * before), -20.0, 20.0))
     fraction = 11.0
     for odd in (9.0, 7.0, 5.0, 3.0, 1.0):
         fraction = odd + half * half / fraction
@@ -250,7 +252,7 @@ def _hear(sensor: Sensor, state: State, bank: Floats, out: Out, frame: int, inde
     """Write one frame: what the microphones give, and what is true."""
     memory, parameters, seed = state.memory, sensor.pickup, int(sensor.integers[k.SEED])
     taut = memory[k.TUNED] / sensor.scalars[k.TENSION]
-    near, far = taut * (bank[string.END_1] @ bank[string.Q]), taut * (bank[string.END_2] @ bank[string.Q])
+    near, far = taut * (bank[layout.END_1] @ bank[layout.Q]), taut * (bank[layout.END_2] @ bank[layout.Q])
     air = float(sensor.sound[index % sensor.sound.size]) if sensor.sound.size else 0.0
     heard = [0.0, 0.0]
     for c, (own, other) in enumerate(((near, far), (far, near))):
