@@ -31,6 +31,7 @@ $(INSTALLED): pyproject.toml | system $(BIN)/python
 	@$(PIP) install --editable '.[dev]'
 	@echo "compiling the kernels, once"
 	@$(BIN)/monochord bench bound --set windows=1 >/dev/null
+	@$(BIN)/monochord simulate appendix --json >/dev/null
 	@$(BIN)/monochord demo --seconds 1 --json >/dev/null
 	@touch $@
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -59,3 +60,14 @@ def test_follow_a_stream() -> None:
     errors = [abs(float(touched) - float(heard)) for touched, heard in rows]
     assert len(errors) >= 10
     assert sorted(errors)[len(errors) // 2] < 1.0
+
+
+def test_touch_the_twin() -> None:
+    lines = output("touch_the_twin.py").splitlines()[1:]
+    rows = [[float(number) for number in re.findall(r"-?[\d.]+", line)] for line in lines]
+    touched, sliding, force, speed, settled = np.array(rows)[:, 3:8].T
+    assert touched[[0, 4, 12]].tolist() == [0.0, 100.0, 0.0]
+    assert force[5] == pytest.approx(1.0, abs=0.05)
+    assert sliding[[5, 7]].tolist() == [0.0, 100.0]
+    assert speed[7] == pytest.approx(20.0, abs=2.0)
+    assert settled[5] == 100.0

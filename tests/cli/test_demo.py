@@ -21,8 +21,8 @@ def result() -> dict[str, float]:
 
 
 def test_the_touch_is_found(result: dict[str, float]) -> None:
-    assert result["answered"] > 100
-    assert result["median_error"] < 1e-3
+    assert result["answered"] > 60
+    assert result["median_error"] < 2e-3
     assert result["abstained"] < result["answered"]
 
 
@@ -37,6 +37,7 @@ def test_the_view_ends_with_the_error_against_truth(capsys: pytest.CaptureFixtur
     out = capsys.readouterr().out
     assert "position error" in out
     assert "simulated" in out
+    assert "truth" in out
     assert "latency" in out
 
 

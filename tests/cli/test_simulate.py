@@ -80,9 +80,21 @@ def test_an_untouched_string(capsys: pytest.CaptureFixture[str]) -> None:
     assert result["peaks"] == pytest.approx([243.25, 243.25], rel=1e-3)
 
 
+def test_the_twin_tells_what_was_true_as_well(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["simulate", "prototype", "--model", "twin", "--at", "0.08", "--force", "0.5"]
+    assert cli.run([*arguments, "--set", "across=0.02", "--set", "material=wood"]) == 0
+    text = capsys.readouterr().out
+    assert "prototype, touched at 80.0 mm with 0.5 N (twin, 0.4 s, simulated)" in text
+    assert "in contact 100% of the time, sliding 100%" in text
+    assert cli.run(["simulate", "prototype", "--model", "twin", "--untouched"]) == 0
+    assert capsys.readouterr().out.rstrip().endswith("settled")
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
+        (["prototype", "--model", "twin", "--at", "0.3"], "a touch at 0.3 m: allowed is 0.004 to 0.196 m"),
+        (["prototype", "--model", "twin", "--set", "materiel=wood"], "did you mean 'material'?"),
         (["apendix"], "did you mean 'appendix'?"),
         (["appendix", "--model", "split_strin"], "did you mean 'split_string'?"),
         (["appendix", "--route", "modl"], "did you mean 'modal'?"),

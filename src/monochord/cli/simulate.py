@@ -100,7 +100,18 @@ def _lines(result: dict[str, Any]) -> list[str]:
     for side, (peak, expected) in enumerate(zip(result["peaks"], result["theory"], strict=True), start=1):
         found = "silent" if peak is None else f"{peak:.2f} Hz"
         lines.append(f"  peak {side}   {found:>12}   theory {expected:.2f} Hz")
+    if "settled" in result:
+        lines.append(f"  {_felt(result)}")
     if "out" in result:
         quieter = "" if result["gain"] == 1.0 else f", {result['gain']:.3g} times as loud so as not to clip"
         lines.append(f"  written to {result['out']}{quieter}")
     return lines
+
+
+def _felt(result: dict[str, Any]) -> str:
+    """Return what a model with labels says of the time after the transient."""
+    calm = "settled" if result["settled"] else "not settled"
+    if result["felt"] is None:
+        return calm
+    shares = f"in contact {result['contact']:.0%} of the time, sliding {result['slip']:.0%}"
+    return f"{calm}; felt {result['felt']:.3g} N, {shares}"

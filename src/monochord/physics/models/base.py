@@ -27,9 +27,9 @@ class Case:
 class Sound:
     """What a model answers.
 
-    `microphones` is (2, n) in m/s; `summary` holds plain values for a person or for JSON, among them
-    ``position`` and ``force`` of the touch (None for none), ``peaks``, the dominant frequency on each side of
-    it, and ``theory``, what the closed forms expect there.
+    `microphones` is (2, n) in m/s, or in full scale from a model that has converters; `summary` holds plain
+    values for a person or for JSON, among them ``position`` and ``force`` of the touch (None for none),
+    ``peaks``, the dominant frequency on each side of it, and ``theory``, what the closed forms expect there.
     """
 
     microphones: Floats

@@ -1,0 +1,103 @@
+"""How loud an outside sound is, told as a signal-to-noise ratio against the sensor itself."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.physics.twin.setup import Outside, Pluck, Scene, Sensor
+from monochord.physics.twin.stream import advance, begin
+from monochord.types import Audio
+from monochord.units import Metres, Seconds
+
+SETTLING: Seconds = 1.0
+"""What is let pass of the untouched string before its level is taken."""
+LISTENING: Seconds = 0.5
+"""How long its level is taken."""
+LASTING = 0.5
+"""What the second half's power must be at least, as a share of the first's, for a sound that lasts."""
+STRIKE: Metres = 1e-4
+"""Height of the pluck, at a fifth of the string, that is the history of the level."""
+
+
+def outside_at(samples: Audio, snr_db: float, sensor: Sensor, *, sample_rate: int = 44100) -> Outside:
+    """Return an outside sound at a signal-to-noise ratio against the untouched, settled string.
+
+    The ratio is that of mean powers over both microphones: the string's, `untouched_power`, over the sound's
+    as it arrives through the air, level^2 <s^2> (a1^2 + a2^2) / 2 with the pickups' `air`. What enters
+    through the frame, by the sensor's `shake`, comes on top: it moves the string, which then sounds of it.
+
+    Parameters
+    ----------
+    samples
+        Mono, (n,), at the twin's rate, not all zero.
+    snr_db
+        In dB; the smaller, the louder.
+    sensor
+        Which gives the signal.
+    sample_rate
+        Frames a second.
+
+    Returns
+    -------
+    Outside
+        With the level that the ratio asks for.
+
+    Raises
+    ------
+    InputError
+        If the samples are silent or of another shape, the ratio is not finite, the sensor's microphones hear
+        nothing of the air, or its untouched string falls silent.
+
+    Examples
+    --------
+    >>> from monochord.physics.sensors import load_sensor
+    >>> hum = np.sin(2 * np.pi * 100.0 * np.arange(44100) / 44100).astype(np.float32)
+    >>> quiet, loud = (outside_at(hum, snr, load_sensor("prototype")).level for snr in (40.0, 20.0))
+    >>> round(loud / quiet, 3)
+    10.0
+    """
+    samples = np.asarray(samples, dtype=np.float32)
+    if samples.ndim != 1 or not samples.size or not np.isfinite(samples).all() or not samples.any():
+        raise InputError(
+            f"an outside sound of shape {samples.shape}", "finite mono samples with sound in them"
+        )
+    if not np.isfinite(snr_db):
+        raise InputError(f"signal-to-noise ratio {snr_db:g} dB", "a finite number")
+    heard = float(np.mean(np.square(sensor.pickups.air))) * float(np.mean(samples.astype(np.float64) ** 2))
+    if heard == 0.0:
+        raise InputError(f"sensor {sensor.name}: air {sensor.pickups.air}", "a share above 0 in a microphone")
+    signal = untouched_power(sensor, sample_rate=sample_rate)
+    return Outside(samples=samples, level=float((signal / heard * 10.0 ** (-snr_db / 10.0)) ** 0.5))
+
+
+@lru_cache(maxsize=32)
+def untouched_power(sensor: Sensor, *, sample_rate: int = 44100) -> float:
+    """Return the mean power of both microphones, in full scale squared, of the untouched, settled string.
+
+    Both drivers are on, and the string was plucked at a fifth of its length; after a second the power is
+    taken over half a second. Other histories end in other patterns, of other levels.
+
+    Raises
+    ------
+    InputError
+        If the sound dies away, so that there is no level to refer to.
+
+    Examples
+    --------
+    >>> from monochord.physics.sensors import load_sensor
+    >>> 1e-4 < untouched_power(load_sensor("prototype")) < 1.0
+    True
+    """
+    pluck = Pluck(position=0.2 * sensor.string.length, height=STRIKE)
+    twin = begin(sensor, Scene(pluck=pluck), sample_rate=sample_rate)
+    _, twin = advance(twin, round(SETTLING * sample_rate))
+    take, _ = advance(twin, round(LISTENING * sample_rate))
+    squares = take.microphones.astype(np.float64) ** 2
+    power, half = float(np.mean(squares)), squares.shape[1] // 2
+    lasts = np.mean(squares[:, half:]) > LASTING * np.mean(squares[:, :half])
+    if not lasts or power < 4.0 * sensor.pickups.hiss**2 + 1e-12:
+        raise InputError(
+            f"sensor {sensor.name}: an untouched string that falls silent", "drivers that sustain it"
+        )
+    return power
