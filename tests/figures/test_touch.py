@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from monochord.errors import InputError
-from monochord.figures.touch import PHASES, RATE, SIZE, Touched, spectrogram
+from monochord.figures.touch import PHASES, RATE, SIZE, Touch, spectrogram
 from monochord.physics.twin import Take
 
 
 @cache
 def played() -> Take:
-    return Touched().play()
+    return Touch().play()
 
 
 def during(number: int) -> slice:
@@ -60,7 +60,7 @@ def test_spectrogram_counts_from_the_middle_of_its_window() -> None:
 
 
 def test_panels_carry_units_and_say_simulated() -> None:
-    page = Touched().draw()
+    page = Touch().draw()
     labels = {axes.get_ylabel() for axes in page.axes}
     assert {"microphone 1 (kHz)", "x (mm)", "F (N)", "slip (mm/s)", "level (dB)"} <= labels
     assert any("simulated" in axes.get_title() for axes in page.axes)
@@ -78,4 +78,4 @@ def test_panels_carry_units_and_say_simulated() -> None:
 )
 def test_options_out_of_range_are_refused(options: dict[str, float], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Touched(**options)  # pyright: ignore[reportArgumentType]
+        Touch(**options)  # pyright: ignore[reportArgumentType]

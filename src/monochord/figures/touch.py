@@ -13,7 +13,8 @@ from monochord.figures.base import Figure
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import split_frequencies
-from monochord.physics.twin import Key, Pluck, Scene, Take, Touch, advance, begin
+from monochord.physics.twin import Key, Pluck, Scene, Take, advance, begin
+from monochord.physics.twin import Touch as Object
 from monochord.types import Audio, Floats
 from monochord.units import Hertz, MetresPerSecond, Newtons, Seconds
 
@@ -40,7 +41,7 @@ FAR = 3e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Touched(Figure):
+class Touch(Figure):
     """Spectrograms of both channels while an object comes, presses, holds, slides and goes, over its labels.
 
     Below the sound, on the same axis of time, stand the twin's labels: contact c, position x, force F, slip s
@@ -87,7 +88,7 @@ class Touched(Figure):
         sensor = load_sensor(self.sensor)
         low, high = sensor.range
         here, there = low + self.start * (high - low), low + self.end * (high - low)
-        touch = Touch(material=load_material(self.material), motion=self._motion(here, there), rolls=False)
+        touch = Object(material=load_material(self.material), motion=self._motion(here, there), rolls=False)
         pluck = Pluck(position=PLUCKED * sensor.string.length, height=1e-4)
         twin = begin(sensor, Scene(touches=(touch,), pluck=pluck), seed=self.seed)
         _, twin = advance(twin, round((LEAD - 0.5 * SIZE) * RATE))

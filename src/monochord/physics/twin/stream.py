@@ -26,9 +26,11 @@ class Labels:
     """What is true at every frame; of each touch, (touches, n), save `settled`, (n,).
 
     `contact` and `slip` are 0 or 1, `position` in m, `force` the normal force in N averaged over 5 ms,
-    `across` and `along` the mean speed at which the object slides, in m/s, `friction` the state of the contact
-    at that instant (0 none, 1 stick, 2 creep, 3 slide), `settled` whether the sound has come to rest since the
-    last change of any touch or driver.
+    `across` and `along` the speed at which the object slides, in m/s, `friction` the state of the contact at
+    that instant (0 none, 1 stick, 2 creep, 3 slide), `settled` whether the sound has come to rest since the
+    last change of any touch or driver. `slip` is 1 where the place of the contact on the object moves on by
+    more than half a millimetre a second; what a ringing string rocks to and fro under an object at rest does
+    not count, nor do 25 um of wandering to either side. See `monochord.physics.twin.friction`.
     """
 
     contact: np.ndarray
