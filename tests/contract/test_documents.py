@@ -51,11 +51,20 @@ def test_a_make_target_in_the_readme_exists(target: str) -> None:
 
 
 def test_the_readmes_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    (block,) = re.findall(
+    blocks = re.findall(
         r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     )
-    exec(block, {})  # noqa: S102
-    assert float(capsys.readouterr().out) == pytest.approx(0.2275)
+    for block in blocks:
+        promised = re.findall(r"^print\(.*  # (.*?)(?: m)?$", block, re.MULTILINE)
+        exec(block, {})  # noqa: S102
+        printed = capsys.readouterr().out.split("\n")[:-1]
+        assert len(promised) == len(printed) > 0
+        for said, is_so in zip(promised, printed, strict=True):
+            assert numbers(is_so) == pytest.approx(numbers(said), abs=1e-9)
+
+
+def numbers(line: str) -> list[float]:
+    return [float(number) for number in re.findall(r"[\d.]+", line)]
 
 
 def test_the_readmes_touch_is_simulated_and_found_again(
