@@ -15,7 +15,6 @@ from monochord.physics.theory import (
     static_compliance,
     stretch_stiffness,
 )
-from monochord.physics.twin.rate import Plan, mode_frequencies, padded, touch_weights
 from monochord.physics.twin.bank import (
     BEND,
     DRIVE_1,
@@ -28,6 +27,7 @@ from monochord.physics.twin.bank import (
     STRETCH,
     rows,
 )
+from monochord.physics.twin.rate import Plan, mode_frequencies, padded, touch_weights
 from monochord.physics.twin.setup import Ebow, Pluck, Scene, Sensor, Touch
 from monochord.types import Audio, Floats
 from monochord.units import Hertz
@@ -155,7 +155,7 @@ def plucked(sensor: Sensor, pluck: Pluck | None, plan: Plan) -> Floats:
 
 
 def _ebow(driver: Ebow, step: float) -> tuple[float, ...]:
-    g, k = tan(pi * driver.centre * step), 1.0 / driver.quality
+    g, k = tan(pi * min(driver.centre * step, 0.45)), 1.0 / driver.quality
     gain = driver.gain / driver.limit if driver.limit > 0.0 else 0.0
     return g, k, gain, driver.limit, 1.0 / (1.0 + g * (g + k))
 
