@@ -26,6 +26,8 @@ from monochord.units import Newtons, Samples, Seconds
 
 REMEMBERED: Seconds = 61.0
 """For how long labels are kept: a second more than the longest window."""
+AHEAD: Samples = 2048
+"""Frames that are made at once, if a block is not longer."""
 STRIKE = 5e-4
 """Height of the first pluck, as a share of the length."""
 
@@ -182,22 +184,26 @@ class _TwinStream(PacedStream):
         self._labels = LabelMemory(round(REMEMBERED * rate))
         self._changes = changes(options.visits(design), options.materials[0], rate)
         self._change = next(self._changes, None)
+        self._made: Audio = np.zeros((2, 0), dtype=np.float32)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
         """Return what is true over the frames [start, stop); see `TwinSource`."""
         return self._labels.over(start, stop)
 
     def _read(self, frames: Samples) -> Audio:
-        """Return the next frames, with objects that come and go at their own frame and not at a block's."""
-        parts: list[Audio] = []
-        while frames:
-            now = self._twin.start
-            while self._change is not None and self._change[0] <= now:
-                self._twin = retouch(self._twin, self._change[1])
-                self._change = next(self._changes, None)
-            part = frames if self._change is None else min(frames, self._change[0] - now)
-            take, self._twin = advance(self._twin, part)
-            self._labels.add(take.labels)
-            parts.append(take.microphones)
-            frames -= part
-        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        """Return the next frames out of what was made ahead, which wakes the simulation less often."""
+        while self._made.shape[1] < frames:
+            self._made = np.concatenate([self._made, self._more(max(frames, AHEAD))], axis=1)
+        given, self._made = self._made[:, :frames], self._made[:, frames:]
+        return np.ascontiguousarray(given)
+
+    def _more(self, frames: Samples) -> Audio:
+        """Simulate on to the next coming or going of an object, or for some frames, and keep the labels."""
+        while self._change is not None and self._change[0] <= self._twin.start:
+            self._twin = retouch(self._twin, self._change[1])
+            self._change = next(self._changes, None)
+        if self._change is not None:
+            frames = min(frames, self._change[0] - self._twin.start)
+        take, self._twin = advance(self._twin, frames)
+        self._labels.add(take.labels)
+        return take.microphones
