@@ -95,3 +95,30 @@ def test_curves_of_panel_a_are_theory_in_millimetres() -> None:
 def test_options_out_of_range_are_refused(options: dict[str, float | int | str], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)):
         Trends(**options).draw()  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["position", "force"])
+def test_twin_has_lines_on_the_harmonics_of_both_segments(which: int) -> None:
+    plain = load_string("prototype").string
+    sweep = Trends(steps=5, edge=0.27, highest_force=2.0, law="geometric").sweeps(plain)[which]
+    frequencies, levels = simulated_spectra(simulator("twin"), plain, sweep)
+    for level, force, *both in zip(levels, sweep.forces, *sweep.fundamentals(plain), strict=True):
+        for f in both if force > 0.0 else ():
+            # A light touch yields, a stiff string is up by less than 1 %; a driver holds one of four.
+            loud = [
+                level[(frequencies > 0.97 * n * f) & (frequencies < 1.01 * n * f)].max() for n in range(1, 5)
+            ]
+            assert max(loud) > -30.0
+
+
+def test_the_law_goes_to_every_model() -> None:
+    plain = load_string("prototype").string
+    linear, geometric = (
+        simulated_spectra(
+            simulator("twin"), plain, Sweep(positions=np.array([0.09]), forces=np.array([2.0]), law=law)
+        )
+        for law in ("linear", "geometric")
+    )
+    first, second = (frequencies[levels[0].argmax()] for frequencies, levels in (linear, geometric))
+    # k_T 0.3 against 4 N^2 of stretch: 0.6 N and 1.2 N on 65 N.
+    assert second > first + 2.0

@@ -8,7 +8,7 @@ from monochord.physics.models import MODELS, Case, Model
 from monochord.physics.theory import TensionLaw, split_frequencies
 from monochord.types import Contact, Floats, StringParams
 
-SETTLE, LISTEN = 0.1, 0.1  # s: what is let pass of each touch, and the window that is looked at
+SETTLE, LISTEN = 0.3, 0.2  # s: what is let pass of each touch, and the window that is looked at
 USUAL_ROUTE = "modal"
 
 
@@ -57,7 +57,7 @@ def simulated_spectra(model: Model, string: StringParams, sweep: Sweep) -> tuple
 
 
 def _cases(string: StringParams, sweep: Sweep) -> list[Case]:
-    assignments = () if sweep.law == "linear" else (f"tension_law={sweep.law}",)
+    assignments = (f"tension_law={sweep.law}",)
     touches = [
         Contact(position=float(x), force=float(force))
         for x, force in zip(sweep.positions, sweep.forces, strict=True)

@@ -31,7 +31,9 @@ class Trends(Figure):
     """Segment frequencies against position and against force, in theory and in simulated spectra.
 
     The four panels of the paper's Fig. 3 that need no hardware: A and D are Eq. 14 with its harmonics, B and
-    E the spectra of the simulated microphones after the transient, with the two fundamentals over them.
+    E the spectra of the simulated microphones after the transient, with Eq. 14 dashed over them. The twin's
+    drivers lock to a partial of each segment, which is often not its first, and a stiff string sounds a few
+    thousandths above Eq. 14.
 
     Parameters
     ----------
@@ -136,4 +138,6 @@ def _draw_spectra(
     )  # fmt: skip
     for f, colour in zip(sweep.fundamentals(string), _style.SEGMENTS, strict=True):
         axes.plot(over, f, color=colour, lw=1.0, ls=_style.THEORY)
+        for n in range(2, HARMONICS + 1):
+            axes.plot(over, n * f, color=colour, lw=0.4, ls=_style.THEORY, alpha=0.6)
     return image
