@@ -83,7 +83,7 @@ def test_figure_shows_a_column_of_each_pattern() -> None:
     counts = FEW.numbers()["counts"]
     titles = {axes.get_title(loc="left"): axes.get_title() for axes in page.axes}
     for letter, count in zip("ABCDE", counts, strict=False):
-        assert titles[letter].startswith(f"{count} of 12")
+        assert titles[letter].startswith(f"{count}/12 (")
     labels = {axes.get_xlabel() for axes in page.axes} | {axes.get_ylabel() for axes in page.axes}
     assert {"time since release (s)", "frequency (kHz)", "steady level (dB)", "level (dB)"} <= labels
     (title,) = [text.get_text() for text in page.texts if "atterns" in text.get_text()] or [

@@ -40,8 +40,8 @@ class Modes(Measured):
     """Steady sounds of the untouched string after different histories, and how often each came.
 
     The paper's figure of multi-stability, simulated: of each pattern one history that ends in it, as
-    spectrograms of both microphones about the moment when the string is left alone, and the spectrum of its
-    last half second. Two steady sounds are of one pattern if no level about a partial of the open string, in
+    spectrograms of both microphones about the moment when the string is left alone, after a touch or a pluck,
+    and the spectrum of its last half second. Two steady sounds are of one pattern if no level about a partial of the open string, in
     either channel, differs by more than 6 dB, or if others lie between them that are; levels are of the whole
     and count from -30 dB. A sound is steady if none changes by more than 3 dB over the last second.
 
@@ -72,8 +72,8 @@ class Modes(Measured):
             raise InputError(f"first {self.first}", "0 or more")
         if not 1.0 + LISTEN <= self.after <= 60.0:
             raise InputError(f"after {self.after:g} s", f"{1.0 + LISTEN:g} to 60 s")
-        if not 1 <= self.shown <= 8:
-            raise InputError(f"shown {self.shown}", "1 to 8")
+        if not 1 <= self.shown <= 6:
+            raise InputError(f"shown {self.shown}", "1 to 6")
 
     def numbers(self) -> dict[str, Any]:
         """Return how often each pattern came, with its levels, and the seed that shows it."""
@@ -137,11 +137,11 @@ class Modes(Measured):
         heard, released = sound_of(
             load_sensor(self.sensor), self.first + found.spoken_for(pattern), self.after
         )
-        share = f"{count} of {self.histories}, {'here a touch' if released > 0.0 else 'here a pluck'}"
+        share = f"{count}/{self.histories} ({'touch' if released > 0.0 else 'pluck'})"
         image: Any = None
         for c in (0, 1):
             up = f"microphone {c + 1}\nfrequency (kHz)" if pattern == 0 else ""
-            letter, title = ("ABCDEFGH"[pattern], share) if c == 0 else ("", "")
+            letter, title = ("ABCDEF"[pattern], share) if c == 0 else ("", "")
             _style.dress(column[c], letter, title, "time since release (s)" if c else "", up)
             image = _draw_times(column[c], heard[c], released, 1e-3 * TALL * f0)
             column[c].tick_params(labelbottom=c == 1)
