@@ -40,10 +40,11 @@ class Modes(Measured):
     """Steady sounds of the untouched string after different histories, and how often each came.
 
     The paper's figure of multi-stability, simulated: of each pattern one history that ends in it, as
-    spectrograms of both microphones about the moment when the string is left alone, after a touch or a pluck,
-    and the spectrum of its last half second. Two steady sounds are of one pattern if no level about a partial of the open string, in
-    either channel, differs by more than 6 dB, or if others lie between them that are; levels are of the whole
-    and count from -30 dB. A sound is steady if none changes by more than 3 dB over the last second.
+    spectrograms of both microphones about the moment when the string is left alone, after a touch or a
+    pluck, and the spectrum of its last half second. Two steady sounds are of one pattern if no level about
+    a partial of the open string, in either channel, differs by more than 6 dB, or if others lie between
+    them that are; levels are of the whole and count from -30 dB. A sound is steady if none changes by more
+    than 3 dB over the last second.
 
     Parameters
     ----------
