@@ -53,6 +53,18 @@ def touched(
     return np.concatenate([press, rub])
 
 
+def foreseen(
+    touch: Floats, own: Floats, one: Floats, bank: Floats, t: int, q_free: Floats, step: float
+) -> Floats:
+    """Return the modal force of a touch that presses alone on a string that moves freely, (modes,) in N."""
+    half = q_free.size // 2
+    shape = bank[layout.SHAPE + layout.EACH * t, :half]
+    gap = one[k.SURFACE] - float(shape @ q_free[:half])
+    _, _, load = _pressed(gap, float(shape**2 @ bank[layout.PUSH_Q, :half]), own, touch, step)
+    one[k.LOAD] = load
+    return np.concatenate([shape * load, np.zeros(half)])
+
+
 def _pressed(gap: float, ease: float, own: Floats, touch: Floats, step: float) -> tuple[float, float, float]:
     """Solve eta + ease force(eta) = gap for one touch; return s, eta and the force held over the step.
 
@@ -174,8 +186,10 @@ def remember(touch: Floats, own: Floats, one: Floats, step: float, seed: int) ->
         own[k.ROLL] += one[k.ROLLED]
         if begins:
             own[lag], own[slow], own[mark] = own[place], own[place], own[place]
-        if lost.any() or one[k.ROLLED] != 0.0:
+        along = own[k.PATH_ALONG] + own[k.ROLL]
+        if abs(own[k.PATH] - own[k.READ]) + abs(along - own[k.READ_ALONG]) > k.FINE:
             own[k.HEIGHT] = height(touch, own, seed)
+            own[k.READ], own[k.READ_ALONG] = own[k.PATH], along
         own[lag] += step / k.SWING * (own[place] - own[lag])
         own[slow] += step / k.SWING * (own[lag] - own[slow])
         far = float(np.hypot(*(own[slow] - own[mark])))

@@ -15,10 +15,12 @@ Q, V = range(19, 21)
 FORCE, Q_FREE, V_FREE, Q_NEXT, EASE, WORK = range(21, 27)
 """Rows at work within a sample: modal force of the touches in N, free motion, new displacement, its ease in m/N, and
 products."""
-SHAPE, DRIFT, GIVE = range(27, 30)
-"""Rows of the first touch: the modes' shapes there (in the first half), their change a step, and what a newton there
-gives each mode in a sample, in m. Others follow in threes."""
-EACH = 3
+PRESS, RUB = range(27, 29)
+"""Rows of the touch at hand: the modes' shapes at it, in the half of the press and in that across it."""
+SHAPE, DRIFT = range(29, 31)
+"""Rows of the first touch, of which half is used: the modes' shapes there, and their change a step. Others follow in
+pairs."""
+EACH = 2
 """Rows of each touch."""
 
 
@@ -28,6 +30,6 @@ def rows(touches: int) -> int:
     Examples
     --------
     >>> rows(0), rows(2)
-    (27, 33)
+    (29, 33)
     """
     return SHAPE + EACH * touches

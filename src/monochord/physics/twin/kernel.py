@@ -32,12 +32,13 @@ K1, K2, LOSS, TANGENT, STATIC, KINETIC, STRIBECK, ROUGH, ROUGH_LENGTH, ROLLS = r
 """Parameters of a touch: stiffness, Hunt-Crossley's beta, tangential over normal stiffness, friction, roughness."""
 (
     S, ETA, Z, Z_ALONG, PULL_ALONG, SLIP, SIDE, PATH, HEIGHT, REST, GRIP, DAMP, NOW, SINCE, MEAN, ACROSS, ALONG, STATE,
-    ON, PATH_ALONG, ROLL, LAG, LAG_ALONG, SLOW, SLOW_ALONG, MARK, MARK_ALONG,
-) = range(27)  # fmt: skip
+    ON, PATH_ALONG, ROLL, LAG, LAG_ALONG, SLOW, SLOW_ALONG, MARK, MARK_ALONG, READ, READ_ALONG,
+) = range(29)  # fmt: skip
 """Memory of a touch: contact (sqrt delta, eta), bristles, force along, last speed, place aside, path slid across,
 height, residual compliance, stiffness and damping of the bristles, force now, time since it pressed, its mean, slip
 speeds, state of friction, and whether it counted as touching; then the path slid along and the one rolled, both
-paths after one pole and after two, and the mark that their play leaves."""
+paths after one pole and after two, the mark that their play leaves, and where the height was last
+read."""
 (
     TUNED,
     SPREAD,
@@ -49,16 +50,15 @@ paths after one pole and after two, and the mark that their play leaves."""
     SETTLED,
     COIL_1,
     COIL_2,
-    MISSED,
     SLOPE,
     NEAR,
     FAR,
     KICK,
     FRESH,
     ROUNDS,
-) = range(17)
+) = range(16)
 """Memory of the sensor: tension of the propagator, stretch sum, levels, time at rest, flag, speeds at the coils, how
-far the free motion misses the stretch sum, how a miss of the guess comes back, forces on
+a miss of the guess comes back, forces on
 the ends, largest kick of a mode, whether touches
 must be laid anew, and how many rounds were done."""
 
@@ -91,6 +91,8 @@ BRIEF, LONG, SAME, CALM = 0.010, 0.050, 0.2, 0.020
 """Time constants of the two levels in s, how far they may differ, and for how long in s, to be settled."""
 RETUNE = 1e-7
 """Relative change of the tension at which the propagators follow; what is less acts as an extra tension."""
+FINE = 1e-8
+"""Way over an object in m that leaves its height as it was."""
 SILENCE = 1e-12
 """Level, in full scale squared, that counts as none."""
 LEAST = 0.01
@@ -163,6 +165,8 @@ def _lay(sensor: Sensor, state: State, size: int, t: int) -> None:
         string.shape_at(bank, size, row + 1, ahead[motion.PLACE] / length, sensor.weights[t])
         for i in range(size // 2):
             bank[(row + 1) * size + i] = (bank[(row + 1) * size + i] - bank[row * size + i]) / TICK
+    if touches.shape[0] == 1:
+        string.take(bank, size, row)
     modal = string.static_share(bank, size, row, tension, scalars[MASS])
     here = motion.between(sensor.tables[t], now[motion.PLACE] / length) * ratio
     own[REST] = max(0.0, here - modal)
@@ -267,11 +271,10 @@ def _touch(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Floa
     bank, touches = state.bank, sensor.touches
     count = touches.shape[0]
     for t in range(count):
-        row, own, found = string.row_of(t), state.contact[t], solved[t]
-        found[BELOW], found[BESIDE], mutual[0, t, t], mutual[1, t, t] = string.placed(bank, size, row)
-        if turn == 0:
-            gap = found[SURFACE] - found[BELOW]
-            found[NEW_S] = press.guess(gap, mutual[0, t, t], own[S], own[ETA], touches[t, K1], touches[t, K2])
+        row, found = string.row_of(t), solved[t]
+        if count > 1:
+            string.take(bank, size, row)
+        found[BELOW], found[BESIDE], mutual[0, t, t], mutual[1, t, t] = string.placed(bank, size)
         for o in range(t):
             below, aside = string.between(bank, size, row, string.row_of(o))
             mutual[0, t, o], mutual[0, o, t] = below, below
@@ -305,8 +308,23 @@ def _touch(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Floa
             break
     spread = 0.0
     for t in range(count):
-        spread = string.pushed(bank, size, string.row_of(t), solved[t, LOAD], solved[t, SIDE_FORCE])
+        if count > 1:
+            string.take(bank, size, string.row_of(t))
+        kept = 0.0 if t == 0 else 1.0
+        spread = string.pushed(bank, size, solved[t, LOAD], solved[t, SIDE_FORCE], kept)
     return spread
+
+
+@part.part
+def _foresee(bank: Floats, size: int, step: float, touch: Floats, own: Floats, found: Floats) -> float:
+    """Guess what the touch at hand will do in a sample, and return what that adds to the stretch sum."""
+    below, ease, cross, square = string.foreseen(bank, size)
+    gap = found[SURFACE] - below
+    k1, k2, rest, loss = touch[K1], touch[K2], own[REST], touch[LOSS] / step
+    s = press.guess(gap, ease, own[S], own[ETA], k1, k2)
+    found[NEW_S], _, load = press.press(gap, ease, s, own[S], own[ETA], k1, k2, rest, loss)
+    found[LOAD] = load
+    return load * (2.0 * cross + load * square)
 
 
 @part.part
@@ -320,22 +338,26 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
     shake = 0.0
     if sensor.sound.size > 0:
         shake = scalars[SHAKE] * sensor.sound[(index // sensor.integers[FINER]) % sensor.sound.size]
-    guess = string.carry(bank, size, first, second, shake)
+    guess, yields = string.carry(bank, size, first, second, shake)
+    drifted = scalars[DRIFT] + scalars[DRIFT_RATE] * ((index // TICK) * TICK) * step
+    taken = memory[TUNED] - scalars[TENSION] - drifted
+    if not linear:
+        guess -= yields * (scalars[STRETCH] * (memory[SPREAD] + guess) - 2.0 * taken)
     past = (index % TICK + 1.0) / TICK
     for t in range(count):
         asked, ahead, found, own = state.asked[t], state.ahead[t], solved[t], state.contact[t]
         travel = ahead[motion.PLACE] - asked[motion.PLACE]
         if travel != 0.0:
             string.slide(bank, size, string.row_of(t))
+        if travel != 0.0 or count > 1:
+            string.take(bank, size, string.row_of(t))
         depth = asked[motion.DEPTH] + past * (ahead[motion.DEPTH] - asked[motion.DEPTH])
         found[SURFACE] = depth + own[HEIGHT]
         found[ALONG_SPEED] = 0.0 if sensor.touches[t, ROLLS] != 0.0 else travel / (TICK * step)
         found[ROLLED] = travel / TICK if sensor.touches[t, ROLLS] != 0.0 else 0.0
-        found[LOAD], found[SIDE_FORCE], found[NEW_S] = own[NOW], 0.0, own[S]
-    drifted = scalars[DRIFT] + scalars[DRIFT_RATE] * ((index // TICK) * TICK) * step
-    taken = memory[TUNED] - scalars[TENSION] - drifted
-    tension, free, slope = 0.0, guess, memory[SLOPE]
-    guess = max(0.0, guess + memory[MISSED])
+        found[SIDE_FORCE] = 0.0
+        guess += _foresee(bank, size, step, sensor.touches[t], own, found)
+    tension, slope, guess = 0.0, memory[SLOPE], max(0.0, guess)
     before, came, low, high = 0.0, 0.0, 0.0, np.inf
     for turn in range(MOST):
         if not linear:
@@ -358,13 +380,8 @@ def _step(sensor: Sensor, state: State, size: int, solved: Floats, mutual: Float
         if not low < guess < high:
             guess = 0.5 * (low + high) if high < np.inf else 2.0 * spread
     guess = spread
-    memory[MISSED] = guess - free
     memory[SLOPE] = min(0.5, max(-0.5, slope))
     memory[SPREAD] = guess
-    if count > 0:
-        string.release(bank, size)
-    for t in range(count):
-        string.hold(bank, size, string.row_of(t), solved[t, LOAD], solved[t, SIDE_FORCE])
     memory[COIL_1], memory[COIL_2], memory[NEAR], memory[FAR] = string.arrive(bank, size, tension)
     for t in range(count):
         _remember(sensor.touches[t], state.contact[t], solved[t], step, sensor.integers[SEED] + 16 * t)
@@ -394,10 +411,11 @@ def _remember(touch: Floats, own: Floats, found: Floats, step: float, seed: int)
                 own[PATH_ALONG],
                 own[PATH_ALONG],
             )
-        if touch[ROUGH] > 0.0 and (lost != 0.0 or lost_along != 0.0 or found[ROLLED] != 0.0):
+        along = own[PATH_ALONG] + own[ROLL]
+        if abs(own[PATH] - own[READ]) + abs(along - own[READ_ALONG]) > FINE:
             scale = 1.0 / touch[ROUGH_LENGTH]
-            along = own[PATH_ALONG] + own[ROLL]
             own[HEIGHT] = touch[ROUGH] * roughness.height(seed, scale * own[PATH], scale * along)
+            own[READ], own[READ_ALONG] = own[PATH], along
         keep = step / SWING
         own[LAG] += keep * (own[PATH] - own[LAG])
         own[SLOW] += keep * (own[LAG] - own[SLOW])

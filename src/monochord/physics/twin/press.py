@@ -21,8 +21,9 @@ QUICK = 6
 """Most rounds of the plain Newton iteration; two or three are usual."""
 EXACT = 1e-14
 """The same, where the static press is sought."""
-CLOSE = 1e-4
-"""Relative step of s after which the iteration ends; what is left is of its square."""
+CLOSE, NEAR = 1e-5, 1e-3
+"""Relative step of s after which the iteration ends, and the plain one; what is left is of its square. The plain one
+takes its second turn at the same sample when the string's stretch is known, and starts there from its first."""
 
 
 @part
@@ -142,7 +143,7 @@ def _quickly(
         miss = (eta - gap) * way + ease * rise
         change = miss / (eta_slope * way + (eta - gap) * way_slope + ease * rise_slope)
         s -= change
-        if abs(change) <= CLOSE * s:
+        if abs(change) <= NEAR * s:
             return s, approach_at(s, k1, k2, rest)
     return 0.0, 0.0
 
@@ -152,13 +153,15 @@ def guess(gap: float, ease: float, s_old: float, eta_old: float, k1: float, k2: 
     """Return about the s that solves a sample of a touch; the arguments are those of `press`.
 
     The string gives way far more in a sample than the contact does, so the mean force is close to what takes the
-    whole gap but the old eta; a contact that goes on takes it as the mean of old and new, a fresh one stores it.
+    whole gap but the old eta; a contact that goes on takes it as the mean of old and new (its cube root by one
+    step of Halley's), a fresh one stores it.
     """
     if s_old > 0.0:
         force = 2.0 * (gap - eta_old) / ease - force_at(s_old, k1, k2)
         if force <= 0.0:
             return 0.3 * s_old
-        return np.cbrt(force / (k2 + k1 / s_old))
+        cube, asked = s_old**3, force / (k2 + k1 / s_old)
+        return s_old * (cube + 2.0 * asked) / (2.0 * cube + asked)
     if gap <= 0.0:
         return 0.0
     hard = gap / (0.4 * ease * (k2 + k1 / np.sqrt(gap)))

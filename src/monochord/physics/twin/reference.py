@@ -20,6 +20,7 @@ from monochord.physics.twin._slow_touch import (
     approach,
     bits,
     compressed,
+    foreseen,
     halved,
     height,
     remember,
@@ -204,7 +205,18 @@ def _step(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
     drift = scalars[k.DRIFT] + scalars[k.DRIFT_RATE] * (index - index % k.TICK) * step
     taken = memory[k.TUNED] - scalars[k.TENSION] - drift
     free = float(bank[layout.STRETCH] @ q_free**2)
-    spread, tension, q_next, held = max(0.0, free + memory[k.MISSED]), 0.0, q_free, np.zeros_like(q)
+    spread, tension, q_next, held = free, 0.0, q_free, np.zeros_like(q)
+    if sensor.integers[k.LAW] == 0:
+        tension = 0.5 * scalars[k.STRETCH] * (memory[k.SPREAD] + free) - taken
+        spread -= (
+            2.0 * tension * float((bank[layout.STRETCH] * bank[layout.KICK_Q]) @ (q_free * (q_free + q)))
+        )
+    for t, one in enumerate(found):
+        alone = (
+            foreseen(sensor.touches[t], state.contact[t], one, bank, t, q_free, step) * bank[layout.PUSH_Q]
+        )
+        spread += float(bank[layout.STRETCH] @ (alone * (2.0 * q_free + alone)))
+    spread = max(0.0, spread)
     for turn in range(MOST):
         if sensor.integers[k.LAW] == 0:
             tension = 0.5 * scalars[k.STRETCH] * (memory[k.SPREAD] + spread) - taken
@@ -216,7 +228,7 @@ def _step(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
         before, spread = spread, float(bank[layout.STRETCH] @ q_next**2)
         if abs(spread - before) <= ALIKE * spread:
             break
-    memory[k.SPREAD], memory[k.MISSED] = spread, spread - free
+    memory[k.SPREAD] = spread
     bank[layout.V] = v_free + bank[layout.PUSH_V] * held - bank[layout.KICK_V] * tension * (q_next + q)
     bank[layout.Q] = q_next
     memory[k.COIL_1] = bank[layout.SENSE_1] @ bank[layout.V]

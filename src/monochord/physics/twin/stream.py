@@ -16,9 +16,9 @@ from monochord.units import Samples
 if TYPE_CHECKING:
     from monochord.physics.twin.kernel import Out
 
-TOUCH_MEMORY, SENSOR_MEMORY, FOUND = 27, 17, 16
+TOUCH_MEMORY, SENSOR_MEMORY, FOUND = 29, 16, 16
 """How many numbers the kernel remembers of each touch and of the sensor."""
-ETA, SINCE, FRESH = 1, 13, 15
+ETA, SINCE, FRESH = 1, 13, 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ def begin(
     sample_rate: int = 44100,
     seed: int = 0,
     finer: int | None = None,
-    agreement: float = 1e-5,
+    agreement: float = 1e-4,
 ) -> Twin:
     """Return a twin at time zero.
 

@@ -19,9 +19,9 @@ from monochord.physics.twin.bank import (
     END_2,
     FORCE,
     FRAME,
-    GIVE,
     KICK_Q,
     KICK_V,
+    PRESS,
     PULL,
     PUSH_Q,
     PUSH_V,
@@ -30,6 +30,7 @@ from monochord.physics.twin.bank import (
     Q_NEXT,
     Q_Q,
     Q_V,
+    RUB,
     SENSE_1,
     SENSE_2,
     SHAPE,
@@ -98,12 +99,12 @@ def tune(bank: Floats, size: int, tension: float, mass: float, reach: float, ste
 
 
 @part
-def carry(bank: Floats, size: int, first: float, second: float, shake: float) -> float:
-    """Carry all modes over one sample under held forces; return their stretch sum.
+def carry(bank: Floats, size: int, first: float, second: float, shake: float) -> tuple[float, float]:
+    """Carry all modes over one sample under held forces.
 
-    `first` and `second` are the drivers' forces in N, `shake` the acceleration of the frame in m/s^2.
+    Returns their stretch sum, and by how much half a newton of extra tension would lower it, in m^2/N. `first` and `second` are the drivers' forces in N, `shake` the acceleration of the frame in m/s^2.
     """
-    total = 0.0
+    total, yields = 0.0, 0.0
     for i in range(size):
         force = (
             bank[DRIVE_1 * size + i] * first
@@ -116,8 +117,10 @@ def carry(bank: Floats, size: int, first: float, second: float, shake: float) ->
         bank[V_FREE * size + i] = (
             bank[V_Q * size + i] * q + bank[V_V * size + i] * v + bank[PUSH_V * size + i] * force
         )
-        total += bank[STRETCH * size + i] * new * new
-    return total
+        stretch = bank[STRETCH * size + i] * new
+        total += stretch * new
+        yields += stretch * bank[KICK_Q * size + i] * (new + q)
+    return total, yields
 
 
 @part
@@ -185,77 +188,88 @@ def shape_at(bank: Floats, size: int, row: int, position: float, weight: Floats)
 
 
 @part
-def placed(bank: Floats, size: int, row: int) -> tuple[float, float, float, float]:
-    """Return where the string is at a touch, from `Q_NEXT`, and what a newton there gives it in a sample.
+def take(bank: Floats, size: int, row: int) -> None:
+    """Take a touch in hand: its shapes are copied where `foreseen`, `placed` and `pushed` look for them.
 
-    In the press direction and across it, in m, then both ways in m/N. Fills the touch's row `GIVE`. That the products
-    are stored keeps the loop in vectors: a bare sum of so few terms would be unrolled into one long chain.
+    Those run along whole rows at known places, and keep what they multiply: that lets them be vectors, where a bare
+    sum over half a row at some place would be unrolled into one long chain, ten times as slow.
+    """
+    half = size // 2
+    for i in range(half):
+        bank[PRESS * size + i] = bank[row * size + i]
+        bank[RUB * size + half + i] = bank[row * size + i]
+
+
+@part
+def foreseen(bank: Floats, size: int) -> tuple[float, float, float, float]:
+    """Return what tells about the force of the touch at hand before anything has pushed, from `Q_FREE`.
+
+    Where the string would be there, in m; what a newton gives it in a sample, in m/N; and what a force f adds to the
+    stretch sum: 2 f times the third number and f^2 times the fourth.
+    """
+    below, ease, cross, square = 0.0, 0.0, 0.0, 0.0
+    for i in range(size):
+        shape, free = bank[PRESS * size + i], bank[Q_FREE * size + i]
+        gives = shape * bank[PUSH_Q * size + i]
+        weighed = bank[STRETCH * size + i] * gives
+        bank[WORK * size + i] = weighed
+        below += shape * free
+        ease += shape * gives
+        cross += weighed * free
+        square += weighed * gives
+    return below, ease, cross, square
+
+
+@part
+def placed(bank: Floats, size: int) -> tuple[float, float, float, float]:
+    """Return where the string is at the touch at hand, from `Q_NEXT`, and what a newton there gives it in a sample.
+
+    In the press direction and across it, in m, then both ways in m/N.
     """
     below, aside, ease, ease_aside = 0.0, 0.0, 0.0, 0.0
-    half = size // 2
-    shape, give = bank[row * size : row * size + half], bank[(row + 2) * size : (row + 3) * size]
-    for i in range(half):
-        gives, gives_aside = shape[i] * bank[EASE * size + i], shape[i] * bank[EASE * size + half + i]
-        give[i] = gives
-        give[half + i] = gives_aside
-        below += shape[i] * bank[Q_NEXT * size + i]
-        aside += shape[i] * bank[Q_NEXT * size + half + i]
-        ease += shape[i] * gives
-        ease_aside += shape[i] * gives_aside
+    for i in range(size):
+        shape, shape_aside = bank[PRESS * size + i], bank[RUB * size + i]
+        gives, gives_aside = shape * bank[EASE * size + i], shape_aside * bank[EASE * size + i]
+        bank[WORK * size + i] = gives + gives_aside
+        below += shape * bank[Q_NEXT * size + i]
+        aside += shape_aside * bank[Q_NEXT * size + i]
+        ease += shape * gives
+        ease_aside += shape_aside * gives_aside
     return below, aside, ease, ease_aside
 
 
 @part
-def between(bank: Floats, size: int, row: int, other: int) -> tuple[float, float]:
-    """Return what a newton held over one sample at another touch gives the string at this one, in m/N, both ways."""
-    ease, ease_aside = 0.0, 0.0
-    half = size // 2
-    shape, give = bank[row * size : row * size + half], bank[(other + 2) * size : (other + 3) * size]
-    for i in range(half):
-        gives, gives_aside = shape[i] * give[i], shape[i] * give[half + i]
-        bank[WORK * size + i] = gives
-        bank[WORK * size + half + i] = gives_aside
-        ease += gives
-        ease_aside += gives_aside
-    return ease, ease_aside
+def pushed(bank: Floats, size: int, load: float, side: float, kept: float) -> float:
+    """Let the touch at hand push, in N; return the stretch sum.
 
-
-@part
-def pushed(bank: Floats, size: int, row: int, load: float, side: float) -> float:
-    """Add to `Q_NEXT` what a touch's forces in N give; return the stretch sum."""
+    Its modal force is added to `FORCE`, of which a share is kept: none for the first touch.
+    """
     total = 0.0
-    half, give = size // 2, bank[(row + 2) * size : (row + 3) * size]
-    for i in range(half):
-        new = bank[Q_NEXT * size + i] + give[i] * load
-        aside = bank[Q_NEXT * size + half + i] + give[half + i] * side
+    for i in range(size):
+        force = bank[PRESS * size + i] * load + bank[RUB * size + i] * side
+        new = bank[Q_NEXT * size + i] + bank[EASE * size + i] * force
+        bank[FORCE * size + i] = kept * bank[FORCE * size + i] + force
         bank[Q_NEXT * size + i] = new
-        bank[Q_NEXT * size + half + i] = aside
-        total += bank[STRETCH * size + i] * (new * new + aside * aside)
+        total += bank[STRETCH * size + i] * new * new
     return total
 
 
 @part
-def hold(bank: Floats, size: int, row: int, load: float, side: float) -> None:
-    """Add a touch's forces in N to the modal force in `FORCE`."""
-    half, shape = size // 2, bank[row * size : row * size + size // 2]
-    for i in range(half):
-        bank[FORCE * size + i] += shape[i] * load
-        bank[FORCE * size + half + i] += shape[i] * side
-
-
-@part
-def release(bank: Floats, size: int) -> None:
-    """Empty `FORCE`."""
-    for i in range(size):
-        bank[FORCE * size + i] = 0.0
+def between(bank: Floats, size: int, row: int, other: int) -> tuple[float, float]:
+    """Return what a newton held over a sample at another touch gives the string at this one, in m/N, both ways."""
+    ease, ease_aside = 0.0, 0.0
+    for i in range(size // 2):
+        both = bank[row * size + i] * bank[other * size + i]
+        ease += both * bank[EASE * size + i]
+        ease_aside += both * bank[EASE * size + size // 2 + i]
+    return ease, ease_aside
 
 
 @part
 def slide(bank: Floats, size: int, row: int) -> None:
     """Move a touch's shape on by one step."""
-    shape, drift = bank[row * size : (row + 1) * size], bank[(row + 1) * size : (row + 2) * size]
     for i in range(size // 2):
-        shape[i] += drift[i]
+        bank[row * size + i] += bank[(row + 1) * size + i]
 
 
 @part
