@@ -499,24 +499,25 @@ PARTS = part.fingerprint(
 
 
 @lru_cache(maxsize=None)
-def kernel(size: int, parts: int = PARTS) -> Callable[[Sensor, State, Out, int, int], int]:
+def kernel(size: int, parts: int = PARTS) -> Callable[[Sensor, State, Out, Integers, int, int], int]:
     """Compile the kernel for a bank of `size`; `parts` lets their cache know them by their text."""
 
     @njit(cache=True, fastmath=part.FAST, error_model="numpy", nogil=True, _nrt=False)
-    def run(many: Sensor, states: State, outs: Out, i: int, start: int) -> int:
-        sensor = Sensor(
-            many.scalars[i], many.integers[i], many.ebows[i], many.pickup[i], many.gates[i], many.sound[i],
-            many.touches[i], many.keys[i], many.counts[i], many.weights[i], many.tables[i],
-        )  # fmt: skip
-        state = State(
-            states.bank[i], states.contact[i], states.asked[i], states.ahead[i], states.coils[i],
-            states.band[i], states.memory[i], states.solved[i], states.mutual[i],
-        )  # fmt: skip
-        out = Out(
-            outs.microphones[i], outs.contact[i], outs.position[i], outs.force[i], outs.slip[i],
-            outs.across[i], outs.along[i], outs.friction[i], outs.settled[i],
-        )  # fmt: skip
-        _one(sensor, state, out, size, start)
+    def run(many: Sensor, states: State, outs: Out, starts: Integers, first: int, stop: int) -> int:
+        for i in range(first, stop):
+            sensor = Sensor(
+                many.scalars[i], many.integers[i], many.ebows[i], many.pickup[i], many.gates[i], many.sound[i],
+                many.touches[i], many.keys[i], many.counts[i], many.weights[i], many.tables[i],
+            )  # fmt: skip
+            state = State(
+                states.bank[i], states.contact[i], states.asked[i], states.ahead[i], states.coils[i],
+                states.band[i], states.memory[i], states.solved[i], states.mutual[i],
+            )  # fmt: skip
+            out = Out(
+                outs.microphones[i], outs.contact[i], outs.position[i], outs.force[i], outs.slip[i],
+                outs.across[i], outs.along[i], outs.friction[i], outs.settled[i],
+            )  # fmt: skip
+            _one(sensor, state, out, size, starts[i])
         return parts
 
     return run

@@ -1,5 +1,6 @@
 """Many twins at once, on all cores: each is what it would be alone, bit for bit."""
 
+import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +13,8 @@ from monochord.physics.twin.stream import FIXED, Take, Twin, room, taken
 from monochord.units import Samples
 
 KEYS = FIXED.index("keys")
+SHARES = 4
+"""Into how many parts each core's share of the twins is cut, so that none waits long for another."""
 
 
 def advance_many(
@@ -61,9 +64,12 @@ def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> 
     fixed = [np.concatenate(arrays) for arrays in zip(*_padded(twins), strict=True)]
     moving = [np.concatenate(arrays) for arrays in zip(*(twin.moving for twin in twins), strict=True)]
     heard = room(len(twins), len(twins[0].scene.touches), frames)
-    run, arrays = kernel(2 * padded(twins[0].plan.count)), (Sensor(*fixed), State(*moving), heard)
-    with ThreadPoolExecutor(cores or len(os.sched_getaffinity(0))) as pool:
-        list(pool.map(lambda i: run(*arrays, i, twins[i].start), range(len(twins))))
+    run = kernel(2 * padded(twins[0].plan.count))
+    arrays = Sensor(*fixed), State(*moving), heard, np.array([twin.start for twin in twins])
+    cores = cores or len(os.sched_getaffinity(0))
+    edges = np.linspace(0, len(twins), min(len(twins), SHARES * cores) + 1).astype(int)
+    with ThreadPoolExecutor(cores) as pool:
+        list(pool.map(lambda pair: run(*arrays, *pair), itertools.pairwise(edges)))
     return [
         (
             taken(heard, i),

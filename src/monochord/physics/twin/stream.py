@@ -158,25 +158,25 @@ def advance(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     moving = tuple(array.copy() for array in twin.moving)
     heard = room(1, len(twin.scene.touches), frames)
     run = kernel(2 * padded(twin.plan.count))
-    run(Fixed(*twin.fixed), State(*moving), heard, 0, twin.start)
+    run(Fixed(*twin.fixed), State(*moving), heard, np.array([twin.start]), 0, 1)
     return taken(heard, 0), replace(twin, start=twin.start + frames, moving=moving)
 
 
 def room(sensors: int, touches: int, frames: Samples) -> "Out":
-    """Return empty arrays for what the kernel writes."""
+    """Return arrays for what the kernel writes."""
     from monochord.physics.twin.kernel import Out  # noqa: PLC0415  (numba loads on use)
 
     each = (sensors, touches, frames)
     return Out(
-        microphones=np.zeros((sensors, 2, frames), np.float32),
-        contact=np.zeros(each, np.uint8),
-        position=np.zeros(each, np.float32),
-        force=np.zeros(each, np.float32),
-        slip=np.zeros(each, np.uint8),
-        across=np.zeros(each, np.float32),
-        along=np.zeros(each, np.float32),
-        friction=np.zeros(each, np.uint8),
-        settled=np.zeros((sensors, frames), np.uint8),
+        microphones=np.empty((sensors, 2, frames), np.float32),
+        contact=np.empty(each, np.uint8),
+        position=np.empty(each, np.float32),
+        force=np.empty(each, np.float32),
+        slip=np.empty(each, np.uint8),
+        across=np.empty(each, np.float32),
+        along=np.empty(each, np.float32),
+        friction=np.empty(each, np.uint8),
+        settled=np.empty((sensors, frames), np.uint8),
     )
 
 
