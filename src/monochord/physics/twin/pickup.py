@@ -1,7 +1,7 @@
 """From the forces at the string's ends to the two channels of the converter.
 
-Each microphone hears both ends through the frame, B = [[l1, 1-l1], [1-l2, l2]] A (the paper, Eq. 5), and air-borne
-sound besides; a preamplifier passes its band; the converter adds its noise and clips.
+Each microphone hears both ends through the frame, B = [[l1, 1-l1], [1-l2, l2]] A (the paper, Eq. 5), and
+air-borne sound besides; a preamplifier passes its band; the converter adds its noise and clips.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from monochord.physics.twin.roughness import mixed_bits
 from monochord.types import Floats
 
 OWN_1, OWN_2, GAIN_1, GAIN_2, LOW_CUT, HIGH_WARP, HIGH_DAMP, HISS, AIR_1, AIR_2, SCALE = range(11)
-"""Parameters: mixing, gain to full scale a newton, filters, rms of the converter's noise, share of air-borne sound,
-and 1 / (1 + g (g + k)) of the high cut."""
+"""Parameters: mixing, gain to full scale a newton, filters, rms of the converter's noise, share of
+air-borne sound, and 1 / (1 + g (g + k)) of the high cut."""
 CUT, FIRST, SECOND = range(3)
 """Memory of one channel: the low cut's state and the two of the high cut."""
 UNIT = (12.0 / 8.0) ** 0.5 / 65536.0
@@ -21,10 +21,12 @@ UNIT = (12.0 / 8.0) ** 0.5 / 65536.0
 
 @part
 def bell(seed: int, index: int) -> float:
-    """Return a number close to normal, of unit variance: the sum of eight uniform ones, by seed and index."""
+    """Return a number close to normal, of unit variance: eight uniform ones, by seed and index (which takes
+    two).
+    """
     total = np.int64(0)
     for half in range(2):
-        bits = mixed_bits(seed + half, index)
+        bits = mixed_bits(seed, index + half)
         for piece in range(4):
             total += np.int64((bits >> np.uint64(16 * piece)) & np.uint64(0xFFFF))
     return (np.float64(total) - 8.0 * 32767.5) * UNIT
