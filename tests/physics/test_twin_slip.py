@@ -11,7 +11,7 @@ from monochord.physics.materials import Material, load_material, material_names
 from monochord.physics.strings import load_string
 from monochord.physics.theory import static_compliance
 from monochord.physics.twin import Ebow, Key, Scene, Sensor, Take, Touch, Twin, advance, begin, friction, hold
-from monochord.physics.twin.kernel import LOAD, PULL_ALONG, SIDE, SIDE_FORCE
+from monochord.physics.twin.memory import LOAD, PULL_ALONG, SIDE, SIDE_FORCE
 from monochord.physics.twin.roughness import height
 from monochord.physics.twin.stream import MOVING
 from monochord.types import Floats

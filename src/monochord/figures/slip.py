@@ -137,7 +137,7 @@ class Slip(Measured):
     def dragged(self, *, drivers: bool) -> Drag:
         """Return the touch of B to D, frame by frame from its first moment, with the drivers on or off."""
         from monochord.physics.twin import Scene, advance, begin, hold  # noqa: PLC0415
-        from monochord.physics.twin.kernel import SIDE, SIDE_FORCE  # noqa: PLC0415
+        from monochord.physics.twin.memory import SIDE, SIDE_FORCE  # noqa: PLC0415
 
         touch = hold(self.position, self.force, load_material(self.material), across=self.speed)
         scene = Scene(touches=(touch,), drivers=(drivers, drivers))

@@ -7,8 +7,8 @@ import numpy as np
 
 from monochord.physics.twin import bank as layout
 from monochord.physics.twin import friction, motion, roughness
-from monochord.physics.twin import kernel as k
-from monochord.physics.twin.kernel import Sensor, State
+from monochord.physics.twin import memory as k
+from monochord.physics.twin.memory import Sensor, State
 from monochord.types import Floats
 
 ALIKE = 1e-14

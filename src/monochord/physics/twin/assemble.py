@@ -201,7 +201,7 @@ def _blur(length: float, width: float, count: int) -> Floats:
 
 
 def _compliance(sensor: Sensor, width: float) -> Floats:
-    """Static compliance along the string, in m/N, of a touch that spreads over a width."""
+    """Return the static compliance along the string, in m/N, of a touch that spreads over a width."""
     string = sensor.string
     place = np.linspace(0.0, 1.0, TABLE)
     inside = np.zeros(TABLE)

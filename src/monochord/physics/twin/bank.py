@@ -1,7 +1,7 @@
-"""How the bank of modes is laid out: one flat array, row after row of as many numbers as it has room for modes.
+"""How the bank of modes is laid out: one flat array, row after row of one number a mode.
 
-The modes of the press direction stand in the first half of a row, those across it in the second, each half padded
-with modes at rest.
+The modes of the press direction stand in the first half of a row, those across it in the second, each half
+padded with modes at rest.
 """
 
 PULL, BEND, SIGMA, STRETCH = range(4)
@@ -13,13 +13,13 @@ Q_Q, Q_V, V_Q, V_V, PUSH_Q, PUSH_V, KICK_Q, KICK_V = range(11, 19)
 Q, V = range(19, 21)
 """Rows of its state: displacement in m and velocity in m/s."""
 FORCE, Q_FREE, V_FREE, Q_NEXT, EASE, WORK = range(21, 27)
-"""Rows at work within a sample: modal force of the touches in N, free motion, new displacement, its ease in m/N, and
-products."""
+"""Rows at work within a sample: modal force of the touches in N, free motion, new displacement, its ease in
+m/N, and products."""
 PRESS, RUB = range(27, 29)
 """Rows of the touch at hand: the modes' shapes at it, in the half of the press and in that across it."""
 SHAPE, DRIFT = range(29, 31)
-"""Rows of the first touch, of which half is used: the modes' shapes there, and their change a step. Others follow in
-pairs."""
+"""Rows of the first touch, of which half is used: the modes' shapes there, and their change a step. Others
+follow in pairs."""
 EACH = 2
 """Rows of each touch."""
 

@@ -1,17 +1,20 @@
-"""The EBow: what a coil hears of the string is filtered, amplified to its limit and pushed back by another coil.
+"""The EBow: what one coil hears of the string is filtered, amplified and pushed back by another.
 
 The sense coil gives the string's velocity, a two-pole band filter its band, and the drive coil pushes with
-F = F_max tanh(g y / F_max) (after Heet 1978: feedback through sense and drive coil). The filter is the trapezoidal
-state-variable one (Zavalishin 2012), and the force held over a sample is that of its middle, extrapolated.
+F = F_max tanh(g y / F_max) (after Heet 1978: feedback through sense and drive coil). The filter is the
+trapezoidal state-variable one (Zavalishin 2012), and the force held over a sample is that of its middle,
+extrapolated.
 """
 
+from monochord.physics.twin.memory import GATE
 from monochord.physics.twin.part import part
 from monochord.types import Floats
 
 WARP, DAMP, GAIN, LIMIT, SCALE = range(5)
-"""Parameters: g = tan(pi f / rate), k = 1 / Q, gain over limit in s/m, limit in N, and 1 / (1 + g (g + k))."""
-FIRST, SECOND, BEFORE, GATE = range(4)
-"""Memory: the two states of the filter, its last output, and how far the driver is switched on, 0 to 1."""
+"""Parameters: g = tan(pi f / rate), k = 1 / Q, gain over limit in s/m, limit in N, and 1 / (1 + g (g +
+k))."""
+FIRST, SECOND, BEFORE = range(3)
+"""Memory: the two states of the filter and its last output, then `GATE`."""
 
 
 @part

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from monochord.physics.twin.memory import Sensor, State
 from monochord.physics.twin.rate import padded
 from monochord.physics.twin.stream import FIXED, Take, Twin, room, taken
 from monochord.units import Samples
@@ -22,8 +23,9 @@ def advance_many(
 ) -> list[tuple[Take, Twin]]:
     """Return the next `frames` frames of every twin, and the twins after them, in the order given.
 
-    Twins of one shape, that is with as many modes and touches and an outside sound as long, run side by side,
-    one a core; those of another shape wait for them. The kernel leaves Python's lock alone, so plain threads do.
+    Twins of one shape, that is with as many modes and touches and an outside sound as long, run side by
+    side, one a core; those of another shape wait for them. The kernel leaves Python's lock alone, so plain
+    threads do.
 
     Parameters
     ----------
@@ -53,13 +55,13 @@ def advance_many(
 
 
 def _shape(twin: Twin) -> object:
-    """What must be alike for arrays to be stacked; keys are not among it, for they can be padded."""
+    """Return what must be alike for arrays to be stacked; not the keys, for they can be padded."""
     fixed = tuple(array.shape for name, array in zip(FIXED, twin.fixed, strict=True) if name != "keys")
     return padded(twin.plan.count), fixed
 
 
 def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> list[tuple[Take, Twin]]:
-    from monochord.physics.twin.kernel import Sensor, State, kernel  # noqa: PLC0415  (numba loads on use)
+    from monochord.physics.twin.kernel import kernel  # noqa: PLC0415  (numba loads on use)
 
     fixed = [np.concatenate(arrays) for arrays in zip(*_padded(twins), strict=True)]
     moving = [np.concatenate(arrays) for arrays in zip(*(twin.moving for twin in twins), strict=True)]
@@ -82,7 +84,7 @@ def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> 
 
 
 def _padded(twins: Sequence[Twin]) -> list[tuple[np.ndarray, ...]]:
-    """The twins' fixed arrays with room for as many keys as the longest motion has."""
+    """Return the twins' fixed arrays with room for as many keys as the longest motion has."""
     most = max(twin.fixed[KEYS].shape[2] for twin in twins)
     padded_arrays: list[tuple[np.ndarray, ...]] = []
     for twin in twins:

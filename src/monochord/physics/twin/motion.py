@@ -1,7 +1,7 @@
 """Where a touch is told to be: keys in time, and what they ask of the surface at one instant.
 
-Between two keys position, force, clearance and speed run linearly. A force is turned into the depth at which a
-string at rest would press back with it; the string then decides what force there really is.
+Between two keys position, force, clearance and speed run linearly. A force is turned into the depth at
+which a string at rest would press back with it; the string then decides what force there really is.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ def asked(keys: Floats, count: int, time: float, want: Floats) -> None:
     i = 0
     while i < count and keys[i, TIME] <= time:
         i += 1
-    if i == 0 or i == count:
+    if i in (0, count):
         last = min(i, count - 1)
         for c in range(4):
             want[c] = keys[last, c + 1]

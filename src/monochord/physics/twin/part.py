@@ -15,6 +15,8 @@ from numba import njit
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+COMPILE: Any = njit
+"""numba's stubs know neither all of its options nor that a function keeps its signature."""
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 """Sums over modes may be reordered and products fused; NaN and infinity keep their meaning."""
 
@@ -27,7 +29,7 @@ def part(function: Function) -> Function:
     >>> part(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return njit(fastmath=FAST, error_model="numpy", inline="always")(function)
+    return COMPILE(fastmath=FAST, error_model="numpy", inline="always")(function)
 
 
 def called(function: Function) -> Function:
@@ -38,7 +40,7 @@ def called(function: Function) -> Function:
     >>> called(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return njit(fastmath=FAST, error_model="numpy", _nrt=False)(function)
+    return COMPILE(fastmath=FAST, error_model="numpy", _nrt=False)(function)
 
 
 def fingerprint(modules: Iterable[ModuleType]) -> int:

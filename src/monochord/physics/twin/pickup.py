@@ -21,9 +21,7 @@ UNIT = (12.0 / 8.0) ** 0.5 / 65536.0
 
 @part
 def bell(seed: int, index: int) -> float:
-    """Return a number close to normal, of unit variance: eight uniform ones, by seed and index (which takes
-    two).
-    """
+    """Return a number close to normal, of unit variance: eight uniform ones, by seed and two indices."""
     total = np.int64(0)
     for half in range(2):
         bits = mixed_bits(seed, index + half)

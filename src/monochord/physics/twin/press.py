@@ -1,14 +1,14 @@
 """The normal force of a touch: a Hunt-Crossley contact in series with the modes that were left out.
 
-The object's surface presses the string; where the compression delta is positive, f = k1 delta + k2 delta^3/2,
-times 1 + beta ddelta/dt (Hunt and Crossley 1975), and never below nothing. Modes beyond the bank follow a slow
-force without delay: they are a spring of compliance R in series, so that the approach of surface and modal
-string is eta = delta + R f.
+The object's surface presses the string; where the compression delta is positive, f = k1 delta + k2
+delta^3/2, times 1 + beta ddelta/dt (Hunt and Crossley 1975), and never below nothing. Modes beyond the bank
+follow a slow force without delay: they are a spring of compliance R in series, so that the approach of
+surface and modal string is eta = delta + R f.
 
 Over one sample the elastic force is the rise of stored energy over the rise of eta. With the string carried
-exactly under a held force, no energy then comes or goes by the stepping (the discrete gradient of Gonzalez 1996,
-as for collisions in Bilbao, Torin and Chatziioannou 2015), and every step has one solution, however stiff.
-All is written in s = sqrt(delta), in which force, energy and eta are polynomials.
+exactly under a held force, no energy then comes or goes by the stepping (the discrete gradient of Gonzalez
+1996, as for collisions in Bilbao, Torin and Chatziioannou 2015), and every step has one solution, however
+stiff. All is written in s = sqrt(delta), in which force, energy and eta are polynomials.
 """
 
 import numpy as np
@@ -22,8 +22,9 @@ QUICK = 6
 EXACT = 1e-14
 """The same, where the static press is sought."""
 CLOSE, NEAR = 1e-5, 1e-3
-"""Relative step of s after which the iteration ends, and the plain one; what is left is of its square. The plain one
-takes its second turn at the same sample when the string's stretch is known, and starts there from its first."""
+"""Relative step of s after which the iteration ends, and the plain one; what is left is of its square. The
+plain one takes its second turn at the same sample when the string's stretch is known, and starts there from
+its first."""
 
 
 @part
@@ -114,9 +115,10 @@ def _quickly(
     rest: float,
     loss: float,
 ) -> tuple[float, float]:
-    """Solve a touch that goes on by Newton's iteration alone, with one division a round; s is 0 if that fails.
+    """Solve a touch that goes on by Newton's iteration alone; s is 0 if that fails.
 
-    The equation is multiplied by (eta - eta_old) / (s - s_old), which leaves polynomials.
+    The equation is multiplied by (eta - eta_old) / (s - s_old), which leaves polynomials, and one division
+    a round.
     """
     f_old = force_at(s_old, k1, k2)
     square = s_old * s_old
@@ -152,9 +154,9 @@ def _quickly(
 def guess(gap: float, ease: float, s_old: float, eta_old: float, k1: float, k2: float) -> float:
     """Return about the s that solves a sample of a touch; the arguments are those of `press`.
 
-    The string gives way far more in a sample than the contact does, so the mean force is close to what takes the
-    whole gap but the old eta; a contact that goes on takes it as the mean of old and new (its cube root by one
-    step of Halley's), a fresh one stores it.
+    The string gives way far more in a sample than the contact does, so the mean force is close to what
+    takes the whole gap but the old eta; a contact that goes on takes it as the mean of old and new (its
+    cube root by one step of Halley's), a fresh one stores it.
     """
     if s_old > 0.0:
         force = 2.0 * (gap - eta_old) / ease - force_at(s_old, k1, k2)

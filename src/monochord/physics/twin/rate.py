@@ -1,14 +1,14 @@
-"""How many steps a frame takes, how many modes it holds, and how strongly a touch holds them: found, not guessed.
+"""How many steps a frame takes, how many modes it holds, and how strongly a touch holds them.
 
 A touch held over a sample sees each mode through the stepping: with theta = omega dt its compliance is
 
     g sum_n phi_n^2 / (m omega_n^2) a_n^2 / (a_n^2 - tan^2(theta/2)) + R,   a_n = tan(omega_n dt / 2),
 
-where the string's own is the same sum without end over phi_n^2 / (m (omega_n^2 - omega^2)). Both are known in
-closed form, so the frequencies of a clamped string, where the compliance is nil, can be compared before anything
-is simulated. The weight of mode n is g_n = (Omega_n / sin Omega_n)^beta: beta 1 gives each mode its exact residue,
-beta 0 the exact static compliance, and near 0.45 their errors cancel at the frequencies of segments. beta is
-fitted to the string, then the fewest steps a frame that meet the tolerance are taken.
+where the string's own is the same sum without end over phi_n^2 / (m (omega_n^2 - omega^2)). Both are known
+in closed form, so the frequencies of a clamped string, where the compliance is nil, can be compared before
+anything is simulated. The weight of mode n is g_n = (Omega_n / sin Omega_n)^beta: beta 1 gives each mode
+its exact residue, beta 0 the exact static compliance, and near 0.45 their errors cancel at the frequencies
+of segments. beta is fitted to the string, then the fewest steps a frame that meet the tolerance are taken.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ BISECTIONS = 44
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """`finer` steps a frame, `count` modes a polarisation, exponent `beta`, and the error in cents expected."""
+    """`finer` steps a frame, `count` modes a polarisation, exponent `beta`, and the `error` in cents."""
 
     finer: int
     count: int
@@ -119,7 +119,7 @@ def padded(count: int) -> int:
 def touch_weights(omega: Floats, step: float, beta: float) -> Floats:
     """Return g_n = (Omega_n / sin Omega_n)^beta of each mode."""
     turn = omega * step
-    return (turn / np.sin(turn)) ** beta
+    return np.power(turn / np.sin(turn), beta, dtype=np.float64)
 
 
 def _best(string: StringParams, rate: Hertz, finer: int, partials: int, top: float) -> Plan:
@@ -149,7 +149,7 @@ def _best(string: StringParams, rate: Hertz, finer: int, partials: int, top: flo
 
 
 def _zeros(residue: Floats, pole: Floats, rest: Floats, partials: int, omega: Floats, warp: object) -> Floats:
-    """Return the frequencies between neighbouring poles where sum residue / (pole - warp(w)) + rest is nil."""
+    """Return where, between poles, sum residue / (pole - warp(w)) + rest is nil."""
     low = np.tile(omega[:partials] * (1.0 + 1e-9), (residue.shape[0], 1))
     high = np.tile(omega[1 : partials + 1] * (1.0 - 1e-9), (residue.shape[0], 1))
     for _ in range(BISECTIONS):

@@ -12,8 +12,8 @@ from math import hypot, pi, sqrt
 import numpy as np
 
 from monochord.physics.twin import bank as layout
-from monochord.physics.twin import ebow, motion, pickup
-from monochord.physics.twin import kernel as k
+from monochord.physics.twin import memory as k
+from monochord.physics.twin import motion, pickup
 from monochord.physics.twin._slow_touch import (
     ALIKE,
     MOST,
@@ -26,7 +26,7 @@ from monochord.physics.twin._slow_touch import (
     remember,
     touched,
 )
-from monochord.physics.twin.kernel import Out, Sensor, State
+from monochord.physics.twin.memory import Out, Sensor, State
 from monochord.physics.twin.stream import Labels, Take, Twin
 from monochord.types import Floats
 from monochord.units import Samples
@@ -94,7 +94,7 @@ def _look(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
     place, load, gap = motion.PLACE, motion.LOAD, motion.GAP
     touches = range(len(sensor.touches))
     time = (index + k.TICK) * step
-    gates_moving = bool((state.coils[:, ebow.GATE] != sensor.gates).any())
+    gates_moving = bool((state.coils[:, k.GATE] != sensor.gates).any())
     for t in touches:
         state.asked[t] = state.ahead[t]
         keys = sensor.keys[t, : sensor.counts[t]]
@@ -149,8 +149,8 @@ def _look(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
             own[k.HEIGHT] = height(sensor.touches[t], own, int(sensor.integers[k.SEED]) + 16 * t)
 
     most = k.TICK * step / k.SWITCH
-    gates = state.coils[:, ebow.GATE]
-    state.coils[:, ebow.GATE] = gates + np.clip(sensor.gates - gates, -most, most)
+    gates = state.coils[:, k.GATE]
+    state.coils[:, k.GATE] = gates + np.clip(sensor.gates - gates, -most, most)
     if moving:
         state.memory[[k.QUIET, k.SETTLED]] = 0.0
 
@@ -256,7 +256,7 @@ def _driven(parameters: Floats, memory: Floats, velocity: float) -> float:
 
 def _bell(seed: int, index: int) -> float:
     """Return the sum of eight uniform numbers, shifted and scaled to no mean and unit variance."""
-    words = [(bits(seed + half, index) >> 16 * piece) & 0xFFFF for half in (0, 1) for piece in range(4)]
+    words = [(bits(seed, index + half) >> 16 * piece) & 0xFFFF for half in (0, 1) for piece in range(4)]
     return (sum(words) - 8 * 32767.5) * sqrt(12.0 / 8.0) / 65536.0
 
 

@@ -19,11 +19,11 @@ MOST_TOUCHES = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ebow:
-    """A driver: coils at `sense` and `drive` on the string, each as wide as `aperture` (a Gaussian's deviation).
+    """A driver: coils at `sense` and `drive` on the string, each `aperture` wide.
 
-    Its band has the centre `centre` and quality `quality`; `gain` in N s/m is what it gives for a small
-    velocity in its band, `limit` in N what it gives at most. `angle` is between its pull and the direction in
-    which touches press, in radians.
+    The aperture is the deviation of a Gaussian. Its band has the centre `centre` and quality `quality`;
+    `gain` in N s/m is what it gives for a small velocity in its band, `limit` in N what it gives at most.
+    `angle` is between its pull and the direction in which touches press, in radians.
     """
 
     sense: Metres
@@ -40,9 +40,9 @@ class Ebow:
 class Pickups:
     """Two contact microphones at the string's ends and what follows them.
 
-    `own` is l1 and l2 of the paper's Eq. 5; `gain` in full scale a newton; `angle` is the direction they feel,
-    from that of a touch's press. The preamplifiers pass `low` to `high`; `hiss` is the converter's noise in rms
-    of full scale; `air` is how much of an outside sound each hears, of its full scale.
+    `own` is l1 and l2 of the paper's Eq. 5; `gain` in full scale a newton; `angle` is the direction they
+    feel, from that of a touch's press. The preamplifiers pass `low` to `high`; `hiss` is the converter's
+    noise in rms of full scale; `air` is how much of an outside sound each hears, of its full scale.
     """
 
     own: tuple[Annotated[float, Meta(ge=0.0, le=1.0)], Annotated[float, Meta(ge=0.0, le=1.0)]] = (0.85, 0.85)
@@ -58,12 +58,13 @@ class Pickups:
 class Sensor:
     """A sensor as built: string, losses, two drivers, two pickups, and the stretch where it senses.
 
-    `drift` is how far the string's tension is off its nominal value at the start, in N, and `drift_rate` how fast
-    it moves, in N/s. `shake` is the acceleration of the frame, in m/s^2, that an outside sound of full scale causes.
+    `drift` is how far the string's tension is off its nominal value at the start, in N, and `drift_rate`
+    how fast it moves, in N/s. `shake` is the acceleration of the frame, in m/s^2, that an outside sound of
+    full scale causes.
 
-    `frame_expansion` and `string_expansion` are how much frame and wire lengthen by a kelvin, of their length:
-    handbook values of aluminium and of steel. `tolerances` say how another sensor of the design may differ and
-    `changes` how this one does on another day; `monochord.physics.twin.variation` draws them.
+    `frame_expansion` and `string_expansion` are how much frame and wire lengthen by a kelvin, of their
+    length: handbook values of aluminium and of steel. `tolerances` say how another sensor of the design may
+    differ and `changes` how this one does on another day; `monochord.physics.twin.variation` draws them.
     """
 
     name: str
@@ -128,9 +129,9 @@ class Touch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outside:
-    """A sound from outside: mono, at the twin's rate, repeated without end; full scale is that of the converter.
+    """A sound from outside: mono, at the twin's rate, repeated without end.
 
-    `level` multiplies it before it reaches microphones and frame.
+    Full scale is that of the converter;    `level` multiplies it before it reaches microphones and frame.
     """
 
     samples: Audio
@@ -148,7 +149,7 @@ class Pluck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """What happens to a sensor: touches, outside sound, how it starts, which drivers are on, and the law T(F)."""
+    """What happens to a sensor: touches, outside sound, its start, drivers that are on, and the law T(F)."""
 
     touches: tuple[Touch, ...] = ()
     outside: Outside | None = None

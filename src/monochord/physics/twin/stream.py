@@ -1,24 +1,29 @@
 """The twin as a stream: a state goes in, sound with its labels and the next state come out."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monochord.errors import InputError
 from monochord.physics.twin.assemble import plucked, sensor_arrays, touch_arrays
+from monochord.physics.twin.bank import STRETCH, Q, rows
+from monochord.physics.twin.memory import (
+    ETA,
+    FOUND,
+    FRESH,
+    GATE,
+    SENSOR_MEMORY,
+    SINCE,
+    SPREAD,
+    TOUCH_MEMORY,
+    Out,
+    State,
+)
+from monochord.physics.twin.memory import Sensor as Fixed
 from monochord.physics.twin.rate import Plan, padded, plan
-from monochord.physics.twin.bank import Q, STRETCH, rows
 from monochord.physics.twin.setup import Scene, Sensor, Touch
 from monochord.types import Audio
 from monochord.units import Samples
-
-if TYPE_CHECKING:
-    from monochord.physics.twin.kernel import Out
-
-TOUCH_MEMORY, SENSOR_MEMORY, FOUND = 29, 16, 16
-"""How many numbers the kernel remembers of each touch and of the sensor."""
-ETA, SINCE, FRESH = 1, 13, 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +116,12 @@ def begin(
     bank[Q] = plucked(sensor, scene.pluck, found)
     memory = np.zeros(SENSOR_MEMORY)
     memory[FRESH] = 1.0
-    memory[1] = float(bank[STRETCH] @ bank[Q] ** 2)
+    memory[SPREAD] = float(bank[STRETCH] @ bank[Q] ** 2)
     asked, ahead = np.zeros((count, 5)), np.zeros((count, 5))
     for t, touch in enumerate(scene.touches):
         _place(touch, 0.0, asked[t], ahead[t])
     coils = np.zeros((2, 4))
-    coils[:, 3] = fixed["gates"]
+    coils[:, GATE] = fixed["gates"]
     moving = {
         "bank": bank.ravel(),
         "contact": _untouched(count),
@@ -141,7 +146,8 @@ def begin(
 
 
 FIXED = (
-    "scalars", "integers", "ebows", "pickup", "gates", "sound", "touches", "keys", "counts", "weights", "tables",
+    "scalars", "integers", "ebows", "pickup", "gates", "sound", "touches", "keys", "counts", "weights",
+    "tables",
 )  # fmt: skip
 
 
@@ -152,8 +158,7 @@ OUT_OF_REACH = 1e-3
 
 def advance(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     """Return the next `frames` frames and the twin after them; alike, bit for bit, however they are cut."""
-    from monochord.physics.twin.kernel import Sensor as Fixed  # noqa: PLC0415  (numba loads on use)
-    from monochord.physics.twin.kernel import State, kernel  # noqa: PLC0415
+    from monochord.physics.twin.kernel import kernel  # noqa: PLC0415  (numba loads on use)
 
     moving = tuple(array.copy() for array in twin.moving)
     heard = room(1, len(twin.scene.touches), frames)
@@ -162,10 +167,8 @@ def advance(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     return taken(heard, 0), replace(twin, start=twin.start + frames, moving=moving)
 
 
-def room(sensors: int, touches: int, frames: Samples) -> "Out":
+def room(sensors: int, touches: int, frames: Samples) -> Out:
     """Return arrays for what the kernel writes."""
-    from monochord.physics.twin.kernel import Out  # noqa: PLC0415  (numba loads on use)
-
     each = (sensors, touches, frames)
     return Out(
         microphones=np.empty((sensors, 2, frames), np.float32),
@@ -180,7 +183,7 @@ def room(sensors: int, touches: int, frames: Samples) -> "Out":
     )
 
 
-def taken(heard: "Out", i: int) -> Take:
+def taken(heard: Out, i: int) -> Take:
     """Return what the kernel wrote of one sensor."""
     microphones, *labels = (array[i] for array in heard)
     return Take(microphones=microphones, labels=Labels(*labels))
@@ -189,13 +192,13 @@ def taken(heard: "Out", i: int) -> Take:
 def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     """Return the same twin with other motions of its touches from its next frame on.
 
-    Keys' times count from the twin's own time zero. The first touches go on as the objects they were; more are
-    new objects, which begin where their motion says, and those left out are gone.
+    Keys' times count from the twin's own time zero. The first touches go on as the objects they were; more
+    are new objects, which begin where their motion says, and those left out are gone.
     """
     scene = replace(twin.scene, touches=touches)
-    arrays = dict(zip(FIXED, (array[0] for array in twin.fixed), strict=True))
+    arrays = _named(FIXED, twin.fixed)
     arrays |= touch_arrays(twin.sensor, touches, twin.plan, float(twin.sample_rate))
-    moving = dict(zip(MOVING, (array[0] for array in twin.moving), strict=True))
+    moving = _named(MOVING, twin.moving)
     kept, count, size = min(len(touches), len(twin.scene.touches)), len(touches), 2 * padded(twin.plan.count)
     bank = moving["bank"].reshape(-1, size)[: rows(kept)]
     moving["bank"] = np.concatenate([bank, np.zeros((rows(count) - rows(kept), size))]).ravel()
@@ -222,7 +225,7 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
 
 def switch(twin: Twin, drivers: tuple[bool, bool]) -> Twin:
     """Return the same twin with its drivers on or off from its next tick on; each goes over in 5 ms."""
-    arrays = dict(zip(FIXED, (array[0] for array in twin.fixed), strict=True))
+    arrays = _named(FIXED, twin.fixed)
     arrays["gates"] = np.array(drivers, dtype=np.float64)
     return replace(twin, scene=replace(twin.scene, drivers=drivers), fixed=_packed(arrays))
 
@@ -245,3 +248,8 @@ def _place(touch: Touch, time: float, asked: np.ndarray, ahead: np.ndarray) -> N
 
 def _packed(arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, ...]:
     return tuple(np.ascontiguousarray(arrays[name])[None] for name in FIXED)
+
+
+def _named(names: tuple[str, ...], arrays: tuple[np.ndarray, ...]) -> dict[str, np.ndarray]:
+    """Return the arrays of one twin by their names."""
+    return {name: array[0] for name, array in zip(names, arrays, strict=True)}

@@ -1,10 +1,10 @@
 """The string: modes that are carried from sample to sample exactly, in two polarisations.
 
 Each mode obeys m (q'' + 2 sigma q' + omega^2 q) = F with F held over a sample, which has a closed solution
-(Trautmann and Rabenstein 2003; Issanchou et al. 2017). All that belongs to modes stands in one flat bank, row after
-row of `size` numbers: the modes of the press direction in the first half of a row, those across it in the second,
-each half padded with modes at rest. One array and a size that is known when the kernel is compiled let a row be
-one run of vector instructions.
+(Trautmann and Rabenstein 2003; Issanchou et al. 2017). All that belongs to modes stands in one flat bank,
+row after row of `size` numbers: the modes of the press direction in the first half of a row, those across
+it in the second, each half padded with modes at rest. One array and a size that is known when the kernel is
+compiled let a row be one run of vector instructions.
 """
 
 import numpy as np
@@ -25,7 +25,6 @@ from monochord.physics.twin.bank import (
     PULL,
     PUSH_Q,
     PUSH_V,
-    Q,
     Q_FREE,
     Q_NEXT,
     Q_Q,
@@ -36,11 +35,12 @@ from monochord.physics.twin.bank import (
     SHAPE,
     SIGMA,
     STRETCH,
-    V,
     V_FREE,
     V_Q,
     V_V,
     WORK,
+    Q,
+    V,
 )
 from monochord.physics.twin.part import part
 from monochord.types import Floats
@@ -102,7 +102,8 @@ def tune(bank: Floats, size: int, tension: float, mass: float, reach: float, ste
 def carry(bank: Floats, size: int, first: float, second: float, shake: float) -> tuple[float, float]:
     """Carry all modes over one sample under held forces.
 
-    Returns their stretch sum, and by how much half a newton of extra tension would lower it, in m^2/N. `first` and `second` are the drivers' forces in N, `shake` the acceleration of the frame in m/s^2.
+    Returns their stretch sum, and by how much half a newton of extra tension would lower it, in m^2/N.
+    `first` and `second` are the drivers' forces in N, `shake` the acceleration of the frame in m/s^2.
     """
     total, yields = 0.0, 0.0
     for i in range(size):
@@ -127,9 +128,9 @@ def carry(bank: Floats, size: int, first: float, second: float, shake: float) ->
 def pulled(bank: Floats, size: int, tension: float, most: float) -> float:
     """Fill `Q_NEXT` and `EASE` under an extra tension, in N; return the stretch sum.
 
-    The tension acts at the mean of old and new position, q_next = (q_free - h q) / (1 + h) with
-    h = KICK_Q tension, which solves that mean exactly. `most` is the largest KICK_Q: while h stays below `LITTLE`,
-    1 / (1 + h) is 1 - h + h^2 after two rounds of Newton's reciprocal, wrong by h^12, which is far cheaper.
+    The tension acts at the mean of old and new position, q_next = (q_free - h q) / (1 + h) with h = KICK_Q
+    tension, which solves that mean exactly. `most` is the largest KICK_Q: while h stays below `LITTLE`, 1 /
+    (1 + h) is 1 - h + h^2 after two rounds of Newton's reciprocal, wrong by h^12, which is far cheaper.
     """
     total = 0.0
     if abs(tension) * most < LITTLE:
@@ -156,8 +157,9 @@ def pulled(bank: Floats, size: int, tension: float, most: float) -> float:
 def arrive(bank: Floats, size: int, tension: float) -> tuple[float, float, float, float]:
     """Let new positions and velocities take the old ones' place.
 
-    `FORCE` holds the modal force of the touches, `tension` is the extra tension in N. Returns the speeds at both
-    sense coils in m/s and the forces on both ends as the microphones feel them, in N at nominal tension.
+    `FORCE` holds the modal force of the touches, `tension` is the extra tension in N. Returns the speeds at
+    both sense coils in m/s and the forces on both ends as the microphones feel them, in N at nominal
+    tension.
     """
     first, second, near, far = 0.0, 0.0, 0.0, 0.0
     for i in range(size):
@@ -178,7 +180,7 @@ def arrive(bank: Floats, size: int, tension: float) -> tuple[float, float, float
 
 @part
 def shape_at(bank: Floats, size: int, row: int, position: float, weight: Floats) -> None:
-    """Fill a touch's row with sin(n pi x / L) times each mode's weight, by recurrence; `position` is x / L."""
+    """Fill a touch's row with sin(n pi x / L) times each mode's weight, by recurrence; `position` is x/L."""
     angle = np.pi * position
     turn = 2.0 * np.cos(angle)
     before, now = 0.0, np.sin(angle)
@@ -191,8 +193,8 @@ def shape_at(bank: Floats, size: int, row: int, position: float, weight: Floats)
 def take(bank: Floats, size: int, row: int) -> None:
     """Take a touch in hand: its shapes are copied where `foreseen`, `placed` and `pushed` look for them.
 
-    Those run along whole rows at known places, and keep what they multiply: that lets them be vectors, where a bare
-    sum over half a row at some place would be unrolled into one long chain, ten times as slow.
+    Those run along whole rows at known places, and keep what they multiply: that lets them be vectors,
+    where a bare sum over half a row at some place would be unrolled into one long chain, ten times as slow.
     """
     half = size // 2
     for i in range(half):
@@ -204,8 +206,8 @@ def take(bank: Floats, size: int, row: int) -> None:
 def foreseen(bank: Floats, size: int) -> tuple[float, float, float, float]:
     """Return what tells about the force of the touch at hand before anything has pushed, from `Q_FREE`.
 
-    Where the string would be there, in m; what a newton gives it in a sample, in m/N; and what a force f adds to the
-    stretch sum: 2 f times the third number and f^2 times the fourth.
+    Where the string would be there, in m; what a newton gives it in a sample, in m/N; and what a force f
+    adds to the stretch sum: 2 f times the third number and f^2 times the fourth.
     """
     below, ease, cross, square = 0.0, 0.0, 0.0, 0.0
     for i in range(size):
@@ -222,9 +224,9 @@ def foreseen(bank: Floats, size: int) -> tuple[float, float, float, float]:
 
 @part
 def placed(bank: Floats, size: int) -> tuple[float, float, float, float]:
-    """Return where the string is at the touch at hand, from `Q_NEXT`, and what a newton there gives it in a sample.
+    """Return where the string is at the touch at hand, from `Q_NEXT`, and its ease there.
 
-    In the press direction and across it, in m, then both ways in m/N.
+    In the press direction and across it, in m, then what a newton there gives it in a sample, in m/N.
     """
     below, aside, ease, ease_aside = 0.0, 0.0, 0.0, 0.0
     for i in range(size):
@@ -256,7 +258,7 @@ def pushed(bank: Floats, size: int, load: float, side: float, kept: float) -> fl
 
 @part
 def between(bank: Floats, size: int, row: int, other: int) -> tuple[float, float]:
-    """Return what a newton held over a sample at another touch gives the string at this one, in m/N, both ways."""
+    """Return what a newton held over a sample at another touch gives this one, in m/N, both ways."""
     ease, ease_aside = 0.0, 0.0
     for i in range(size // 2):
         both = bank[row * size + i] * bank[other * size + i]
