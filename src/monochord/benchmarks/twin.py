@@ -121,7 +121,7 @@ def _scene(name: str, sensor: Sensor) -> Scene:
     low, high = sensor.range
     here, plastic = low + 0.3 * (high - low), load_material("plastic")
     if name in {"free", "ebows"}:
-        return Scene(pluck=pluck, drivers=(name == "ebows",) * 2)
+        return Scene(pluck=pluck, drivers=(name == "ebows", name == "ebows"))
     if name == "touch":
         return Scene(touches=(hold(here, 1.0, plastic),))
     across = [Key(time=0.4 * i, position=here + 2e-3 * (i % 2), force=1.0, across=0.03) for i in range(60)]

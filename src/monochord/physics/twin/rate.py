@@ -93,7 +93,8 @@ def plan(
 def mode_frequencies(string: StringParams, count: int) -> Floats:
     """Return the angular frequencies of the first modes of a stiff, hinged string, in rad/s."""
     k = np.arange(1, count + 1) * np.pi / string.length
-    return k * np.sqrt((string.tension + bending_stiffness(string) * k * k) / string.linear_density)
+    omega = k * np.sqrt((string.tension + bending_stiffness(string) * k * k) / string.linear_density)
+    return np.asarray(omega, dtype=np.float64)
 
 
 def mode_count(string: StringParams, stepping: Hertz, top: float) -> int:
@@ -119,7 +120,7 @@ def padded(count: int) -> int:
 def touch_weights(omega: Floats, step: float, beta: float) -> Floats:
     """Return g_n = (Omega_n / sin Omega_n)^beta of each mode."""
     turn = omega * step
-    return np.power(turn / np.sin(turn), beta, dtype=np.float64)
+    return (turn / np.sin(turn)) ** beta
 
 
 def _best(string: StringParams, rate: Hertz, finer: int, partials: int, top: float) -> Plan:
