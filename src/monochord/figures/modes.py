@@ -200,4 +200,5 @@ def _draw_steady(axes: Axes, heard: Audio, top: float) -> None:
             1e-3 * frequencies[rows], height, color=colour, lw=0.8, ls=look, label=f"microphone {c + 1}"
         )
     axes.set_xlim(0.0, top)
+    axes.locator_params(axis="x", nbins=5, steps=[1, 2, 10])
     axes.set_ylim(QUIETEST - 20.0, 0.0)

@@ -152,8 +152,8 @@ class Touch(Figure):
             )  # fmt: skip
         if axes.get_title(loc="left") == "B":
             axes.legend(
-                fontsize=_style.TICK, frameon=True, framealpha=0.85, edgecolor="none", loc="upper left",
-                labelcolor=_style.INK, handlelength=1.8,
+                fontsize=_style.TICK, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 0.98),
+                labelcolor=_style.INK, handlelength=1.8, borderaxespad=0.0,
             )  # fmt: skip
 
     def _draw_labels(self, panels: dict[str, Axes], take: Take) -> None:
@@ -172,7 +172,7 @@ class Touch(Figure):
         )  # fmt: skip
         panels["F"].plot(time, across, color=_style.SEGMENTS[0], lw=1.1, label="across")
         panels["F"].plot(time, along, color=_style.SEGMENTS[1], lw=1.1, label="along")
-        for name, label in (("D", "x (mm)"), ("E", "F (N)"), ("F", "slip (mm/s)")):
+        for name, label in (("D", "x (mm)"), ("E", "F (N)"), ("F", "slip\n(mm/s)")):
             _style.dress(panels[name], "", "", "", label)
         panels["E"].set_ylim(bottom=0.0)
         panels["F"].margins(y=0.15)

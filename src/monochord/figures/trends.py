@@ -103,8 +103,9 @@ class Trends(Figure):
         here, hard = f"x/L = {self.position:g}", f"F = {self.force:g} N"
         _style.dress(a, "A", f"theory, {hard}", "", "frequency (Hz)")
         _style.dress(d, "D", f"theory, {here}", "", "")
-        _style.dress(b, "B", f"simulated, {hard} (theory dashed)", "position x (mm)", "frequency (Hz)")
-        _style.dress(e, "E", f"simulated, {here} (theory dashed)", "normal force F (N)", "")
+        whose = f"simulated, {self.model.replace('_', ' ')}"
+        _style.dress(b, "B", f"{whose}, {hard} (theory dashed)", "position x (mm)", "frequency (Hz)")
+        _style.dress(e, "E", f"{whose}, {here} (theory dashed)", "normal force F (N)", "")
         _draw_theory(a, string, by_position, 1e3 * by_position.positions)
         _draw_theory(d, string, by_force, by_force.forces)
         _draw_spectra(b, model, string, by_position, 1e3 * by_position.positions, top)
