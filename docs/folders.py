@@ -1,7 +1,9 @@
-"""Reference pages that follow the folders: a new verb or plug-in is documented by being there."""
+"""Reference pages that follow the folders: a new verb, plug-in or preset is documented by being there."""
 
+import tomllib
 from collections.abc import Iterator
 from importlib import import_module
+from importlib.resources import files
 from pathlib import Path
 from pkgutil import walk_packages
 from typing import Any
@@ -12,10 +14,12 @@ import monochord
 from monochord.cli import monochord as verbs
 from monochord.registry import Registry
 
+PRESETS = ("sensors", "strings", "materials")
+
 
 def write(folder: Path) -> None:
-    """Write `verbs.md` and `plugins.md` into a folder, leaving a file alone that would not change."""
-    for name, text in (("verbs.md", _verbs()), ("plugins.md", _plugins())):
+    """Write `verbs.md`, `plugins.md` and `presets.md` into a folder, leaving alone what would not change."""
+    for name, text in (("verbs.md", _verbs()), ("plugins.md", _plugins()), ("presets.md", presets())):
         page = folder / name
         if not page.exists() or page.read_text(encoding="utf-8") != text:
             page.write_text(text, encoding="utf-8")
@@ -52,3 +56,20 @@ def _registries() -> Iterator[Registry[Any]]:
 def _described(registry: Registry[Any], name: str) -> str:
     directive = f".. autoclass:: {registry.package}.{name}.{registry.load(name).__name__}\n   :no-members:\n"
     return f"### {name}\n\n```{{eval-rst}}\n{directive}```\n"
+
+
+def presets() -> str:
+    """Return the page of all strings, sensors and materials, each with its source."""
+    parts = [
+        "# Presets\n",
+        "Each is a file of numbers with its source; one of your own is named by its path, `FILE.toml`.\n",
+    ]
+    for room in PRESETS:
+        parts.append(f"## {room.capitalize()}\n")
+        held = sorted(Path(str(files(f"monochord.physics.{room}"))).glob("*.toml"))
+        parts += [_preset(path.stem, tomllib.loads(path.read_text(encoding="utf-8"))) for path in held]
+    return "\n".join(parts)
+
+
+def _preset(name: str, told: dict[str, Any]) -> str:
+    return f"### {name}\n\n{told['title']}.\n\nSource: {told['source']}.\n\n{told.get('notes', '')}\n"

@@ -1,5 +1,6 @@
 """What the documents tell people to type works."""
 
+import importlib
 import json
 import re
 import shlex
@@ -12,10 +13,13 @@ import pytest
 
 from monochord.cli import monochord as verbs
 from monochord.cli import run
+from monochord.physics.materials import material_names
+from monochord.physics.sensors import sensor_names
+from monochord.physics.strings import string_names
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-GENERATED = {"verbs.md", "plugins.md"}
+GENERATED = {"verbs.md", "plugins.md", "presets.md"}
 COMMANDS = sorted(
     {
         (page.name, line.strip())
@@ -89,3 +93,32 @@ def test_the_documentation_builds_without_a_warning(tmp_path: Path) -> None:
     made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
     assert (tmp_path / "index.html").is_file()
+
+
+PICTURES = re.findall(
+    r"!\[([^\]]*)\]\(([^)]+)\)\n\n\*([^*]*)\*", (ROOT / "README.md").read_text(encoding="utf-8")
+)
+
+
+@pytest.mark.parametrize(("shown", "path", "said"), PICTURES)
+def test_a_picture_of_the_readme_is_light_described_and_said_to_be_simulated_or_real(
+    shown: str, path: str, said: str
+) -> None:
+    assert len(shown) > 20
+    assert (ROOT / path).stat().st_size < 300_000
+    assert re.search(r"simulated|Real recordings", said)
+
+
+def test_every_picture_of_the_readme_has_its_words_below() -> None:
+    assert len(PICTURES) == (ROOT / "README.md").read_text(encoding="utf-8").count("![")
+
+
+def test_the_presets_have_a_page_with_their_sources() -> None:
+    sys.path.insert(0, str(ROOT / "docs"))
+    try:
+        page = importlib.import_module("folders").presets()
+    finally:
+        sys.path.remove(str(ROOT / "docs"))
+    for name in (*sensor_names(), *string_names(), *material_names()):
+        assert f"### {name}\n" in page
+    assert page.count("Source: ") == page.count("### ")

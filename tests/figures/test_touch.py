@@ -62,7 +62,7 @@ def test_spectrogram_counts_from_the_middle_of_its_window() -> None:
 def test_panels_carry_units_and_say_simulated() -> None:
     page = Touch().draw()
     labels = {axes.get_ylabel() for axes in page.axes}
-    assert {"microphone 1 (kHz)", "x (mm)", "F (N)", "slip (mm/s)", "level (dB)"} <= labels
+    assert {"microphone 1 (kHz)", "x (mm)", "F (N)", "slip\n(mm/s)", "level (dB)"} <= labels
     assert any("simulated" in axes.get_title() for axes in page.axes)
     assert any(axes.get_xlabel() == "time (s)" for axes in page.axes)
 

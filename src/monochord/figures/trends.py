@@ -104,13 +104,14 @@ class Trends(Figure):
         _style.dress(a, "A", f"theory, {hard}", "", "frequency (Hz)")
         _style.dress(d, "D", f"theory, {here}", "", "")
         whose = f"simulated, {self.model.replace('_', ' ')}"
-        _style.dress(b, "B", f"{whose}, {hard} (theory dashed)", "position x (mm)", "frequency (Hz)")
-        _style.dress(e, "E", f"{whose}, {here} (theory dashed)", "normal force F (N)", "")
+        _style.dress(b, "B", f"{whose}, {hard}", "position x (mm)", "frequency (Hz)")
+        _style.dress(e, "E", f"{whose}, {here}", "normal force F (N)", "")
         _draw_theory(a, string, by_position, 1e3 * by_position.positions)
         _draw_theory(d, string, by_force, by_force.forces)
         _draw_spectra(b, model, string, by_position, 1e3 * by_position.positions, top)
         image = _draw_spectra(e, model, string, by_force, by_force.forces, top)
         a.set_ylim(0.0, top)
+        a.plot([], [], color=_style.INK, lw=0.8, ls=_style.THEORY, label="theory, over B and E")
         _style.key(page, a)
         _style.dress_bar(page.colorbar(image, ax=[b, e], pad=0.01, aspect=18), "level (dB)")
         return page
