@@ -38,7 +38,7 @@ def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     Parameters
     ----------
     twin
-        A twin at an instant; it is not changed, and either way can go on from what the other returned.
+        A twin at an instant, as `begin` or `advance` gave it; it is not changed.
     frames
         How many frames, some thousand at most for patience: a step takes about a millisecond.
 

@@ -1,0 +1,154 @@
+"""Sensors and scenes drawn from all that the twin allows, by a seed."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.physics.materials import Material
+from monochord.physics.theory import Losses
+from monochord.physics.twin import Ebow, Key, Outside, Pickups, Pluck, Scene, Sensor, Touch, Twin, begin
+from monochord.types import StringParams
+
+Draw = np.random.Generator
+
+
+def log_uniform(rng: Draw, low: float, high: float) -> float:
+    return float(np.clip(np.exp(rng.uniform(np.log(low), np.log(high))), low, high))
+
+
+def either(rng: Draw, low: float, high: float) -> float:
+    """A value of a range, one of its ends now and then."""
+    return float(rng.choice([low, high])) if rng.random() < 0.15 else float(rng.uniform(low, high))
+
+
+def string(rng: Draw) -> StringParams:
+    return StringParams(
+        length=log_uniform(rng, 0.05, 2.0),
+        linear_density=log_uniform(rng, 1e-5, 0.05),
+        tension=log_uniform(rng, 2.0, 500.0),
+        core_diameter=0.0 if rng.random() < 0.15 else log_uniform(rng, 1e-5, 3e-3),
+        young_modulus=log_uniform(rng, 1e9, 1e12),
+        tension_per_force=either(rng, 0.0, 20.0),
+    )
+
+
+def sensor(rng: Draw, string: StringParams) -> Sensor:
+    near, far = sorted(rng.uniform(0.05, 0.95, 2) * string.length)
+    drift = min(50.0, 0.25 * string.tension)
+    drivers = [
+        Ebow(
+            sense=float(rng.uniform(0.001, 0.999)) * string.length,
+            drive=float(rng.uniform(0.001, 0.999)) * string.length,
+            aperture=either(rng, 0.0, 0.05),
+            centre=log_uniform(rng, 20.0, 12000.0),
+            quality=log_uniform(rng, 0.1, 20.0),
+            gain=either(rng, -10.0, 10.0),
+            limit=either(rng, 0.0, 1.0),
+            angle=float(rng.uniform(-np.pi, np.pi)),
+        )
+        for _ in range(2)
+    ]
+    return Sensor(
+        name="drawn",
+        string=string,
+        drivers=(drivers[0], drivers[1]),
+        range=(float(near), float(far)),
+        losses=Losses(
+            viscoelastic=either(rng, 0.0, 0.05),
+            thermoelastic=either(rng, 0.0, 0.01),
+            support=either(rng, 0.0, 0.05),
+        ),
+        pickups=Pickups(
+            own=(either(rng, 0.0, 1.0), either(rng, 0.0, 1.0)),
+            gain=(log_uniform(rng, 1e-3, 1e4), log_uniform(rng, 1e-3, 1e4)),
+            angle=float(rng.uniform(-np.pi, np.pi)),
+            low=log_uniform(rng, 1.0, 1000.0),
+            high=log_uniform(rng, 1000.0, 20000.0),
+            hiss=either(rng, 0.0, 0.1),
+        ),
+        drift=either(rng, -drift, drift),
+        drift_rate=either(rng, -1.0, 1.0),
+        shake=either(rng, 0.0, 100.0),
+    )
+
+
+def material(rng: Draw) -> Material:
+    """From foam to steel."""
+    kinetic = log_uniform(rng, 0.01, 2.0)
+    return Material(
+        name="drawn",
+        title="",
+        source="",
+        young_modulus=log_uniform(rng, 1e3, 2e12),
+        poisson_ratio=either(rng, 1e-3, 0.5),
+        loss=log_uniform(rng, 1e-4, 10.0),
+        friction_static=kinetic * float(rng.uniform(1.0, 2.5)),
+        friction_kinetic=kinetic,
+        stribeck_speed=log_uniform(rng, 1e-5, 1.0),
+        roughness=log_uniform(rng, 1e-9, 1e-3),
+        roughness_length=log_uniform(rng, 1e-7, 1e-2),
+        radius=log_uniform(rng, 1e-4, 1.0),
+    )
+
+
+def touch(rng: Draw, length: float, seconds: float) -> Touch:
+    times = np.sort(rng.uniform(0.0, seconds, int(rng.integers(1, 7))))
+    times += 1e-3 * np.arange(times.size)
+    place = float(rng.uniform(0.02, 0.98)) * length
+    keys: list[Key] = []
+    for time in times:
+        reach = 4.9 * (time - keys[-1].time) if keys else 0.0
+        place = float(
+            np.clip(place + rng.choice([0.0, 1.0]) * rng.uniform(-reach, reach), 0.02 * length, 0.98 * length)
+        )
+        pressing = rng.random() < 0.8
+        force = either(rng, 0.0, 10.0) if pressing else 0.0
+        clearance = 0.0 if pressing else log_uniform(rng, 1e-6, 0.1)
+        across = float(rng.choice([0.0, either(rng, -0.5, 0.5)]))
+        keys.append(Key(time=float(time), position=place, force=force, clearance=clearance, across=across))
+    radius = None if rng.random() < 0.3 else log_uniform(rng, 2e-4, 1.0)
+    return Touch(material=material(rng), motion=tuple(keys), radius=radius, rolls=bool(rng.random() < 0.5))
+
+
+def scene(rng: Draw, length: float, seconds: float) -> Scene:
+    touches = [touch(rng, length, seconds) for _ in range(int(rng.choice([0, 1, 1, 1, 2, 3, 8])))]
+    if len(touches) > 1 and rng.random() < 0.5:  # two at the same place
+        same = [replace(key, position=touches[0].motion[0].position) for key in touches[1].motion]
+        touches[1] = replace(touches[1], motion=tuple(same))
+        touches[0] = replace(touches[0], motion=touches[0].motion[:1])
+    outside = Outside(
+        samples=rng.uniform(-1.0, 1.0, 3000).astype(np.float32), level=log_uniform(rng, 1e-3, 1e3)
+    )
+    pluck = Pluck(
+        position=float(rng.uniform(0.01, 0.99)) * length,
+        height=either(rng, -2e-3, 2e-3),
+        angle=float(rng.uniform(-np.pi, np.pi)),
+    )
+    return Scene(
+        touches=tuple(touches),
+        outside=outside if rng.random() < 0.3 else None,
+        pluck=pluck if rng.random() < 0.7 else None,
+        drivers=(bool(rng.random() < 0.7), bool(rng.random() < 0.7)),
+        tension_law="geometric" if rng.random() < 0.7 else "linear",
+    )
+
+
+def twin(
+    seed: int,
+    seconds: float,
+    most_modes: int = 256,
+    rates: tuple[int, ...] = (16000, 44100, 48000, 96000, 192000),
+) -> Twin:
+    """A twin of the allowed domain; what is refused is drawn again."""
+    rng = np.random.default_rng(seed)
+    while True:
+        try:
+            built = sensor(rng, string(rng))
+            found = begin(
+                built, scene(rng, built.string.length, seconds), sample_rate=int(rng.choice(rates)), seed=seed
+            )
+        except InputError:
+            continue
+        if found.plan.count <= most_modes:
+            return found

@@ -1,0 +1,59 @@
+"""Over all that the twin allows it stays finite and bounded, and its labels keep their meaning."""
+
+import numpy as np
+import pytest
+from tests.physics.twin import drawn
+from tests.physics.twin.built import SENSOR, modes, moving
+
+from monochord.errors import InputError
+from monochord.physics.twin import Scene, Twin, advance, begin, hold
+from monochord.physics.twin import bank as layout
+
+
+def refuse_the_impossible(twin: Twin, seconds: float) -> None:
+    length = twin.sensor.string.length
+    for _ in range(4):
+        take, twin = advance(twin, round(0.25 * seconds * twin.sample_rate))
+        labels = take.labels
+        assert np.isfinite(take.microphones).all()
+        assert np.abs(take.microphones).max() <= 1.0
+        for name, array in moving(twin).items():
+            assert np.isfinite(array).all(), name
+        assert np.abs(modes(twin)[layout.Q]).sum() < 10.0 * length
+        for flags, most in ((labels.contact, 1), (labels.slip, 1), (labels.settled, 1), (labels.friction, 3)):
+            assert flags.max(initial=0) <= most
+        if twin.scene.touches:
+            assert labels.position.min() > 0.0
+            assert labels.position.max() < length
+            assert labels.force.min() >= 0.0
+            assert not (labels.slip > labels.contact).any()
+        for speeds in (labels.force, labels.across, labels.along):
+            assert np.isfinite(speeds).all()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_drawn_twin_stays_sound(seed: int) -> None:
+    refuse_the_impossible(drawn.twin(seed, 1.0, most_modes=16), 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("seed", range(1000, 1060))
+def test_a_drawn_twin_stays_sound_for_long(seed: int) -> None:
+    refuse_the_impossible(drawn.twin(seed, 20.0), 20.0)
+
+
+def test_a_string_too_fast_for_its_rate_is_refused() -> None:
+    from dataclasses import replace
+
+    fast = replace(SENSOR.string, core_diameter=3e-3, linear_density=1e-3)
+    with pytest.raises(InputError, match="too fast"):
+        begin(replace(SENSOR, string=fast), sample_rate=16000, finer=1)
+
+
+@pytest.mark.parametrize("place", [0.001, 0.199, -0.1])
+def test_a_touch_off_the_string_is_refused(place: float) -> None:
+    from tests.physics.twin.built import PLASTIC
+
+    with pytest.raises(InputError, match="a touch at"):
+        begin(SENSOR, Scene(touches=(hold(place, 1.0, PLASTIC),)))
