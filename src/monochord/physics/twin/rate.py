@@ -22,7 +22,7 @@ from monochord.types import Floats, StringParams
 from monochord.units import Hertz
 
 CHOICES = (1, 2, 4, 8)
-HALVES = (8, 16, 24, 32, 48, 64, 96, 128, 192, 256)
+HALVES = (16, 32, 48, 96, 256)
 """Modes that half of a bank may have room for; each size is a kernel of its own."""
 TOPS = (0.36, 0.375, 0.39, 0.405, 0.42)
 """Highest mode as a share of the stepping rate: some 17 kHz at 44.1 kHz."""
@@ -109,7 +109,7 @@ def padded(count: int) -> int:
     Examples
     --------
     >>> padded(16), padded(17)
-    (16, 24)
+    (16, 32)
     """
     for half in HALVES:
         if count <= half:
