@@ -77,9 +77,9 @@ def tune(bank: Floats, size: int, tension: float, mass: float, reach: float, ste
     most = 0.0
     for i in range(size):
         square = bank[PULL * size + i] * tension + bank[BEND * size + i]
-        if square <= 0.0:
-            continue
         sigma = bank[SIGMA * size + i]
+        if square <= sigma * sigma:
+            continue  # no mode, or one that a slack string has lost: it stays as it was
         ring = np.sqrt(square - sigma * sigma)
         fall = np.exp(-sigma * step)
         sine = fall * np.sin(ring * step) / ring
