@@ -2,7 +2,10 @@
 
 import math
 from array import array
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 from monochord.units import Seconds
 
@@ -60,14 +63,13 @@ class Histogram:
 
     def percentiles(self) -> Percentiles:
         """Return the percentiles so far; each is the upper edge of its class, so never too low."""
-        p50, p95, p99 = (self._quantile(share) for share in (0.50, 0.95, 0.99))
+        seen = list(accumulate(self._counts))  # up to and with each class
+        p50, p95, p99 = (self._quantile(share, seen) for share in (0.50, 0.95, 0.99))
         longest = self._longest if self._total else math.nan
         return Percentiles(count=self._total, p50=p50, p95=p95, p99=p99, longest=longest)
 
-    def _quantile(self, share: float) -> Seconds:
-        wanted, seen = math.ceil(share * self._total), 0
-        for where, count in enumerate(self._counts):
-            seen += count
-            if count and seen >= wanted:
-                return min(SHORTEST * math.exp(where * STEP), self._longest)
-        return math.nan
+    def _quantile(self, share: float, seen: Sequence[int]) -> Seconds:
+        if not self._total:
+            return math.nan
+        where = bisect_left(seen, math.ceil(share * self._total))
+        return min(SHORTEST * math.exp(where * STEP), self._longest)

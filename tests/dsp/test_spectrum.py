@@ -35,6 +35,23 @@ def test_a_quiet_channel_counts_as_much_as_a_loud_one() -> None:
     assert power[0, at[0]] == pytest.approx(power[1, at[1]], rel=0.1)
 
 
+def test_room_and_fewer_bins_change_no_number() -> None:
+    sound = np.stack([tones(500.0), tones(900.0)]).astype(np.float32)
+    whole = power_spectrum(sound, TAPER, PADDED)
+    room = np.full(PADDED // 2 + 1, np.nan, np.complex128)
+    assert whole.shape == (2, PADDED // 2 + 1)
+    for _ in range(2):
+        np.testing.assert_array_equal(power_spectrum(sound, TAPER, PADDED, 2000, room), whole[:, :2000])
+
+
+def test_the_floor_rests_on_the_quantile_of_each_block() -> None:
+    power = np.random.default_rng(4).exponential(1.0, 1000)
+    lowest = np.quantile(power.reshape(10, 100), 0.15, axis=1) / -np.log1p(-0.15)
+    np.testing.assert_allclose(noise_floor(power, 100)[50::100], lowest, rtol=0.2)
+    one = noise_floor(power, 1000)
+    np.testing.assert_allclose(one, np.quantile(power, 0.15) / -np.log1p(-0.15), rtol=1e-12)
+
+
 def test_silence_has_no_power_and_no_peaks() -> None:
     power = power_spectrum(np.zeros((2, SIZE)), TAPER, PADDED)
     assert power.max() == 0.0

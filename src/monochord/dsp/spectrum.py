@@ -1,12 +1,14 @@
 """Spectra of short windows: power, noise floor, and the peaks that stand out of it."""
 
+import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from monochord.types import Floats
+from monochord.types import Audio, Floats
 from monochord.units import Hertz, Samples, Seconds
 
 FLOOR_WIDTH: Hertz = 500.0
@@ -33,7 +35,7 @@ class Peaks(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analyser:
-    """Spectra of windows of one size, up to a highest frequency.
+    """Spectra of windows of one size, up to a highest frequency; it keeps room for one, so one thread's only.
 
     Parameters
     ----------
@@ -52,12 +54,14 @@ class Analyser:
     taper: Floats = field(init=False, repr=False, compare=False)
     padded: Samples = field(init=False, repr=False)
     bins: int = field(init=False, repr=False)
+    _room: NDArray[np.complex128] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "top", min(self.top, 0.45 * self.sample_rate))
         object.__setattr__(self, "taper", np.hanning(self.size + 1)[:-1])
         object.__setattr__(self, "padded", 1 << int(np.ceil(np.log2(3.0 * self.size))))
         object.__setattr__(self, "bins", int(1.05 * self.top / self.spacing))
+        object.__setattr__(self, "_room", np.empty(self.padded // 2 + 1, np.complex128))
 
     @property
     def spacing(self) -> Hertz:
@@ -69,9 +73,9 @@ class Analyser:
         """One over the window's duration: what frequencies can be told apart."""
         return self.sample_rate / self.size
 
-    def powers(self, samples: Floats) -> Floats:
+    def powers(self, samples: Floats | Audio) -> Floats:
         """Return the power spectrum of every channel, (channels, bins), each channel scaled to unit power."""
-        return power_spectrum(samples, self.taper, self.padded)[:, : self.bins]
+        return power_spectrum(samples, self.taper, self.padded, self.bins, self._room)
 
     def salience(self, power: Floats) -> Floats:
         """Return the logarithmic height of a power spectrum (bins,) over its noise floor."""
@@ -87,7 +91,13 @@ class Analyser:
         return Peaks(frequency, variance, height, rank, stands)
 
 
-def power_spectrum(samples: Floats, taper: Floats, size: Samples) -> Floats:
+def power_spectrum(
+    samples: Floats | Audio,
+    taper: Floats,
+    size: Samples,
+    bins: int | None = None,
+    room: NDArray[np.complex128] | None = None,
+) -> Floats:
     """Return the power spectrum of each channel, scaled to unit power.
 
     Scaling lets a quiet channel count as much as a loud one, so that two transducers of different gain can be
@@ -101,10 +111,15 @@ def power_spectrum(samples: Floats, taper: Floats, size: Samples) -> Floats:
         Window function (n,).
     size
         Length of the zero-padded transform, at least n.
+    bins
+        How many bins from 0 Hz on are wanted; all size // 2 + 1 if None.
+    room
+        Memory for one transform, (size // 2 + 1,). Fresh memory of this size costs a live loop more than the
+        transform does: the system clears every page of it again for each window.
 
     Returns
     -------
-    Power (channels, size // 2 + 1), dimensionless; zero for a silent channel.
+    Power (channels, bins), dimensionless; zero for a silent channel.
 
     Examples
     --------
@@ -113,10 +128,16 @@ def power_spectrum(samples: Floats, taper: Floats, size: Samples) -> Floats:
     >>> int(power.argmax())
     1000
     """
-    centred = samples - samples.mean(axis=1, keepdims=True)
-    rms = np.sqrt(np.mean(centred**2, axis=1, keepdims=True))
-    spectra = np.fft.rfft(centred / np.where(rms > 0.0, rms, 1.0) * taper, size, axis=1)
-    return spectra.real**2 + spectra.imag**2
+    count = samples.shape[1]
+    centred = samples - samples.mean(axis=1, keepdims=True, dtype=np.float64)
+    rms = np.sqrt(np.einsum("cn,cn->c", centred, centred) / count)
+    centred *= taper
+    centred /= np.where(rms > 0.0, rms, 1.0)[:, np.newaxis]
+    power = np.empty((samples.shape[0], size // 2 + 1 if bins is None else bins))
+    for channel, told in zip(centred, power, strict=True):
+        half = np.fft.rfft(channel, size, out=room)[: told.size]
+        told[:] = half.real**2 + half.imag**2
+    return power
 
 
 def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:
@@ -147,11 +168,19 @@ def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:
     """
     blocks = max(power.size // block, 1)
     block = min(block, power.size)
-    low = np.quantile(power[: blocks * block].reshape(blocks, block), share, axis=1)
+    low = _quantile(power[: blocks * block].reshape(blocks, block), share)
     mean = low / -np.log1p(-share) + 1e-30
     centres = (np.arange(blocks) + 0.5) * block
     smooth = np.exp(np.interp(np.arange(power.size), centres, np.log(mean)))
     return np.maximum(smooth, 1e-7 * power.max())
+
+
+def _quantile(rows: Floats, share: float) -> Floats:
+    """Return a quantile of each row, linear between its two neighbours in rank."""
+    rank = share * (rows.shape[1] - 1)
+    below, above = math.floor(rank), math.ceil(rank)
+    ranked = np.partition(rows, (below, above), axis=1)
+    return ranked[:, above] - (ranked[:, above] - ranked[:, below]) * (above - rank)
 
 
 @numba.njit(cache=True, error_model="numpy")

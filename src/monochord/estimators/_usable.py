@@ -1,5 +1,7 @@
 """Whether a window can be used at all, before anything is estimated from it."""
 
+import math
+
 import numpy as np
 
 from monochord.types import Window
@@ -20,12 +22,12 @@ def why_unusable(window: Window) -> str:
     if window.has_gap:
         return "gap"
     samples = window.samples
-    if not np.isfinite(samples).all():
+    low, high = float(samples.min()), float(samples.max())
+    if not (math.isfinite(low) and math.isfinite(high)):  # either is NaN where any sample is
         return "samples that are not numbers"
-    level = np.abs(samples - samples.mean(axis=1, keepdims=True, dtype=np.float64))
-    if np.sqrt(np.mean(level**2, axis=1)).max() < SILENCE:
+    if samples.std(axis=1, dtype=np.float64).max() < SILENCE:
         return "silence"
-    rails = (samples == samples.max()) | (samples == samples.min())
-    if rails.mean() > CLIPPED_SHARE:
+    rails = np.count_nonzero(samples == high) + np.count_nonzero(samples == low)
+    if rails > CLIPPED_SHARE * samples.size:
         return "clipped"
     return ""
