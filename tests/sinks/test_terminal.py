@@ -17,8 +17,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
+from rich.text import Text
 
 from monochord.sinks import _view
+from monochord.sinks._screen import Screen
 from monochord.sinks.base import Moment
 from monochord.sinks.terminal import Terminal
 from monochord.timing import Histogram
@@ -79,10 +82,22 @@ def on_a_terminal(columns: int, rows: int, program: Path, term: str = "xterm-256
 
 
 def last_picture(drawn: str) -> list[str]:
-    """Return the lines after the last time that the cursor went home, without styles."""
-    plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "\0", drawn).replace("\r", "")
-    picture = plain[plain.rindex("monochord") :].replace("\0", "")
-    return picture.rstrip("\n").split("\n")
+    """Return what stands on the terminal in the end, as a terminal without styles keeps it."""
+    screen, row, column = [""], 0, 0
+    for part in re.findall(r"\x1b\[[0-9;?]*[a-zA-Z]|\r|\n|[^\x1b\r\n]+", drawn):
+        if part == "\r":
+            column = 0
+        elif part == "\n":
+            row += 1
+            screen += [""] * (row + 1 - len(screen))
+        elif part.startswith("\x1b["):
+            row -= int(part[2:-1]) if part.endswith("A") else 0
+            screen[row] = screen[row][:column] if part[-1] in "KJ" else screen[row]
+            screen = screen[: row + 1] if part.endswith("J") else screen
+        else:
+            screen[row] = screen[row][:column].ljust(column) + part + screen[row][column + len(part) :]
+            column += len(part)
+    return "\n".join(screen).rstrip("\n").split("\n")
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +137,28 @@ def test_the_touch_is_drawn_where_it_is(program: Path) -> None:
     assert (touch - nut) / (bridge - nut) == pytest.approx(0.2275 / 0.65, abs=0.02)
     assert (truth - nut) / (bridge - nut) == pytest.approx(0.228 / 0.65, abs=0.02)
     assert "two candidates" in on_a_terminal(80, 24, program)
+
+
+def test_only_what_changed_is_drawn_again(program: Path) -> None:
+    drawn = on_a_terminal(80, 24, program)
+    assert drawn.count("two candidates") > 1
+    assert drawn.count("└") == 1
+    assert drawn.count("\x1b[?25l") == drawn.count("\x1b[?25h") == 1
+    assert "\n".join(last_picture(drawn)).count("monochord") == 1
+
+
+def test_a_picture_taller_than_before_starts_anew(capsys: pytest.CaptureFixture[str]) -> None:
+    console = Console(force_terminal=True, width=20, height=10, no_color=True, color_system="truecolor")
+    with Screen(console) as screen:
+        screen.show([Text("one"), Text("two")])
+        screen.show([Text("one"), Text("deux", "bold red"), Text("x" * 30), *[Text("more")] * 20])
+        screen.show([Text("one"), Text("ten")])
+    drawn = capsys.readouterr().out
+    assert last_picture(drawn.replace("\n", "\r\n")) == ["one", "ten"]
+    assert "\x1b[1mdeux\x1b[0m" in drawn
+    assert "x" * 20 in drawn
+    assert "x" * 21 not in drawn
+    assert drawn.count("more") == 6
 
 
 def test_a_terminal_that_cannot_draw_gets_lines(program: Path) -> None:
@@ -185,9 +222,8 @@ def seen(**truth: float) -> Moment:
 def test_what_the_touch_does_in_truth_stands_below_it(
     truth: dict[str, float], words: str, columns: int
 ) -> None:
-    picture = _view.frame(seen(**truth), SIGNAL, 0.65, Histogram().percentiles(), columns, 40).plain.split(
-        "\n"
-    )
+    lines = _view.frame(seen(**truth), SIGNAL, 0.65, Histogram().percentiles(), columns, 40)
+    picture = [line.plain for line in lines]
     (below,) = [above for above, line in itertools.pairwise(picture) if "└" in line]
     assert below.strip().removeprefix("▲ ") == words
     assert len(below) <= columns

@@ -20,11 +20,11 @@ FIRST = ("position", "force", "frequency")  # what a person looks for first; the
 
 def frame(
     moment: Moment, signal: Signal, length: Metres, latency: Percentiles, columns: int, rows: int
-) -> Text:
-    """Return the picture of one moment, `columns` wide and at most `rows` high."""
-    window, truth = moment.window, moment.truth
-    loudness = [levels(channel)[0] for channel in window.samples]
-    heard = [max(0.0, 1.0 - rms / FLOOR) if math.isfinite(rms) else 0.0 for rms in loudness]
+) -> list[Text]:
+    """Return the picture of one moment as lines, `columns` wide and at most `rows` high."""
+    truth = moment.truth
+    loudness = [levels(channel) for channel in moment.window.samples]
+    heard = [max(0.0, 1.0 - rms / FLOOR) if math.isfinite(rms) else 0.0 for rms, _ in loudness]
     swings = heard if len(heard) > 1 else [0.0, heard[0]]
     position, force = (moment.prediction.estimate(name) for name in ("position", "force"))
     picture = _string.draw(
@@ -36,12 +36,12 @@ def frame(
         swings,
         _caption(truth),
     )
-    meters = [_meter(k + 1, channel, columns) for k, channel in enumerate(window.samples)]
+    meters = [_meter(k + 1, rms, peak, columns) for k, (rms, peak) in enumerate(loudness)]
     foot = [Text(), *meters, Text(), _latency(latency), _health(moment)]
-    head = [_title(moment, signal, columns), Text(), *(Text("  ") + line for line in picture), Text()]
+    head = [_title(moment, signal, columns), Text(), *(Text.assemble("  ", line) for line in picture), Text()]
     room = max(rows - 1 - len(head) - len(foot), 1)
     middle = list(_estimates(moment))[:room]
-    return Text("\n", no_wrap=True, overflow="crop").join([*head, *middle, *foot])
+    return [*head, *middle, *foot]
 
 
 def plain(moment: Moment, latency: Percentiles) -> str:
@@ -143,8 +143,7 @@ def _truth_in_words(truth: Truth) -> str:
     return ", ".join([f"{first}{' ' if known else ''}{', '.join(known)}", *rest])
 
 
-def _meter(number: int, channel: Audio, columns: int) -> Text:
-    rms, peak = levels(channel)
+def _meter(number: int, rms: float, peak: float, columns: int) -> Text:
     width = max(columns - 34, 10)
     line = Text(f"  mic {number}  ", LABEL)
     if math.isnan(rms):

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from rich.console import Console
-from rich.live import Live
 from rich.text import Text
 
 from monochord.sinks import _view
+from monochord.sinks._screen import Screen
 from monochord.sinks.base import Moment, Sink, Writer
 from monochord.timing import Histogram
 from monochord.types import Signal
@@ -37,7 +37,7 @@ class Terminal(Sink):
     """
 
     length: Metres = 0.0
-    interval: Seconds = 0.08
+    interval: Seconds = 0.1
     plain: bool = False
     stderr: bool = False
 
@@ -51,8 +51,8 @@ class Terminal(Sink):
             lines.close()
             return
         length = self.length or (signal.string.length if signal.string else ASSUMED_LENGTH)
-        with Live(console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live:
-            picture = _Picture(live, signal, length, self.interval)
+        with Screen(console) as screen:
+            picture = _Picture(console, screen, signal, length, self.interval)
             yield picture
             picture.close()
 
@@ -60,8 +60,11 @@ class Terminal(Sink):
 class _Picture(Writer):
     """Draws the newest moment, at most every `interval`, within its share of the time."""
 
-    def __init__(self, live: Live, signal: Signal, length: Metres, interval: Seconds) -> None:
-        self._live, self._signal, self._length, self._interval = live, signal, length, interval
+    def __init__(
+        self, console: Console, screen: Screen, signal: Signal, length: Metres, interval: Seconds
+    ) -> None:
+        self._console, self._screen = console, screen
+        self._signal, self._length, self._interval = signal, length, interval
         self._latency = Histogram()
         self._next: Seconds = 0.0
         self._waiting: Moment | None = None
@@ -83,11 +86,10 @@ class _Picture(Writer):
 
     def _draw(self, moment: Moment) -> None:
         self._waiting = None
-        size = self._live.console.size
+        size = self._console.size
         latency = self._latency.percentiles()
         columns = min(size.width, 110)
-        picture = _view.frame(moment, self._signal, self._length, latency, columns, size.height)
-        self._live.update(picture, refresh=True)
+        self._screen.show(_view.frame(moment, self._signal, self._length, latency, columns, size.height))
 
 
 class _Lines(Writer):
@@ -117,4 +119,9 @@ class _Lines(Writer):
 
 
 def _can_draw(console: Console) -> bool:
-    return console.is_terminal and not console.is_dumb_terminal and console.encoding.startswith("utf")
+    return (
+        console.is_terminal
+        and not console.is_dumb_terminal
+        and not console.legacy_windows
+        and console.encoding.startswith("utf")
+    )
