@@ -1,8 +1,11 @@
 """What a twin is made of: the sensor as built, and the scene around it."""
 
+import sys
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from math import inf, pi
-from typing import Annotated
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from msgspec import Meta
 
@@ -15,6 +18,8 @@ from monochord.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 
 MOST_TOUCHES = 8
 """How many objects may touch the string at once."""
+FINITE = sys.float_info.max
+"""No number is further from nought, save infinity."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +40,9 @@ class Ebow:
     limit: Annotated[Newtons, Meta(ge=0.0, le=1.0)] = 0.01
     angle: Annotated[float, Meta(ge=-pi, le=pi)] = 0.2
 
+    def __post_init__(self) -> None:
+        refuse_outside(self)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pickups:
@@ -52,6 +60,9 @@ class Pickups:
     high: Annotated[Hertz, Meta(ge=1000.0, le=20000.0)] = 15000.0
     hiss: Annotated[float, Meta(ge=0.0, le=0.1)] = 3.0e-5
     air: tuple[float, float] = (1.0, 0.9)
+
+    def __post_init__(self) -> None:
+        refuse_outside(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,6 +96,8 @@ class Sensor:
     changes: Changes = field(default_factory=Changes)
 
     def __post_init__(self) -> None:
+        for part in (self, self.tolerances, self.changes):
+            refuse_outside(part)
         refuse_impossible(self)
 
 
@@ -102,6 +115,9 @@ class Key:
     clearance: Annotated[Metres, Meta(ge=0.0, le=0.1)] = 0.0
     across: Annotated[MetresPerSecond, Meta(ge=-0.5, le=0.5)] = 0.0
 
+    def __post_init__(self) -> None:
+        refuse_outside(self)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Touch:
@@ -117,6 +133,7 @@ class Touch:
     rolls: bool = True
 
     def __post_init__(self) -> None:
+        refuse_outside(self)
         if not self.motion:
             raise InputError("a touch without keys", "at least one key", "give time and position")
         for before, after in zip(self.motion, self.motion[1:], strict=False):
@@ -131,11 +148,14 @@ class Touch:
 class Outside:
     """A sound from outside: mono, at the twin's rate, repeated without end.
 
-    Full scale is that of the converter;    `level` multiplies it before it reaches microphones and frame.
+    Full scale is that of the converter; `level` multiplies it before it reaches microphones and frame.
     """
 
     samples: Audio
     level: Annotated[float, Meta(ge=0.0, le=1e3)] = 1.0
+
+    def __post_init__(self) -> None:
+        refuse_outside(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,6 +165,9 @@ class Pluck:
     position: Metres
     height: Annotated[Metres, Meta(ge=-2e-3, le=2e-3)]
     angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        refuse_outside(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,6 +195,25 @@ def hold(position: Metres, force: Newtons, material: Material, *, across: Metres
     1.0
     """
     return Touch(material=material, motion=(Key(time=0.0, position=position, force=force, across=across),))
+
+
+def refuse_outside(part: object) -> None:
+    """Raise `InputError` where a number of a dataclass is not finite, or outside what its annotation allows.
+
+    Fields annotated as numbers count, optional ones and those of tuples too; a range is that of `Meta`.
+
+    Examples
+    --------
+    >>> refuse_outside(Key(time=0.0, position=0.08))
+    """
+    for name, place, low, high in _ranges(type(part)):
+        value = getattr(part, name)
+        if place is not None:
+            value = value[place]
+        if value is not None and not low <= value <= high:
+            which = name if place is None else f"{name}[{place}]"
+            allowed = f"{low:g} to {high:g}" if high < FINITE else "a finite number"
+            raise InputError(f"{type(part).__name__} {which} {value:g}", allowed)
 
 
 def refuse_impossible(sensor: Sensor) -> None:
@@ -203,3 +245,28 @@ def refuse_impossible(sensor: Sensor) -> None:
             raise InputError(f"{where}: place {place:g} m", f"between 0 and {string.length:g} m")
     if not sensor.range[0] < sensor.range[1] < inf:
         raise InputError(f"{where}: range {sensor.range}", "start before end")
+
+
+@cache
+def _ranges(kind: type) -> tuple[tuple[str, int | None, float, float], ...]:
+    """Return each number that a dataclass holds: its field, its place in a tuple, its least and its most."""
+    found: list[tuple[str, int | None, float, float]] = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        if get_origin(hint) is tuple:
+            for place, inner in enumerate(get_args(hint)):
+                found += [(name, place, *limits) for limits in _limits(inner)]
+        else:
+            found += [(name, None, *limits) for limits in _limits(hint)]
+    return tuple(found)
+
+
+def _limits(hint: Any) -> Iterator[tuple[float, float]]:
+    """Return the least and the most of a number, also of one that may be absent; nothing for other types."""
+    if hint is float:
+        yield -FINITE, FINITE
+    elif get_origin(hint) is Annotated and hint.__origin__ is float:
+        for meta in hint.__metadata__:
+            yield (-FINITE if meta.ge is None else meta.ge), (FINITE if meta.le is None else meta.le)
+    else:
+        for inner in get_args(hint) if type(None) in get_args(hint) else ():
+            yield from _limits(inner)
