@@ -4,7 +4,7 @@
 
 with the static compliance R of the modes left out in series with the touch: the compression delta satisfies
 delta + R f_e(delta) = g, where g = d - sum q_n phi_n(x_c) and f_e = k1 delta + k2 delta^1.5, and the touch's
-force is f_e (1 + beta g'), never below 0. Modes, and how touch and coils meet them, are arrays: any aperture
+force is f_e (1 + beta ddelta/dt), never below 0. Modes, and how touch and coils meet them, are arrays: any aperture
 will do.
 """
 
@@ -207,8 +207,9 @@ def _press(touch: ModalTouch, t: float, q: Floats, v: Floats) -> float:
     delta = compression(touch, touch.surface(t) - float(touch.shape @ q))
     if delta == 0.0:
         return 0.0
-    approach = touch.surface_velocity(t) - float(touch.shape @ v)
-    return max(0.0, (touch.k1 * delta + touch.k2 * delta * sqrt(delta)) * (1.0 + touch.beta * approach))
+    share = 1.0 + touch.residual * (touch.k1 + 1.5 * touch.k2 * sqrt(delta))
+    squeeze = (touch.surface_velocity(t) - float(touch.shape @ v)) / share
+    return max(0.0, (touch.k1 * delta + touch.k2 * delta * sqrt(delta)) * (1.0 + touch.beta * squeeze))
 
 
 def _touch_forces(touch: ModalTouch | None, time: Floats, q: Floats, v: Floats) -> Floats:

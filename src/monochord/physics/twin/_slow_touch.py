@@ -84,7 +84,7 @@ def _pressed(gap: float, ease: float, own: Floats, touch: Floats, step: float) -
             work, way = work + weight * slope * _elastic(between, k1, k2), way + weight * slope
         mean = work / way if eta_old >= 0.0 else work * s / (way * s - eta_old)
         both = _elastic(s, k1, k2) + _elastic(s_old, k1, k2)
-        return max(0.0, mean + 0.5 * loss * both * (approach(s, k1, k2, rest) - eta_old))
+        return max(0.0, mean + 0.5 * loss * both * (s * s - s_old * s_old))
 
     if gap <= 0.0 or (s_old > 0.0 and ease * force_to(0.0) >= gap):
         given = s_old**4 * (0.5 * k1 + 0.4 * k2 * s_old) + 0.5 * rest * _elastic(s_old, k1, k2) ** 2

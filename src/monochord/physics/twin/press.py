@@ -95,9 +95,9 @@ def _give(
         )
         force = rise / way
         slope = (rise_slope - force * (1.0 + rest * secant_slope)) / way
-    moved = eta - eta_old
-    force += 0.5 * loss * (f + f_old) * moved
-    slope += 0.5 * loss * (f_slope * moved + (f + f_old) * eta_slope)
+    squeezed = s * s - s_old * s_old
+    force += 0.5 * loss * (f + f_old) * squeezed
+    slope += 0.5 * loss * (f_slope * squeezed + (f + f_old) * 2.0 * s)
     if force < 0.0:
         return 0.0, 0.0, eta, eta_slope
     return force, slope, eta, eta_slope
@@ -138,8 +138,8 @@ def _quickly(
             + 0.4 * k2 * (s * (4.0 * s * s + s_old * (3.0 * s + 2.0 * s_old)) + square * s_old)
             + 0.5 * rest * (f_slope * secant + (f + f_old) * secant_slope)
         )
-        damped = 0.5 * loss * (eta - eta_old)
-        damped_slope = 0.5 * loss * eta_slope
+        damped = 0.5 * loss * (s * s - square)
+        damped_slope = loss * s
         rise += damped * (f + f_old) * way
         rise_slope += (damped_slope * (f + f_old) + damped * f_slope) * way + damped * (f + f_old) * way_slope
         miss = (eta - gap) * way + ease * rise
