@@ -4,8 +4,8 @@
 
 with the static compliance R of the modes left out in series with the touch: the compression delta satisfies
 delta + R f_e(delta) = g, where g = d - sum q_n phi_n(x_c) and f_e = k1 delta + k2 delta^1.5, and the touch's
-force is f_e (1 + beta ddelta/dt), never below 0. Modes, and how touch and coils meet them, are arrays: any aperture
-will do.
+force is f_e (1 + beta ddelta/dt), never below 0. Modes, and how touch and coils meet them, are arrays: any
+aperture will do.
 """
 
 from collections.abc import Callable, Sequence
