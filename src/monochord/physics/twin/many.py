@@ -41,7 +41,7 @@ def advance_many(
     >>> from monochord.physics.sensors import load_sensor
     >>> from monochord.physics.twin import Pluck, Scene, begin
     >>> scene = Scene(pluck=Pluck(position=0.07, height=1e-4))
-    >>> several = [begin(load_sensor("prototype").sensor, scene, seed=seed) for seed in range(3)]
+    >>> several = [begin(load_sensor("prototype"), scene, seed=seed) for seed in range(3)]
     >>> [take.microphones.shape for take, _ in advance_many(several, 10)]
     [(2, 10), (2, 10), (2, 10)]
     """
