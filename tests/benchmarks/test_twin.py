@@ -1,0 +1,70 @@
+"""The benchmark of the virtual sensor, kept short."""
+
+import os
+
+import pytest
+
+from monochord.benchmarks.base import Row
+from monochord.benchmarks.twin import FDTD, SLOW, TwinSpeed
+from monochord.errors import InputError
+
+PARTS = ("free", "ebows", "touch", "full")
+
+
+@pytest.fixture(scope="module")
+def rows() -> dict[str, Row]:
+    return {row.name: row for row in TwinSpeed(seconds=0.4, stretch=0.02, sensors=3).run()}
+
+
+def test_every_part_stands_beside_the_papers_scheme(rows: dict[str, Row]) -> None:
+    paper = rows["paper's FDTD, wall/audio"]
+    assert paper.value > 0.0
+    for name in PARTS:
+        row = rows[f"{name}, wall/audio"]
+        assert row.value > 0.0
+        assert (row.baseline, row.baseline_value) == (FDTD, paper.value)
+    assert rows["free, wall/audio"].value < 2.0 * rows["full, wall/audio"].value  # the least against the most
+
+
+def test_compiling_is_worth_it(rows: dict[str, Row]) -> None:
+    slow, full = rows["un-jitted reference, wall/audio"], rows["full, wall/audio again"]
+    assert (full.baseline, full.baseline_value) == (SLOW, slow.value)
+    assert full.value == rows["full, wall/audio"].value
+    assert full.value < 0.05 * slow.value
+
+
+def test_many_are_timed_on_one_core_and_on_all(rows: dict[str, Row]) -> None:
+    cores = len(os.sched_getaffinity(0))
+    many, share = rows["3 touched twins, wall/audio"], rows[f"share of {cores} cores used"]
+    assert many.baseline == "on one core"
+    assert many.ratio is not None
+    assert share.value == pytest.approx(1.0 / many.ratio / cores)
+    assert 0.0 < share.value < 1.5
+
+
+def test_no_row_but_these(rows: dict[str, Row]) -> None:
+    names = [*(f"{name}, wall/audio" for name in PARTS), "full, wall/audio again"]
+    names += ["paper's FDTD, wall/audio", "un-jitted reference, wall/audio"]
+    assert [*rows][:7] == names
+    assert len(rows) == 9
+
+
+@pytest.mark.parametrize(
+    ("options", "allowed"),
+    [
+        ({"stretch": 0.0}, "1 ms to 3600 s"),
+        ({"stretch": 1.0, "seconds": 0.5}, "1 ms to 3600 s"),
+        ({"seconds": 1e4}, "1 ms to 3600 s"),
+        ({"seconds": float("nan")}, "1 ms to 3600 s"),
+        ({"sensors": 1}, "2 to 4096"),
+        ({"sensors": 5000}, "2 to 4096"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(options: dict[str, float], allowed: str) -> None:
+    with pytest.raises(InputError, match=allowed):
+        TwinSpeed(**options)  # type: ignore[arg-type]
+
+
+def test_an_unknown_sensor_is_refused() -> None:
+    with pytest.raises(InputError, match="did you mean 'prototype'"):
+        list(TwinSpeed(sensor="prototipe").run())
