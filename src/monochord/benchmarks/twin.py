@@ -30,9 +30,10 @@ SETTLE: Seconds = 0.5
 class TwinSpeed(Benchmark):
     """Time over audio time of the twin on one core, and of many twins on all cores.
 
-    Rows: the string alone, plucked (free); with both drivers (ebows); pressed besides (touch); and everything: a
-    touch that slides to and fro, rough, on a drifting string in a noisy room (full). What is compiled has run once
-    before. Wall time of the fastest of many short stretches counts, for other programs take a share of any machine.
+    Rows: the string alone, plucked (free); with both drivers (ebows); pressed besides (touch); and
+    everything: a touch that slides to and fro, rough, on a drifting string in a noisy room (full). What is
+    compiled has run once before. Wall time of the fastest of many short stretches counts, for other
+    programs take a share of any machine.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ class TwinSpeed(Benchmark):
 
 
 def _scene(name: str, sensor: Sensor) -> Scene:
-    """What happens in a row of the benchmark."""
+    """Return what happens in a row of the benchmark."""
     pluck = Pluck(position=0.3 * sensor.string.length, height=1e-4)
     low, high = sensor.range
     here, plastic = low + 0.3 * (high - low), load_material("plastic")

@@ -109,7 +109,6 @@ def _quickly(
     ease: float,
     s: float,
     s_old: float,
-    eta_old: float,
     k1: float,
     k2: float,
     rest: float,
@@ -253,7 +252,7 @@ def press(
     if gap <= 0.0 and s_old == 0.0:
         return 0.0, gap, 0.0
     if gap > 0.0 and s_old > 0.0 and start > 0.0:
-        s, eta = _quickly(gap, ease, start, s_old, eta_old, k1, k2, rest, loss)
+        s, eta = _quickly(gap, ease, start, s_old, k1, k2, rest, loss)
         force = (gap - eta) / ease
         if s > 0.0 and force >= 0.0:
             return s, eta, force
