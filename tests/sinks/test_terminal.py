@@ -155,7 +155,7 @@ def test_a_picture_taller_than_before_starts_anew(capsys: pytest.CaptureFixture[
         screen.show([Text("one"), Text("ten")])
     drawn = capsys.readouterr().out
     assert last_picture(drawn.replace("\n", "\r\n")) == ["one", "ten"]
-    assert "\x1b[1mdeux\x1b[0m" in drawn
+    assert "\x1b[1mdeux\x1b[0m" in drawn  # bold, but NO_COLOR holds
     assert "x" * 20 in drawn
     assert "x" * 21 not in drawn
     assert drawn.count("more") == 6

@@ -128,16 +128,29 @@ def power_spectrum(
     >>> int(power.argmax())
     1000
     """
-    count = samples.shape[1]
-    centred = samples - samples.mean(axis=1, keepdims=True, dtype=np.float64)
-    rms = np.sqrt(np.einsum("cn,cn->c", centred, centred) / count)
-    centred *= taper
-    centred /= np.where(rms > 0.0, rms, 1.0)[:, np.newaxis]
     power = np.empty((samples.shape[0], size // 2 + 1 if bins is None else bins))
-    for channel, told in zip(centred, power, strict=True):
+    for channel, told in zip(_levelled(samples, taper), power, strict=True):
         half = np.fft.rfft(channel, size, out=room)[: told.size]
         told[:] = half.real**2 + half.imag**2
     return power
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
+def _levelled(samples: Floats | Audio, taper: Floats) -> Floats:
+    """Return each channel about its mean, scaled to unit power and tapered; a silent one stays silent."""
+    levelled = np.empty(samples.shape)
+    for channel, told in zip(samples, levelled):  # noqa: B905  (numba knows no strict)
+        total = square = 0.0
+        for sample in channel:
+            total += sample
+        mean = total / channel.size
+        for sample in channel:
+            square += (sample - mean) ** 2
+        rms = np.sqrt(square / channel.size)
+        scale = rms if rms > 0.0 else 1.0
+        for i in range(channel.size):
+            told[i] = (channel[i] - mean) / scale * taper[i]
+    return levelled
 
 
 def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:

@@ -124,12 +124,12 @@ class TwoSegments:
         if self.law == "linear" and self.string.tension_per_force == 0.0:
             return Estimate.abstain("N", "the string's tension does not tell force")
 
-        def force(pull: Newtons) -> Newtons:
-            return force_from_tension(self.string, max(pull, self.string.tension), position, self.law)
-
-        value = force(tension)
-        std = max(force(tension + tension_std) - value, value - force(tension - tension_std))
-        return Estimate(value=value, std=std, unit="N")
+        # The force, and what it would be one standard error of the tension further down and up.
+        pulls = np.array([tension, tension - tension_std, tension + tension_std])
+        pulls = np.maximum(pulls, self.string.tension)
+        forces = force_from_tension(self.string, pulls, np.full(3, position), self.law)
+        value, low, high = forces.tolist()
+        return Estimate(value=value, std=max(high - value, value - low), unit="N")
 
 
 def _abstain(why_not: str) -> dict[str, Estimate]:
@@ -152,14 +152,14 @@ def _find_lines(analyser: Analyser, samples: Audio, lowest: Hertz) -> Lines:
     each = analyser.powers(samples)
     power = each.mean(axis=0)
     peaks = analyser.peaks(power, analyser.salience(power), SHARP)
-    strongest = np.argsort(-np.where(peaks.frequency > lowest, peaks.power, -np.inf))[:LINES]
-    chosen = strongest[peaks.frequency[strongest] > lowest]
-    height = peaks.power[chosen]
-    at = np.rint(peaks.frequency[chosen] / analyser.spacing).astype(int)
+    high = np.flatnonzero(peaks.frequency > lowest)
+    chosen = high[np.argsort(-peaks.power[high])[:LINES]]
+    frequency, height = peaks.frequency[chosen], peaks.power[chosen]
+    heard = each[:, np.rint(frequency / analyser.spacing).astype(int)]
     return Lines(
-        frequency=peaks.frequency[chosen],
+        frequency=frequency,
         std=np.sqrt(peaks.variance[chosen]),
-        weight=np.clip(1.0 + 10.0 * np.log10(height / height.max(initial=1e-30)) / FAINT, 0.0, 1.0),
-        share_1=each[0, at] / each[:, at].sum(axis=0),
+        weight=np.maximum(1.0 + 10.0 * np.log10(height / height.max(initial=1e-30)) / FAINT, 0.0),
+        share_1=heard[0] / heard.sum(axis=0),
         tolerance=TOLERANCE * analyser.resolution,
     )

@@ -2,9 +2,10 @@
 
 import math
 
+import numba
 import numpy as np
 
-from monochord.types import Window
+from monochord.types import Audio, Window
 
 SILENCE = 2.0e-5
 """Root mean square below which a window is silence: twice the rounding noise of 16 bit."""
@@ -21,13 +22,34 @@ def why_unusable(window: Window) -> str:
     """
     if window.has_gap:
         return "gap"
-    samples = window.samples
-    low, high = float(samples.min()), float(samples.max())
-    if not (math.isfinite(low) and math.isfinite(high)):  # either is NaN where any sample is
+    deviation, rails = _seen(window.samples)
+    if not math.isfinite(deviation):
         return "samples that are not numbers"
-    if samples.std(axis=1, dtype=np.float64).max() < SILENCE:
+    if deviation < SILENCE:
         return "silence"
-    rails = np.count_nonzero(samples == high) + np.count_nonzero(samples == low)
-    if rails > CLIPPED_SHARE * samples.size:
+    if rails > CLIPPED_SHARE:
         return "clipped"
     return ""
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
+def _seen(samples: Audio) -> tuple[float, float]:
+    """Return the largest standard deviation of a channel, and the share of samples at the extreme values."""
+    low = high = samples[0, 0]
+    deviation = 0.0
+    for channel in samples:
+        total = square = 0.0
+        for sample in channel:
+            total += sample
+            low, high = min(low, sample), max(high, sample)
+        mean = total / channel.size
+        if not np.isfinite(mean):
+            return np.nan, 0.0
+        for sample in channel:
+            square += (sample - mean) ** 2
+        deviation = max(deviation, np.sqrt(square / channel.size))
+    rails = 0
+    for channel in samples:
+        for sample in channel:
+            rails += (sample == low) | (sample == high)
+    return deviation, rails / samples.size

@@ -51,7 +51,7 @@ class Screen(AbstractContextManager["Screen"]):
     def _ansi(self, line: Text) -> str:
         """Return a line with its styles as control sequences."""
         parts: list[str] = []
-        for text, style, _ in line.render(self._console):
+        for text, style, _ in Text.assemble(line).render(self._console):  # its own style becomes a span
             plain = style.without_color if style and self._console.no_color else style
             parts.append(plain.render(text, color_system=self._colours) if plain else text)
         return "".join(parts)
