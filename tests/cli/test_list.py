@@ -1,4 +1,4 @@
-"""`monochord list` finds every plug-in folder and the strings by itself."""
+"""`monochord list` finds every plug-in folder and every preset by itself."""
 
 import json
 
@@ -6,17 +6,21 @@ import pytest
 
 from monochord.cli import run
 from monochord.figures import FIGURES
+from monochord.physics.materials import load_material, material_names
+from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.strings import string_names
 from monochord.sources import SOURCES
 
 
-def test_json_lists_every_plugin_and_string(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_lists_every_plugin_and_preset(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["list", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert {"benchmarks", "estimators", "figures", "models", "sinks", "sources", "strings"} <= set(found)
     assert [entry["name"] for entry in found["figures"]] == FIGURES.names()
     assert [entry["name"] for entry in found["sources"]] == SOURCES.names()
     assert [entry["name"] for entry in found["strings"]] == string_names()
+    assert [entry["name"] for entry in found["sensors"]] == sensor_names()
+    assert [entry["name"] for entry in found["materials"]] == material_names()
     for entry in (entry for shelf in found.values() for entry in shelf):
         assert entry["summary"].endswith(".") or "source" in entry
 
@@ -26,6 +30,30 @@ def test_options_come_with_their_defaults(capsys: pytest.CaptureFixture[str]) ->
     trends = next(e for e in json.loads(capsys.readouterr().out)["figures"] if e["name"] == "trends")
     options = {option["name"]: option for option in trends["options"]}
     assert options["string"] == {"name": "string", "required": False, "default": "appendix"}
+
+
+def test_a_preset_comes_with_its_source_and_its_values(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["list", "sensor", "--json"]) == 0
+    sensors = {entry["name"]: entry for entry in json.loads(capsys.readouterr().out)["sensors"]}
+    prototype = load_sensor("prototype")
+    assert sensors["prototype"]["source"] == prototype.source
+    assert sensors["prototype"]["sensor"]["string"]["tension"] == prototype.string.tension
+    assert sensors["prototype"]["sensor"]["range"] == [*prototype.range]
+    assert run(["list", "materials", "--json"]) == 0
+    materials = {entry["name"]: entry for entry in json.loads(capsys.readouterr().out)["materials"]}
+    rubber = load_material("rubber")
+    assert materials["rubber"]["notes"] == rubber.notes
+    assert materials["rubber"]["material"]["young_modulus"] == rubber.young_modulus
+
+
+def test_text_shows_presets_by_their_titles(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["list"]) == 0
+    text = capsys.readouterr().out
+    for name, title in (
+        ("gauge_012", load_sensor("gauge_012").title),
+        ("foam", load_material("foam").title),
+    ):
+        assert f"  {name:<16} {title}" in text.splitlines()
 
 
 def test_text_shows_names_and_defaults(capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,6 +13,8 @@ import click
 import monochord
 from monochord.config import to_tree
 from monochord.errors import InputError, did_you_mean
+from monochord.physics.materials import load_material, material_names
+from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.strings import load_string, string_names
 from monochord.registry import Registry
 
@@ -23,7 +25,7 @@ Entry: TypeAlias = dict[str, Any]
 @click.argument("kind", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def list(kind: str | None, *, as_json: bool) -> None:  # noqa: A001
-    """Show all plug-ins and strings, or those of one KIND, with their options and defaults."""
+    """Show all plug-ins, strings, sensors and materials, or those of one KIND, with options and defaults."""
     shelves = _shelves()
     if kind is not None:
         wanted = kind if kind in shelves else f"{kind}s"
@@ -35,7 +37,7 @@ def list(kind: str | None, *, as_json: bool) -> None:  # noqa: A001
 
 
 def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
-    """Return what can be listed: every folder with a registry, found by its ``base.py``, and the strings."""
+    """Return what can be listed: every folder with a registry, found by its ``base.py``, and the presets."""
     shelves: dict[str, Callable[[], Iterable[Entry]]] = {}
     root = Path(monochord.__path__[0])
     for contract in root.rglob("base.py"):
@@ -44,7 +46,7 @@ def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
             thing for thing in vars(import_module(folder)).values() if isinstance(thing, Registry)
         ):
             shelves[contract.parent.name] = lambda registry=registry: _plugins(registry)
-    shelves["strings"] = _strings
+    shelves |= {"strings": _strings, "sensors": _sensors, "materials": _materials}
     return dict(sorted(shelves.items()))
 
 
@@ -72,6 +74,22 @@ def _strings() -> Iterable[Entry]:
         preset = load_string(name)
         facts = {"source": preset.source, "notes": preset.notes, "open_frequency": preset.open_frequency}
         yield {"name": name, "summary": preset.title, **facts, "string": to_tree(preset.string)}
+
+
+def _sensors() -> Iterable[Entry]:
+    for name in sensor_names():
+        yield _preset(name, to_tree(load_sensor(name)), "sensor")
+
+
+def _materials() -> Iterable[Entry]:
+    for name in material_names():
+        yield _preset(name, to_tree(load_material(name)), "material")
+
+
+def _preset(name: str, tree: Entry, kind: str) -> Entry:
+    """Return a preset as an entry: what is said of it beside what it is, by its kind."""
+    facts = {"summary": tree.pop("title"), "source": tree.pop("source"), "notes": tree.pop("notes")}
+    return {"name": name, **facts, kind: {key: value for key, value in tree.items() if key != "name"}}
 
 
 def _text(shelf: str, entries: Iterable[Entry]) -> str:
