@@ -8,6 +8,7 @@ from monochord.errors import InputError
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses
 from monochord.physics.twin import Ebow, Key, Outside, Pickups, Pluck, Scene, Sensor, Touch, Twin, begin
+from monochord.physics.twin.rate import HALVES, TOPS, mode_count, padded
 from monochord.types import StringParams
 
 Draw = np.random.Generator
@@ -137,18 +138,19 @@ def scene(rng: Draw, length: float, seconds: float) -> Scene:
 def twin(
     seed: int,
     seconds: float,
-    most_modes: int = 256,
+    halves: tuple[int, ...] = HALVES,
     rates: tuple[int, ...] = (16000, 44100, 48000, 96000, 192000),
 ) -> Twin:
-    """A twin of the allowed domain; what is refused is drawn again."""
+    """A twin of the allowed domain whose half bank has one of the sizes; all others are drawn again."""
     rng = np.random.default_rng(seed)
     while True:
+        wire, rate = string(rng), int(rng.choice(rates))
+        if mode_count(wire, rate, TOPS[0]) > max(halves):  # it has no fewer modes once it is planned
+            continue
         try:
-            built = sensor(rng, string(rng))
-            found = begin(
-                built, scene(rng, built.string.length, seconds), sample_rate=int(rng.choice(rates)), seed=seed
-            )
+            built = sensor(rng, wire)
+            found = begin(built, scene(rng, wire.length, seconds), sample_rate=rate, seed=seed)
         except InputError:
             continue
-        if found.plan.count <= most_modes:
+        if padded(found.plan.count) in halves:
             return found

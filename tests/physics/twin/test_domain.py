@@ -8,6 +8,7 @@ from tests.physics.twin.built import SENSOR, modes, moving
 from monochord.errors import InputError
 from monochord.physics.twin import Scene, Twin, advance, begin, hold
 from monochord.physics.twin import bank as layout
+from monochord.physics.twin.rate import HALVES
 
 
 def refuse_the_impossible(twin: Twin, seconds: float) -> None:
@@ -31,16 +32,17 @@ def refuse_the_impossible(twin: Twin, seconds: float) -> None:
             assert np.isfinite(speeds).all()
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_a_drawn_twin_stays_sound(seed: int) -> None:
-    refuse_the_impossible(drawn.twin(seed, 1.0, most_modes=16), 1.0)
+    refuse_the_impossible(drawn.twin(seed, 0.3, halves=(16,)), 0.3)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("seed", range(1000, 1060))
+@pytest.mark.parametrize("seed", range(1000, 1020))
 def test_a_drawn_twin_stays_sound_for_long(seed: int) -> None:
-    refuse_the_impossible(drawn.twin(seed, 20.0), 20.0)
+    """Four of each size of bank, whatever their touches and rates; none is left out for its cost."""
+    refuse_the_impossible(drawn.twin(seed, 20.0, halves=(HALVES[seed % len(HALVES)],)), 20.0)
 
 
 def test_a_string_too_fast_for_its_rate_is_refused() -> None:
