@@ -77,7 +77,7 @@ class TwinSource(Source):
     duration
         Length in seconds; 0 without end.
     block
-        Frames a block; the last one holds what is left.
+        Frames a block, by default the usual hop, so that each completes a window; the last may be shorter.
     sample_rate
         In Hz.
     """
@@ -97,7 +97,7 @@ class TwinSource(Source):
     snr: float = 20.0
     speed: float = 1.0
     duration: Seconds = 0.0
-    block: Samples = 256
+    block: Samples = 441
     sample_rate: int = 44100
 
     @contextmanager
