@@ -5,7 +5,7 @@ import os
 import pytest
 
 from monochord.benchmarks.base import Row
-from monochord.benchmarks.twin import FDTD, SLOW, TwinSpeed
+from monochord.benchmarks.twin import FDTD, SLOW, Twin
 from monochord.errors import InputError
 
 PARTS = ("free", "ebows", "touch", "full")
@@ -13,7 +13,7 @@ PARTS = ("free", "ebows", "touch", "full")
 
 @pytest.fixture(scope="module")
 def rows() -> dict[str, Row]:
-    return {row.name: row for row in TwinSpeed(seconds=0.4, stretch=0.02, sensors=3).run()}
+    return {row.name: row for row in Twin(seconds=0.4, stretch=0.02, sensors=3).run()}
 
 
 def test_every_part_stands_beside_the_papers_scheme(rows: dict[str, Row]) -> None:
@@ -62,9 +62,9 @@ def test_no_row_but_these(rows: dict[str, Row]) -> None:
 )
 def test_options_that_make_no_sense_are_refused(options: dict[str, float], allowed: str) -> None:
     with pytest.raises(InputError, match=allowed):
-        TwinSpeed(**options)  # type: ignore[arg-type]
+        Twin(**options)  # type: ignore[arg-type]
 
 
 def test_an_unknown_sensor_is_refused() -> None:
     with pytest.raises(InputError, match="did you mean 'prototype'"):
-        list(TwinSpeed(sensor="prototipe").run())
+        list(Twin(sensor="prototipe").run())

@@ -14,7 +14,8 @@ from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
-from monochord.physics.twin import Key, Outside, Pluck, Scene, Sensor, Touch, Twin, advance, begin, hold
+from monochord.physics.twin import Key, Outside, Pluck, Scene, Sensor, Touch, advance, begin, hold
+from monochord.physics.twin import Twin as VirtualSensor
 from monochord.physics.twin.many import advance_many
 from monochord.physics.twin.reference import advance_slowly
 from monochord.units import Seconds
@@ -27,7 +28,7 @@ SETTLE: Seconds = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TwinSpeed(Benchmark):
+class Twin(Benchmark):
     """Time over audio time of the twin on one core, and of many twins on all cores.
 
     Rows: the string alone, plucked (free); with both drivers (ebows); pressed besides (touch); and
@@ -79,7 +80,7 @@ class TwinSpeed(Benchmark):
         self,
         sensor: Sensor,
         scene: Scene,
-        go: Callable[[Twin, int], tuple[object, Twin]],
+        go: Callable[[VirtualSensor, int], tuple[object, VirtualSensor]],
         *,
         stretch: Seconds | None = None,
         count: int | None = None,

@@ -31,3 +31,9 @@ def test_depth_gives_the_force_back() -> None:
 def test_rise_is_that_of_theory(force: float) -> None:
     found = motion.geometric_rise(force, 0.08, STRING.length, STRING.tension, stretch_stiffness(STRING))
     assert found == pytest.approx(geometric_tension(STRING, 0.08, force) - STRING.tension, rel=1e-6)
+
+
+def test_a_tension_drifts_by_a_quarter_at_most() -> None:
+    assert motion.drifted(1.0, 0.5, 4.0, 65.0) == pytest.approx(3.0)
+    assert motion.drifted(-0.13, -0.567, 20.0, 5.15) == pytest.approx(-0.25 * 5.15)
+    assert motion.drifted(0.0, 1.0, 1e6, 65.0) == pytest.approx(16.25)

@@ -73,7 +73,9 @@ def _ask(sensor: Sensor, state: State, index: int) -> tuple[float, bool, bool]:
     """Read the touches' motion; return the tension it asks for, whether one moves, and whether one did."""
     scalars, step = sensor.scalars, sensor.scalars[STEP]
     moves, moved = False, False
-    tension = scalars[TENSION] + scalars[DRIFT] + scalars[DRIFT_RATE] * index * step
+    tension = scalars[TENSION] + motion.drifted(
+        scalars[DRIFT], scalars[DRIFT_RATE], index * step, scalars[TENSION]
+    )
     for t in range(sensor.touches.shape[0]):
         now, ahead = state.asked[t], state.ahead[t]
         for c in range(5):
@@ -161,8 +163,9 @@ def _step(sensor: Sensor, state: State, size: int, index: int) -> None:
     if sensor.sound.size > 0:
         shake = scalars[SHAKE] * sensor.sound[(index // sensor.integers[FINER]) % sensor.sound.size]
     guess, yields = string.carry(bank, size, first, second, shake)
-    drifted = scalars[DRIFT] + scalars[DRIFT_RATE] * ((index // TICK) * TICK) * scalars[STEP]
-    taken = memory[TUNED] - scalars[TENSION] - drifted
+    time = (index // TICK) * TICK * scalars[STEP]
+    off = motion.drifted(scalars[DRIFT], scalars[DRIFT_RATE], time, scalars[TENSION])
+    taken = memory[TUNED] - scalars[TENSION] - off
     if sensor.integers[LAW] == 0:
         guess -= yields * (scalars[STRETCH] * (memory[SPREAD] + guess) - 2.0 * taken)
     guess += touching.prepare(sensor, state, size, (index % TICK + 1.0) / TICK)

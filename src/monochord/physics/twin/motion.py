@@ -59,6 +59,13 @@ def depth_of(force: float, k1: float, k2: float, static: float, others: float, c
 
 
 @called
+def drifted(start: float, rate: float, time: float, tension: float) -> float:
+    """Return how far the tension is off its nominal value at a time, in N: a quarter of it at most."""
+    most = 0.25 * tension
+    return min(most, max(-most, start + rate * time))
+
+
+@called
 def geometric_rise(force: float, place: float, length: float, tension: float, stretch: float) -> float:
     """Return the rise of tension in N by a static press; see `monochord.physics.theory.geometric_tension`."""
     load = stretch * force * force * place * (length - place)

@@ -102,7 +102,7 @@ def _look(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
         state.ahead[t, : motion.DEPTH] = [np.interp(time, keys[:, motion.TIME], column) for column in columns]
     moving = gates_moving or bool((state.asked[:, : gap + 1] != state.ahead[:, : gap + 1]).any())
 
-    tension = nominal + sensor.scalars[k.DRIFT] + sensor.scalars[k.DRIFT_RATE] * index * step
+    tension = nominal + _drifted(sensor.scalars, index)
     for t in touches:
         if sensor.integers[k.LAW] == 1:
             tension += sensor.scalars[k.RISE] * state.asked[t, load]
@@ -155,6 +155,12 @@ def _look(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
         state.memory[[k.QUIET, k.SETTLED]] = 0.0
 
 
+def _drifted(scalars: Floats, index: int) -> float:
+    """Return how far the tension has drifted at a step, in N, a quarter of it at most."""
+    drift = scalars[k.DRIFT] + scalars[k.DRIFT_RATE] * index * scalars[k.STEP]
+    return float(np.clip(drift, -0.25 * scalars[k.TENSION], 0.25 * scalars[k.TENSION]))
+
+
 def _rise(sensor: Sensor, force: float, place: float) -> float:
     """Solve T^2 (T - T0) = E A F^2 x (L - x) / (2 L^2) for T - T0 in N."""
     length, nominal, axial = sensor.scalars[[k.LENGTH, k.TENSION, k.AXIAL]]
@@ -202,8 +208,7 @@ def _step(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
         depth, depth_ahead = state.asked[t, motion.DEPTH], state.ahead[t, motion.DEPTH]
         one[k.SURFACE] = depth + past * (depth_ahead - depth) + state.contact[t, k.HEIGHT]
 
-    drift = scalars[k.DRIFT] + scalars[k.DRIFT_RATE] * (index - index % k.TICK) * step
-    taken = memory[k.TUNED] - scalars[k.TENSION] - drift
+    taken = memory[k.TUNED] - scalars[k.TENSION] - _drifted(scalars, index - index % k.TICK)
     free = float(bank[layout.STRETCH] @ q_free**2)
     spread, tension, q_next, held = free, 0.0, q_free, np.zeros_like(q)
     if sensor.integers[k.LAW] == 0:

@@ -70,8 +70,8 @@ class Sensor:
     """A sensor as built: string, losses, two drivers, two pickups, and the stretch where it senses.
 
     `drift` is how far the string's tension is off its nominal value at the start, in N, and `drift_rate`
-    how fast it moves, in N/s. `shake` is the acceleration of the frame, in m/s^2, that an outside sound of
-    full scale causes.
+    how fast it moves, in N/s, up to a quarter of the tension in all. `shake` is the acceleration of the
+    frame, in m/s^2, that an outside sound of full scale causes.
 
     `frame_expansion` and `string_expansion` are how much frame and wire lengthen by a kelvin, of their
     length: handbook values of aluminium and of steel. `tolerances` say how another sensor of the design may
