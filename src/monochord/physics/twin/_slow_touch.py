@@ -208,13 +208,21 @@ def height(touch: Floats, own: Floats, seed: int) -> float:
     for octave in range(roughness.OCTAVES):
         column, row = floor(across * 2**octave), floor(along * 2**octave)
         heights = [
-            [(bits(seed + octave, ((column + i) << 24) + row + j) >> 11) / 2**52 - 1.0 for j in (0, 1)]
+            [
+                (bits(own_key(seed, octave), ((column + i) << 24) + row + j) >> 11) / 2**52 - 1.0
+                for j in (0, 1)
+            ]
             for i in (0, 1)
         ]
         x, y = across * 2**octave - column, along * 2**octave - row
         x, y = 3.0 * x**2 - 2.0 * x**3, 3.0 * y**2 - 2.0 * y**3
         total += 0.5**octave * float(np.array([1.0 - x, x]) @ np.array(heights) @ np.array([1.0 - y, y]))
     return touch[k.ROUGH] * roughness.LEVEL * total
+
+
+def own_key(seed: int, index: int) -> int:
+    """Return a seed that nothing else of a neighbouring seed or index has."""
+    return bits(seed, roughness.KEYS + index) >> 2
 
 
 def bits(seed: int, index: int) -> int:

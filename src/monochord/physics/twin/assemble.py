@@ -67,7 +67,7 @@ def sensor_arrays(
             blur = np.exp(-0.5 * (wave * driver.aperture) ** 2) * share(driver.angle)
             bank[DRIVE_1 + d, own] = np.sin(wave * driver.drive) * blur
             bank[SENSE_1 + d, own] = np.sin(wave * driver.sense) * blur
-        felt = string.tension * wave * share(sensor.pickups.angle)
+        felt = (string.tension + bending_stiffness(string) * wave**2) * wave * share(sensor.pickups.angle)
         bank[END_1, own] = felt
         bank[END_2, own] = -felt * np.cos(n * pi)
     bank[FRAME, :count] = -string.linear_density * (1.0 - np.cos(n * pi)) / wave

@@ -19,7 +19,7 @@ FIRST, SECOND, BEFORE = range(3)
 
 @part
 def saturated(x: float) -> float:
-    """Return tanh(x) to 1e-6, and to 2e-4 beyond 8: two halves of its continued fraction (Lambert 1768)."""
+    """Return tanh(x) to 2e-7, and to 6e-4 beyond 8: two halves of its continued fraction (Lambert 1768)."""
     half = 0.5 * min(20.0, max(-20.0, x))
     y = half * half
     t = half * (10395.0 + y * (1260.0 + 21.0 * y)) / (10395.0 + y * (4725.0 + y * (210.0 + y)))

@@ -4,6 +4,7 @@ import numpy as np
 
 from monochord.physics.twin import bank as layout
 from monochord.physics.twin import memory as k
+from monochord.physics.twin import motion
 from monochord.physics.twin.memory import Sensor, State
 from monochord.physics.twin.stream import Twin
 
@@ -57,7 +58,9 @@ def energy(twin: Twin) -> float:
     if fixed.integers[k.LAW] == 0:
         stretch = float(bank[layout.STRETCH] @ q**2)
         tick = max(0, (twin.start * int(fixed.integers[k.FINER]) - 1)) // k.TICK * k.TICK
-        drift = scalars[k.DRIFT] + scalars[k.DRIFT_RATE] * tick * scalars[k.STEP]
+        drift = motion.drifted(
+            scalars[k.DRIFT], scalars[k.DRIFT_RATE], tick * scalars[k.STEP], scalars[k.TENSION]
+        )
         above = tension - scalars[k.TENSION] - drift
         total += scalars[k.REACH] * (0.5 * scalars[k.STRETCH] * stretch**2 - above * stretch)
     for own, touch in zip(state.contact, fixed.touches, strict=True):

@@ -37,6 +37,7 @@ from monochord.physics.twin.memory import (
     FINER,
     FRESH,
     GATE,
+    HOLD,
     KICK,
     LAW,
     LENGTH,
@@ -51,6 +52,7 @@ from monochord.physics.twin.memory import (
     SEED,
     SETTLED,
     SHAKE,
+    SINCE,
     SLACK,
     SLOPE,
     SPREAD,
@@ -82,8 +84,10 @@ def _ask(sensor: Sensor, state: State, index: int) -> tuple[float, bool, bool]:
             moved = moved or now[c] != ahead[c]
             now[c] = ahead[c]
         motion.asked(sensor.keys[t], sensor.counts[t], (index + TICK) * step, ahead)
-        for c in range(3):
+        for c in range(motion.SPEED + 1):
             moves = moves or ahead[c] != now[c]
+        if state.contact[t, SINCE] >= HOLD:
+            continue
         if sensor.integers[LAW] == 1:
             tension += scalars[RISE] * now[motion.LOAD]
         elif now[motion.LOAD] > 0.0:
@@ -172,7 +176,7 @@ def _step(sensor: Sensor, state: State, size: int, index: int) -> None:
     tension = _agree(sensor, state, size, max(0.0, guess), taken)
     memory[COIL_1], memory[COIL_2], memory[NEAR], memory[FAR] = string.arrive(bank, size, tension)
     for t in range(sensor.touches.shape[0]):
-        seed = sensor.integers[SEED] + 16 * t
+        seed = roughness.surface(sensor.integers[SEED], t)
         touching.remember(sensor.touches[t], state.contact[t], state.solved[t], scalars[STEP], seed)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from monochord.physics.twin.memory import Sensor, State
 from monochord.physics.twin.rate import padded
-from monochord.physics.twin.stream import FIXED, Take, Twin, room, taken
+from monochord.physics.twin.stream import FIXED, Take, Twin, refuse_negative, room, taken
 from monochord.units import Samples
 
 KEYS = FIXED.index("keys")
@@ -45,6 +45,7 @@ def advance_many(
     >>> [take.microphones.shape for take, _ in advance_many(several, 10)]
     [(2, 10), (2, 10), (2, 10)]
     """
+    refuse_negative(frames)
     shapes: dict[object, list[int]] = {}
     for i, twin in enumerate(twins):
         shapes.setdefault(_shape(twin), []).append(i)

@@ -20,7 +20,7 @@ NEWTON = 60
 QUICK = 6
 """Most rounds of the plain Newton iteration; two or three are usual."""
 EXACT = 1e-14
-"""The same, where the static press is sought."""
+"""Relative step of s after which the search for a static press ends."""
 CLOSE, NEAR = 1e-5, 1e-3
 """Relative step of s after which the iteration ends, and the plain one; what is left is of its square. The
 plain one takes its second turn at the same sample when the string's stretch is known, and starts there from

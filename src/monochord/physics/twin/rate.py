@@ -73,8 +73,8 @@ def plan(
     >>> plan(guitar, 44100.0).finer
     1
     """
-    if finer is not None and not 1 <= finer <= 64:
-        raise InputError(f"{finer} steps a frame", "1 to 64")
+    if finer is not None and finer not in (*CHOICES, 16, 32):
+        raise InputError(f"{finer} steps a frame", "1, 2, 4, 8, 16 or 32")
     found: list[Plan] = []
     for steps in CHOICES if finer is None else (finer,):
         found = [_best(string, rate, steps, partials, top) for top in TOPS]

@@ -13,7 +13,7 @@ import numpy as np
 
 from monochord.physics.twin import bank as layout
 from monochord.physics.twin import memory as k
-from monochord.physics.twin import motion, pickup
+from monochord.physics.twin import motion, pickup, roughness
 from monochord.physics.twin._slow_touch import (
     ALIKE,
     MOST,
@@ -23,6 +23,7 @@ from monochord.physics.twin._slow_touch import (
     foreseen,
     halved,
     height,
+    own_key,
     remember,
     touched,
 )
@@ -100,13 +101,11 @@ def _look(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
         keys = sensor.keys[t, : sensor.counts[t]]
         columns = keys[:, motion.TIME + 1 :].T
         state.ahead[t, : motion.DEPTH] = [np.interp(time, keys[:, motion.TIME], column) for column in columns]
-    moving = gates_moving or bool((state.asked[:, : gap + 1] != state.ahead[:, : gap + 1]).any())
+    moving = gates_moving or bool((state.asked[:, : motion.DEPTH] != state.ahead[:, : motion.DEPTH]).any())
 
     tension = nominal + _drifted(sensor.scalars, index)
     for t in touches:
-        if sensor.integers[k.LAW] == 1:
-            tension += sensor.scalars[k.RISE] * state.asked[t, load]
-        else:
+        if state.contact[t, k.SINCE] < k.HOLD:
             tension += _rise(sensor, state.asked[t, load], state.asked[t, place])
     if abs(tension - state.memory[k.TUNED]) > k.RETUNE * nominal:
         _tune(bank, tension, mass, reach, step)
@@ -146,7 +145,7 @@ def _look(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
         own[k.GRIP] = 1.0 / (1.0 / (sensor.touches[t, k.TANGENT] * normal) + own[k.REST])
         own[k.DAMP] = sensor.touches[t, k.LOSS] * usual / step
         if own[k.SINCE] >= k.HOLD:
-            own[k.HEIGHT] = height(sensor.touches[t], own, int(sensor.integers[k.SEED]) + 16 * t)
+            own[k.HEIGHT] = height(sensor.touches[t], own, surface(sensor, t))
 
     most = k.TICK * step / k.SWITCH
     gates = state.coils[:, k.GATE]
@@ -161,8 +160,15 @@ def _drifted(scalars: Floats, index: int) -> float:
     return float(np.clip(drift, -0.25 * scalars[k.TENSION], 0.25 * scalars[k.TENSION]))
 
 
+def surface(sensor: Sensor, t: int) -> int:
+    """Return the seed of a touch's surface."""
+    return own_key(int(sensor.integers[k.SEED]), roughness.OCTAVES + t)
+
+
 def _rise(sensor: Sensor, force: float, place: float) -> float:
-    """Solve T^2 (T - T0) = E A F^2 x (L - x) / (2 L^2) for T - T0 in N."""
+    """Return k_T F, or solve T^2 (T - T0) = E A F^2 x (L - x) / (2 L^2) for T - T0, in N."""
+    if sensor.integers[k.LAW] == 1:
+        return float(sensor.scalars[k.RISE]) * force
     length, nominal, axial = sensor.scalars[[k.LENGTH, k.TENSION, k.AXIAL]]
     right = axial * force**2 * place * (length - place) / (2.0 * length**2)
     return halved(lambda rise: (nominal + rise) ** 2 * rise - right, 0.0, right / nominal**2)
@@ -239,7 +245,7 @@ def _step(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
     memory[k.COIL_1] = bank[layout.SENSE_1] @ bank[layout.V]
     memory[k.COIL_2] = bank[layout.SENSE_2] @ bank[layout.V]
     for t, one in enumerate(found):
-        remember(sensor.touches[t], state.contact[t], one, step, int(sensor.integers[k.SEED]) + 16 * t)
+        remember(sensor.touches[t], state.contact[t], one, step, surface(sensor, t))
 
 
 def _driven(parameters: Floats, memory: Floats, velocity: float) -> float:

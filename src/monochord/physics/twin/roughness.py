@@ -12,6 +12,8 @@ import numpy as np
 from monochord.physics.twin.part import called
 
 OCTAVES = 5
+KEYS = 1 << 61
+"""Indices from here on are keys, far from all that is looked up by a place or a frame."""
 LEVEL = 2.02
 """Makes the root mean square of the sum one."""
 
@@ -32,6 +34,18 @@ def hashed(seed: int, index: int) -> float:
 
 
 @called
+def own_key(seed: int, index: int) -> int:
+    """Return a seed below 2^62 that nothing else of a neighbouring seed or index has."""
+    return int(np.int64(mixed_bits(seed, KEYS + index) >> np.uint64(2)))
+
+
+@called
+def surface(seed: int, touch: int) -> int:
+    """Return the seed of a touch's surface."""
+    return own_key(seed, OCTAVES + touch)
+
+
+@called
 def height(seed: int, across: float, along: float) -> float:
     """Return the height at a place in correlation lengths, of unit root mean square over the plane."""
     total, share = 0.0, 1.0
@@ -39,10 +53,10 @@ def height(seed: int, across: float, along: float) -> float:
         column, row = np.floor(across), np.floor(along)
         x, y = across - column, along - row
         x, y = x * x * (3.0 - 2.0 * x), y * y * (3.0 - 2.0 * y)
-        i = (int(column) << 24) + int(row)
-        near, far = hashed(seed + octave, i), hashed(seed + octave, i + (1 << 24))
-        near += y * (hashed(seed + octave, i + 1) - near)
-        far += y * (hashed(seed + octave, i + (1 << 24) + 1) - far)
+        key, i = own_key(seed, octave), (int(column) << 24) + int(row)
+        near, far = hashed(key, i), hashed(key, i + (1 << 24))
+        near += y * (hashed(key, i + 1) - near)
+        far += y * (hashed(key, i + (1 << 24) + 1) - far)
         total += share * (near + x * (far - near))
         share *= 0.5
         across *= 2.0

@@ -6,13 +6,15 @@ import numpy as np
 
 from monochord.errors import InputError
 from monochord.physics.twin.assemble import plucked, sensor_arrays, touch_arrays
-from monochord.physics.twin.bank import STRETCH, Q, rows
+from monochord.physics.twin.bank import FORCE, PRESS, RUB, SHAPE, STRETCH, Q, rows
 from monochord.physics.twin.memory import (
     ETA,
     FOUND,
     FRESH,
     GATE,
+    QUIET,
     SENSOR_MEMORY,
+    SETTLED,
     SINCE,
     SPREAD,
     TOUCH_MEMORY,
@@ -108,6 +110,10 @@ def begin(
     scene = Scene() if scene is None else scene
     if not 16000 <= sample_rate <= 192000:
         raise InputError(f"sample rate {sample_rate} Hz", "16000 to 192000 Hz")
+    if not 0 <= seed < 2**62:
+        raise InputError(f"seed {seed}", "0 to 2^62 - 1")
+    if not 0.0 < agreement < 1.0:
+        raise InputError(f"agreement {agreement:g}", "between 0 and 1")
     found = plan(sensor.string, float(sample_rate), finer=finer)
     fixed = sensor_arrays(sensor, scene, found, float(sample_rate), seed, agreement)
     fixed |= touch_arrays(sensor, scene.touches, found, float(sample_rate))
@@ -119,12 +125,12 @@ def begin(
     memory[SPREAD] = float(bank[STRETCH] @ bank[Q] ** 2)
     asked, ahead = np.zeros((count, 5)), np.zeros((count, 5))
     for t, touch in enumerate(scene.touches):
-        _place(touch, 0.0, asked[t], ahead[t])
+        _place(touch, 0.0, _reach(bank), asked[t], ahead[t])
     coils = np.zeros((2, 4))
     coils[:, GATE] = fixed["gates"]
     moving = {
         "bank": bank.ravel(),
-        "contact": _untouched(count),
+        "contact": _untouched(count, _reach(bank)),
         "asked": asked,
         "ahead": ahead,
         "coils": coils,
@@ -153,18 +159,25 @@ FIXED = (
 
 MOVING = ("bank", "contact", "asked", "ahead", "coils", "band", "memory", "solved", "mutual")
 OUT_OF_REACH = 1e-3
-"""Metres above the string where a new object waits for the first tick."""
+"""Metres above all of the string where a new object waits for the first tick."""
 
 
 def advance(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     """Return the next `frames` frames and the twin after them; alike, bit for bit, however they are cut."""
     from monochord.physics.twin.kernel import kernel  # noqa: PLC0415  (numba loads on use)
 
+    refuse_negative(frames)
     moving = tuple(array.copy() for array in twin.moving)
     heard = room(1, len(twin.scene.touches), frames)
     run = kernel(2 * padded(twin.plan.count))
     run(Fixed(*twin.fixed), State(*moving), heard, np.array([twin.start]), 0, 1)
     return taken(heard, 0), replace(twin, start=twin.start + frames, moving=moving)
+
+
+def refuse_negative(frames: Samples) -> None:
+    """Raise `InputError` for fewer frames than none."""
+    if frames < 0:
+        raise InputError(f"{frames} frames", "0 or more")
 
 
 def room(sensors: int, touches: int, frames: Samples) -> Out:
@@ -200,10 +213,16 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     arrays |= touch_arrays(twin.sensor, touches, twin.plan, float(twin.sample_rate))
     moving = _named(MOVING, twin.moving)
     kept, count, size = min(len(touches), len(twin.scene.touches)), len(touches), 2 * padded(twin.plan.count)
-    bank = moving["bank"].reshape(-1, size)[: rows(kept)]
-    moving["bank"] = np.concatenate([bank, np.zeros((rows(count) - rows(kept), size))]).ravel()
+    kept_rows = moving["bank"].reshape(-1, size)[: rows(kept)]
+    bank = np.concatenate([kept_rows, np.zeros((rows(count) - rows(kept), size))])
+    bank[[FORCE, PRESS, RUB]] = 0.0
+    if count > 0:
+        bank[PRESS, : size // 2] = bank[SHAPE, : size // 2]
+        bank[RUB, size // 2 :] = bank[SHAPE, : size // 2]
+    moving["bank"] = bank.ravel()
+    reach = _reach(bank)
     for name, fresh in (
-        ("contact", _untouched(count)),
+        ("contact", _untouched(count, reach)),
         ("asked", np.zeros((count, 5))),
         ("ahead", np.zeros((count, 5))),
     ):
@@ -212,9 +231,11 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     moving["solved"], moving["mutual"] = np.zeros((count, FOUND)), np.zeros((2, count, count))
     moving["memory"] = moving["memory"].copy()
     moving["memory"][FRESH] = 1.0
+    if touches != twin.scene.touches:
+        moving["memory"][[QUIET, SETTLED]] = 0.0
     time = twin.start / twin.sample_rate
     for t in range(kept, count):
-        _place(touches[t], time, moving["asked"][t], moving["ahead"][t])
+        _place(touches[t], time, reach, moving["asked"][t], moving["ahead"][t])
     return replace(
         twin,
         scene=scene,
@@ -230,19 +251,24 @@ def switch(twin: Twin, drivers: tuple[bool, bool]) -> Twin:
     return replace(twin, scene=replace(twin.scene, drivers=drivers), fixed=_packed(arrays))
 
 
-def _untouched(count: int) -> np.ndarray:
+def _reach(bank: np.ndarray) -> float:
+    """Return a height in m above all that the string can be at."""
+    return OUT_OF_REACH + float(np.abs(bank[Q, : bank.shape[1] // 2]).sum())
+
+
+def _untouched(count: int, reach: float) -> np.ndarray:
     contact = np.zeros((count, TOUCH_MEMORY))
     contact[:, SINCE] = 1.0
-    contact[:, ETA] = -1.0
+    contact[:, ETA] = -reach
     return contact
 
 
-def _place(touch: Touch, time: float, asked: np.ndarray, ahead: np.ndarray) -> None:
+def _place(touch: Touch, time: float, reach: float, asked: np.ndarray, ahead: np.ndarray) -> None:
     """Put a new object where its motion says, out of reach until the next tick reads how deep it is."""
     times = [key.time for key in touch.motion]
     for column, name in enumerate(("position", "force", "clearance", "across")):
         ahead[column] = np.interp(time, times, [getattr(key, name) for key in touch.motion])
-    ahead[4] = -OUT_OF_REACH
+    ahead[4] = -reach
     asked[:] = ahead
 
 

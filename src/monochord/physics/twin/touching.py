@@ -114,7 +114,9 @@ def lay(sensor: Sensor, state: State, size: int, t: int) -> None:
     if own[SINCE] >= HOLD and touches[t, ROUGH] > 0.0:
         scale = 1.0 / touches[t, ROUGH_LENGTH]
         own[HEIGHT] = touches[t, ROUGH] * roughness.height(
-            sensor.integers[SEED] + 16 * t, scale * own[PATH], scale * (own[PATH_ALONG] + own[ROLL])
+            roughness.surface(sensor.integers[SEED], t),
+            scale * own[PATH],
+            scale * (own[PATH_ALONG] + own[ROLL]),
         )
 
 
