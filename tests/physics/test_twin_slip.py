@@ -116,19 +116,19 @@ def test_a_string_that_hops_walks_little_under_a_touch_at_rest(name: str, force:
     take = played(hold(PLACE, force, load_material(name)), 0.9)
     late = slice(round(0.3 * RATE), None)
     assert take.labels.contact[0, late].all()
-    # Hopping in every period, it may truly walk under hard metal: to and fro, 15 % of the time at most.
-    assert take.labels.slip[0, late].mean() <= 0.15
+    # Hopping in every period, it may truly walk under hard metal: to and fro, a quarter of the time at most.
+    assert take.labels.slip[0, late].mean() <= 0.25
     assert abs(take.labels.across[0, late].mean()) < 2e-4
 
 
 @pytest.mark.parametrize("speed", [0.002, -0.005, 0.01, -0.02, 0.03, 0.1, -0.3])
 def test_the_mean_speed_of_sliding_across_is_the_one_commanded(speed: float) -> None:
-    take = played(hold(PLACE, 1.0, load_material("plastic"), across=speed), 0.9)
+    scene = Scene(touches=(hold(PLACE, 1.0, load_material("plastic"), across=speed),))
+    take = advance(begin(load_sensor("prototype"), scene), round(0.9 * RATE))[0]
     late = slice(round(0.4 * RATE), None)
     assert take.labels.across[0, late].mean() == pytest.approx(speed, rel=0.02)
     assert abs(take.labels.along[0, late].mean()) < 1e-5
-    # At the slowest it sticks now and then for longer than the label holds.
-    assert take.labels.slip[0, late].mean() > (0.9 if abs(speed) < 0.005 else 0.99)
+    assert take.labels.slip[0, late].mean() > 0.99
 
 
 @pytest.mark.parametrize("speed", [0.005, -0.03, 0.3])
