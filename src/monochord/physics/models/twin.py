@@ -23,7 +23,8 @@ ARRIVAL: Seconds = 0.02
 PRESS: Seconds = 0.02
 """How long the press takes to reach its force."""
 SHORTEST: Seconds = 0.01
-"""Shortest sound of which peaks can be told."""
+LONGEST: Seconds = 600.0
+"""Shortest sound of which peaks can be told, and longest that is kept in memory at once."""
 STANDS_OUT = 8.0
 """Least height of a peak over the noise floor, in nepers of power."""
 
@@ -66,8 +67,8 @@ class TwinModel(Model):
 
     def run(self, case: Case) -> Sound:
         """Simulate, and find the strongest line on each side of the touch after the transient."""
-        if not case.seconds >= SHORTEST:
-            raise InputError(f"{case.seconds:g} seconds", f"{SHORTEST:g} s or more")
+        if not SHORTEST <= case.seconds <= LONGEST:
+            raise InputError(f"{case.seconds:g} seconds", f"{SHORTEST:g} to {LONGEST:g} s")
         plain = TwinCase(
             sensor=sensor_of(case.string),
             contact=case.contact,
