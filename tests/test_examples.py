@@ -70,4 +70,4 @@ def test_touch_the_twin() -> None:
     assert force[5] == pytest.approx(1.0, abs=0.05)
     assert sliding[[5, 7]].tolist() == [0.0, 100.0]
     assert speed[7] == pytest.approx(20.0, abs=2.0)
-    assert settled[5] == 100.0
+    assert settled[5] >= 95.0
