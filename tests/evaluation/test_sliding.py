@@ -43,7 +43,7 @@ def test_windows_come_from_the_seed() -> None:
 
 
 def test_what_the_label_does_not_call_slip_does_not_count() -> None:
-    # A press of 9.9 N by rubber holds the string for seconds at 2 mm/s: nothing slips, whatever was commanded.
+    # A press of 9.9 N by rubber holds the string for seconds at 2 mm/s: nothing slips, whatever is asked.
     held = replace(STUDY, material=load_material("rubber"), forces=(9.9, 9.9), runs=2)
     assert windows_of(held, 0, 0.002) == []
     with pytest.raises(InputError, match=r"0 windows that slip at 0.002 m/s"):
