@@ -176,8 +176,8 @@ def _step(sensor: Sensor, state: State, size: int, index: int) -> None:
     tension = _agree(sensor, state, size, max(0.0, guess), taken)
     memory[COIL_1], memory[COIL_2], memory[NEAR], memory[FAR] = string.arrive(bank, size, tension)
     for t in range(sensor.touches.shape[0]):
-        seed = roughness.surface(sensor.integers[SEED], t)
-        touching.remember(sensor.touches[t], state.contact[t], state.solved[t], scalars[STEP], seed)
+        seed = sensor.integers[SEED]
+        touching.remember(sensor.touches[t], state.contact[t], state.solved[t], scalars[STEP], seed, t)
 
 
 @part.part

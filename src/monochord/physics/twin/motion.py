@@ -6,7 +6,7 @@ which a string at rest would press back with it; the string then decides what fo
 
 import numpy as np
 
-from monochord.physics.twin.part import called
+from monochord.physics.twin.part import called, part
 from monochord.physics.twin.press import root_of_compression
 from monochord.types import Floats
 
@@ -58,7 +58,7 @@ def depth_of(force: float, k1: float, k2: float, static: float, others: float, c
     return s * s + static * force + others - clearance
 
 
-@called
+@part
 def drifted(start: float, rate: float, time: float, tension: float) -> float:
     """Return how far the tension is off its nominal value at a time, in N: a quarter of it at most."""
     most = 0.25 * tension

@@ -265,7 +265,7 @@ def touch_all(sensor: Sensor, state: State, size: int, turn: int) -> float:
 
 
 @part
-def remember(touch: Floats, own: Floats, found: Floats, step: float, seed: int) -> None:
+def remember(touch: Floats, own: Floats, found: Floats, step: float, seed: int, t: int) -> None:
     """Keep what a touch has become, and let its path over the object and its labels follow."""
     load = found[LOAD]
     lost = found[LEFT] - (found[Z_NEW] - own[Z])
@@ -291,7 +291,9 @@ def remember(touch: Floats, own: Floats, found: Floats, step: float, seed: int) 
         along = own[PATH_ALONG] + own[ROLL]
         if abs(own[PATH] - own[READ]) + abs(along - own[READ_ALONG]) > FINE:
             scale = 1.0 / touch[ROUGH_LENGTH]
-            own[HEIGHT] = touch[ROUGH] * roughness.height(seed, scale * own[PATH], scale * along)
+            own[HEIGHT] = touch[ROUGH] * roughness.height(
+                roughness.surface(seed, t), scale * own[PATH], scale * along
+            )
             own[READ], own[READ_ALONG] = own[PATH], along
         keep = step / SWING
         own[LAG] += keep * (own[PATH] - own[LAG])
