@@ -1,11 +1,11 @@
 """Materials as data: what a touching object is made of, one TOML file each, with its source."""
 
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 from monochord.config import from_tree, load_toml
-from monochord.errors import InputError, did_you_mean
+from monochord.errors import InputError
+from monochord.physics.presets import preset_names, preset_path
 from monochord.units import Metres, MetresPerSecond, Pascals
 
 _RANGES = {
@@ -72,8 +72,7 @@ def material_names() -> list[str]:
     >>> "wood" in material_names()
     True
     """
-    found = (Path(entry.name) for entry in files(__name__).iterdir())
-    return sorted(path.stem for path in found if path.suffix == ".toml")
+    return preset_names(__name__)
 
 
 def load_material(name: str) -> Material:
@@ -94,12 +93,7 @@ def load_material(name: str) -> Material:
     >>> load_material("allen-key").young_modulus
     205000000000.0
     """
-    if name.endswith(".toml"):
-        return _read(Path(name))
-    key, names = name.replace("-", "_"), material_names()
-    if key not in names:
-        raise InputError(f"material '{name}'", ", ".join(names) + " or FILE.toml", did_you_mean(key, names))
-    return _read(Path(str(files(__name__) / f"{key}.toml")))
+    return _read(preset_path(__name__, "material", name))
 
 
 def _read(path: Path) -> Material:

@@ -4,12 +4,12 @@ A file names its string preset, ``string = "prototype"``; what differs from it s
 rest is laid out as `monochord.physics.twin.Sensor` is.
 """
 
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from monochord.config import from_tree, load_toml, to_tree
-from monochord.errors import InputError, did_you_mean
+from monochord.errors import InputError
+from monochord.physics.presets import preset_names, preset_path
 from monochord.physics.strings import load_string
 from monochord.physics.twin.setup import Sensor
 
@@ -22,8 +22,7 @@ def sensor_names() -> list[str]:
     >>> "prototype" in sensor_names()
     True
     """
-    found = (Path(entry.name) for entry in files(__name__).iterdir())
-    return sorted(path.stem for path in found if path.suffix == ".toml")
+    return preset_names(__name__)
 
 
 def load_sensor(name: str) -> Sensor:
@@ -44,12 +43,7 @@ def load_sensor(name: str) -> Sensor:
     >>> load_sensor("prototype").range
     (0.05, 0.15)
     """
-    if name.endswith(".toml"):
-        return _read(Path(name))
-    key, names = name.replace("-", "_"), sensor_names()
-    if key not in names:
-        raise InputError(f"sensor '{name}'", ", ".join(names) + " or FILE.toml", did_you_mean(key, names))
-    return _read(Path(str(files(__name__) / f"{key}.toml")))
+    return _read(preset_path(__name__, "sensor", name))
 
 
 def _read(path: Path) -> Sensor:

@@ -1,11 +1,11 @@
 """Strings as data: one TOML file a string, each with its source, found by its name."""
 
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 from monochord.config import from_tree, load_toml, to_tree
-from monochord.errors import InputError, did_you_mean
+from monochord.errors import InputError
+from monochord.physics.presets import preset_names, preset_path
 from monochord.types import Contact, StringParams
 from monochord.units import Hertz
 
@@ -41,8 +41,7 @@ def string_names() -> list[str]:
     >>> "appendix" in string_names()
     True
     """
-    found = (Path(entry.name) for entry in files(__name__).iterdir())
-    return sorted(path.stem for path in found if path.suffix == ".toml")
+    return preset_names(__name__)
 
 
 def load_string(name: str) -> StringPreset:
@@ -63,12 +62,7 @@ def load_string(name: str) -> StringPreset:
     >>> load_string("appendix").string.tension
     65.0
     """
-    if name.endswith(".toml"):
-        return _read(Path(name))
-    key, names = name.replace("-", "_"), string_names()
-    if key not in names:
-        raise InputError(f"string '{name}'", ", ".join(names) + " or FILE.toml", did_you_mean(key, names))
-    return _read(Path(str(files(__name__) / f"{key}.toml")))
+    return _read(preset_path(__name__, "string", name))
 
 
 def _read(path: Path) -> StringPreset:
