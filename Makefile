@@ -28,7 +28,7 @@ $(BIN)/python:
 
 $(INSTALLED): pyproject.toml | system $(BIN)/python
 	@echo "installing Monochord and its tools into $(VENV)"
-	@$(PIP) install --editable '.[dev]'
+	@$(PIP) install --editable '.[dev,ros,cluster,export]'
 	@echo "compiling the kernels, once"
 	@$(BIN)/monochord bench bound --set windows=1 >/dev/null
 	@$(BIN)/monochord simulate appendix --json >/dev/null

@@ -60,13 +60,15 @@ class Block:
 
     `samples` is (channels, n) float32; `start` is the sample index of the first frame. `dropped` frames
     were lost just before it (so `start` has already skipped them): a gap is data. `adc_time` is the
-    monotonic-clock time of the block's first frame at the converter, where the source knows it.
+    monotonic-clock time of the block's first frame at the converter, where the source knows it, and
+    `frame_time` the device's own count of frames there (JACK's frame time, modulo 2^32).
     """
 
     samples: Audio
     start: Samples
     dropped: Samples = 0
     adc_time: Seconds | None = None
+    frame_time: Samples | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,3 +155,56 @@ class StreamHealth:
     xruns: int = 0
     reconnects: int = 0
     clock_offsets: Mapping[str, Seconds] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feed:
+    """What an open instrument says of its readings.
+
+    `stream` is what kind they are, and their topic in a session: ``wrench``, ``pose``, or a name of its own.
+    `columns` name the values of a reading and `units` their units, one each. `rate` is how many readings a
+    second are due, and `ticks` how many ticks a second the device's own clock has; 0 where that is not known.
+    `details` is whatever else is needed to read them again: calibration, serial number, address.
+    """
+
+    stream: str
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
+    rate: float = 0.0
+    ticks: float = 0.0
+    details: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+"""Columns of the stream ``wrench``: force in N, then torque in N m."""
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of the stream ``pose``: place in m, then orientation as a unit quaternion."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """Consecutive readings of one instrument, n of them, in the order in which they came.
+
+    `time` (n,) is when each arrived at this machine, in seconds of the monotonic clock, as near to the wire as
+    could be had; `values` (n, columns) are in the units of the `Feed`. `sequence` (n,) is the sender's own
+    count and `device_time` (n,) its own clock in ticks, both -1 where it sends none; `status` (n,) is its status
+    word, 0 where all is well. What was lost leaves a gap in `sequence`; nothing is made up for it.
+    """
+
+    stream: str
+    time: Floats
+    values: Floats
+    sequence: NDArray[np.int64]
+    device_time: NDArray[np.int64]
+    status: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InstrumentHealth:
+    """Counters of an open instrument: `missing` never came, `faulty` came with a status that is not 0."""
+
+    readings: int = 0
+    missing: int = 0
+    faulty: int = 0
+    out_of_order: int = 0
+    reconnects: int = 0

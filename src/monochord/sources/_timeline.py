@@ -44,7 +44,13 @@ class Timeline:
         self._frames += frames
         self._dropped += lost
         self._gaps += lost > 0
-        return Block(samples=period.samples, start=start, dropped=lost, adc_time=adc_time)
+        return Block(
+            samples=period.samples,
+            start=start,
+            dropped=lost,
+            adc_time=adc_time,
+            frame_time=period.frame_time,
+        )
 
     def health(self, *, xruns: int, reconnects: int, clock_offsets: dict[str, Seconds]) -> StreamHealth:
         """Return the counters so far beside what only the device knows."""

@@ -1,0 +1,1 @@
+"""From sessions to windows with labels."""

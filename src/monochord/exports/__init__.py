@@ -1,0 +1,8 @@
+"""Sessions in other forms: one file a form, found by its name."""
+
+from monochord.exports.base import Export
+from monochord.registry import Registry
+
+EXPORTS: Registry[Export] = Registry("monochord.exports", Export)
+
+__all__ = ["EXPORTS"]

@@ -1,0 +1,1 @@
+"""From source and instruments to a session."""
