@@ -17,11 +17,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
-from rich.text import Text
 
 from monochord.sinks import _view
-from monochord.sinks._screen import Screen
 from monochord.sinks.base import Moment
 from monochord.sinks.terminal import Terminal
 from monochord.timing import Histogram
@@ -145,20 +142,6 @@ def test_only_what_changed_is_drawn_again(program: Path) -> None:
     assert drawn.count("└") == 1
     assert drawn.count("\x1b[?25l") == drawn.count("\x1b[?25h") == 1
     assert "\n".join(last_picture(drawn)).count("monochord") == 1
-
-
-def test_a_picture_taller_than_before_starts_anew(capsys: pytest.CaptureFixture[str]) -> None:
-    console = Console(force_terminal=True, width=20, height=10, no_color=True, color_system="truecolor")
-    with Screen(console) as screen:
-        screen.show([Text("one"), Text("two")])
-        screen.show([Text("one"), Text("deux", "bold red"), Text("x" * 30), *[Text("more")] * 20])
-        screen.show([Text("one"), Text("ten")])
-    drawn = capsys.readouterr().out
-    assert last_picture(drawn.replace("\n", "\r\n")) == ["one", "ten"]
-    assert "\x1b[1mdeux\x1b[0m" in drawn  # bold, but NO_COLOR holds
-    assert "x" * 20 in drawn
-    assert "x" * 21 not in drawn
-    assert drawn.count("more") == 6
 
 
 def test_a_terminal_that_cannot_draw_gets_lines(program: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from monochord.clock import SampleClock
 from monochord.errors import InputError
-from monochord.live.interruption import interruption
+from monochord.interruption import interruption
 from monochord.live.settings import Session
 from monochord.live.summary import Meter, Summary
 from monochord.physics.strings import load_string

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.text import Text
 
+from monochord.screen import Screen
 from monochord.sinks import _view
-from monochord.sinks._screen import Screen
 from monochord.sinks.base import Moment, Sink, Writer
 from monochord.timing import Histogram
 from monochord.types import Signal

@@ -1,4 +1,4 @@
-"""Control-C and SIGTERM as a wish that the loop grants between two windows."""
+"""Control-C and SIGTERM as a wish that a loop grants when it comes to it."""
 
 import signal
 import threading

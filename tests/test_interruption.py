@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from monochord.live.interruption import interruption
+from monochord.interruption import interruption
 
 
 def strike(number: signal.Signals) -> None:
