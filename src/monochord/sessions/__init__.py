@@ -1,1 +1,19 @@
-"""A recording on disk."""
+"""A recording on disk: audio, instruments, labels and events on one clock, in one MCAP file."""
+
+from monochord.sessions.description import Description, SessionClock
+from monochord.sessions.reader import Session, read_session
+from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, LabelTrack, ReadingTrack
+from monochord.sessions.writer import SessionWriter
+
+__all__ = [
+    "AudioTrack",
+    "ClockTrack",
+    "Description",
+    "Event",
+    "LabelTrack",
+    "ReadingTrack",
+    "Session",
+    "SessionClock",
+    "SessionWriter",
+    "read_session",
+]

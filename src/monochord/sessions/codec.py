@@ -1,0 +1,106 @@
+"""Messages of a session as ROS 2 types and their CDR bytes."""
+
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monochord.sessions.description import NANO
+from monochord.types import POSE, WRENCH, Feed
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+OURS = "monochord_msgs/msg/"
+AUDIO, WRENCHES, READINGS = OURS + "AudioBlock", OURS + "WrenchBatch", OURS + "Readings"
+LABELS, EVENT, CLOCKS = OURS + "Labels", OURS + "Event", OURS + "Clocks"
+POSES, TEXT, HEADER = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String", "std_msgs/msg/Header"
+TOPICS = {
+    "/audio": AUDIO,
+    "/labels": LABELS,
+    "/events": EVENT,
+    "/clocks": CLOCKS,
+    "/description": TEXT,
+}
+"""Topics of every session with their types; each stream of readings has one of its own name beside them."""
+
+
+def topic_of(stream: str) -> str:
+    """Return the topic of a stream of readings.
+
+    >>> topic_of("wrench")
+    '/wrench'
+    """
+    return f"/{stream}"
+
+
+def type_of(feed: Feed) -> str:
+    """Return the message type that a stream of readings is written as.
+
+    >>> type_of(Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3))
+    'monochord_msgs/msg/WrenchBatch'
+    """
+    if feed.columns == WRENCH:
+        return WRENCHES
+    stamped = feed.ticks in (0.0, float(NANO))
+    return POSES if feed.columns == POSE and stamped else READINGS
+
+
+@cache
+def typestore() -> "Typestore":
+    """Return the ROS 2 types that sessions use, ours among them."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for file in files("monochord.sessions").joinpath("msg").iterdir():
+        if file.name.endswith(".msg"):
+            name = OURS + file.name.removesuffix(".msg")
+            store.register(get_types_from_msg(file.read_text(encoding="utf-8"), name))
+    return store
+
+
+def definition(name: str) -> str:
+    """Return a type's definition with those it needs, as MCAP schemas of encoding ros2msg hold it."""
+    return typestore().generate_msgdef(name, ros_version=2)[0]
+
+
+def header(stamp: int, frame: str = "") -> Any:
+    """Return a std_msgs/Header of a stamp in nanoseconds."""
+    types = typestore().types
+    time = types["builtin_interfaces/msg/Time"](sec=int(stamp // NANO), nanosec=int(stamp % NANO))
+    return types[HEADER](stamp=time, frame_id=frame)
+
+
+def nanoseconds(stamp: Any) -> int:
+    """Return a builtin_interfaces/Time in nanoseconds."""
+    return int(stamp.sec) * NANO + int(stamp.nanosec)
+
+
+def encode(name: str, **fields: Any) -> bytes:
+    """Return a message of type `name` as CDR bytes, little-endian, with their encapsulation header."""
+    store = typestore()
+    return bytes(store.serialize_cdr(store.types[name](**fields), name))
+
+
+def decode(name: str, data: bytes) -> Any:
+    """Return the message of type `name` that CDR bytes hold."""
+    return typestore().deserialize_cdr(data, name)
+
+
+def encode_pose(stamp: int, values: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
+    """Return a pose (7,) with the sender's stamp in nanoseconds, 0 where it sent none."""
+    types = typestore().types
+    x, y, z, qx, qy, qz, qw = (float(value) for value in values)
+    pose = types["geometry_msgs/msg/Pose"](
+        position=types["geometry_msgs/msg/Point"](x=x, y=y, z=z),
+        orientation=types["geometry_msgs/msg/Quaternion"](x=qx, y=qy, z=qz, w=qw),
+    )
+    return encode(POSES, header=header(stamp, "string"), pose=pose)
+
+
+def decode_pose(data: bytes) -> tuple[int, tuple[float, ...]]:
+    """Return the sender's stamp in nanoseconds and the pose's seven values."""
+    message = decode(POSES, data)
+    p, q = message.pose.position, message.pose.orientation
+    return nanoseconds(message.header.stamp), (p.x, p.y, p.z, q.x, q.y, q.z, q.w)

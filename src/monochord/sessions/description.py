@@ -1,0 +1,159 @@
+"""What is needed to read a session again, and the clock that its times are on."""
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from importlib.metadata import PackageNotFoundError, version
+from platform import python_version
+from typing import Any
+
+import numpy as np
+
+from monochord.config import Tree, from_tree, to_tree
+from monochord.errors import InputError
+from monochord.types import Feed, Floats, StringParams
+from monochord.units import Metres, Seconds
+
+NANO = 1_000_000_000
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what makes a session: Monochord, its file library, its encoder, Python.
+
+    >>> sorted(versions())
+    ['mcap', 'monochord', 'numpy', 'python', 'rosbags']
+    """
+    found = {"python": python_version()}
+    for name in ("monochord", "mcap", "rosbags", "numpy"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Description:
+    """What a session was recorded with and of.
+
+    Parameters
+    ----------
+    name
+        What the session is called; not empty.
+    sample_rate, channels
+        Of the audio.
+    simulated
+        Whether the sound is the twin's.
+    sensor, string
+        The sensor as a table of plain values, and its string where that is known.
+    object, material, radius
+        What touches, what it is made of, and its radius in m where it touches.
+    preamp_gains
+        In dB, one a microphone, where known.
+    day, build, seed
+        Of a simulated session: which day of which sensor, and the seed of everything random.
+    plan
+        The plan that was carried out, as TOML text.
+    notes
+        Whatever the operator wants to say.
+    feeds
+        The instruments beside the microphones.
+    versions
+        Of the programs that recorded it.
+    more
+        Anything else, as text.
+    """
+
+    name: str
+    sample_rate: int
+    channels: int = 2
+    simulated: bool = False
+    sensor: Tree = field(default_factory=dict[str, Any])
+    string: StringParams | None = None
+    object: str = ""
+    material: str = ""
+    radius: Metres | None = None
+    preamp_gains: tuple[float, ...] = ()
+    day: int | None = None
+    build: int | None = None
+    seed: int | None = None
+    plan: str = ""
+    notes: str = ""
+    feeds: tuple[Feed, ...] = ()
+    versions: dict[str, str] = field(default_factory=versions)
+    more: dict[str, str] = field(default_factory=dict[str, str])
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise InputError("session without a name", "a name")
+        if self.sample_rate <= 0 or not 1 <= self.channels <= 64:
+            given = f"{self.channels} channels at {self.sample_rate} Hz"
+            raise InputError(given, "1 to 64 channels at more than 0 Hz")
+        streams = [feed.stream for feed in self.feeds]
+        if len(set(streams)) < len(streams):
+            twice = next(name for name in streams if streams.count(name) > 1)
+            raise InputError(f"two streams called '{twice}'", "names of their own", "set its option stream")
+
+    def feed(self, stream: str) -> Feed:
+        """Return the feed of a stream; raises `InputError` where there is none."""
+        for feed in self.feeds:
+            if feed.stream == stream:
+                return feed
+        there = ", ".join(feed.stream for feed in self.feeds) or "none"
+        raise InputError(f"stream '{stream}' of session {self.name}", there)
+
+    def dump(self) -> str:
+        """Return it as JSON text, keys sorted, which `load` reads again."""
+        return json.dumps(to_tree(self), sort_keys=True, ensure_ascii=False)
+
+    @classmethod
+    def load(cls, text: str) -> "Description":
+        """Read JSON text; what a newer version added is put under `more`."""
+        tree: dict[str, Any] = json.loads(text)
+        known = {field.name for field in fields(cls)}
+        strange = {key: json.dumps(tree.pop(key)) for key in set(tree) - known}
+        if strange:
+            tree["more"] = {**tree.get("more", {}), **strange}
+        return from_tree(cls, tree, "session")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionClock:
+    """The clock of a session: nanoseconds since 1970 that run with the monotonic clock, whatever the wall does.
+
+    `epoch_ns` is what the wall clock said when the monotonic clock said `origin`, the session's time zero.
+
+    >>> clock = SessionClock(epoch_ns=10**18, origin=5.0)
+    >>> int(clock.stamp(5.25)), float(clock.seconds(10**18 + 250_000_000))
+    (1000000000250000000, 0.25)
+    """
+
+    epoch_ns: int
+    origin: Seconds = 0.0
+
+    @classmethod
+    def now(cls) -> "SessionClock":
+        """Return a clock whose zero is now."""
+        return cls(epoch_ns=time.time_ns(), origin=time.monotonic())
+
+    def stamp(self, monotonic: Seconds) -> int:
+        """Return a monotonic time as a stamp in nanoseconds."""
+        return self.epoch_ns + round((monotonic - self.origin) * NANO)
+
+    def stamps(self, monotonic: Floats) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Return monotonic times (n,) as stamps (n,) in nanoseconds."""
+        return self.epoch_ns + np.rint((np.asarray(monotonic) - self.origin) * NANO).astype(np.int64)
+
+    def seconds(self, stamp: Any) -> Any:
+        """Return stamps in nanoseconds as seconds since the session's begin."""
+        return (np.asarray(stamp, dtype=np.int64) - self.epoch_ns) / NANO
+
+    def dump(self) -> dict[str, str]:
+        """Return it as text by name."""
+        return {"epoch_ns": str(self.epoch_ns), "origin": repr(self.origin)}
+
+    @classmethod
+    def load(cls, texts: Mapping[str, str]) -> "SessionClock":
+        """Read what `dump` gave."""
+        return cls(epoch_ns=int(texts["epoch_ns"]), origin=float(texts["origin"]))

@@ -1,0 +1,89 @@
+"""The file under a session that is being written: unbuffered, and always some way ahead of a full disk."""
+
+import ctypes
+import errno
+import os
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from monochord.errors import InputError
+
+KEEP_SIZE = 1  # of fallocate(2): blocks are set aside, the file's size stays
+AHEAD = 4 << 20
+"""Bytes that are set aside beyond the file's end, so that it can always be finished."""
+
+
+class SessionFile:
+    """A new file; every write is with the system at once, so that nothing is lost if the program is killed.
+
+    Space is set aside ahead of the end where the file system can do that. `full` tells that no more was to
+    be had; what is set aside then still holds a good ending.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.full = False
+        self._size = self._reserved = 0
+        try:
+            self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        except FileExistsError as error:
+            raise InputError(f"file {path} (exists)", "a new file", "choose another name") from error
+        except OSError as error:
+            raise InputError(f"file {path} ({error.strerror})", "a file that can be written") from error
+        self.reserve()
+
+    def write(self, data: Any) -> int:
+        """Write all of it; raises `OSError` where the system will not take it."""
+        view, done = memoryview(data).cast("B"), 0
+        while done < len(view):
+            done += os.write(self._handle, view[done:])
+        self._size += done
+        return done
+
+    def tell(self) -> int:
+        """Return how many bytes were written."""
+        return self._size
+
+    def flush(self) -> None:
+        """Do nothing: nothing is held back."""
+
+    def reserve(self) -> None:
+        """Set space aside ahead of the end, and note if there is none."""
+        if self.full or self._reserved - self._size >= AHEAD // 2:
+            return
+        failure = _fallocate(self._handle, self._size, AHEAD)
+        if failure in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            self.full = True
+        else:
+            # A file system that cannot set space aside is taken at its word until a write fails.
+            self._reserved = self._size + AHEAD
+
+    def sync(self) -> None:
+        """Wait until all is on the disk."""
+        os.fdatasync(self._handle)
+
+    def close(self) -> None:
+        """Give back what was set aside and close; does no harm twice."""
+        if self._handle >= 0:
+            handle, self._handle = self._handle, -1
+            try:
+                os.ftruncate(handle, self._size)
+            finally:
+                os.close(handle)
+
+
+def _fallocate(handle: int, offset: int, length: int) -> int:
+    """Return 0, or the error number with which the system refused."""
+    call = _system_call()
+    if call is None or call(handle, KEEP_SIZE, offset, length) == 0:
+        return 0
+    return ctypes.get_errno()
+
+
+@cache
+def _system_call() -> Any:
+    call = getattr(ctypes.CDLL(None, use_errno=True), "fallocate", None)
+    if call is not None:
+        call.argtypes = [ctypes.c_int, ctypes.c_int, ctypes.c_int64, ctypes.c_int64]
+    return call

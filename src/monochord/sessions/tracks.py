@@ -1,0 +1,113 @@
+"""What a session holds, as arrays; all times are seconds since the session's begin."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.errors import InputError
+from monochord.types import Audio, Feed, Floats
+from monochord.units import Samples, Seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AudioTrack:
+    """The microphones' samples (channels, n) float32 from the stream's first frame on.
+
+    Lost frames are zeros, and `gaps` tells where: first frame and the one after the last. `anchor_frame` (k,)
+    was at the converter at `anchor_time` (k,), as the device said; `device_frame` (k,) is its own count there,
+    -1 where it has none.
+    """
+
+    samples: Audio
+    sample_rate: int
+    gaps: tuple[tuple[Samples, Samples], ...] = ()
+    anchor_frame: Floats
+    anchor_time: Floats
+    device_frame: NDArray[np.int64]
+
+    @property
+    def line(self) -> tuple[float, Seconds]:
+        """Frames a second, and the time of frame 0, of the line through the anchors.
+
+        The converter's clock is steady, so all anchors but the outlying fit one line; with fewer than two, or
+        less than a second of them, the nominal rate stands.
+        """
+        frames, times, rate = self.anchor_frame, self.anchor_time, float(self.sample_rate)
+        if not len(frames):
+            return rate, 0.0
+        start = float(np.median(times - frames / rate))
+        if len(frames) < 3 or frames[-1] - frames[0] < rate:
+            return rate, start
+        left = times - (start + frames / rate)
+        near = np.ones(len(frames), dtype=bool)
+        slope, shift = 0.0, 0.0
+        for _ in range(3):
+            slope, shift = np.polyfit(frames[near], left[near], 1)
+            off = np.abs(left - (shift + slope * frames))
+            near = off <= max(3.0 * float(np.median(off[near])), 1e-6)
+        if abs(slope) * rate > 1e-3:  # no converter is off by a thousandth: the anchors are
+            return rate, start
+        return 1.0 / (1.0 / rate + slope), start + shift
+
+    def time(self, frame: Any) -> Any:
+        """Return when frames were at the converter."""
+        rate, start = self.line
+        return start + np.asarray(frame) / rate
+
+    def frame(self, time: Any) -> Any:
+        """Return the frame, not rounded, that was at the converter at a time."""
+        rate, start = self.line
+        return (np.asarray(time) - start) * rate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadingTrack:
+    """All readings of an instrument; see `monochord.types.Readings` for what the arrays are."""
+
+    feed: Feed
+    time: Floats
+    values: Floats
+    sequence: NDArray[np.int64]
+    device_time: NDArray[np.int64]
+    status: NDArray[np.uint32]
+
+    def column(self, name: str) -> Floats:
+        """Return the values (n,) of a column; raises `InputError` where there is none of this name."""
+        if name not in self.feed.columns:
+            given = f"column '{name}' of stream '{self.feed.stream}'"
+            raise InputError(given, ", ".join(self.feed.columns))
+        return self.values[:, self.feed.columns.index(name)]
+
+    @property
+    def missing(self) -> int:
+        """How many readings the sender's count says never came; a count that begins again is none."""
+        steps = np.diff(self.sequence[self.sequence >= 0])
+        return int(np.sum(steps[steps > 1] - 1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelTrack:
+    """What is known to be true at times (n,), by column (n,); NaN where it is not known."""
+
+    time: Floats
+    columns: dict[str, Floats]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Something that happened at a time."""
+
+    time: Seconds
+    kind: str
+    text: str = ""
+    data: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockTrack:
+    """Offsets in s of clocks to the monotonic clock, by name (n,), as measured at times (n,)."""
+
+    time: Floats
+    offsets: dict[str, Floats]

@@ -1,0 +1,310 @@
+"""Writes a session as it happens: one MCAP file, whole again after every flush."""
+
+import errno
+import hashlib
+import json
+import os
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.sessions import codec
+from monochord.sessions.description import Description, SessionClock
+from monochord.sessions.file import SessionFile
+from monochord.types import Block, Floats, Readings
+from monochord.units import Samples, Seconds
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+FORMAT = "1"
+BEGIN, END = "monochord", "monochord.end"
+"""Names of the metadata at the begin and, where a session was closed, at the end."""
+MESSAGE: Seconds = 0.1
+"""Audio in a message, at most."""
+MOST = 256
+"""Readings in a message, at most."""
+MUCH = 1 << 20
+"""Bytes that wait for a flush, at most."""
+LATEST_STAMP = 2**31 * 10**9
+"""Where the seconds of a ROS 2 stamp end, in ns."""
+
+
+class SessionWriter:
+    """An open session. All its times are seconds of the monotonic clock, as `Block` and `Readings` have them.
+
+    What was given before a `flush` is in the file whole and readable, whatever becomes of the program. Where the
+    disk is full the file is finished with what there is, and the call that noticed raises `OSError`.
+
+    Parameters
+    ----------
+    path
+        A new file, ``NAME.mcap``.
+    description
+        What is recorded; its feeds are the streams that `readings` may bring.
+    clock
+        The session's clock; one whose zero is now by default.
+
+    Raises
+    ------
+    InputError
+        If the file exists or cannot be made.
+    """
+
+    def __init__(self, path: Path, description: Description, clock: SessionClock | None = None) -> None:
+        from mcap.writer import CompressionType, Writer  # noqa: PLC0415
+
+        self.path, self.description = path, description
+        self.clock = SessionClock.now() if clock is None else clock
+        self._file = SessionFile(path)
+        self._closed = False
+        self._pending: list[Block] = []
+        self._counts = {"frames": 0, "dropped": 0, "gaps": 0, "end": 0}
+        self._digests: dict[int, Any] = {}
+        self._messages: dict[int, int] = {}
+        self._unflushed = 0
+        # Chunks end where `flush` says, never by themselves.
+        self._writer: Writer = Writer(self._file, compression=CompressionType.NONE, chunk_size=1 << 62)  # pyright: ignore[reportArgumentType]
+        try:
+            self._writer.start(profile="ros2", library="monochord")
+            told = {"format": FORMAT, **self.clock.dump(), "description": description.dump()}
+            self._writer.add_metadata(BEGIN, told)
+            if description.plan:
+                plan = description.plan.encode()
+                at = self.clock.epoch_ns
+                self._writer.add_attachment(at, at, "plan.toml", "application/toml", plan)
+            self._channels = self._register()
+            self._put("/description", self.clock.epoch_ns, codec.encode(codec.TEXT, data=told["description"]))
+            self.flush()
+        except BaseException:
+            self._file.close()
+            path.unlink(missing_ok=True)
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file so far."""
+        return self._file.tell()
+
+    def audio(self, block: Block) -> None:
+        """Take the next block; blocks that follow each other go into one message."""
+        self._refuse_closed()
+        if block.samples.shape[0] != self.description.channels:
+            given = f"block of {block.samples.shape[0]} channels"
+            raise InputError(given, f"{self.description.channels}, as described")
+        before = self._pending
+        if before and (block.dropped or block.start != before[-1].start + before[-1].samples.shape[1]):
+            self._write_audio()
+        self._pending.append(block)
+        if sum(each.samples.shape[1] for each in self._pending) >= MESSAGE * self.description.sample_rate:
+            self._write_audio()
+        self._flush_much()
+
+    def readings(self, readings: Readings) -> None:
+        """Take readings of a stream that the description's feeds name."""
+        self._refuse_closed()
+        feed = self.description.feed(readings.stream)
+        if readings.values.shape != (len(readings.time), len(feed.columns)):
+            given = f"readings of shape {readings.values.shape} for stream '{feed.stream}'"
+            raise InputError(given, f"({len(readings.time)}, {len(feed.columns)})")
+        stamps, topic = self.clock.stamps(readings.time), codec.topic_of(feed.stream)
+        if codec.type_of(feed) == codec.POSES:
+            for stamp, sent, count, values in zip(
+                stamps.tolist(),
+                readings.device_time.tolist(),
+                readings.sequence.tolist(),
+                readings.values,
+                strict=True,
+            ):
+                sent_at = sent if 0 < sent < LATEST_STAMP else 0
+                self._put(topic, stamp, codec.encode_pose(sent_at, values), sent_at or stamp, count)
+            self._flush_much()
+            return
+        for first in range(0, len(stamps), MOST):
+            part = slice(first, first + MOST)
+            shared = {
+                "header": codec.header(int(stamps[first]), feed.stream),
+                "arrival": stamps[part],
+                "sequence": readings.sequence[part],
+                "device_time": readings.device_time[part],
+                "status": readings.status[part],
+            }
+            values = np.ascontiguousarray(readings.values[part], dtype=np.float64)
+            if codec.type_of(feed) == codec.WRENCHES:
+                split = {"force": values[:, :3].ravel(), "torque": values[:, 3:].ravel()}
+                data = codec.encode(codec.WRENCHES, **shared, **split)
+            else:
+                columns = list(feed.columns)
+                data = codec.encode(codec.READINGS, **shared, columns=columns, values=values.ravel())
+            self._put(topic, int(stamps[first]), data)
+        self._flush_much()
+
+    def labels(self, time: Floats, columns: Mapping[str, Floats]) -> None:
+        """Take what is true at times (n,): columns (n,) by name, NaN where it is not known."""
+        self._refuse_closed()
+        stamps = self.clock.stamps(time)
+        values = np.stack([np.asarray(columns[name], np.float64) for name in columns], axis=1)
+        for first in range(0, len(stamps), MOST):
+            part = slice(first, first + MOST)
+            data = codec.encode(
+                codec.LABELS,
+                header=codec.header(int(stamps[first])),
+                columns=list(columns),
+                time=stamps[part],
+                values=values[part].ravel(),
+            )
+            self._put("/labels", int(stamps[first]), data)
+        self._flush_much()
+
+    def event(self, time: Seconds, kind: str, text: str = "", **data: str | float | bool) -> None:
+        """Note that something happened."""
+        self._refuse_closed()
+        stamp, more = self.clock.stamp(time), json.dumps(data, sort_keys=True)
+        fields = {"header": codec.header(stamp), "kind": kind, "text": text, "data": more}
+        self._put("/events", stamp, codec.encode(codec.EVENT, **fields))
+
+    def clocks(self, time: Seconds, offsets: Mapping[str, Seconds]) -> None:
+        """Note this machine's clocks minus the monotonic one, as they are at a time."""
+        self._refuse_closed()
+        stamp, names = self.clock.stamp(time), sorted(offsets)
+        values = np.array([offsets[name] for name in names], np.float64)
+        data = codec.encode(codec.CLOCKS, header=codec.header(stamp), names=names, offsets=values)
+        self._put("/clocks", stamp, data)
+
+    def flush(self, *, sync: bool = False) -> None:
+        """Put all that was given into the file, whole; with `sync`, wait until it is on the disk.
+
+        Raises
+        ------
+        OSError
+            If the disk is full (ENOSPC). The file has then been finished and is valid.
+        """
+        self._refuse_closed()
+        try:
+            self._write_audio()
+            self._writer.flush()
+            self._unflushed = 0
+            self._file.reserve()
+        except OSError:
+            self._give_up()
+            raise
+        if self._file.full:
+            self.close()
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
+        if sync:
+            self._file.sync()
+
+    def sync(self) -> None:
+        """Wait until what was flushed is on the disk; may be called from another thread."""
+        if not self._closed:
+            self._file.sync()
+
+    def close(self) -> None:
+        """Write what is left, checksums and summary; does no harm twice."""
+        if self._closed:
+            return
+        try:
+            self._write_audio()
+            self._closed = True
+            self._writer.flush()
+            self._writer.add_metadata(END, self._told())
+            self._writer.finish()
+            self._file.sync()
+            self._file.close()
+        except OSError:
+            self._give_up()
+            raise
+
+    def _told(self) -> dict[str, str]:
+        """Return what the end says: messages and SHA-256 of every topic, their sum, and the audio's counts."""
+        digests = {topic: self._digests[number].hexdigest() for topic, number in self._channels.items()}
+        whole = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
+        return {
+            "checksum": whole,
+            "sha256": json.dumps(digests, sort_keys=True),
+            "messages": json.dumps({t: self._messages[n] for t, n in self._channels.items()}, sort_keys=True),
+            **{name: str(count) for name, count in self._counts.items()},
+        }
+
+    def _give_up(self) -> None:
+        """Finish the file with what is whole in it."""
+        from monochord.sessions.recover import recover  # noqa: PLC0415
+
+        self._closed = True
+        try:
+            self._file.close()
+        finally:
+            recover(self.path)
+
+    def _register(self) -> dict[str, int]:
+        types = dict(codec.TOPICS)
+        types |= {codec.topic_of(feed.stream): codec.type_of(feed) for feed in self.description.feeds}
+        schemas = {
+            name: self._writer.register_schema(name, "ros2msg", codec.definition(name).encode())
+            for name in dict.fromkeys(types.values())
+        }
+        found: dict[str, int] = {}
+        for topic, name in types.items():
+            number = self._writer.register_channel(topic, "cdr", schemas[name])
+            self._digests[number], self._messages[number] = hashlib.sha256(), 0
+            found[topic] = number
+        return found
+
+    def _write_audio(self) -> None:
+        if not self._pending:
+            return
+        blocks, self._pending = self._pending, []
+        first, rate = blocks[0], self.description.sample_rate
+        timed = first.adc_time is not None
+        samples = np.concatenate([block.samples for block in blocks], axis=1).astype(np.float32, copy=False)
+        frames: Samples = samples.shape[1]
+        estimate = self.clock.origin + first.start / rate
+        stamp = self.clock.stamp(estimate if first.adc_time is None else first.adc_time)
+        data = codec.encode(
+            codec.AUDIO,
+            header=codec.header(stamp, "pickups"),
+            start=first.start,
+            dropped=first.dropped,
+            timed=timed,
+            frame_time=-1 if first.frame_time is None else first.frame_time,
+            sample_rate=rate,
+            channels=samples.shape[0],
+            samples=np.ascontiguousarray(samples).ravel(),
+        )
+        self._put("/audio", stamp, data)
+        counts = self._counts
+        counts["frames"] += frames
+        counts["dropped"] += first.dropped
+        counts["gaps"] += first.dropped > 0
+        counts["end"] = first.start + frames
+
+    def _flush_much(self) -> None:
+        if self._unflushed > MUCH:
+            self.flush()
+
+    def _put(self, topic: str, stamp: int, data: bytes, sent: int | None = None, sequence: int = 0) -> None:
+        number = self._channels[topic]
+        published, count = stamp if sent is None else sent, sequence % (1 << 32)
+        digest = self._digests[number]
+        digest.update(struct.pack("<QQI", stamp, published, count))
+        digest.update(data)
+        self._messages[number] += 1
+        self._unflushed += len(data)
+        self._writer.add_message(number, log_time=stamp, data=data, publish_time=published, sequence=count)
+
+    def _refuse_closed(self) -> None:
+        if self._closed:
+            raise InputError(f"session {self.path} (closed)", "an open session", "begin another")
