@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monochord.dsp.noise import pink
 from monochord.errors import InputError
-from monochord.evaluation.sliding import FEATURES, Sliding, feature_values, pink, told_apart, windows_of
+from monochord.evaluation.sliding import FEATURES, Sliding, feature_values, told_apart, windows_of
 from monochord.physics.materials import load_material
 from monochord.physics.strings import load_string
 from monochord.physics.twin import Ebow, Sensor
@@ -76,7 +77,7 @@ def test_a_speed_of_rest_is_refused() -> None:
 
 
 def test_noise_is_pink_and_as_loud_as_asked() -> None:
-    sound = pink(np.random.default_rng(1), 44100)
+    sound = pink(np.random.default_rng(1), (44100,), 44100.0)
     power = np.abs(np.fft.rfft(sound)) ** 2
     octaves = [power[low : 2 * low].sum() for low in (100, 400, 1600, 6400)]
     assert max(octaves) / min(octaves) < 1.5  # 100 free bins in the lowest: a tenth or two of scatter

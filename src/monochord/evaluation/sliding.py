@@ -6,14 +6,15 @@ from math import exp, log
 
 import numpy as np
 
+from monochord.dsp.noise import pink
 from monochord.errors import InputError
 from monochord.evaluation.ranking import Groups, area_interval, area_under_curve
-from monochord.evaluation.slip_features import LOWEST, filled_gaps, rumble
+from monochord.evaluation.slip_features import filled_gaps, rumble
 from monochord.physics.materials import Material
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Scene, Sensor, advance, begin, hold
 from monochord.types import Floats
-from monochord.units import MetresPerSecond, Newtons, Samples, Seconds
+from monochord.units import MetresPerSecond, Newtons, Seconds
 
 RATE = 44100
 FEATURES = ("rumble", "filled gaps")
@@ -118,7 +119,7 @@ def windows_of(study: Sliding, run: int, speed: MetresPerSecond) -> list[Floats]
     take, _ = advance(begin(study.sensor, Scene(touches=(touch,)), seed=seed), first + study.windows * size)
     heard = take.microphones[:, first:].astype(np.float64)
     if study.noise is not None:
-        heard += 10.0 ** (study.noise / 20.0) * pink(stream, heard.shape[1])
+        heard += 10.0 ** (study.noise / 20.0) * pink(stream, heard.shape[1:], RATE)
     labels, kept = take.labels, list[Floats]()
     for start in range(first, first + study.windows * size, size):
         cut = slice(start, start + size)
@@ -127,18 +128,3 @@ def windows_of(study: Sliding, run: int, speed: MetresPerSecond) -> list[Floats]
         if right and labels.settled[cut].all() and labels.contact[0, cut].all():
             kept.append(heard[:, start - first : start - first + size])
     return kept
-
-
-def pink(stream: np.random.Generator, size: Samples) -> Floats:
-    """Return pink noise of unit power, (size,): as strong in every octave from 30 Hz up.
-
-    Examples
-    --------
-    >>> round(float(np.mean(pink(np.random.default_rng(0), 4410) ** 2)), 6)
-    1.0
-    """
-    spectrum = np.fft.rfft(stream.normal(size=size))
-    frequencies = np.arange(spectrum.size) * (RATE / size)
-    spectrum *= np.where(frequencies >= LOWEST, 1.0 / np.sqrt(np.maximum(frequencies, LOWEST)), 0.0)
-    sound = np.fft.irfft(spectrum, size)
-    return sound / np.sqrt(np.mean(sound**2))

@@ -1,0 +1,162 @@
+"""Noise of unit level, and mixing at a signal-to-noise ratio.
+
+Every generator takes a random generator, a shape (..., n) and the rate in Hz, and gives float64 noise whose
+root mean square over the last axis is one. They hold for a stretch by itself: two stretches do not join up.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.types import Floats
+from monochord.units import Hertz
+
+Shape = tuple[int, ...]
+Noise = Callable[[np.random.Generator, Shape, float], Floats]
+"""A generator as those below: random generator, shape (..., n), rate in Hz."""
+AUDIBLE: Hertz = 30.0
+"""Where pink noise begins."""
+MAINS: Hertz = 60.0
+HARMONICS = 10
+HISS: tuple[Hertz, Hertz] = (2000.0, 8000.0)
+
+
+def white(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floats:  # noqa: ARG001
+    """Return Gaussian white noise, independent in every channel.
+
+    Examples
+    --------
+    >>> white(np.random.default_rng(0), (2, 4410), 44100.0).shape
+    (2, 4410)
+    """
+    return _unit(stream.normal(size=shape))
+
+
+def pink(stream: np.random.Generator, shape: Shape, sample_rate: float, *, lowest: Hertz = AUDIBLE) -> Floats:
+    """Return pink (1/f) noise: as strong in every octave from `lowest` up, independent in every channel.
+
+    Raises
+    ------
+    InputError
+        If the stretch is too short to hold anything above `lowest`.
+
+    Examples
+    --------
+    >>> round(float(np.mean(pink(np.random.default_rng(0), (4410,), 44100.0) ** 2)), 6)
+    1.0
+    """
+    frequencies = _frequencies(shape, sample_rate)
+    gains = np.where(frequencies >= lowest, 1.0 / np.sqrt(np.maximum(frequencies, lowest)), 0.0)
+    return _shaped(stream, shape, gains, f"pink noise from {lowest:g} Hz")
+
+
+def band(
+    stream: np.random.Generator,
+    shape: Shape,
+    sample_rate: float,
+    *,
+    low: Hertz = HISS[0],
+    high: Hertz = HISS[1],
+) -> Floats:
+    """Return noise that is white between `low` and `high` and nothing outside, independent in every channel.
+
+    Raises
+    ------
+    InputError
+        If no frequency of the stretch lies in the band.
+
+    Examples
+    --------
+    >>> noise = band(np.random.default_rng(0), (4410,), 44100.0)
+    >>> spectrum = np.abs(np.fft.rfft(noise))
+    >>> bool(spectrum[:195].max() < 1e-9 * spectrum[400])
+    True
+    """
+    frequencies = _frequencies(shape, sample_rate)
+    gains = ((frequencies >= low) & (frequencies <= high)).astype(np.float64)
+    return _shaped(stream, shape, gains, f"noise from {low:g} to {high:g} Hz")
+
+
+def hum(
+    stream: np.random.Generator,
+    shape: Shape,
+    sample_rate: float,
+    *,
+    mains: Hertz = MAINS,
+    harmonics: int = HARMONICS,
+) -> Floats:
+    """Return mains hum: `mains` and its first harmonics, the k-th of amplitude 1/k, phases at random.
+
+    All channels hear the same hum, as they share the mains; harmonics from half the rate up are left out.
+
+    Raises
+    ------
+    InputError
+        If not even `mains` lies below half the rate.
+
+    Examples
+    --------
+    >>> noise = hum(np.random.default_rng(0), (2, 44100), 44100.0)
+    >>> int(np.abs(np.fft.rfft(noise[0])).argmax()), bool((noise[0] == noise[1]).all())
+    (60, True)
+    """
+    number = np.arange(1, harmonics + 1)
+    number = number[number * mains < 0.5 * sample_rate]
+    if not number.size:
+        raise InputError(f"hum of {mains:g} Hz at a rate of {sample_rate:g} Hz", "mains below half the rate")
+    phases = stream.uniform(0.0, 2.0 * np.pi, number.size)
+    turn = np.outer(number, np.arange(shape[-1])) * (2.0 * np.pi * mains / sample_rate)
+    waves = np.sin(turn + phases[:, None])
+    return np.broadcast_to(_unit((1.0 / number) @ waves), shape).copy()
+
+
+NOISES: dict[str, Noise] = {"white": white, "pink": pink, "hum": hum, "band": band}
+"""Every generator by name."""
+
+
+def mixed(signal: Floats, noise: Floats, ratio: float) -> Floats:
+    """Return a signal with noise added at a signal-to-noise ratio in dB.
+
+    signal + g noise, where g makes 10 log10(<signal^2> / <(g noise)^2>) the `ratio`, means taken over all
+    channels and samples: what one channel has more of the signal, it keeps. Silence stays silence.
+
+    Parameters
+    ----------
+    signal, noise
+        (..., n) of one shape.
+    ratio
+        In dB.
+
+    Raises
+    ------
+    InputError
+        If the noise is silent.
+
+    Examples
+    --------
+    >>> tone = np.sin(np.arange(4410.0))
+    >>> noise = white(np.random.default_rng(0), (4410,), 44100.0)
+    >>> added = mixed(tone, noise, 20.0) - tone
+    >>> round(10.0 * float(np.log10(np.mean(tone**2) / np.mean(added**2))), 6)
+    20.0
+    """
+    power = np.vdot(noise, noise) / noise.size
+    if power == 0.0:
+        raise InputError("noise that is silent", "noise with sound in it")
+    gain = np.sqrt(np.vdot(signal, signal) / signal.size / power) * 10.0 ** (-ratio / 20.0)
+    return np.asarray(signal + gain * noise, np.float64)
+
+
+def _frequencies(shape: Shape, sample_rate: float) -> Floats:
+    return np.arange(shape[-1] // 2 + 1) * (sample_rate / shape[-1])
+
+
+def _shaped(stream: np.random.Generator, shape: Shape, gains: Floats, what: str) -> Floats:
+    if not gains.any():
+        raise InputError(f"{what} in {shape[-1]} samples", "a stretch that is long enough to hold it")
+    return _unit(np.fft.irfft(np.fft.rfft(stream.normal(size=shape)) * gains, shape[-1]))
+
+
+def _unit(noise: Floats) -> Floats:
+    return noise / np.sqrt(np.mean(noise**2, axis=-1, keepdims=True))

@@ -1,0 +1,79 @@
+"""Noises have the spectrum and the level that they promise."""
+
+import numpy as np
+import pytest
+
+from monochord.dsp.noise import NOISES, band, hum, mixed, pink, white
+from monochord.errors import InputError
+
+RATE = 44100.0
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_every_noise_has_unit_level_in_each_channel_and_is_determined_by_its_seed(name: str) -> None:
+    first, again = (NOISES[name](np.random.default_rng(3), (2, 4410), RATE) for _ in range(2))
+    other = NOISES[name](np.random.default_rng(4), (2, 4410), RATE)
+    assert np.sqrt((first**2).mean(axis=1)) == pytest.approx([1.0, 1.0])
+    assert (first == again).all()
+    assert not (first == other).any()
+
+
+def density(noise: np.ndarray, low: float, high: float) -> float:
+    """Mean power a bin between two frequencies."""
+    frequencies = np.fft.rfftfreq(noise.shape[-1], 1.0 / RATE)
+    power = np.abs(np.fft.rfft(noise)) ** 2
+    return float(power[..., (frequencies >= low) & (frequencies < high)].mean())
+
+
+def test_white_is_as_strong_everywhere_and_independent_in_the_channels() -> None:
+    noise = white(np.random.default_rng(0), (2, 1 << 17), RATE)
+    assert density(noise, 100, 1000) == pytest.approx(density(noise, 10000, 20000), rel=0.1)
+    assert abs(float((noise[0] * noise[1]).mean())) < 0.02
+
+
+def test_pink_falls_with_the_frequency() -> None:
+    noise = pink(np.random.default_rng(0), (2, 1 << 17), RATE)
+    assert density(noise, 100, 200) == pytest.approx(10 * density(noise, 1000, 2000), rel=0.15)
+    assert density(noise, 0, 29) < 1e-12 * density(noise, 100, 200)
+
+
+def test_band_is_silent_outside() -> None:
+    noise = band(np.random.default_rng(0), (1 << 17,), RATE)
+    assert density(noise, 2010, 4000) == pytest.approx(density(noise, 4000, 7990), rel=0.1)
+    assert max(density(noise, 0, 1990), density(noise, 8010, 22050)) < 1e-12 * density(noise, 3000, 4000)
+
+
+def test_hum_has_harmonics_of_the_mains_and_nothing_else() -> None:
+    spectrum = np.abs(np.fft.rfft(hum(np.random.default_rng(0), (44100,), RATE, mains=50.0, harmonics=4)))
+    lines = np.flatnonzero(spectrum > 1e-6 * spectrum.max())
+    assert lines.tolist() == [50, 100, 150, 200]
+    assert spectrum[lines] * [1, 2, 3, 4] == pytest.approx(spectrum[50])
+
+
+def test_hum_keeps_below_half_the_rate() -> None:
+    assert np.abs(np.fft.rfft(hum(np.random.default_rng(0), (1000,), 1000.0))).argmax() == 60
+    with pytest.raises(InputError, match="mains below half"):
+        hum(np.random.default_rng(0), (100,), 100.0)
+
+
+def test_a_stretch_too_short_for_the_noise_is_refused() -> None:
+    with pytest.raises(InputError, match="long enough"):
+        pink(np.random.default_rng(0), (1,), RATE)
+    with pytest.raises(InputError, match="2000 to 8000 Hz in 4 samples"):
+        band(np.random.default_rng(0), (4,), RATE)
+
+
+@pytest.mark.parametrize("ratio", [-5.0, 0.0, 25.0])
+def test_mixing_keeps_the_ratio_over_all_channels_and_their_balance(ratio: float) -> None:
+    rng = np.random.default_rng(0)
+    signal = rng.normal(size=(2, 4410)) * [[1.0], [0.1]]
+    added = mixed(signal, white(rng, signal.shape, RATE), ratio) - signal
+    assert 10.0 * np.log10((signal**2).mean() / (added**2).mean()) == pytest.approx(ratio)
+    assert added[0].std() == pytest.approx(added[1].std(), rel=0.05)
+
+
+def test_silence_stays_silence_and_silent_noise_is_refused() -> None:
+    noise = white(np.random.default_rng(0), (2, 100), RATE)
+    assert not mixed(np.zeros((2, 100)), noise, 10.0).any()
+    with pytest.raises(InputError, match="silent"):
+        mixed(noise, np.zeros((2, 100)), 10.0)
