@@ -182,8 +182,8 @@ def test_truth_of_short_old_and_future_ranges() -> None:
     contact[:, 120 * EVERY :] = 1
     one = np.ones((1, count))
     labels = Labels(
-        contact=contact, position=0.1 * one, force=one, slip=0 * one, across=0 * one, along=0 * one,
-        friction=one, settled=np.ones(count),
+        contact=contact, position=0.1 * one, force=one, reaction=one, slip=0 * one, across=0 * one,
+        along=0 * one, friction=one, settled=np.ones(count),
     )  # fmt: skip
     assert memory.over(0, 10) == {}
     memory.add(labels)

@@ -40,6 +40,7 @@ def test_kernel_equals_the_readable_step(name: str) -> None:
     slow, after_slowly = advance_slowly(twin, 300)
     np.testing.assert_allclose(quick.microphones, slow.microphones, rtol=0.0, atol=2e-7)
     np.testing.assert_allclose(quick.labels.force, slow.labels.force, rtol=2e-6, atol=1e-7)
+    np.testing.assert_allclose(quick.labels.reaction, slow.labels.reaction, rtol=2e-6, atol=2e-6)
     for label in ("contact", "slip", "friction", "settled", "position"):
         np.testing.assert_array_equal(getattr(quick.labels, label), getattr(slow.labels, label))
     for row in (layout.Q, layout.V):

@@ -8,6 +8,7 @@ from tests.physics.twin.built import FOAM, PLASTIC, SENSOR, key, moving, touch
 
 from monochord.errors import InputError
 from monochord.physics.twin import Outside, Pluck, Scene, Twin, advance, begin, hold, retouch, switch
+from monochord.physics.twin.memory import HOLD
 
 SLIDES = Scene(
     touches=(touch(key(0.0, 0.08, 0.8, 0.0, 0.05), key(0.05, 0.09, 1.5, 0.0, 0.05), rolls=False),),
@@ -86,3 +87,16 @@ def test_rates_that_cannot_be_are_refused() -> None:
         with pytest.raises(InputError, match="sample rate"):
             begin(SENSOR, sample_rate=rate)
     assert begin(replace(SENSOR, drift=1.0), sample_rate=48000).sample_rate == 48000
+
+
+def test_force_is_the_reaction_averaged() -> None:
+    twin = begin(SENSOR, Scene(touches=(hold(0.08, 1.0, PLASTIC),)))
+    labels = advance(twin, 6000)[0].labels
+    steps = twin.plan.finer
+    assert steps == 1
+    mean, told = 0.0, np.zeros(6000)
+    for i, load in enumerate(labels.reaction[0].astype(float)):
+        mean += (load - mean) / (HOLD * twin.sample_rate)
+        told[i] = mean
+    np.testing.assert_allclose(labels.force[0], told * labels.contact[0], rtol=1e-5, atol=1e-7)
+    assert labels.reaction[0, 4000:].std() > 0.01  # the string's vibration is in it

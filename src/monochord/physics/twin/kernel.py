@@ -213,8 +213,8 @@ def kernel(size: int, parts: int = PARTS) -> Callable[[Sensor, State, Out, Integ
                 states.band[i], states.memory[i], states.solved[i], states.mutual[i],
             )  # fmt: skip
             out = Out(
-                outs.microphones[i], outs.contact[i], outs.position[i], outs.force[i], outs.slip[i],
-                outs.across[i], outs.along[i], outs.friction[i], outs.settled[i],
+                outs.microphones[i], outs.contact[i], outs.position[i], outs.force[i], outs.reaction[i],
+                outs.slip[i], outs.across[i], outs.along[i], outs.friction[i], outs.settled[i],
             )  # fmt: skip
             _one(sensor, state, out, size, starts[i])
         return parts

@@ -134,6 +134,7 @@ class Out(NamedTuple):
     contact: Flags
     position: Audio
     force: Audio
+    reaction: Audio
     slip: Flags
     across: Audio
     along: Audio

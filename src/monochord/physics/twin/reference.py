@@ -81,6 +81,7 @@ def _silence(touches: int, frames: int) -> Out:
         contact=np.zeros(one, np.uint8),
         position=np.zeros(one, np.float32),
         force=np.zeros(one, np.float32),
+        reaction=np.zeros(one, np.float32),
         slip=np.zeros(one, np.uint8),
         across=np.zeros(one, np.float32),
         along=np.zeros(one, np.float32),
@@ -297,6 +298,7 @@ def _hear(sensor: Sensor, state: State, bank: Floats, out: Out, frame: int, inde
         out.contact[t, frame] = touching
         out.position[t, frame] = now + past * (ahead - now)
         out.force[t, frame] = own[k.MEAN] * touching
+        out.reaction[t, frame] = own[k.NOW]
         out.slip[t, frame] = touching and hypot(own[k.ACROSS], own[k.ALONG]) > k.SLIPPING
         out.across[t, frame], out.along[t, frame] = own[k.ACROSS], own[k.ALONG]
         out.friction[t, frame] = own[k.STATE]

@@ -18,6 +18,7 @@ from monochord.physics.twin.memory import (
     LONG_2,
     MEAN,
     NEAR,
+    NOW,
     ON,
     QUIET,
     SAME,
@@ -79,6 +80,7 @@ def hear(sensor: Sensor, state: State, out: Out, frame: int, index: int) -> None
         out.contact[t, frame] = touching
         out.position[t, frame] = asked[motion.PLACE] + past * (ahead[motion.PLACE] - asked[motion.PLACE])
         out.force[t, frame] = own[MEAN] * touching
+        out.reaction[t, frame] = own[NOW]
         out.slip[t, frame] = 1 if touching == 1 and slow > SLIPPING else 0
         out.across[t, frame] = own[ACROSS]
         out.along[t, frame] = own[ALONG]

@@ -32,7 +32,8 @@ from monochord.units import Samples
 class Labels:
     """What is true at every frame; of each touch, (touches, n), save `settled`, (n,).
 
-    `contact` and `slip` are 0 or 1, `position` in m, `force` the normal force in N averaged over 5 ms,
+    `contact` and `slip` are 0 or 1, `position` in m, `force` the normal force in N averaged over 5 ms
+    (which makes it lag), `reaction` the normal force at that instant, with the string's vibration in it,
     `across` and `along` the speed at which the object slides, in m/s, `friction` the state of the contact at
     that instant (0 none, 1 stick, 2 creep, 3 slide), `settled` whether the sound has come to rest since the
     last change of any touch or driver. `slip` is 1 where the place of the contact on the object moves on by
@@ -43,6 +44,7 @@ class Labels:
     contact: np.ndarray
     position: np.ndarray
     force: np.ndarray
+    reaction: np.ndarray
     slip: np.ndarray
     across: np.ndarray
     along: np.ndarray
@@ -188,6 +190,7 @@ def room(sensors: int, touches: int, frames: Samples) -> Out:
         contact=np.empty(each, np.uint8),
         position=np.empty(each, np.float32),
         force=np.empty(each, np.float32),
+        reaction=np.empty(each, np.float32),
         slip=np.empty(each, np.uint8),
         across=np.empty(each, np.float32),
         along=np.empty(each, np.float32),
