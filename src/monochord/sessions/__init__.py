@@ -1,7 +1,9 @@
 """A recording on disk: audio, instruments, labels and events on one clock, in one MCAP file."""
 
+from monochord.sessions.check import Report, check
 from monochord.sessions.description import Description, SessionClock
 from monochord.sessions.reader import Session, read_session
+from monochord.sessions.recover import Recovery, recover
 from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, LabelTrack, ReadingTrack
 from monochord.sessions.writer import SessionWriter
 
@@ -12,8 +14,12 @@ __all__ = [
     "Event",
     "LabelTrack",
     "ReadingTrack",
+    "Recovery",
+    "Report",
     "Session",
     "SessionClock",
     "SessionWriter",
+    "check",
     "read_session",
+    "recover",
 ]

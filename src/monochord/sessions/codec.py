@@ -83,9 +83,9 @@ def encode(name: str, **fields: Any) -> bytes:
     return bytes(store.serialize_cdr(store.types[name](**fields), name))
 
 
-def decode(name: str, data: bytes) -> Any:
+def decode(name: str, data: bytes | memoryview) -> Any:
     """Return the message of type `name` that CDR bytes hold."""
-    return typestore().deserialize_cdr(data, name)
+    return typestore().deserialize_cdr(bytes(data), name)
 
 
 def encode_pose(stamp: int, values: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
@@ -99,7 +99,7 @@ def encode_pose(stamp: int, values: np.ndarray[Any, np.dtype[np.float64]]) -> by
     return encode(POSES, header=header(stamp, "string"), pose=pose)
 
 
-def decode_pose(data: bytes) -> tuple[int, tuple[float, ...]]:
+def decode_pose(data: bytes | memoryview) -> tuple[int, tuple[float, ...]]:
     """Return the sender's stamp in nanoseconds and the pose's seven values."""
     message = decode(POSES, data)
     p, q = message.pose.position, message.pose.orientation

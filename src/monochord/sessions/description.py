@@ -120,7 +120,7 @@ class Description:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionClock:
-    """The clock of a session: nanoseconds since 1970 that run with the monotonic clock, whatever the wall does.
+    """A session's clock: nanoseconds since 1970 that go with the monotonic clock, whatever the wall does.
 
     `epoch_ns` is what the wall clock said when the monotonic clock said `origin`, the session's time zero.
 

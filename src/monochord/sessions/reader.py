@@ -40,6 +40,8 @@ class Session:
         Whose zero the times of all tracks count from.
     ending
         What was written when the session was closed; empty where it was cut off.
+    recovered
+        Whether it was cut off and repaired.
     """
 
     def __init__(self, path: Path) -> None:
@@ -49,11 +51,13 @@ class Session:
         self._chunks: list[memoryview] = []
         told: dict[str, str] = {}
         self.ending: dict[str, str] = {}
+        self.recovered = False
         for record in walk.records(self._view):
             if record.opcode == walk.METADATA:
                 name, found = walk.metadata(record.body)
                 told = found if name == BEGIN else told
                 self.ending = found if name == END else self.ending
+                self.recovered = self.recovered or name == walk.RECOVERED
             elif record.opcode == walk.CHUNK:
                 self._chunks.append(record.body)
             elif record.opcode == walk.DATA_END:
@@ -73,6 +77,11 @@ class Session:
     def streams(self) -> tuple[str, ...]:
         """Names of the streams of readings."""
         return tuple(feed.stream for feed in self.description.feeds)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Names of all topics, those of its streams among them."""
+        return (*codec.TOPICS, *(codec.topic_of(stream) for stream in self.streams))
 
     def messages(self, topic: str) -> Iterator[walk.Message]:
         """Yield the messages of a topic in the order of the file; chunks that are damaged are left out."""
@@ -184,7 +193,7 @@ class Session:
         sent: list[int] = []
         values: list[tuple[float, ...]] = []
         for message in messages:
-            stamp, pose = codec.decode_pose(bytes(message.data))
+            stamp, pose = codec.decode_pose(message.data)
             arrivals.append(message.log_time)
             sequence.append(-1 if message.sequence == NO_COUNT else message.sequence)
             sent.append(stamp or -1)

@@ -16,8 +16,8 @@ class AudioTrack:
     """The microphones' samples (channels, n) float32 from the stream's first frame on.
 
     Lost frames are zeros, and `gaps` tells where: first frame and the one after the last. `anchor_frame` (k,)
-    was at the converter at `anchor_time` (k,), as the device said; `device_frame` (k,) is its own count there,
-    -1 where it has none.
+    was at the converter at `anchor_time` (k,), as the device said; `device_frame` (k,) is its own count
+    there, -1 where it has none.
     """
 
     samples: Audio

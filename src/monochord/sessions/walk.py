@@ -13,8 +13,10 @@ from monochord.errors import InputError
 
 if TYPE_CHECKING:
     from mcap.data_stream import ReadDataStream
-    from mcap.records import Channel, Schema
+    from mcap.records import Attachment, Channel, Schema
 
+RECOVERED = "monochord.recovered"
+"""Name of the metadata that a repaired session has."""
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
 CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX = 8, 9, 10, 11, 12, 13
@@ -65,7 +67,7 @@ def mapped(path: Path) -> memoryview:
             )
     except OSError as error:
         raise InputError(f"file {path} ({error.strerror})", "a session (.mcap)", "check its name") from error
-    if view[: len(MAGIC)] != MAGIC:
+    if bytes(view[: len(MAGIC)]) != MAGIC:
         raise InputError(f"file {path} (not MCAP)", "a session (.mcap)", "record or import one")
     return view
 
@@ -116,7 +118,8 @@ def inside(view: memoryview) -> Iterator[tuple[int, int, memoryview]]:
 
 def message(body: memoryview) -> Message:
     """Return the message that a record's body holds."""
-    return Message(*_MESSAGE.unpack_from(body, 0), body[_MESSAGE.size :])
+    number, sequence, log_time, publish_time = _MESSAGE.unpack_from(body, 0)
+    return Message(number, sequence, log_time, publish_time, body[_MESSAGE.size :])
 
 
 def schema(body: memoryview) -> "Schema":
@@ -131,6 +134,13 @@ def channel(body: memoryview) -> "Channel":
     from mcap.records import Channel  # noqa: PLC0415
 
     return Channel.read(_stream(body))
+
+
+def attachment(body: memoryview) -> "Attachment":
+    """Return the attachment that a record's body holds."""
+    from mcap.records import Attachment  # noqa: PLC0415
+
+    return Attachment.read(_stream(body))
 
 
 def metadata(body: memoryview) -> tuple[str, dict[str, str]]:
@@ -159,6 +169,6 @@ def _unpacked(compression: str, packed: memoryview, size: int) -> memoryview | N
             import lz4.frame  # noqa: PLC0415
 
             return memoryview(lz4.frame.decompress(bytes(packed)))
-    except Exception:  # noqa: BLE001  (each library has errors of its own; all mean a chunk that cannot be read)
+    except Exception:  # noqa: BLE001  (each library has errors of its own: damage)
         return None
     return None

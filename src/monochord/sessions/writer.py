@@ -8,7 +8,7 @@ import struct
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from monochord.sessions.description import Description, SessionClock
 from monochord.sessions.file import SessionFile
 from monochord.types import Block, Floats, Readings
 from monochord.units import Samples, Seconds
-
-if TYPE_CHECKING:
-    from mcap.writer import Writer
 
 FORMAT = "1"
 BEGIN, END = "monochord", "monochord.end"
@@ -38,8 +35,8 @@ LATEST_STAMP = 2**31 * 10**9
 class SessionWriter:
     """An open session. All its times are seconds of the monotonic clock, as `Block` and `Readings` have them.
 
-    What was given before a `flush` is in the file whole and readable, whatever becomes of the program. Where the
-    disk is full the file is finished with what there is, and the call that noticed raises `OSError`.
+    What was given before a `flush` is in the file whole and readable, whatever becomes of the program. Where
+    the disk is full the file is finished with what there is, and the call that noticed raises `OSError`.
 
     Parameters
     ----------
@@ -69,7 +66,8 @@ class SessionWriter:
         self._messages: dict[int, int] = {}
         self._unflushed = 0
         # Chunks end where `flush` says, never by themselves.
-        self._writer: Writer = Writer(self._file, compression=CompressionType.NONE, chunk_size=1 << 62)  # pyright: ignore[reportArgumentType]
+        out: Any = self._file
+        self._writer = Writer(out, compression=CompressionType.NONE, chunk_size=1 << 62)
         try:
             self._writer.start(profile="ros2", library="monochord")
             told = {"format": FORMAT, **self.clock.dump(), "description": description.dump()}
@@ -229,7 +227,7 @@ class SessionWriter:
             raise
 
     def _told(self) -> dict[str, str]:
-        """Return what the end says: messages and SHA-256 of every topic, their sum, and the audio's counts."""
+        """Return what the end says: messages and SHA-256 of each topic, their sum, the audio's counts."""
         digests = {topic: self._digests[number].hexdigest() for topic, number in self._channels.items()}
         whole = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
         return {

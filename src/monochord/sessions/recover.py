@@ -1,0 +1,62 @@
+"""Repairs a session that was cut off, where it lies: what is whole is kept, an ending is put after it."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from monochord.errors import InputError
+from monochord.sessions import walk
+from monochord.sessions._contents import contents
+from monochord.sessions._ending import ending_after
+from monochord.units import Seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recovery:
+    """What became of a session: whether anything had to be done, what was kept and what was cut away."""
+
+    path: Path
+    repaired: bool
+    messages: int
+    seconds: Seconds
+    lost_bytes: int
+
+
+def recover(path: Path) -> Recovery:
+    """Repair a session in place; one that was closed is left as it is.
+
+    All whole chunks up to the first that is damaged are kept, bit for bit. Behind them come the index that
+    every MCAP reader looks for and a note that the session was repaired. No more than an ending is written,
+    so a full disk hardly matters; what is cut away was not whole, so nothing is lost that could be read.
+
+    Raises
+    ------
+    InputError
+        If the file is not there, not MCAP, or cannot be written.
+    """
+    view = walk.mapped(path)
+    size = len(view)
+    found = contents(view)
+    begin = min((chunk.message_start_time for chunk in found.chunks), default=0)
+    stop = max((chunk.message_end_time for chunk in found.chunks), default=0)
+    lost = 0 if found.ended else size - found.end
+    if not found.ended:
+        ending = ending_after(found, lost)
+        view.release()
+        try:
+            with path.open("r+b") as file:
+                # What is not whole goes first: on a full disk its place is what the ending takes.
+                file.truncate(found.end)
+                file.seek(found.end)
+                file.write(ending)
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise InputError(f"file {path} ({error.strerror})", "a file that can be written") from error
+    return Recovery(
+        path=path,
+        repaired=not found.ended,
+        messages=sum(found.counts.values()),
+        seconds=(stop - begin) * 1e-9,
+        lost_bytes=lost,
+    )

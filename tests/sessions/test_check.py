@@ -1,0 +1,36 @@
+from pathlib import Path
+
+from tests.sessions.made import make
+
+from monochord.sessions import check
+
+
+def test_a_whole_session_has_no_faults_and_tells_what_is_missing(tmp_path: Path) -> None:
+    make(tmp_path / "a.mcap")
+    report = check(tmp_path / "a.mcap")
+    assert report.sound
+    assert report.remarks == (
+        "100 frames lost in 1 gap",
+        "wrench: 21 readings with a fault",
+        "oven: 3 readings with a fault",
+    )
+    assert report.messages["/labels"] == 200
+
+
+def test_a_flipped_bit_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    make(path)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    report = check(path)
+    assert not report.sound
+    assert "1 damaged chunk" in report.faults
+    assert any("checksum" in fault for fault in report.faults)
+
+
+def test_a_session_that_was_not_closed_says_what_to_do(tmp_path: Path) -> None:
+    make(tmp_path / "a.mcap", close=False)
+    report = check(tmp_path / "a.mcap")
+    assert any("sessions recover" in fault for fault in report.faults)
+    assert any("cut off" in fault for fault in report.faults)

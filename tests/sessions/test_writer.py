@@ -1,0 +1,159 @@
+import errno
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.sessions.made import RATE, block, description, make
+
+from monochord.errors import InputError
+from monochord.sessions import Description, SessionClock, SessionWriter, check, read_session
+from monochord.types import Block, Feed, Readings
+
+
+def test_the_same_content_gives_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        make(tmp_path / f"{name}.mcap", seconds=0.5)
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    make(tmp_path / "c.mcap", seconds=0.5, seed=1)
+    assert check(tmp_path / "a.mcap").checksum == check(tmp_path / "b.mcap").checksum
+    assert check(tmp_path / "a.mcap").checksum != check(tmp_path / "c.mcap").checksum
+
+
+def test_an_existing_file_is_refused_and_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_text("mine")
+    with pytest.raises(InputError, match=r"exists.*a new file"):
+        make(path)
+    assert path.read_text() == "mine"
+
+
+def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="No such file"):
+        make(tmp_path / "nowhere" / "a.mcap")
+    with SessionWriter(tmp_path / "a.mcap", description()) as writer:
+        with pytest.raises(InputError, match=r"block of 1 channels.*2"):
+            writer.audio(Block(samples=np.zeros((1, 10), np.float32), start=0))
+        empty = np.zeros(1, np.int64)
+        odd = Readings(
+            stream="oven",
+            time=np.zeros(1),
+            values=np.zeros((1, 3)),
+            sequence=empty,
+            device_time=empty,
+            status=empty.astype(np.uint32),
+        )
+        with pytest.raises(InputError, match=r"shape \(1, 3\).*\(1, 2\)"):
+            writer.readings(odd)
+    with pytest.raises(InputError, match="closed"):
+        writer.event(0.0, "late")
+
+
+@pytest.mark.parametrize("flushed", [True, False])
+def test_what_was_flushed_is_readable_without_closing(tmp_path: Path, *, flushed: bool) -> None:
+    path = tmp_path / "a.mcap"
+    writer = make(path, seconds=1.0, close=False)
+    writer.audio(block(0, np.ones((2, 441), np.float32), start=44200))
+    if flushed:
+        writer.flush()
+    session = read_session(path)
+    assert not session.complete
+    assert session.audio.samples.shape[1] == 44200 + 441 * flushed
+    writer.close()
+    assert read_session(path).complete
+    assert read_session(path).audio.samples.shape[1] == 44641
+
+
+def test_a_message_holds_blocks_that_follow_each_other(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with SessionWriter(path, description(), SessionClock(epoch_ns=0)) as writer:
+        for k in range(100):
+            writer.audio(block(k, np.full((2, 64), k, np.float32), start=64 * k + (k >= 50), dropped=k == 50))
+    session = read_session(path)
+    assert session.audio.gaps == ((3200, 3201),)
+    assert len(list(session.messages("/audio"))) == 2
+    assert np.array_equal(session.audio.samples[0, 3201::64], np.arange(50, 100))
+
+
+def test_memory_stays_small_where_nobody_flushes(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with SessionWriter(path, description(feeds=())) as writer:
+        for k in range(30):
+            writer.audio(block(k, np.zeros((2, RATE), np.float32), start=RATE * k))
+            assert writer.size > (k - 4) * 8 * RATE
+
+
+FILL = """
+import sys, resource
+from pathlib import Path
+from tests.sessions.made import make
+resource.setrlimit(resource.RLIMIT_FSIZE, (6 << 20, 6 << 20))
+import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+try:
+    make(Path(sys.argv[1]), seconds=60)
+except OSError as error:
+    print(error.errno)
+"""
+
+
+def test_a_file_that_may_not_grow_ends_valid(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    done = subprocess.run(
+        [sys.executable, "-c", FILL, str(path)], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert int(done.stdout) in (errno.ENOSPC, errno.EFBIG), done.stderr
+    report = check(path)
+    assert report.sound, report
+    assert report.seconds > 1.5
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> "object":
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=8m", "tmpfs", str(folder)]
+    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
+        pytest.skip("mounting a small disk is not allowed here")
+    yield folder
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+def test_a_full_disk_ends_the_file_well(small_disk: Path) -> None:
+    path = small_disk / "a.mcap"
+    with pytest.raises(OSError, match="No space left") as failure:
+        make(path, seconds=60)
+    assert failure.value.errno == errno.ENOSPC
+    report, session = check(path), read_session(path)
+    assert report.sound, report
+    assert session.complete, "space that was set aside was enough for a good ending"
+    assert report.seconds > 2.0
+
+
+def test_a_disk_that_fills_from_elsewhere_ends_the_file_well(small_disk: Path) -> None:
+    path = small_disk / "a.mcap"
+    writer = make(path, seconds=0.5, close=False)
+
+    def fill() -> None:
+        with (small_disk / "other").open("wb", buffering=0) as other:
+            while True:
+                other.write(bytes(65536))
+
+    def go_on() -> None:
+        for k in range(10000):
+            writer.audio(block(k, np.zeros((2, 441), np.float32), start=22150 + 441 * k))
+
+    with suppress(OSError):
+        fill()
+    with pytest.raises(OSError, match="No space"):
+        go_on()
+    assert check(path).sound
+    assert read_session(path).audio.samples.shape[1] > 22150
+
+
+def test_feeds_must_have_names_of_their_own() -> None:
+    feed = Feed(stream="pose", columns=("x",), units=("m",))
+    with pytest.raises(InputError, match="two streams called 'pose'"):
+        Description(name="a", sample_rate=RATE, feeds=(feed, feed))
