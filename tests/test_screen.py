@@ -4,7 +4,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from monochord.screen import HIDE_CURSOR, SHOW_CURSOR, Screen
+from monochord.screen import HIDE_CURSOR, SHOW_CURSOR, Screen, can_draw
 
 
 @pytest.fixture
@@ -48,3 +48,13 @@ def test_the_cursor_comes_back_if_anything_was_drawn(
     with Screen(console):
         pass
     assert capsys.readouterr().out == ""
+
+
+def test_only_a_terminal_that_moves_its_cursor_is_drawn_on(
+    console: Console, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    assert can_draw(console)
+    assert not can_draw(Console(force_terminal=False))
+    monkeypatch.setenv("TERM", "dumb")
+    assert not can_draw(Console(force_terminal=True))

@@ -12,6 +12,16 @@ HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
 CLEAR_LINE, CLEAR_BELOW = "\x1b[K", "\x1b[J"
 
 
+def can_draw(console: Console) -> bool:
+    """Tell whether a console is a terminal that a `Screen` can draw on."""
+    return (
+        console.is_terminal
+        and not console.is_dumb_terminal
+        and not console.legacy_windows
+        and console.encoding.startswith("utf")
+    )
+
+
 class Screen(AbstractContextManager["Screen"]):
     """Pictures one over the other, below what stood there before; the last one stays.
 

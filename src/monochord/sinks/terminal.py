@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.text import Text
 
-from monochord.screen import Screen
+from monochord.screen import Screen, can_draw
 from monochord.sinks import _view
 from monochord.sinks.base import Moment, Sink, Writer
 from monochord.timing import Histogram
@@ -45,7 +45,7 @@ class Terminal(Sink):
     def open(self, signal: Signal) -> Generator[Writer]:
         """Take over the terminal's lower part; the last picture stays."""
         console = Console(file=sys.stderr if self.stderr else sys.stdout, highlight=False)
-        if self.plain or not _can_draw(console):
+        if self.plain or not can_draw(console):
             lines = _Lines(console)
             yield lines
             lines.close()
@@ -116,12 +116,3 @@ class _Lines(Writer):
             self._console.print(Text(line), soft_wrap=True)
             self._console.file.flush()
         self._waiting = None
-
-
-def _can_draw(console: Console) -> bool:
-    return (
-        console.is_terminal
-        and not console.is_dumb_terminal
-        and not console.legacy_windows
-        and console.encoding.startswith("utf")
-    )

@@ -1,0 +1,33 @@
+"""A recording at one moment: what its view shows and what its watch judges."""
+
+from dataclasses import dataclass
+
+from monochord.recording.disk import Space
+from monochord.recording.feeds import FeedNow
+from monochord.recording.levels import Level
+from monochord.types import StreamHealth
+from monochord.units import Samples, Seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """A running recording.
+
+    `time` is the monotonic clock's and `elapsed` since the recording began. `frames`, `dropped` and `gaps`
+    are those of the blocks that came; `silent` is for how long no audio has come, 0 while it is not late.
+    `levels` are the microphones', `feeds` the instruments'. `waiting` is the share of the room for what is
+    not yet written, and `held_up` for how long instruments waited for room.
+    """
+
+    time: Seconds
+    elapsed: Seconds
+    frames: Samples
+    dropped: Samples
+    gaps: int
+    silent: Seconds
+    health: StreamHealth
+    levels: tuple[Level, ...]
+    feeds: tuple[FeedNow, ...]
+    space: Space
+    waiting: float = 0.0
+    held_up: Seconds = 0.0

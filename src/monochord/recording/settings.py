@@ -1,0 +1,135 @@
+"""What a person configures of a recording, and the job that is built from it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from monochord.config import Tree, from_tree, to_tree
+from monochord.errors import InputError
+from monochord.instruments import INSTRUMENTS
+from monochord.instruments.base import Instrument
+from monochord.physics.sensors import load_sensor
+from monochord.sessions import Description
+from monochord.sources import SOURCES
+from monochord.sources.base import Source
+from monochord.types import Feed, Signal
+from monochord.units import Metres, Seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class About:
+    """What a recording is of, as its session will tell; the fields are those of `sessions.Description`.
+
+    `sensor` names a preset, or a TOML file laid out as one. `simulated` marks what did not come from
+    hardware; a source that knows its own string is a simulation anyway.
+    """
+
+    object: str = ""
+    material: str = ""
+    radius: Metres | None = None
+    sensor: str = ""
+    preamp_gains: tuple[float, ...] = ()
+    simulated: bool = False
+    day: int | None = None
+    plan: str = ""
+    note: str = ""
+
+    def describe(self, name: str, signal: Signal, feeds: tuple[Feed, ...]) -> Description:
+        """Return the description of a session called `name`; raises `InputError` for an unknown sensor."""
+        sensor = load_sensor(self.sensor) if self.sensor else None
+        return Description(
+            name=name,
+            sample_rate=signal.sample_rate,
+            channels=signal.channels,
+            simulated=self.simulated or signal.string is not None,
+            sensor=to_tree(sensor) if sensor else {},
+            string=sensor.string if sensor else signal.string,
+            object=self.object,
+            material=self.material,
+            radius=self.radius,
+            preamp_gains=self.preamp_gains,
+            day=self.day,
+            plan=self.plan,
+            notes=self.note,
+            feeds=feeds,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiskLimits:
+    """When the disk is too full, in bytes that are free: to `start`, and to go on (`stop`).
+
+    A person is warned when less than `warn` seconds of recording are left at the pace so far.
+    """
+
+    start: float = 100e6
+    stop: float = 20e6
+    warn: Seconds = 600.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.stop <= self.start < math.inf and self.warn >= 0.0):
+            given = f"disk start {self.start:g}, stop {self.stop:g}, warn {self.warn:g}"
+            raise InputError(given, "0 <= stop <= start in bytes, and warn in seconds, 0 or more")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A recording, ready to start: where it goes, built plug-ins, what it is of, and when to end.
+
+    `instruments` are by name. `room` is how many bytes may wait in memory for a slow disk.
+    """
+
+    path: Path
+    source: Source
+    instruments: Mapping[str, Instrument] = field(default_factory=dict[str, Instrument])
+    about: About = About()
+    disk: DiskLimits = DiskLimits()
+    seconds: Seconds = math.inf
+    room: int = 1 << 25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """A recording as configured: the source as a table with its name, instruments as tables by name.
+
+    >>> tree = {"source": {"name": "wav", "path": "take.wav"}, "about": {"object": "plastic"}}
+    >>> Settings.read(tree).job(Path("take.mcap")).about.object
+    'plastic'
+    """
+
+    source: dict[str, Any] = field(default_factory=lambda: {"name": "jack"})
+    instruments: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
+    about: About = About()
+    disk: DiskLimits = DiskLimits()
+    seconds: Seconds = math.inf
+
+    @classmethod
+    def read(cls, tree: Tree) -> "Settings":
+        """Build from plain values, strictly."""
+        return from_tree(cls, tree)
+
+    def __post_init__(self) -> None:
+        if not self.seconds > 0.0:
+            raise InputError(f"{self.seconds:g} seconds", "more than 0")
+
+    def job(self, path: Path) -> Job:
+        """Build every plug-in; raises `InputError` for an unknown name, option or sensor."""
+        options = dict(self.source)
+        name = options.pop("name", None)
+        if not isinstance(name, str):
+            raise InputError("source without a name", ", ".join(SOURCES.names()), "write source.name")
+        if self.about.sensor:
+            load_sensor(self.about.sensor)  # refused before any device is opened
+        return Job(
+            path=path,
+            source=SOURCES.build(name, options),
+            instruments={
+                name.replace("-", "_"): INSTRUMENTS.build(name, options)
+                for name, options in self.instruments.items()
+            },
+            about=self.about,
+            disk=self.disk,
+            seconds=self.seconds,
+        )
