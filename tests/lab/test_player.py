@@ -1,3 +1,4 @@
+import time
 from typing import Any
 
 import numpy as np
@@ -6,6 +7,7 @@ import pytest
 from monochord.errors import DeviceError, InputError
 from monochord.lab.player import Player
 from monochord.sources.jack import Jack
+from monochord.types import Block
 
 pytestmark = pytest.mark.jack
 RATE = 44100
@@ -41,6 +43,33 @@ def test_it_connects_to_inputs_that_it_is_given(jack_server: Any, noise: np.ndar
         first = next(iter(stream))
     assert first.start == 0
     assert np.array_equal(first.samples, noise[:, :512])
+
+
+@pytest.mark.parametrize("late", [-0.5, 0.1])
+def test_it_begins_when_it_is_told_to(jack_server: Any, noise: np.ndarray, late: float) -> None:
+    with Jack(ports="none", client_name="ear", server=jack_server.name).open() as stream:
+        begin = time.monotonic() - late
+        into = ("ear:in_1", "ear:in_2")
+        with Player(noise, RATE, server=jack_server.name, connect=into, begin=begin) as player:
+            assert player.wait(10.0)
+        blocks: list[Block] = []
+        for block in stream:
+            blocks.append(block)
+            if not stream.pending:
+                break
+    heard = np.concatenate([block.samples for block in blocks], axis=1)
+    assert blocks[0].start == 0
+    first = int(np.flatnonzero(heard.any(axis=0))[0])
+    left_out = noise.shape[1] - int(np.count_nonzero(heard.any(axis=0)))
+    if late < 0.0:
+        assert left_out == 0
+    else:
+        assert late * RATE <= left_out < (late + 3.0) * RATE
+        assert left_out < noise.shape[1]
+    assert np.array_equal(heard[:, first : first + noise.shape[1] - left_out], noise[:, left_out:])
+    times = [block.adc_time - block.start / RATE for block in blocks if block.adc_time is not None]
+    heard_at = float(np.median(times)) + (first - left_out) / RATE
+    assert heard_at == pytest.approx(begin, abs=2e-4)
 
 
 def test_it_notes_that_the_server_went(jack_server: Any, noise: np.ndarray) -> None:

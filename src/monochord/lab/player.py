@@ -8,9 +8,13 @@ from monochord.errors import DeviceError, InputError
 from monochord.realtime import arena as at
 from monochord.realtime import libjack
 from monochord.realtime.arena import Arena
+from monochord.realtime.atomics import store
 from monochord.realtime.client import JackClient
 from monochord.types import Audio
 from monochord.units import Samples, Seconds
+
+SOON: Seconds = 0.2
+"""How long before its time the first frame is set."""
 
 
 class Player:
@@ -31,6 +35,9 @@ class Player:
         Name of the server; empty for the default one.
     connect
         Names of the input ports to connect to, one a channel; none by default: the listener connects.
+    begin
+        When the first sample is to be heard, in seconds of the monotonic clock: `wait` sees to it, and what
+        is late is left out. None: as soon as all ports are connected.
 
     Raises
     ------
@@ -48,11 +55,14 @@ class Player:
         client_name: str = "player",
         server: str = "",
         connect: tuple[str, ...] = (),
+        begin: Seconds | None = None,
     ) -> None:
         if samples.ndim != 2 or not samples.size:
             raise InputError(f"samples of shape {samples.shape}", "(channels, n), none of them zero")
         self._tape = Arena(*samples.shape, periods=0)
         self._tape.samples[:] = samples
+        self._tape.words[at.SCHEDULED] = begin is not None
+        self._begin = begin
         self._client = JackClient(client_name, server)
         try:
             self._refuse_other_rate(sample_rate)
@@ -88,6 +98,8 @@ class Player:
     def wait(self, seconds: Seconds) -> bool:
         """Wait until all is played or the server has gone, at most so long; return whether all is played."""
         deadline = time.monotonic() + seconds
+        if self._begin is not None:
+            self._schedule(self._begin, deadline)
         while not (self.ended or self.gone) and (left := deadline - time.monotonic()) > 0.0:
             self._tape.wait(left)
         return self.ended
@@ -96,6 +108,15 @@ class Player:
         """Leave the server."""
         self._client.close()
         self._tape.close()
+
+    def _schedule(self, begin: Seconds, deadline: Seconds) -> None:
+        """Set the first frame shortly before its time, when JACK's clock tells it best."""
+        while (left := min(begin - SOON, deadline) - time.monotonic()) > 0.0 and not self.gone:
+            self._tape.wait(left)
+        if not self.gone and time.monotonic() >= begin - SOON:
+            self._tape.words[at.BEGIN] = self._client.frame_at(begin)
+            store(self._tape.words, at.SCHEDULED, 2)
+            self._begin = None
 
     def _refuse_other_rate(self, sample_rate: int) -> None:
         rate = self._client.sample_rate

@@ -29,6 +29,8 @@ _copy = ExternalFunction("memcpy", types.intp(types.intp, types.intp, types.intp
 _fill = ExternalFunction("memset", types.intp(types.intp, types.int32, types.intp))
 
 WORD, SAMPLE = 8, 4  # bytes
+NEVER = 1 << 62  # frames
+HALF_SPAN = 1 << 31  # frames; JACK counts modulo twice as many
 
 
 # Numba's cache looks at the age of this file only, but the arena's layout is in another: so that code for an
@@ -73,6 +75,18 @@ def _cycle_start(words: Any) -> int:
     return 0 if failed else words[at.SCRATCH + 1]
 
 
+@njit
+def _frames_ahead(words: Any) -> int:
+    """Return how many frames after this period's start the tape is to begin; negative where it is late."""
+    scheduled = load_acquire(words, at.SCHEDULED)
+    if scheduled == 0:
+        return 0
+    if scheduled == 1:
+        return NEVER
+    now = np.int64(_last_frame_time(words[at.CLIENT]))
+    return (words[at.BEGIN] - now + HALF_SPAN) % (2 * HALF_SPAN) - HALF_SPAN
+
+
 @_callback(types.int32, types.uint32, types.voidptr)
 def capture(nframes: Any, arena: Any) -> Any:
     """Copy one period of every port into the ring and publish it, if every port is connected."""
@@ -105,18 +119,27 @@ def capture(nframes: Any, arena: Any) -> Any:
 
 @_callback(types.int32, types.uint32, types.voidptr)
 def play(nframes: Any, arena: Any) -> Any:
-    """Hand one period of the tape to every port; silence before all are connected and after its end."""
+    """Hand one period of the tape to every port; silence before it begins and after its end.
+
+    It begins when all ports are connected, or at the frame that was set; what is late for that is left out.
+    """
     words = _words(arena)
     frames, length, position = np.int64(nframes), words[at.FRAMES], words[at.READ]
-    started = position > 0 or _all_connected(words)
-    count = min(frames, length - position) if started else 0
+    silence = np.int64(0)
+    if position == 0:
+        ahead = _frames_ahead(words) if _all_connected(words) else frames
+        silence = min(max(ahead, 0), frames)
+        position = min(max(-ahead, 0), length)
+    count = min(frames - silence, length - position)
     for channel in range(words[at.CHANNELS]):
         target = _get_buffer(words[at.PORTS + channel], nframes)
         source = words[at.SELF] + WORD * words[at.SAMPLES_AT] + SAMPLE * (channel * length + position)
-        _copy(target, source, SAMPLE * count)
-        _fill(target + SAMPLE * count, 0, SAMPLE * (frames - count))
+        _fill(target, 0, SAMPLE * silence)
+        _copy(target + SAMPLE * silence, source, SAMPLE * count)
+        _fill(target + SAMPLE * (silence + count), 0, SAMPLE * (frames - silence - count))
+    ends = words[at.READ] < length and position + count == length
     store_release(words, at.READ, position + count)
-    if count and position + count == length:
+    if ends:
         _wake(words)
     return 0
 

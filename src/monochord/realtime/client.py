@@ -145,6 +145,11 @@ class JackClient:
             readings.append((after - before, there * 1e-6 - (before + after) * 0.5e-9))
         return min(readings)[1]
 
+    def frame_at(self, monotonic: Seconds) -> Samples:
+        """Return JACK's frame count, modulo 2^32, at a time near now of the monotonic clock."""
+        microseconds = round((monotonic + self.clock_offset()) * 1e6)
+        return int(self._jack.jack_time_to_frames(self.handle, microseconds))
+
     def close(self) -> None:
         """Leave the server; no callback runs after this. Does no harm after the server has gone."""
         with _opening:

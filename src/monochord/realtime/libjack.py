@@ -43,6 +43,7 @@ DECLARATIONS: dict[str, tuple[Any, list[Any]]] = {
     "jack_free": (None, [c_void_p]),
     "jack_connect": (c_int, [c_void_p, c_char_p, c_char_p]),
     "jack_get_time": (c_uint64, []),
+    "jack_time_to_frames": (c_uint32, [c_void_p, c_uint64]),
     "jack_get_cycle_times": (
         c_int,
         [c_void_p, POINTER(c_uint32), POINTER(c_uint64), POINTER(c_uint64), POINTER(c_float)],
