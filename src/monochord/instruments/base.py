@@ -31,7 +31,8 @@ class Connection(ABC):
 class Instrument(ABC):
     """Options of an instrument, as a frozen keyword-only dataclass whose first field is what to open.
 
-    `open` raises `InputError` for options that cannot be used, and `DeviceError` for a device that is not there.
+    `open` raises `InputError` for options that cannot be used, and `DeviceError` for a device that is not
+    there.
     """
 
     @abstractmethod

@@ -1,0 +1,45 @@
+"""What a device of the laboratory plays when it is a process of its own: arrays and settings in one file."""
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from monochord.config import from_tree
+from monochord.errors import InputError
+from monochord.types import Floats
+from monochord.units import Seconds
+
+T = TypeVar("T")
+
+
+def write_script(path: Path, arrays: Mapping[str, Floats], settings: Any) -> None:
+    """Write arrays and a dataclass of settings; `read_script` reads them."""
+    np.savez(path, allow_pickle=False, settings=json.dumps(asdict(settings)), **arrays)
+
+
+def read_script(path: Path, kind: type[T]) -> tuple[dict[str, Floats], T]:
+    """Return the arrays by name, and the settings; raises `InputError` for any other file."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: np.asarray(file[name], np.float64) for name in file if name != "settings"}
+            tree = {
+                name: value for name, value in json.loads(str(file["settings"])).items() if value is not None
+            }
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{path} ({error})", "a file that write_script wrote") from error
+    return arrays, from_tree(kind, tree)
+
+
+def obey(said: Mapping[str, Any], begin_at: Callable[[Seconds], None]) -> None:
+    """Print a line of JSON, then take each line of the standard input as a begin, until that ends."""
+    print(json.dumps(said), flush=True)  # noqa: T201  (it is read by whoever started this process)
+    try:
+        for line in sys.stdin:
+            begin_at(float(line))
+    except KeyboardInterrupt:
+        return

@@ -1,0 +1,148 @@
+import json
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from NetFT import Sensor  # pyright: ignore[reportMissingTypeStubs]
+
+from monochord.errors import DeviceError, InputError
+from monochord.instruments import _rdt as rdt
+from monochord.instruments.net_ft import NetFt
+from monochord.lab._rdt_records import RecordStream
+from monochord.lab.net_ft_device import NetFtDevice, NetFtSettings, write_script
+
+LOAD = np.array([[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]])
+RAMP = np.outer(np.arange(7000), [0.0, 0.0, 1e-3, 0.0, 0.0, 0.0])
+
+
+def numbers(records: list[bytes]) -> list[int]:
+    return [struct.unpack(">I", record[:4])[0] for record in records]
+
+
+def loads(records: list[bytes]) -> list[int]:
+    return [struct.unpack(">IIIiiiiii", record)[5] for record in records]
+
+
+def test_an_independent_client_reads_it() -> None:
+    """The client is of PyPI's NetFT, written by others; it knows one port only."""
+    with NetFtDevice(LOAD, NetFtSettings(rdt_port=rdt.RDT_PORT)):
+        client: Any = Sensor("127.0.0.1")
+        try:
+            client.sock.settimeout(2.0)
+            assert np.allclose(np.array(client.getMeasurement()) / 1e6, LOAD[0], atol=1e-6)
+            client.tare(20)
+            assert np.allclose(client.getMeasurement(), 0.0, atol=1.0)
+            client.zero()
+            client.startStreaming(handler=False)
+            assert np.allclose(np.array(client.receive()) / 1e6, LOAD[0], atol=1e-6)
+            client.stopStreaming()
+        finally:
+            client.sock.close()
+
+
+def test_as_a_process_it_plays_a_script(tmp_path: Path) -> None:
+    write_script(tmp_path / "load.npz", {"wrenches": RAMP}, NetFtSettings(delay=0.05))
+    command = [sys.executable, "-m", "monochord.lab.net_ft_device", str(tmp_path / "load.npz")]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdin
+        assert process.stdout
+        said = json.loads(process.stdout.readline())
+        with NetFt(**said).open() as connection:
+            begin = time.monotonic() + 0.1
+            process.stdin.write(f"{begin}\n")
+            process.stdin.flush()
+            time.sleep(0.6)
+            parts = connection.poll()
+        process.stdin.close()
+        assert process.wait(10) == 0
+    values, times = (np.concatenate([getattr(part, name) for part in parts]) for name in ("values", "time"))
+    index = np.rint(values[:, 2] / 1e-3)
+    moving = index > 0
+    late = times[moving] - (begin + index[moving] / 7000)
+    assert moving.sum() > 1000
+    assert 0.05 <= late.min() < 0.051
+
+
+def test_the_first_wrench_is_felt_at_the_begin_whatever_the_phase_of_the_sampling() -> None:
+    stream = RecordStream(RAMP, NetFtSettings(), boot=0.0)
+    stream.command(rdt.STREAM, 0, 0.1)
+    stream.begin_at(0.50007)
+    assert set(loads(stream.due(0.50005))) == {0}
+    assert loads(stream.due(0.50007 + 3.5 / 7000)) == [0, 1000, 2000, 3000]
+    assert loads(stream.due(5.0))[-1] == 6999 * 1000
+
+
+def test_a_count_of_records_is_honoured_and_each_stream_is_numbered_anew() -> None:
+    stream = RecordStream(LOAD, NetFtSettings(), boot=0.0)
+    stream.command(rdt.STREAM, 5, 0.1)
+    assert numbers(stream.due(0.2)) == [1, 2, 3, 4, 5]
+    assert not stream.streaming
+    stream.command(rdt.STREAM, 0, 0.3)
+    assert numbers(stream.due(0.3 + 2.5 / 7000)) == [1, 2]
+    stream.command(rdt.STOP, 0, 0.4)
+    assert stream.due(0.5) == []
+
+
+def test_a_lower_rate_still_counts_the_samples_inside() -> None:
+    stream = RecordStream(LOAD, NetFtSettings(rate=1000.0, first_sample=2**32 - 7), boot=0.0)
+    stream.command(rdt.STREAM, 0, 0.0)
+    inside = [struct.unpack(">I", record[4:8])[0] for record in stream.due(0.00301)]
+    assert inside == [0, 7, 14]
+
+
+def test_jitter_keeps_the_order_and_loses_nothing() -> None:
+    stream = RecordStream(LOAD, NetFtSettings(jitter=0.01), boot=0.0)
+    stream.command(rdt.STREAM, 700, 0.0)
+    got: list[int] = []
+    for now in np.arange(0.0, 1.0, 1e-3):
+        got += numbers(stream.due(float(now)))
+    assert got == list(range(1, 701))
+
+
+def test_nothing_is_sent_or_heard_while_the_cable_is_out() -> None:
+    stream = RecordStream(LOAD, NetFtSettings(silence=(1.0, 2.0)), boot=0.0)
+    stream.begin_at(0.0)
+    stream.command(rdt.STREAM, 0, 0.9)
+    assert len(stream.due(1.5)) == pytest.approx(700, abs=1)
+    stream.command(rdt.STOP, 0, 1.6)
+    assert len(stream.due(2.1)) == pytest.approx(700, abs=1)
+    assert stream.lost == pytest.approx(7000, abs=1)
+
+
+def test_without_power_it_counts_anew_and_waits_to_be_asked() -> None:
+    stream = RecordStream(LOAD, NetFtSettings(silence=(1.0, 2.0), restarts=True), boot=0.0)
+    stream.begin_at(0.0)
+    stream.command(rdt.STREAM, 0, 0.9)
+    stream.due(1.5)
+    assert stream.due(2.5) == []
+    stream.command(rdt.STREAM, 0, 3.0)
+    record, sample = struct.unpack(">II", stream.due(3.001)[0][:8])
+    assert record == 1
+    assert sample == pytest.approx(3500, abs=7000)
+
+
+@pytest.mark.parametrize("wrenches", [np.zeros((0, 6)), np.zeros((5, 3)), np.full((1, 6), np.nan)])
+def test_wrenches_of_another_shape_are_refused(wrenches: np.ndarray) -> None:
+    with pytest.raises(InputError, match="allowed is"):
+        NetFtDevice(wrenches)
+
+
+@pytest.mark.parametrize(
+    "options", [{"rate": 8000.0}, {"loss": 1.0}, {"delay": -1.0}, {"counts_per_force": 0.0}, {"wake": 1.0}]
+)
+def test_settings_that_make_no_sense_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="allowed is"):
+        NetFtSettings(**options)
+
+
+def test_a_port_that_is_taken_is_one_line() -> None:
+    with NetFtDevice(LOAD) as device:
+        taken = int(device.address.partition(":")[2])
+        with pytest.raises(DeviceError, match=rf"UDP port {taken}.*in use"):
+            NetFtDevice(LOAD, NetFtSettings(rdt_port=taken))
