@@ -157,3 +157,30 @@ def test_feeds_must_have_names_of_their_own() -> None:
     feed = Feed(stream="pose", columns=("x",), units=("m",))
     with pytest.raises(InputError, match="two streams called 'pose'"):
         Description(name="a", sample_rate=RATE, feeds=(feed, feed))
+
+
+def test_a_stream_called_labels_is_labels(tmp_path: Path) -> None:
+    feed = Feed(stream="labels", columns=("contact", "force"), units=("", "N"))
+    none = np.full(3, -1)
+    with SessionWriter(tmp_path / "a.mcap", description(feeds=(feed,)), SessionClock(epoch_ns=0)) as writer:
+        values = np.array([[0.0, np.nan], [1.0, 0.5], [1.0, 0.7]])
+        readings = Readings(
+            stream="labels",
+            time=np.array([0.0, 0.1, 0.2]),
+            values=values,
+            sequence=none,
+            device_time=none,
+            status=np.zeros(3, np.uint32),
+        )
+        writer.readings(readings)
+    session = read_session(tmp_path / "a.mcap")
+    assert session.streams == ()
+    assert session.labels.time.tolist() == [0.0, 0.1, 0.2]
+    assert session.labels.columns["contact"].tolist() == [0.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("stream", ["", "Wrench", "a b", "1a", "audio", "events"])
+def test_a_stream_needs_a_name_that_a_topic_can_have(tmp_path: Path, stream: str) -> None:
+    feed = Feed(stream=stream, columns=("x",), units=("m",))
+    with pytest.raises(InputError, match=r"stream '.*': allowed is"):
+        description(feeds=(feed,))

@@ -1,6 +1,7 @@
 """What is needed to read a session again, and the clock that its times are on."""
 
 import json
+import re
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -16,6 +17,8 @@ from monochord.types import Feed, Floats, StringParams
 from monochord.units import Metres, Seconds
 
 NANO = 1_000_000_000
+TAKEN = ("audio", "events", "clocks", "description")
+"""Names that streams of readings cannot have."""
 
 
 def versions() -> dict[str, str]:
@@ -90,6 +93,10 @@ class Description:
         if self.sample_rate <= 0 or not 1 <= self.channels <= 64:
             given = f"{self.channels} channels at {self.sample_rate} Hz"
             raise InputError(given, "1 to 64 channels at more than 0 Hz")
+        for feed in self.feeds:
+            if not re.fullmatch("[a-z][a-z0-9_]*", feed.stream) or feed.stream in TAKEN:
+                allowed = f"small letters, digits and underscores, and not {', '.join(TAKEN)}"
+                raise InputError(f"stream '{feed.stream}'", allowed, "set its option stream")
         streams = [feed.stream for feed in self.feeds]
         if len(set(streams)) < len(streams):
             twice = next(name for name in streams if streams.count(name) > 1)

@@ -12,7 +12,7 @@ from monochord.errors import InputError
 from monochord.sessions import codec, walk
 from monochord.sessions.description import Description, SessionClock
 from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, LabelTrack, ReadingTrack
-from monochord.sessions.writer import BEGIN, END
+from monochord.sessions.writer import BEGIN, END, LABELS
 from monochord.types import Feed
 
 
@@ -75,8 +75,8 @@ class Session:
 
     @property
     def streams(self) -> tuple[str, ...]:
-        """Names of the streams of readings."""
-        return tuple(feed.stream for feed in self.description.feeds)
+        """Names of the streams of readings; labels are none of them."""
+        return tuple(feed.stream for feed in self.description.feeds if feed.stream != LABELS)
 
     @property
     def topics(self) -> tuple[str, ...]:

@@ -22,6 +22,8 @@ from monochord.units import Samples, Seconds
 FORMAT = "1"
 BEGIN, END = "monochord", "monochord.end"
 """Names of the metadata at the begin and, where a session was closed, at the end."""
+LABELS = "labels"
+"""The stream whose readings are what is known to be true."""
 MESSAGE: Seconds = 0.1
 """Audio in a message, at most."""
 MOST = 256
@@ -112,12 +114,15 @@ class SessionWriter:
         self._flush_much()
 
     def readings(self, readings: Readings) -> None:
-        """Take readings of a stream that the description's feeds name."""
+        """Take readings of a stream that the description's feeds name; those of ``labels`` are labels."""
         self._refuse_closed()
         feed = self.description.feed(readings.stream)
         if readings.values.shape != (len(readings.time), len(feed.columns)):
             given = f"readings of shape {readings.values.shape} for stream '{feed.stream}'"
             raise InputError(given, f"({len(readings.time)}, {len(feed.columns)})")
+        if feed.stream == LABELS:
+            self.labels(readings.time, dict(zip(feed.columns, readings.values.T, strict=True)))
+            return
         stamps, topic = self.clock.stamps(readings.time), codec.topic_of(feed.stream)
         if codec.type_of(feed) == codec.POSES:
             for stamp, sent, count, values in zip(
@@ -249,7 +254,8 @@ class SessionWriter:
 
     def _register(self) -> dict[str, int]:
         types = dict(codec.TOPICS)
-        types |= {codec.topic_of(feed.stream): codec.type_of(feed) for feed in self.description.feeds}
+        for feed in self.description.feeds:
+            types.setdefault(codec.topic_of(feed.stream), codec.type_of(feed))
         schemas = {
             name: self._writer.register_schema(name, "ros2msg", codec.definition(name).encode())
             for name in dict.fromkeys(types.values())
