@@ -1,11 +1,15 @@
+import json
+import subprocess
+import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from monochord.errors import DeviceError, InputError
-from monochord.lab.player import Player
+from monochord.lab.player import Player, PlayerSettings, write_script
 from monochord.sources.jack import Jack
 from monochord.types import Block
 
@@ -98,3 +102,32 @@ def test_what_cannot_be_played_is_refused(
 def test_an_input_that_is_not_there_is_refused(jack_server: Any, noise: np.ndarray) -> None:
     with pytest.raises(DeviceError, match="JACK port ear:in_1: no such input"):
         Player(noise, RATE, server=jack_server.name, connect=("ear:in_1",))
+
+
+def test_as_a_process_it_begins_when_it_is_told_to(
+    jack_server: Any, noise: np.ndarray, tmp_path: Path
+) -> None:
+    script = tmp_path / "play.npz"
+    settings = PlayerSettings(sample_rate=RATE, client_name="tape", server=jack_server.name)
+    write_script(script, {"samples": noise.astype(np.float64)}, settings)
+    command = [sys.executable, "-m", "monochord.lab.player", str(script)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin
+        assert process.stdout
+        assert json.loads(process.stdout.readline()) == {"ports": ["tape:out_1", "tape:out_2"]}
+        with Jack(ports="tape:", server=jack_server.name).open() as stream:
+            begin = time.monotonic() + 0.6
+            process.stdin.write(f"{begin}\n")
+            process.stdin.flush()
+            blocks: list[Block] = []
+            for block in stream:
+                blocks.append(block)
+                if block.start > RATE * 1.6:
+                    break
+        process.stdin.close()
+        assert process.wait(10.0) == 0
+    heard = np.concatenate([block.samples for block in blocks], axis=1)
+    first = int(np.flatnonzero(heard.any(axis=0))[0])
+    assert np.array_equal(heard[:, first : first + noise.shape[1]], noise)
+    times = [block.adc_time - block.start / RATE for block in blocks if block.adc_time is not None]
+    assert float(np.median(times)) + first / RATE == pytest.approx(begin, abs=2e-4)

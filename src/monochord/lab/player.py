@@ -1,10 +1,24 @@
-"""Plays samples into a real JACK server, without a gap and from a known first frame."""
+"""Plays samples into a real JACK server, without a gap and from a known first frame.
 
+As a process of its own it plays a file that `write_script` wrote. It says on one line of JSON which ports it
+has, takes each line of its standard input as the begin, in s of the monotonic clock, and ends when that
+does::
+
+    python -m monochord.lab.player FILE.npz
+"""
+
+import math
+import sys
 import time
+from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+
 from monochord.errors import DeviceError, InputError
+from monochord.lab._script import obey, read_script, write_script
 from monochord.realtime import arena as at
 from monochord.realtime import libjack
 from monochord.realtime.arena import Arena
@@ -13,8 +27,19 @@ from monochord.realtime.client import JackClient
 from monochord.types import Audio
 from monochord.units import Samples, Seconds
 
+__all__ = ["Player", "PlayerSettings", "serve", "write_script"]
+
 SOON: Seconds = 0.2
 """How long before its time the first frame is set."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayerSettings:
+    """How a player that is a process of its own plays; see `Player`."""
+
+    sample_rate: int = 44100
+    client_name: str = "player"
+    server: str = ""
 
 
 class Player:
@@ -37,7 +62,7 @@ class Player:
         Names of the input ports to connect to, one a channel; none by default: the listener connects.
     begin
         When the first sample is to be heard, in seconds of the monotonic clock: `wait` sees to it, and what
-        is late is left out. None: as soon as all ports are connected.
+        is late is left out. Infinity: `begin_at` will tell. None: as soon as all ports are connected.
 
     Raises
     ------
@@ -98,11 +123,15 @@ class Player:
     def wait(self, seconds: Seconds) -> bool:
         """Wait until all is played or the server has gone, at most so long; return whether all is played."""
         deadline = time.monotonic() + seconds
-        if self._begin is not None:
+        if self._begin is not None and self._begin < math.inf:
             self._schedule(self._begin, deadline)
         while not (self.ended or self.gone) and (left := deadline - time.monotonic()) > 0.0:
             self._tape.wait(left)
         return self.ended
+
+    def begin_at(self, begin: Seconds) -> None:
+        """Say when the first sample is to be heard; waits until shortly before."""
+        self._schedule(begin, math.inf)
 
     def close(self) -> None:
         """Leave the server."""
@@ -133,3 +162,20 @@ class Player:
         for output, into in zip(self.ports, inputs, strict=False):
             if not self._client.connect(output, into):
                 raise DeviceError(f"JACK port {into}: no such input, or not of an active client")
+
+
+def serve(path: Path) -> None:
+    """Play the script at `path`, its array ``samples``, until the standard input ends."""
+    arrays, settings = read_script(path, PlayerSettings)
+    with Player(
+        arrays["samples"].astype(np.float32),
+        settings.sample_rate,
+        client_name=settings.client_name,
+        server=settings.server,
+        begin=math.inf,
+    ) as player:
+        obey({"ports": player.ports}, player.begin_at)
+
+
+if __name__ == "__main__":
+    serve(Path(sys.argv[1]))
