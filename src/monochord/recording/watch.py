@@ -78,9 +78,9 @@ class Watch:
             ears = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.clipping)
             text = f"audio: {count:.0f} samples clipped, microphone {ears}"
             yield _about("audio", now.time, "clipping", text, samples=count)
-        if count := rise("not_a_number", sum(level.not_numbers for level in now.levels)):
+        if count := rise("nan", sum(level.not_numbers for level in now.levels)):
             text = f"audio: {count:.0f} samples that are not numbers"
-            yield _about("audio", now.time, "not_a_number", text, samples=count)
+            yield _about("audio", now.time, "nan", text, samples=count)
 
     def _feed(self, feed: FeedNow, time: Seconds, *, last: bool) -> Iterator[Notice | None]:
         name, health = feed.name, feed.health
