@@ -106,9 +106,11 @@ def hum(
     if not number.size:
         raise InputError(f"hum of {mains:g} Hz at a rate of {sample_rate:g} Hz", "mains below half the rate")
     phases = stream.uniform(0.0, 2.0 * np.pi, number.size)
-    turn = np.outer(number, np.arange(shape[-1])) * (2.0 * np.pi * mains / sample_rate)
-    waves = np.sin(turn + phases[:, None])
-    return np.broadcast_to(_unit((1.0 / number) @ waves), shape).copy()
+    turn = np.exp(2j * np.pi * mains / sample_rate * np.arange(shape[-1]))
+    waves = np.zeros(shape[-1], np.complex128)
+    for weight in (np.exp(1j * phases) / number)[::-1].tolist():  # Horner's rule: one sine costs ten products
+        waves = (waves + weight) * turn
+    return np.broadcast_to(_unit(waves.imag), shape).copy()
 
 
 NOISES: dict[str, Noise] = {"white": white, "pink": pink, "hum": hum, "band": band}
@@ -144,12 +146,12 @@ def mixed(signal: Floats, noise: Floats, ratio: float) -> Floats:
     power = np.vdot(noise, noise) / noise.size
     if power == 0.0:
         raise InputError("noise that is silent", "noise with sound in it")
-    gain = np.sqrt(np.vdot(signal, signal) / signal.size / power) * 10.0 ** (-ratio / 20.0)
-    return np.asarray(signal + gain * noise, np.float64)
+    gain = float(np.sqrt(np.vdot(signal, signal) / signal.size / power)) * 10.0 ** (-ratio / 20.0)
+    return signal + gain * noise
 
 
 def _frequencies(shape: Shape, sample_rate: float) -> Floats:
-    return np.arange(shape[-1] // 2 + 1) * (sample_rate / shape[-1])
+    return np.arange(shape[-1] // 2 + 1, dtype=np.float64) * (sample_rate / shape[-1])
 
 
 def _shaped(stream: np.random.Generator, shape: Shape, gains: Floats, what: str) -> Floats:
