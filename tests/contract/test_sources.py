@@ -13,6 +13,7 @@ import pytest
 import soundfile
 
 from monochord.errors import DeviceError, InputError
+from monochord.sessions import Description, SessionWriter
 from monochord.sources import SOURCES
 from monochord.sources.base import Source, Stream
 from monochord.types import Block
@@ -39,7 +40,16 @@ def what_to_open(request: pytest.FixtureRequest, tmp_path: Any) -> Callable[[str
     def server() -> dict[str, Any]:
         return {"server": request.getfixturevalue("jack_server").name}
 
-    special = {"wav": take, "jack": server}
+    def session() -> dict[str, Any]:
+        path = tmp_path / "take.mcap"
+        if not path.exists():
+            noise = np.random.default_rng(0).standard_normal((2, RATE)).astype(np.float32)
+            with SessionWriter(path, Description(name="take", sample_rate=RATE)) as writer:
+                writer.audio(Block(samples=noise[:, :1000], start=0))
+                writer.audio(Block(samples=noise[:, 1000:], start=1300, dropped=300))
+        return {"path": str(path)}
+
+    special = {"wav": take, "jack": server, "session": session}
     return lambda name: special.get(name, dict)()
 
 

@@ -10,8 +10,8 @@ from monochord.units import Metres
 class Score(Listener):
     """A sink that keeps the position error of every settled window with a touch.
 
-    A window counts where the truth has a contact and does not say that it is unsettled. The errors take 8
-    bytes a window: this is for runs that end.
+    A window counts where the truth has a contact at a known position and does not say that it is unsettled.
+    The errors take 8 bytes a window: this is for runs that end.
     """
 
     def __init__(self) -> None:
@@ -21,7 +21,7 @@ class Score(Listener):
     def write(self, moment: Moment) -> None:
         """Keep the error of one window."""
         truth = moment.truth
-        if not truth.get("contact") or not truth.get("settled", 1.0):
+        if not truth.get("contact") or not truth.get("settled", 1.0) or "position" not in truth:
             return
         position = moment.prediction.estimate("position")
         if position.valid:

@@ -23,11 +23,17 @@ class PacedStream(Stream):
         self._closed = threading.Event()
         self._reading = threading.Lock()
         self._start: Samples = 0  # index of the next block's first frame
+        self._dropped: Samples = 0
+        self._gaps = 0
         self._began: Seconds | None = None  # when the pace began; None before the first block
 
     @abstractmethod
     def _read(self, frames: Samples) -> Audio:
         """Return the next frames, (channels, n), fewer where the source ends and none after that."""
+
+    def _lost(self) -> Samples:
+        """Return how many frames are missing at the next block's place; only a recording misses any."""
+        return 0
 
     def _leave(self) -> None:
         """Give back what was opened; a stream that opened nothing may leave this out."""
@@ -47,8 +53,8 @@ class PacedStream(Stream):
 
     @property
     def health(self) -> StreamHealth:
-        """Frames so far; nothing can be lost."""
-        return StreamHealth(frames=self._start)
+        """Frames so far, and what a recording misses of them."""
+        return StreamHealth(frames=self._start - self._dropped, dropped=self._dropped, gaps=self._gaps)
 
     def __iter__(self) -> Iterator[Block]:
         """Yield blocks at the pace that was asked for."""
@@ -71,11 +77,15 @@ class PacedStream(Stream):
         with self._reading:
             if self._closed.is_set() or self._start >= self._end:
                 return None
+            lost = self._lost()
+            self._start += lost
+            self._dropped += lost
+            self._gaps += lost > 0
             samples = self._read(int(min(self._block, self._end - self._start)))
             if not samples.shape[1]:
                 return None
             adc_time = self._await(self._start + samples.shape[1])
-            block = Block(samples=samples, start=self._start, adc_time=adc_time)
+            block = Block(samples=samples, start=self._start, dropped=lost, adc_time=adc_time)
             self._start += samples.shape[1]
             return None if self._closed.is_set() else block
 
