@@ -1,0 +1,121 @@
+"""The course of a session: taps, drivers on, the protocol's touches, drivers off, and taps again."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from monochord.lab.motion import Motion, Move, Press, Retreat, Slide, Stay, Tap, Travel, motion
+from monochord.lab.plan import Assignment
+from monochord.lab.pressing import depth_under
+from monochord.types import Floats, StringParams
+from monochord.units import Metres, Seconds
+
+PAUSES = (0.24, 0.31)
+"""Rests between the taps in s: unequal, so that no tap is taken for its neighbour."""
+BEFORE: Seconds = 0.4
+AFTER: Seconds = 0.15
+"""Rests before the first and after the last of three taps."""
+SETTLING: Seconds = 1.2
+"""What the string is given once its drivers are on."""
+FADING: Seconds = 0.7
+"""What it is given to fall silent once they are off."""
+SETTLE: Seconds = 0.2
+"""From the end of a press until the sound has mostly come to rest."""
+REST: Seconds = 0.1
+"""In the air after a touch."""
+TURN: Seconds = 0.1
+"""Between two strokes."""
+BRUSH = (0.08, 0.35)
+"""Least and greatest length of a brief touch, and of the pause after it, in s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """A session's motion, and when its drivers are on: from `on` to `off`, in s."""
+
+    motion: Motion
+    on: Seconds
+    off: Seconds
+
+    @property
+    def taps(self) -> tuple[Seconds, ...]:
+        """When the tool is deepest in each tap, in s."""
+        return self.motion.taps
+
+
+def course(session: Assignment) -> Course:
+    """Return what happens in a session; it depends on nothing but the assignment.
+
+    Examples
+    --------
+    >>> from monochord.lab.plans import load_plan
+    >>> from monochord.lab.plan import assignments
+    >>> done = course(assignments(load_plan("small"))[0])
+    >>> len(done.taps), done.taps[2] < done.on < done.off < done.taps[3]
+    (6, True)
+    """
+    design, sensor = session.design(), session.sensor()
+    middle = 0.5 * (design.range[0] + design.range[1])
+    tense = sensor.string.tension + sensor.drift
+    string = replace(sensor.string, tension=tense)
+    first = [Stay(seconds=BEFORE, kind="rest"), *_taps(), Stay(seconds=AFTER, kind="rest")]
+    on = motion(first, string, position=middle).end
+    inner = [Stay(seconds=SETTLING, kind="rest"), *_touches(session, design.string), Travel(position=middle)]
+    off = motion([*first, *inner], string, position=middle).end
+    last = [Stay(seconds=FADING, kind="rest"), *_taps(), Stay(seconds=BEFORE, kind="rest")]
+    whole = motion([*first, *inner, *last], string, position=middle)
+    whole = whole.lifted(session.group.lifted) if session.group.lifted > 0.0 else whole
+    return Course(motion=whole, on=on, off=off)
+
+
+def _taps() -> Iterator[Move]:
+    yield Tap()
+    for pause in PAUSES:
+        yield Stay(seconds=pause, kind="rest")
+        yield Tap()
+
+
+def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
+    """Yield the moves of every touch; depths are what the design's string asks for the grid's forces."""
+    group, random = session.origin.group, session.origin.random("touches")
+    for number, (place, force) in enumerate(session.cells().tolist()):
+        yield Travel(position=place)
+        yield Press(depth=_depth(design, place, force))
+        if group.protocol == "brush":
+            yield Stay(seconds=random.uniform(*BRUSH), kind="hold")
+            yield Retreat(speed=random.uniform(0.02, 0.1))
+            yield Stay(seconds=random.uniform(*BRUSH), kind="rest")
+            continue
+        yield Stay(seconds=SETTLE, kind="settle")
+        if group.protocol == "hold":
+            yield Stay(seconds=group.hold, kind="hold")
+        else:
+            yield from _strokes(session, design, place, random.uniform(size=(group.strokes, 2)), number)
+        yield Retreat()
+        yield Stay(seconds=REST, kind="rest")
+
+
+def _strokes(
+    session: Assignment, design: StringParams, place: Metres, drawn: Floats, number: int
+) -> Iterator[Move]:
+    """Slide to and fro, along the string in every second touch and across it in the others."""
+    group = session.origin.group
+    low, high = group.places or session.design().range
+    forces, speeds = group.forces, group.speeds
+    for i, (fast, hard) in enumerate(drawn.tolist()):
+        if i > 0:
+            yield Press(depth=_depth(design, place, forces[0] + hard * (forces[1] - forces[0])))
+            yield Stay(seconds=TURN, kind="hold")
+        speed = speeds[0] + (i + fast) / len(drawn) * (speeds[1] - speeds[0])
+        way = speed * group.hold
+        if number % 2 == 0:
+            yield Slide(across=way if i % 2 == 0 else -way, speed=speed)
+            continue
+        room = high - place, place - low
+        way = min(way, max(room))
+        way = way if room[0] >= way and (i % 2 == 0 or room[1] < way) else -way
+        yield Slide(along=way, speed=speed)
+        place += way
+
+
+def _depth(design: StringParams, place: Metres, force: float) -> Metres:
+    return float(depth_under(design, place, force))

@@ -1,0 +1,76 @@
+"""What a force/torque sensor makes of a touch: friction, lever, crosstalk, its own noise and its drift."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monochord.lab.plan import ForceSensor
+from monochord.physics.materials import Material
+from monochord.types import Floats
+from monochord.units import MetresPerSecond
+
+STANDSTILL: MetresPerSecond = 5e-4
+"""Sliding speed at which friction is mostly there; a touch at rest is taken to hold nothing across."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touched:
+    """What acts on the sensor at times (n,): normal force in N, and sliding speeds in m/s."""
+
+    time: Floats
+    normal: Floats
+    along: Floats
+    across: Floats
+
+
+def wrench_of(touched: Touched, material: Material, sensor: ForceSensor) -> Floats:
+    """Return the wrench of a touch on its object, without noise.
+
+    The string presses the object up with the normal force N, and drags it with the friction mu(v) N against
+    its sliding speed v, with Stribeck's mu(v) = mu_k + (mu_s - mu_k) exp(-(v / v_s)^2). The sensor sits at
+    `lever` above the touching point, which gives the torque r x f, r = (0, 0, -lever).
+
+    Parameters
+    ----------
+    touched
+        The touch at times (n,).
+    material
+        Whose friction it is.
+    sensor
+        Its lever and crosstalk.
+
+    Returns
+    -------
+    array
+        fx, fy, fz in N and tx, ty, tz in N m, (n, 6).
+
+    Examples
+    --------
+    >>> from monochord.physics.materials import load_material
+    >>> rest, press = np.zeros(1), np.ones(1)
+    >>> still = Touched(time=rest, normal=press, along=rest, across=rest)
+    >>> [round(x, 4) for x in wrench_of(still, load_material("plastic"), ForceSensor())[0].tolist()]
+    [0.008, -0.005, 1.0, -0.0003, -0.0005, 0.0]
+    """
+    speed = np.hypot(touched.along, touched.across)
+    static, kinetic = material.friction_static, material.friction_kinetic
+    grip = kinetic + (static - kinetic) * np.exp(-((speed / material.stribeck_speed) ** 2))
+    drag = -grip * touched.normal / np.hypot(speed, STANDSTILL)
+    fx = drag * touched.along + sensor.crosstalk[0] * touched.normal
+    fy = drag * touched.across + sensor.crosstalk[1] * touched.normal
+    torque = sensor.lever * fy, -sensor.lever * fx, np.zeros_like(fx)
+    return np.stack([fx, fy, touched.normal, *torque], axis=1)
+
+
+class Noise:
+    """The sensor's own noise and drift, reading by reading; the same for the same random numbers."""
+
+    def __init__(self, sensor: ForceSensor, random: np.random.Generator) -> None:
+        self._random = random
+        self._rms = np.repeat([sensor.noise, sensor.torque_noise], 3)
+        drift = np.repeat([sensor.drift, sensor.drift * sensor.lever], 3)
+        self._drift = drift * random.uniform(-1.0, 1.0, 6)
+
+    def on(self, time: Floats) -> Floats:
+        """Return what is added to the readings at times (n,), which follow those of the last call: (n, 6)."""
+        return self._random.normal(size=(len(time), 6)) * self._rms + np.outer(time, self._drift)

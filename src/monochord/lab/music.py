@@ -1,0 +1,92 @@
+"""A loop of music to disturb a session with: drums, bass, chords and a tune, all of it synthetic."""
+
+import numpy as np
+
+from monochord.types import Audio, Floats
+from monochord.units import Hertz, Seconds
+
+BEATS_A_MINUTE = 112.0
+CHORDS = ((57, 60, 64), (53, 57, 60), (48, 52, 55), (55, 59, 62))
+"""Keys of the four chords, a bar each: A minor, F, C and G major, the commonest round of popular songs."""
+SCALE = (69, 72, 74, 76, 79, 81)
+"""Keys that the tune is drawn from: the minor pentatonic scale on A, and the octave."""
+BARS = 8
+LOUDNESS = 0.1
+"""Of the loop, in rms of full scale."""
+
+
+def loop(seed: int = 0, *, sample_rate: int = 44100) -> Audio:
+    """Return about seventeen seconds of synthetic music, mono, that go round without a seam.
+
+    A kick drum on each beat, a snare on every second, a hi-hat on the halves, a bass, sustained chords of
+    saw-like partials, and a tune drawn by the seed. Its spectrum falls from the bass to some 10 kHz, as that
+    of a mixed song does, and its level rises and falls with the beat.
+
+    Parameters
+    ----------
+    seed
+        Of the tune and of the drums' noise.
+    sample_rate
+        Frames a second.
+
+    Returns
+    -------
+    array
+        Samples (n,) float32, of `LOUDNESS` in rms.
+
+    Examples
+    --------
+    >>> sound = loop(1)
+    >>> sound.dtype.name, round(len(sound) / 44100, 2), round(float(np.sqrt(np.mean(sound**2))), 3)
+    ('float32', 17.14, 0.1)
+    """
+    random, beat = np.random.default_rng([seed, 7]), 60.0 / BEATS_A_MINUTE
+    whole = np.zeros(round(4 * BARS * beat * sample_rate))
+    time: Floats = np.arange(round(4 * beat * sample_rate)) / sample_rate
+    for bar in range(BARS):
+        chord, start = CHORDS[bar % len(CHORDS)], 4 * bar * beat
+        pad = sum((_tone(time, _pitch(key), 12) for key in chord), np.zeros_like(time))
+        _add(whole, start, 0.05 * pad * _swell(time, 4 * beat), sample_rate)
+        for i in range(4):
+            at = start + i * beat
+            _add(whole, at, _kick(time), sample_rate)
+            if i % 2 == 1:
+                _add(whole, at, 0.5 * _burst(time, 0.09, random), sample_rate)
+            for half in (0.0, 0.5):
+                hat = np.diff(_burst(time, 0.02, random), prepend=0.0)
+                _add(whole, at + half * beat, 0.12 * hat, sample_rate)
+                bass = _tone(time, _pitch(chord[0] - 24), 6) * np.exp(-time / 0.15)
+                _add(whole, at + half * beat, 0.35 * bass, sample_rate)
+            note = _tone(time, _pitch(int(random.choice(SCALE))), 8) * np.exp(-time / 0.2)
+            if random.uniform() < 0.8:
+                _add(whole, at + 0.5 * beat * int(random.integers(2)), 0.2 * note, sample_rate)
+    return (LOUDNESS * whole / np.sqrt(np.mean(whole**2))).astype(np.float32)
+
+
+def _pitch(key: int) -> Hertz:
+    return 440.0 * 2.0 ** ((key - 69) / 12.0)
+
+
+def _tone(time: Floats, pitch: Hertz, partials: int) -> Floats:
+    """Return a tone whose partials fall as one over their number."""
+    number = np.arange(1, partials + 1)
+    return np.sin(2.0 * np.pi * pitch * np.outer(time, number)) @ (1.0 / number)
+
+
+def _kick(time: Floats) -> Floats:
+    phase = 2.0 * np.pi * (50.0 * time + 5.0 * (1.0 - np.exp(-time / 0.03)))
+    return np.sin(phase) * np.exp(-time / 0.12)
+
+
+def _burst(time: Floats, lasting: Seconds, random: np.random.Generator) -> Floats:
+    return random.standard_normal(time.size) * np.exp(-time / lasting)
+
+
+def _swell(time: Floats, length: Seconds) -> Floats:
+    return np.minimum(1.0, np.minimum(time, length - time) / 0.05)
+
+
+def _add(whole: Floats, start: Seconds, sound: Floats, rate: int) -> None:
+    """Lay a sound over the loop from a time on; what passes its end sounds at its beginning."""
+    at = (round(start * rate) + np.arange(sound.size)) % whole.size
+    whole[at] += sound

@@ -1,0 +1,38 @@
+"""Plans as data: what to collect, one TOML file each, found by its name."""
+
+from monochord.config import from_tree, load_toml
+from monochord.lab.plan import Plan
+from monochord.physics.presets import preset_names, preset_path
+
+
+def plan_names() -> list[str]:
+    """Return the names of the presets, sorted.
+
+    Examples
+    --------
+    >>> plan_names()
+    ['paper', 'small']
+    """
+    return preset_names(__name__)
+
+
+def load_plan(name: str) -> Plan:
+    """Return a preset by its name, or read one from a file of your own.
+
+    Parameters
+    ----------
+    name
+        A name from `plan_names`, or the path of a TOML file laid out as the presets are.
+
+    Raises
+    ------
+    InputError
+        If there is no such preset, or the file cannot be used.
+
+    Examples
+    --------
+    >>> [group.name for group in load_plan("small").groups]
+    ['hold', 'slide']
+    """
+    path = preset_path(__name__, "plan", name)
+    return from_tree(Plan, {"name": path.stem, **load_toml(path)}, f"plan {path.stem}")

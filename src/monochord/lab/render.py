@@ -1,0 +1,303 @@
+"""A session of a plan made audible and tangible: microphones, wrench, pose, labels and events, all simulated.
+
+A rendering has no delays, jitter or losses: its times are true. Whoever plays or writes it adds those.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.lab.course import Course, course
+from monochord.lab.gauge import Noise, Touched, wrench_of
+from monochord.lab.music import loop
+from monochord.lab.plan import Assignment
+from monochord.physics.materials import load_material
+from monochord.physics.twin import Outside, Scene, Sensor, Touch, Twin, advance, begin, switch
+from monochord.physics.twin.outside import outside_at
+from monochord.types import Audio, Floats
+from monochord.units import Hertz, Samples, Seconds
+
+PIECE: Seconds = 2.0
+"""What is rendered at once."""
+AVERAGE: Seconds = 0.005
+"""Over which the label of force is averaged: half the width of a raised cosine around its time."""
+DOWNWARD = (1.0, 0.0, 0.0, 0.0)
+"""Orientation of the tool, as a quaternion: half a turn about x, so that it looks down on the string."""
+TOLD = ("contact", "position", "reaction", "slip", "across", "along")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Happening:
+    """An event at a time in s: a phase that begins, a tap, the drivers that go on or off."""
+
+    time: Seconds
+    kind: str
+    text: str = ""
+    data: Mapping[str, float | str | bool] = field(default_factory=dict[str, float | str | bool])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rendering:
+    """A session, or a stretch of one, at true times.
+
+    `microphones` (2, n) float32 in full scale begin at frame `start`; `wrench` (m, 6) in N and N m, `pose`
+    (k, 7) in m and as a unit quaternion, and every column (l,) of `labels` begin at the first multiple of
+    their period that is not before it. Labels are NaN where there is no contact to speak of.
+    """
+
+    start: Samples
+    sample_rate: int
+    force_rate: Hertz
+    pose_rate: Hertz
+    label_rate: Hertz
+    microphones: Audio
+    wrench: Floats
+    pose: Floats
+    labels: dict[str, Floats]
+    events: tuple[Happening, ...]
+
+    @property
+    def begin(self) -> Seconds:
+        """When it begins, in s."""
+        return self.start / self.sample_rate
+
+    @property
+    def seconds(self) -> Seconds:
+        """How long it lasts, in s."""
+        return self.microphones.shape[1] / self.sample_rate
+
+    def index(self, rate: Hertz, count: int) -> NDArray[np.int64]:
+        """Return which readings these `count` are of a stream of a rate."""
+        return _first(self.start, rate, self.sample_rate) + np.arange(count, dtype=np.int64)
+
+    @property
+    def wrench_time(self) -> Floats:
+        """When the wrenches were taken, (m,) in s."""
+        return self.index(self.force_rate, len(self.wrench)) / self.force_rate
+
+    @property
+    def pose_time(self) -> Floats:
+        """When the poses were taken, (k,) in s."""
+        return self.index(self.pose_rate, len(self.pose)) / self.pose_rate
+
+    @property
+    def label_time(self) -> Floats:
+        """When the labels hold, (l,) in s."""
+        return self.index(self.label_rate, len(self.labels["contact"])) / self.label_rate
+
+
+def render(session: Assignment) -> Rendering:
+    """Return a whole session; its memory grows by some 0.5 MB a second.
+
+    Examples
+    --------
+    >>> from monochord.lab.plan import assignments
+    >>> from monochord.lab.plans import load_plan
+    >>> sound = render(assignments(load_plan("small"))[0])
+    >>> sound.microphones.shape[0], sound.wrench.shape[1], sound.pose.shape[1], len(sound.labels)
+    (2, 6, 7, 7)
+    """
+    return joined(pieces(session))
+
+
+def pieces(session: Assignment) -> Iterator[Rendering]:
+    """Yield a session in stretches of `PIECE`, each as it would be in the whole, in little memory."""
+    return _Renderer(session).run()
+
+
+def joined(parts: Iterable[Rendering]) -> Rendering:
+    """Return consecutive stretches as one; raises `ValueError` where there is none."""
+    parts = list(parts)
+    if not parts:
+        raise ValueError("nothing to join")
+    first = parts[0]
+    return Rendering(
+        start=first.start,
+        sample_rate=first.sample_rate,
+        force_rate=first.force_rate,
+        pose_rate=first.pose_rate,
+        label_rate=first.label_rate,
+        microphones=np.concatenate([part.microphones for part in parts], axis=1),
+        wrench=np.concatenate([part.wrench for part in parts]),
+        pose=np.concatenate([part.pose for part in parts]),
+        labels={name: np.concatenate([part.labels[name] for part in parts]) for name in first.labels},
+        events=tuple(event for part in parts for event in part.events),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Take:
+    """A stretch as the twin gave it; `told` holds labels (n,) of every frame."""
+
+    start: Samples
+    microphones: Audio
+    told: dict[str, Floats]
+
+    @property
+    def stop(self) -> Samples:
+        return self.start + self.microphones.shape[1]
+
+
+class _Renderer:
+    """One session being rendered."""
+
+    def __init__(self, session: Assignment) -> None:
+        from scipy.signal import firwin  # noqa: PLC0415  (slow to load)
+
+        plan = session.plan
+        self.session, self.plan, self.rate = session, plan, plan.sample_rate
+        self.course: Course = course(session)
+        self.material = load_material(session.group.material)
+        self.events = _events(self.course)
+        self.noise = Noise(plan.force_sensor, session.random("wrench"))
+        self.shaking = session.random("pose")
+        edge = min(plan.force_sensor.bandwidth, 0.4 * plan.force_rate)
+        self.reach = max(round(1.6 * self.rate / edge), round(AVERAGE * self.rate))
+        taps: Any = firwin(2 * round(1.6 * self.rate / edge) + 1, edge, fs=self.rate)
+        self.filter: Floats = taps
+        width = np.hanning(2 * round(AVERAGE * self.rate) + 3)[1:-1]
+        self.average: Floats = width / width.sum()
+
+    def run(self) -> Iterator[Rendering]:
+        before, now = np.zeros(self.reach), None
+        for take in self._takes():
+            if now is not None:
+                yield self._piece(now, before, take.told["reaction"][: self.reach])
+                before = np.concatenate([before, now.told["reaction"]])[-self.reach :]
+            now = take
+        if now is not None:
+            yield self._piece(now, before, np.zeros(0))
+
+    def _takes(self) -> Iterator[_Take]:
+        """Yield what the twin gives, stretch by stretch, its drivers switched on the way."""
+        motion, size = self.course.motion, round(PIECE * self.rate)
+        switches = {round(self.course.on * self.rate): True, round(self.course.off * self.rate): False}
+        end = math.ceil(motion.end * self.rate)
+        twin = self._begin()
+        for start in range(0, end, size):
+            stop = min(start + size, end)
+            edges = [start, *(frame for frame in switches if start < frame < stop), stop]
+            parts = list[_Take]()
+            for first, last in pairwise(edges):
+                if first in switches:
+                    twin = switch(twin, (switches[first], switches[first]))
+                take, twin = advance(twin, last - first)
+                labels = take.labels
+                told = {name: np.asarray(getattr(labels, name)[0], np.float64) for name in TOLD}
+                told["settled"] = labels.settled.astype(np.float64)
+                parts.append(_Take(start=first, microphones=take.microphones, told=told))
+            yield _Take(
+                start=start,
+                microphones=np.concatenate([part.microphones for part in parts], axis=1),
+                told={name: np.concatenate([part.told[name] for part in parts]) for name in parts[0].told},
+            )
+
+    def _begin(self) -> Twin:
+        session, sensor = self.session, self.session.sensor()
+        touch = Touch(
+            material=self.material, motion=self.course.motion.keys, radius=session.radius, rolls=False
+        )
+        room = None
+        if session.group.music:
+            room = _room(session.group.music, session.group.snr, session.seed, sensor, self.rate)
+        scene = Scene(touches=(touch,), outside=room, drivers=(False, False))
+        seed = int(session.random("twin").integers(2**62))
+        return begin(sensor, scene, sample_rate=self.rate, seed=seed)
+
+    def _piece(self, take: _Take, before: Floats, after: Floats) -> Rendering:
+        plan, told = self.plan, take.told
+        reaction = np.concatenate([before, told["reaction"], after, np.zeros(self.reach + 1 - len(after))])
+        start, stop = take.start, take.stop
+        return Rendering(
+            start=start,
+            sample_rate=self.rate,
+            force_rate=plan.force_rate,
+            pose_rate=plan.pose_rate,
+            label_rate=plan.label_rate,
+            microphones=take.microphones,
+            wrench=self._wrench(take, self._smooth(reaction, self.filter)),
+            pose=self._pose(take),
+            labels=self._labels(take, self._smooth(reaction, self.average)),
+            events=tuple(
+                event for event in self.events if start / self.rate <= event.time < stop / self.rate
+            ),
+        )
+
+    def _smooth(self, reaction: Floats, kernel: Floats) -> Floats:
+        """Return the force of the stretch's frames, and of one more, through a filter without lag."""
+        from scipy.signal import oaconvolve  # noqa: PLC0415
+
+        return oaconvolve(reaction, kernel, mode="same")[self.reach :]
+
+    def _times(self, take: _Take, rate: Hertz) -> Floats:
+        first, last = (_first(frame, rate, self.rate) for frame in (take.start, take.stop))
+        return np.arange(first, last) / rate
+
+    def _wrench(self, take: _Take, force: Floats) -> Floats:
+        time = self._times(take, self.plan.force_rate)
+        at = time * self.rate - take.start
+        frames = np.arange(len(force))
+        along, across = (
+            np.interp(at, frames[: take.told[n].size], take.told[n]) for n in ("along", "across")
+        )
+        touched = Touched(time=time, normal=np.interp(at, frames, force), along=along, across=across)
+        return wrench_of(touched, self.material, self.plan.force_sensor) + self.noise.on(time)
+
+    def _pose(self, take: _Take) -> Floats:
+        time = self._times(take, self.plan.pose_rate)
+        place = self.course.motion.path(time)
+        place += self.plan.pose_noise * self.shaking.normal(size=place.shape)
+        return np.hstack([place, np.tile(DOWNWARD, (len(time), 1))])
+
+    def _labels(self, take: _Take, force: Floats) -> dict[str, Floats]:
+        told = take.told
+        time = self._times(take, self.plan.label_rate)
+        at = np.minimum(np.rint(time * self.rate).astype(int) - take.start, told["contact"].size - 1)
+        touching = told["contact"][at] > 0.0
+
+        def where_touched(values: Floats) -> Floats:
+            return np.where(touching, values, np.nan)
+
+        return {
+            "contact": told["contact"][at],
+            "position": where_touched(told["position"][at]),
+            "force": where_touched(np.interp(time * self.rate - take.start, np.arange(len(force)), force)),
+            "slip": where_touched(told["slip"][at]),
+            "slip_across": where_touched(told["across"][at]),
+            "slip_along": where_touched(told["along"][at]),
+            "settled": told["settled"][at],
+        }
+
+
+def _first(frame: Samples, rate: Hertz, sample_rate: int) -> int:
+    """Return the first reading that is not before a frame."""
+    return math.ceil(frame * rate / sample_rate - 1e-9)
+
+
+def _events(done: Course) -> list[Happening]:
+    found = [Happening(time=phase.start, kind="phase", text=phase.kind) for phase in done.motion.phases]
+    found += [Happening(time=time, kind="tap", data={"number": i}) for i, time in enumerate(done.taps)]
+    found += [
+        Happening(time=done.on, kind="drivers", text="on"),
+        Happening(time=done.off, kind="drivers", text="off"),
+    ]
+    return sorted(found, key=lambda event: event.time)
+
+
+@lru_cache(maxsize=4)
+def _room(music: str, snr: float, seed: int, sensor: Sensor, sample_rate: int) -> Outside:
+    if music == "synthetic":
+        return outside_at(loop(seed, sample_rate=sample_rate), snr, sensor, sample_rate=sample_rate)
+    import soundfile  # noqa: PLC0415  (needs its library)
+    import soxr  # noqa: PLC0415
+
+    samples, rate = soundfile.read(Path(music), dtype="float32", always_2d=True)
+    mono = soxr.resample(samples.mean(axis=1), rate, sample_rate).astype(np.float32)
+    return outside_at(mono, snr, sensor, sample_rate=sample_rate)
