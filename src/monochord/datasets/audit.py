@@ -1,0 +1,262 @@
+"""Finds what leaks from training into the test.
+
+An audit looks at a dataset and a split of it for every way in which what was trained on may come back in
+the test (or the validation), whoever made the split and however.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from monochord.datasets.duplicates import find_duplicates
+from monochord.datasets.manifest import FILE, Part, checksum
+from monochord.datasets.split import Split
+from monochord.datasets.store import Dataset, Flags, Indices
+from monochord.errors import InputError
+from monochord.units import Samples
+
+Kind: TypeAlias = Literal[
+    "other dataset",
+    "shared window",
+    "repeated window",
+    "shared samples",
+    "guard gap",
+    "shared session",
+    "shared day",
+    "shared object",
+    "same checksum",
+    "near duplicate",
+]
+"""What leaks: see `audit`."""
+CLAIMS: dict[str, tuple[Kind, ...]] = {
+    "session": ("shared session",),
+    "day": ("shared session", "shared day"),
+    "object": ("shared session", "shared object"),
+    "time": (),
+}
+"""What the parts of a split may not share, by what it was made by."""
+FAR: Samples = 1 << 40
+"""Further than any two windows of a session are apart."""
+SHOWN = 3
+"""How many places a leak names."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leak:
+    """Something that two parts share: `kind`, the names of the `parts`, `where`, and how `many` windows.
+
+    >>> print(Leak(kind="shared session", parts=("train", "test"), where="monday", many=12))
+    shared session: train and test, 12 windows (monday)
+    """
+
+    kind: Kind
+    parts: tuple[str, ...]
+    where: str
+    many: int
+
+    def __str__(self) -> str:
+        counted = f"{self.many} window{'' if self.many == 1 else 's'}"
+        return f"{self.kind}: {' and '.join(self.parts)}, {counted} ({self.where})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Audit:
+    """What an audit found: `leaks`, and `notes` of what is no leak but should be known."""
+
+    leaks: Sequence[Leak]
+    notes: Sequence[str] = ()
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing leaks."""
+        return not self.leaks
+
+    def refuse_leaks(self) -> None:
+        """Raise `InputError`, in one line, if anything leaks."""
+        if not self.clean:
+            more = f", and {len(self.leaks) - 1} more" if len(self.leaks) > 1 else ""
+            raise InputError(
+                f"split with a leak: {self.leaks[0]}{more}", "none", "split by session, and leave copies out"
+            )
+
+
+def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
+    """Return every leak between the parts of a split.
+
+    - **other dataset**: the split was made for another dataset, or names rows that this one has not.
+    - **shared window**: a window is in two parts; **repeated window**: twice in one.
+    - **shared samples**: windows of two parts overlap.
+    - **guard gap**: windows of two parts are closer than a window and a hop, or than the split says.
+    - **shared session**, **shared day**, **shared object**: where the split claims to keep them apart. A
+      split by session or day keeps sessions apart, one by object the test's objects and all sessions.
+    - **same checksum**: two sessions of the same bytes, or of the same samples, in different parts.
+    - **near duplicate**: two sessions with the same sound, shifted, scaled or with noise added; see
+      `monochord.datasets.duplicates` for what is found and what is not.
+
+    A touch that is on both sides of a cut in time is no leak, but noted.
+
+    Parameters
+    ----------
+    dataset, split
+        To be looked at.
+    duplicates
+        Whether to compare sounds, which takes most of the time: some 2 ms for each pair of minutes.
+
+    Returns
+    -------
+    Audit
+        Its `refuse_leaks` raises where there are any.
+    """
+    strange = tuple(_strange_rows(dataset, split))
+    if strange:
+        return Audit(leaks=strange)
+    held = _held(dataset, split)
+    leaks = [*_windows(split), *_close(dataset, split), *_claims(dataset, split)]
+    pairs = list(_apart(dataset, held))
+    leaks += _checksums(dataset, held, pairs)
+    known = {leak.where for leak in leaks if leak.kind == "same checksum"}
+    if duplicates:
+        pairs = [pair for pair in pairs if _names(dataset, pair) not in known]
+        leaks += _duplicates(dataset, held, pairs)
+    return Audit(leaks=tuple(leaks), notes=tuple(_notes(dataset, split)))
+
+
+def _strange_rows(dataset: Dataset, split: Split) -> Iterator[Leak]:
+    if split.dataset and split.dataset != checksum(dataset.path / FILE):
+        yield Leak(kind="other dataset", parts=tuple(split.parts), where="its checksum differs", many=0)
+    for name, rows in split.parts.items():
+        outside = int(((rows < 0) | (rows >= len(dataset))).sum())
+        if outside:
+            where = f"rows that the dataset of {len(dataset)} has not"
+            yield Leak(kind="other dataset", parts=(name,), where=where, many=outside)
+
+
+def _held(dataset: Dataset, split: Split) -> Mapping[str, Indices]:
+    """Return how many windows (sessions,) of every session each part has."""
+    count = len(dataset.manifest.parts)
+    return {name: np.bincount(dataset.session[rows], minlength=count) for name, rows in split.parts.items()}
+
+
+def _windows(split: Split) -> Iterator[Leak]:
+    for name, rows in split.parts.items():
+        unique, times = np.unique(rows, return_counts=True)
+        if len(unique) < len(rows):
+            where = _some("row", unique[times > 1].tolist())
+            yield Leak(kind="repeated window", parts=(name,), where=where, many=int((times - 1).sum()))
+    for (one, rows), (other, others) in combinations(split.parts.items(), 2):
+        both = np.intersect1d(rows, others)
+        if both.size:
+            yield Leak(
+                kind="shared window", parts=(one, other), where=_some("row", both.tolist()), many=both.size
+            )
+
+
+def _close(dataset: Dataset, split: Split) -> Iterator[Leak]:
+    """Yield windows of two parts that overlap or are too close, leaving out those that are in both."""
+    size = dataset.manifest.window
+    guard = max(split.guard, size + dataset.manifest.hop) if split.by == "time" else 0
+    for (one, rows), (other, others) in combinations(split.parts.items(), 2):
+        mine, theirs = np.setdiff1d(rows, others), np.setdiff1d(others, rows)
+        distance = _distances(dataset, mine, theirs)
+        overlap, near = distance < size, (distance >= size) & (distance < size + guard)
+        kinds: tuple[tuple[Kind, Flags], ...] = (("shared samples", overlap), ("guard gap", near))
+        for kind, which in kinds:
+            if which.any():
+                sessions = np.unique(dataset.session[mine[which]]).tolist()
+                where = _some("session", [dataset.manifest.parts[each].name for each in sessions])
+                yield Leak(kind=kind, parts=(one, other), where=where, many=int(which.sum()))
+
+
+def _distances(dataset: Dataset, mine: Indices, theirs: Indices) -> Indices:
+    """Return how far the nearest of `theirs` begins from each of `mine`, in frames."""
+    place = dataset.session.astype(np.int64) * FAR + dataset.start  # sessions one after another, far apart
+    there = np.sort(place[theirs])
+    if not there.size:
+        return np.full(mine.shape, FAR)
+    at = np.searchsorted(there, place[mine])
+    after = np.abs(there[np.minimum(at, there.size - 1)] - place[mine])
+    before = np.abs(there[np.maximum(at - 1, 0)] - place[mine])
+    return np.minimum(after, before)
+
+
+def _claims(dataset: Dataset, split: Split) -> Iterator[Leak]:
+    """Yield sessions, days and objects in two parts that the split keeps apart by its own account."""
+    for what in CLAIMS[split.by]:
+        names = np.array([_named(part, what) for part in dataset.manifest.parts])
+        held = {part: names[dataset.session[rows]] for part, rows in split.parts.items()}
+        for one, other in combinations(split.parts, 2):
+            if what == "shared object" and "test" not in (one, other):
+                continue
+            shared = np.intersect1d(held[one], held[other])
+            shared = shared[shared != ""]
+            if shared.size:
+                many = min(int(np.isin(held[each], shared).sum()) for each in (one, other))
+                where = _some(what.removeprefix("shared "), shared.tolist())
+                yield Leak(kind=what, parts=(one, other), where=where, many=many)
+
+
+def _named(part: Part, what: Kind) -> str:
+    match what:
+        case "shared session":
+            return part.name
+        case "shared object":
+            return part.body
+        case _:
+            return "" if part.day is None else str(part.day)
+
+
+def _apart(dataset: Dataset, held: Mapping[str, Indices]) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of sessions that have windows in different parts."""
+    has = np.array([counts > 0 for counts in held.values()])
+    for one, other in combinations(range(len(dataset.manifest.parts)), 2):
+        a, b = has[:, one], has[:, other]
+        if a.any() and b.any() and (a | b).sum() > 1:
+            yield one, other
+
+
+def _checksums(dataset: Dataset, held: Mapping[str, Indices], pairs: list[tuple[int, int]]) -> Iterator[Leak]:
+    for pair in pairs:
+        one, other = (dataset.manifest.parts[number] for number in pair)
+        if one.checksum == other.checksum or one.audio_checksum == other.audio_checksum:
+            yield _copies("same checksum", dataset, held, pair)
+
+
+def _duplicates(
+    dataset: Dataset, held: Mapping[str, Indices], pairs: list[tuple[int, int]]
+) -> Iterator[Leak]:
+    for found in find_duplicates(dataset.audio, pairs):
+        yield _copies("near duplicate", dataset, held, (found.first, found.second), found.lag)
+
+
+def _copies(
+    kind: Kind, dataset: Dataset, held: Mapping[str, Indices], pair: tuple[int, int], lag: Samples = 0
+) -> Leak:
+    parts = tuple(name for name, counts in held.items() if counts[list(pair)].any())
+    many = min(int(sum(counts[number] for counts in held.values())) for number in pair)
+    late = f", {abs(lag) / dataset.manifest.sample_rate:.3f} s apart" if lag else ""
+    return Leak(kind=kind, parts=parts, where=_names(dataset, pair) + late, many=many)
+
+
+def _names(dataset: Dataset, pair: tuple[int, int]) -> str:
+    return " and ".join(dataset.manifest.parts[number].name for number in pair)
+
+
+def _notes(dataset: Dataset, split: Split) -> Iterator[str]:
+    """Yield the count of touches, runs of windows without a pause, that are in more than one part."""
+    untouched = dataset.label("contact") == 0.0
+    changes = np.diff(dataset.session, prepend=-1) != 0
+    touch = np.cumsum(untouched | changes)
+    held = [np.unique(touch[rows[~untouched[rows]]]) for rows in split.parts.values()]
+    _, times = np.unique(np.concatenate(held), return_counts=True)
+    torn = int((times > 1).sum())
+    if torn:
+        yield f"{torn} touch{'' if torn == 1 else 'es'} on both sides of a cut"
+
+
+def _some(what: str, names: list[str] | list[int]) -> str:
+    shown = ", ".join(str(name) for name in names[:SHOWN])
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return f"{what}{'' if len(names) == 1 else 's'} {shown}{more}"

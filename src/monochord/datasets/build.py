@@ -1,0 +1,293 @@
+"""Sessions into a dataset, one at a time."""
+
+import hashlib
+import os
+import shutil
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from glob import glob
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.datasets import labels as rules_text
+from monochord.datasets.kinds import counts_of, kinds_of
+from monochord.datasets.labels import Columns, Rules, window_labels
+from monochord.datasets.manifest import Manifest, Part, checksum
+from monochord.datasets.measured import Thresholds
+from monochord.datasets.store import TABLE, Dataset, Flags, Indices, open_dataset, window_starts, write_table
+from monochord.datasets.truth import Truth, truth_of
+from monochord.errors import InputError
+from monochord.sessions import AudioTrack, Session, read_session
+from monochord.sessions.alignment import AUDIO
+from monochord.units import Samples, Seconds
+
+FULL_SCALE = 1.0 - 2.0**-15
+"""A sample of this amount or more is clipped: the greatest that a converter of 16 bits gives."""
+Labelling: TypeAlias = Literal["", "recorded", "measured"]
+Progress: TypeAlias = Callable[[str, int, int], None]
+"""Is told the name of each session, how many are done, and how many there are."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """How sessions become a dataset.
+
+    Parameters
+    ----------
+    window, hop
+        Length and distance of windows in s.
+    labels
+        "recorded" takes the labels of the session, "measured" those that wrench and pose give; left empty,
+        the recorded ones where a session has any.
+    force
+        Whether to take a session that its alignment warns of.
+    skip
+        Whether to leave out a session that cannot be used, rather than to build nothing.
+    rules
+        What the label of a window is.
+    thresholds
+        What counts as contact and as sliding, for measured labels.
+    """
+
+    window: Seconds = 0.1
+    hop: Seconds = 0.1
+    labels: Labelling = ""
+    force: bool = False
+    skip: bool = False
+    rules: Rules = field(default_factory=Rules)
+    thresholds: Thresholds = field(default_factory=Thresholds)
+
+    def __post_init__(self) -> None:
+        for name, span in (("window", self.window), ("hop", self.hop)):
+            if not 1e-3 <= span <= 60.0:
+                raise InputError(f"{name} {span:g} s", "0.001 to 60 s")
+
+
+USUAL = Options()
+
+
+def find_sessions(names: Iterable[str]) -> list[Path]:
+    """Return the session files that names stand for: files, folders with any below, and patterns.
+
+    Raises
+    ------
+    InputError
+        For a name that stands for none.
+    """
+    found: dict[Path, None] = {}
+    for name in names:
+        path = Path(name)
+        if path.is_dir():
+            files = sorted(path.rglob("*.mcap"))
+        else:
+            files = [path] if path.is_file() else [Path(each) for each in sorted(glob(name, recursive=True))]  # noqa: PTH207  (whole paths)
+        if not files:
+            raise InputError(f"sessions '{name}'", "files .mcap, a folder that holds some, or a pattern")
+        found |= dict.fromkeys(files)
+    return list(found)
+
+
+def build_dataset(
+    sessions: Sequence[Path], out: Path, options: Options = USUAL, progress: Progress = lambda *_: None
+) -> Dataset:
+    """Return the dataset that sessions make, written to the new folder `out`; `store` tells what is in it.
+
+    The samples of a session are taken as they were recorded: lost frames are zeros, clipped ones and those
+    that are no numbers stay, and the windows that hold any are flagged. Memory holds a session at a time.
+    Equal sessions and options give equal bytes. The folder appears under its name when all of it is there.
+
+    Parameters
+    ----------
+    sessions
+        Their files, in any order.
+    out
+        Folder to be made.
+    options
+        How; the usual ones by default.
+    progress
+        Called before each session, and at the end.
+
+    Raises
+    ------
+    InputError
+        If `out` is there already, a session cannot be used (see `truth.truth_of`) and is not to be skipped,
+        two have one name, or their rates or channels differ.
+    """
+    if out.exists():
+        raise InputError(f"{out}, which is there already", "a new folder", "name another, or remove that one")
+    if not sessions:
+        raise InputError("no sessions", "one or more")
+    if not out.absolute().parent.is_dir():
+        raise InputError(
+            f"folder {out.absolute().parent}, which is not there", "one that is", "make it first"
+        )
+    files = _named(sessions)
+    part = out.with_name(f".{out.name}.part-{os.getpid()}")
+    part.mkdir()
+    try:
+        writer = _Writer(part, options)
+        for done, (name, path) in enumerate(files.items()):
+            progress(name, done, len(files))
+            writer.add(name, path)
+        writer.finish()
+        progress("", len(files), len(files))
+        part.rename(out)
+    finally:
+        if part.exists():
+            shutil.rmtree(part)
+    return open_dataset(out)
+
+
+def _named(sessions: Sequence[Path]) -> dict[str, Path]:
+    """Return the files by the names of their sessions, sorted; where names clash, folders are put before."""
+    plain = [(path.stem, path) for path in sessions]
+    stems = [name for name, _ in plain]
+    named = [
+        (f"{path.absolute().parent.name}/{name}" if stems.count(name) > 1 else name, path)
+        for name, path in plain
+    ]
+    names = [name for name, _ in named]
+    for name, path in named:
+        if names.count(name) > 1:
+            raise InputError(
+                f"two sessions called {name}, one of them {path}", "names of their own", "rename one"
+            )
+    return dict(sorted(named))
+
+
+class _Writer:
+    """A dataset that is being written into an empty folder, session by session."""
+
+    def __init__(self, folder: Path, options: Options) -> None:
+        self.folder, self.options = folder, options
+        self.parts: list[Part] = []
+        self.tables: list[dict[str, NDArray[Any]]] = []
+        self.columns: list[Columns] = []
+        self.refused: dict[str, str] = {}
+        self.form: tuple[int, int] | None = None
+        (folder / "audio").mkdir()
+
+    def add(self, name: str, path: Path) -> None:
+        """Add a session, or note why not."""
+        options = self.options
+        try:
+            session = read_session(path)
+            truth = truth_of(session, options.labels, options.thresholds, force=options.force)
+            rate = self._rate_of(name, session)
+        except InputError as error:
+            if not options.skip:
+                raise
+            self.refused[name] = str(error)
+            return
+        size, samples = round(options.window * rate), session.audio.samples
+        starts = window_starts(samples.shape[1], size, round(options.hop * rate))
+        file = f"audio/{len(self.parts):04d}.npy"
+        np.save(self.folder / file, samples)
+        number = np.full(len(starts), len(self.parts))
+        self.tables.append({"session": number, "start": starts, **_flags(session.audio, starts, size)})
+        self.columns.append(_labels(session.audio, truth, starts, size, options.rules))
+        late = truth.alignment.lateness.get(AUDIO)
+        told = session.description
+        self.parts.append(
+            Part(
+                name=name,
+                source=path.name,
+                checksum=checksum(path),
+                audio=file,
+                audio_checksum=hashlib.sha256(samples.tobytes()).hexdigest(),
+                frames=samples.shape[1],
+                first=sum(each.windows for each in self.parts),
+                windows=len(starts),
+                labels=truth.source,
+                simulated=told.simulated,
+                object=told.object,
+                material=told.material,
+                radius=told.radius,
+                day=told.day,
+                build=told.build,
+                complete=session.complete,
+                late=late.offsets[0].value if late and late.offsets[0].known else None,
+                flags=truth.alignment.flags,
+            )
+        )
+
+    def finish(self) -> None:
+        """Write what is not the sound."""
+        if self.form is None:
+            raise InputError(
+                "no session that can be used", "one or more", next(iter(self.refused.values()), "")
+            )
+        labels = _joined(self.columns, [part.windows for part in self.parts])
+        table = {name: np.concatenate([each[name] for each in self.tables]) for name in TABLE}
+        usable = ~(table["has_gap"] | table["not_finite"])
+        write_table(self.folder, table, labels)
+        rate, channels = self.form
+        Manifest(
+            sample_rate=rate,
+            channels=channels,
+            window=round(self.options.window * rate),
+            hop=round(self.options.hop * rate),
+            windows=len(usable),
+            columns=tuple(labels),
+            rules=self.options.rules,
+            labelling=rules_text.__doc__ or "",
+            parts=tuple(self.parts),
+            counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(table["clipped"].sum())},
+            refused=self.refused,
+            thresholds=self.options.thresholds,
+            forced=self.options.force,
+            versions={name: version(name) for name in ("monochord", "numpy")},
+        ).write(self.folder)
+
+    def _rate_of(self, name: str, session: Session) -> int:
+        """Return the session's rate; refuse one that differs from those before."""
+        form = (session.description.sample_rate, session.description.channels)
+        self.form = self.form or form
+        if form != self.form:
+            given = f"session {name} with {form[1]} channels at {form[0]} Hz"
+            raise InputError(given, f"{self.form[1]} channels at {self.form[0]} Hz, as those before")
+        return form[0]
+
+
+def _flags(audio: AudioTrack, starts: Indices, size: Samples) -> dict[str, Flags]:
+    """Return what is wrong with the samples of each window."""
+    lost = np.zeros(audio.samples.shape[1], bool)
+    for begin, end in audio.gaps:
+        lost[begin:end] = True
+    bad: Flags = np.any(~np.isfinite(audio.samples), axis=0)
+    clipped: Flags = np.any(np.abs(audio.samples) >= FULL_SCALE, axis=0)
+    return {
+        "has_gap": _any_within(lost, starts, size),
+        "clipped": _any_within(clipped, starts, size),
+        "not_finite": _any_within(bad, starts, size),
+    }
+
+
+def _any_within(frames: Flags, starts: Indices, size: Samples) -> Flags:
+    counts = np.concatenate([[0], np.cumsum(frames, dtype=np.int32)])
+    return counts[starts + size] > counts[starts]
+
+
+def _labels(audio: AudioTrack, truth: Truth, starts: Indices, size: Samples, rules: Rules) -> Columns:
+    """Return the labels of a session's windows, all of them NaN while it is calibrated."""
+    begin, end = (truth.time_of(audio.time(frames)) for frames in (starts, starts + size))
+    calibrating = np.zeros(len(starts), bool)
+    for first, last in truth.calibrating:
+        calibrating |= (end > first) & (begin < last)
+    found = window_labels(truth.labels, begin, end, rules)
+    labels = {name: np.where(calibrating, np.nan, values) for name, values in found.items()}
+    return {**labels, "calibrating": calibrating.astype(np.float64)}
+
+
+def _joined(columns: list[Columns], counts: list[int]) -> Columns:
+    """Return the labels of all sessions; what a session has no column of is NaN."""
+    parts = list(zip(columns, counts, strict=True))
+    names = dict.fromkeys(name for each in columns for name in each)
+    return {
+        name: np.concatenate([each.get(name, np.full(count, np.nan)) for each, count in parts])
+        for name in names
+    }

@@ -1,0 +1,51 @@
+"""What kind each window is, for counting and for weighing."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.datasets.store import Dataset, Flags
+from monochord.types import Floats
+
+KINDS = ("static", "slip", "no contact", "transition", "masked")
+"""Touched at rest; touched and sliding; untouched; the onset or end of a touch; none of these for sure."""
+
+
+def kinds(dataset: Dataset) -> NDArray[np.int8]:
+    """Return the kind (n,) of every window, as its place in `KINDS`."""
+    return kinds_of(dataset.labels, dataset.usable)
+
+
+def kinds_of(labels: Mapping[str, Floats], usable: Flags) -> NDArray[np.int8]:
+    """Return the kind (n,) of windows from their labels; those that are not usable are masked.
+
+    Examples
+    --------
+    >>> nan = float("nan")
+    >>> labels = {
+    ...     "contact": np.array([1.0, 1.0, 0.0, nan, nan, 1.0]),
+    ...     "slip": np.array([0.0, 1.0, nan, nan, nan, nan]),
+    ...     "transition": np.array([0.0, 0.0, 0.0, 1.0, nan, 0.0]),
+    ... }
+    >>> [KINDS[kind] for kind in kinds_of(labels, np.ones(6, dtype=bool))]
+    ['static', 'slip', 'no contact', 'transition', 'masked', 'masked']
+    """
+    contact, slip, transition = (labels[name] for name in ("contact", "slip", "transition"))
+    is_kind = [
+        (contact == 1.0) & (slip == 0.0),
+        (contact == 1.0) & (slip == 1.0),
+        contact == 0.0,
+        transition == 1.0,
+    ]
+    return np.select([each & usable for each in is_kind], [0, 1, 2, 3], 4).astype(np.int8)
+
+
+def counts_of(kind: NDArray[np.int8]) -> dict[str, int]:
+    """Return how many windows there are of each kind.
+
+    >>> counts_of(np.array([0, 0, 4], np.int8))
+    {'static': 2, 'slip': 0, 'no contact': 0, 'transition': 0, 'masked': 1}
+    """
+    counts = np.bincount(kind, minlength=len(KINDS)).tolist()
+    return dict(zip(KINDS, counts, strict=True))

@@ -1,0 +1,165 @@
+"""What a laboratory can know to be true: contact, place, force and sliding, from the wrench and the pose.
+
+- **contact** from the normal force, smoothed over `smooth` and freed of the sensor's slow drift: it begins
+  above `on` and ends below `off`, so that noise about one threshold does not make many touches of one.
+- **force** is that smoothed normal force: the string's vibration and the sensor's noise are averaged away.
+- **position** is the tool's x, read between the pose's times.
+- **slip_along** and **slip_across** are the tool's speed in x and y, the slope of a line through its places
+  of `span`, and **slip** is 1 where the speed is above `moving` during contact. A tool that moves drags the
+  string along for a moment before it slides, which a pose cannot see: the first millimetre or so counts as
+  sliding.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.errors import InputError
+from monochord.sessions.tracks import LabelTrack, ReadingTrack
+from monochord.types import Floats
+from monochord.units import MetresPerSecond, Newtons, Seconds
+
+Flags = NDArray[np.bool_]
+GRID: Seconds = 1e-3
+"""Distance of the labels."""
+LONGEST_GAP: Seconds = 0.1
+"""Readings further apart than this leave what is between them unknown."""
+DRIFT: Seconds = 2.0
+"""Over which the force without contact is averaged to follow the sensor's drift."""
+BESIDE: Seconds = 0.05
+"""What lies this close to a touch does not count as untouched."""
+QUIET = 0.1
+"""Share of a session that is taken to be untouched at least."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thresholds:
+    """What counts as contact and as sliding; the module tells how each is used."""
+
+    on: Newtons = 0.05
+    off: Newtons = 0.03
+    smooth: Seconds = 0.02
+    moving: MetresPerSecond = 1.5e-3
+    span: Seconds = 0.04
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.off <= self.on:
+            raise InputError(f"contact on {self.on:g} N, off {self.off:g} N", "above 0 N, off not above on")
+        if not (0.0 < self.smooth <= 1.0 and 0.0 < self.span <= 1.0 and self.moving > 0.0):
+            given = f"smooth {self.smooth:g} s, span {self.span:g} s, moving {self.moving:g} m/s"
+            raise InputError(given, "above 0, and 1 s at most")
+
+
+THRESHOLDS = Thresholds()
+
+
+def measured_truth(
+    wrench: ReadingTrack, pose: ReadingTrack, thresholds: Thresholds = THRESHOLDS
+) -> LabelTrack:
+    """Return the labels that readings give, every millisecond, NaN where readings are missing.
+
+    Parameters
+    ----------
+    wrench
+        With a column ``fz``, the normal force in N, positive when pressed; times on one clock with `pose`.
+    pose
+        With columns ``x`` and ``y``, the tool's place along and across the string in m.
+    thresholds
+        What counts as contact and as sliding.
+
+    Returns
+    -------
+    LabelTrack
+        ``contact``, ``position``, ``force``, ``slip``, ``slip_along`` and ``slip_across``.
+
+    Raises
+    ------
+    InputError
+        If a stream has no readings.
+
+    Notes
+    -----
+    The bias of the force sensor is what it shows without contact: at first the force that a tenth of the
+    session stays below, then the mean of all that is untouched over two seconds, read between where
+    something touches.
+    """
+    for track in (wrench, pose):
+        if not track.time.size:
+            raise InputError(f"stream '{track.feed.stream}' without readings", "readings")
+    first, last = max(wrench.time[0], pose.time[0]), min(wrench.time[-1], pose.time[-1])
+    time = np.arange(np.ceil(first / GRID), np.floor(last / GRID) + 1) * GRID
+    force = _smoothed(wrench.time, wrench.column("fz"), time, thresholds.smooth)
+    force = force - _bias(force, thresholds)
+    touched = _hysteresis(force, thresholds)
+    along, across = (_slope(pose.time, pose.column(name), time, thresholds.span) for name in ("x", "y"))
+    known = _near(wrench.time, time) & _near(pose.time, time)
+    columns = {
+        "contact": touched.astype(np.float64),
+        "position": np.interp(time, pose.time, pose.column("x")),
+        "force": force,
+        "slip": (touched & (np.hypot(along, across) > thresholds.moving)).astype(np.float64),
+        "slip_along": along,
+        "slip_across": across,
+    }
+    return LabelTrack(
+        time=time, columns={name: np.where(known, each, np.nan) for name, each in columns.items()}
+    )
+
+
+def _smoothed(time: Floats, values: Floats, at: Floats, span: Seconds) -> Floats:
+    """Return means over `span` about the times `at`; where none was read, the value read between."""
+    low, high = (np.searchsorted(time, at + sign * span / 2.0) for sign in (-1.0, 1.0))
+    sums = np.concatenate([[0.0], np.cumsum(values - values.mean())])
+    count = high - low
+    means = (sums[high] - sums[low]) / np.maximum(count, 1) + values.mean()
+    return np.where(count > 0, means, np.interp(at, time, values))
+
+
+def _bias(force: Floats, thresholds: Thresholds) -> Floats:
+    """Return the force (n,) that the sensor shows without contact, as it drifts."""
+    bias = np.full(force.shape, np.quantile(force, QUIET))
+    for _ in range(2):
+        free = ~_widened(_hysteresis(force - bias, thresholds), round(BESIDE / GRID))
+        size = round(DRIFT / GRID)
+        total, count = (_summed(each, size) for each in (np.where(free, force, 0.0), free.astype(np.float64)))
+        known = np.flatnonzero(count > 0.1 * min(size, force.size))
+        if not known.size:
+            return bias
+        bias = np.interp(np.arange(force.size), known, total[known] / count[known])
+    return bias
+
+
+def _hysteresis(force: Floats, thresholds: Thresholds) -> Flags:
+    """Return where (n,) there is contact: from a force above `on` to one below `off`."""
+    told = np.where(force > thresholds.on, 1, np.where(force < thresholds.off, 0, -1))
+    latest = np.maximum.accumulate(np.where(told >= 0, np.arange(force.size), -1))
+    return (latest >= 0) & (told[latest] == 1)
+
+
+def _widened(touched: Flags, by: int) -> Flags:
+    return _summed(touched.astype(np.float64), 2 * by + 1) > 0.5
+
+
+def _summed(values: Floats, size: int) -> Floats:
+    """Return sums over `size` neighbours, fewer at the ends."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    index = np.arange(values.size)
+    low, high = index - size // 2, index - size // 2 + size
+    return sums[np.clip(high, 0, values.size)] - sums[np.clip(low, 0, values.size)]
+
+
+def _slope(time: Floats, values: Floats, at: Floats, span: Seconds) -> Floats:
+    """Return the slopes (n,) of lines fitted to the values over `span` about the times `at`, in 1/s."""
+    half = max(round(0.5 * span / GRID), 1)
+    arm = np.arange(-half, half + 1)
+    padded = np.pad(np.interp(at, time, values), half, mode="edge")
+    return np.convolve(padded, arm[::-1], mode="valid") / (np.sum(arm**2) * GRID)
+
+
+def _near(time: Floats, at: Floats) -> Flags:
+    """Return where (n,) readings are close on both sides."""
+    after = np.clip(np.searchsorted(time, at), 1, max(time.size - 1, 1))
+    if time.size < 2:
+        return np.abs(at - time[0]) < 0.5 * LONGEST_GAP
+    return (time[after] - time[after - 1] <= LONGEST_GAP) & (at >= time[0]) & (at <= time[-1])

@@ -1,0 +1,307 @@
+"""Which windows train, which validate, which test.
+
+Neighbouring windows hear the same touch, and overlapping ones the same samples. So whole groups are dealt
+out:
+
+- **session**: whole sessions, each kind (object; mostly static, sliding or untouched) by the same shares.
+- **object**: objects that are held out are in the test alone. With `held_out` those, else as many as come to
+  the share asked for. The sessions of the other objects are dealt to training and validation.
+- **day**: whole days.
+- **time**: each session is cut in three stretches, in an order drawn for each, with a guard gap between
+  them. A cut is moved to where nothing touches, if that is within reach, so that a touch is not on both
+  sides.
+
+Shuffled single windows are refused: such a test asks for touches that were trained on.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+
+from monochord.datasets.deal import deal
+from monochord.datasets.manifest import checksum
+from monochord.datasets.store import Dataset, Indices
+from monochord.errors import InputError, did_you_mean
+from monochord.units import Samples, Seconds
+
+By: TypeAlias = Literal["session", "object", "time", "day"]
+PARTS = ("train", "validation", "test")
+REACH = 0.25
+"""How far a cut in time may be moved to an untouched window, as a share of the shorter stretch beside it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Split:
+    """Row numbers of the windows in each part, and how they were dealt out.
+
+    `parts` maps "train", "validation" and "test" to rows (k,) in rising order. `guard` is the least
+    distance in frames between samples of different parts that a split by time keeps. `left_out` counts
+    windows in no part. `dataset` is the checksum of the manifest of the dataset that it belongs to.
+    """
+
+    by: By
+    parts: Mapping[str, Indices]
+    seed: int = 0
+    fractions: tuple[float, float, float] = (0.7, 0.15, 0.15)
+    guard: Samples = 0
+    held_out: tuple[str, ...] = ()
+    left_out: int = 0
+    dataset: str = ""
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+
+    @property
+    def train(self) -> Indices:
+        """Rows (k,) to train on."""
+        return self.parts["train"]
+
+    @property
+    def validation(self) -> Indices:
+        """Rows (k,) to choose by."""
+        return self.parts["validation"]
+
+    @property
+    def test(self) -> Indices:
+        """Rows (k,) to test on."""
+        return self.parts["test"]
+
+    def write(self, file: Path) -> None:
+        """Write it as JSON: rows as runs [first, last + 1], so that a large dataset's split stays small."""
+        tree = {
+            "by": self.by,
+            "seed": self.seed,
+            "fractions": list(self.fractions),
+            "guard": self.guard,
+            "held_out": list(self.held_out),
+            "left_out": self.left_out,
+            "dataset": self.dataset,
+            "groups": {name: list(held) for name, held in self.groups.items()},
+            "counts": {name: len(rows) for name, rows in self.parts.items()},
+            "parts": {name: _runs(rows) for name, rows in self.parts.items()},
+        }
+        file.write_text(json.dumps(tree, indent=1) + "\n", encoding="utf-8")
+
+    @classmethod
+    def read(cls, file: Path) -> "Split":
+        """Read what `write` wrote; raises `InputError` where a file is absent or something else."""
+        try:
+            tree = json.loads(file.read_text(encoding="utf-8"))
+            parts = {name: _rows(tree["parts"][name]) for name in PARTS}
+            return cls(
+                by=tree["by"],
+                parts=parts,
+                seed=int(tree["seed"]),
+                fractions=tuple(tree["fractions"]),
+                guard=int(tree["guard"]),
+                held_out=tuple(tree["held_out"]),
+                left_out=int(tree["left_out"]),
+                dataset=tree["dataset"],
+                groups={name: tuple(held) for name, held in tree["groups"].items()},
+            )
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(
+                f"split {file} (absent or damaged)", "a file that monochord build made"
+            ) from error
+
+
+def split_dataset(
+    dataset: Dataset,
+    *,
+    by: str = "session",
+    fractions: tuple[float, float, float] = (0.7, 0.15, 0.15),
+    seed: int = 0,
+    held_out: Sequence[str] = (),
+    guard: Seconds | None = None,
+) -> Split:
+    """Return a split of a dataset; the module tells what each way does.
+
+    Parameters
+    ----------
+    dataset
+        To be split.
+    by
+        "session", "object", "time" or "day".
+    fractions
+        Shares of training, validation and test, of windows; their sum is 1. A share of 0 leaves a part empty.
+    seed
+        Of what is drawn; equal seeds give equal splits.
+    held_out
+        Names of objects for the test, where `by` is "object".
+    guard
+        Least distance of the samples of two parts in s, where `by` is "time"; by default, and at least, a
+        window and a hop.
+
+    Raises
+    ------
+    InputError
+        If single windows are to be shuffled, the shares or names are not possible, or there are too few
+        groups.
+    """
+    _refuse(by, fractions, held_out)
+    size, hop, rate = dataset.manifest.window, dataset.manifest.hop, dataset.manifest.sample_rate
+    least = size + hop
+    gap = least if guard is None else round(guard * rate)
+    if gap < least:
+        raise InputError(f"guard gap of {gap / rate:g} s", f"a window and a hop, {least / rate:g} s, or more")
+    rng = np.random.default_rng(seed)
+    if by == "time":
+        part_of, groups = _by_time(dataset, fractions, gap, rng), dict[str, tuple[str, ...]]()
+    else:
+        names, part = _by_group(dataset, by, fractions, held_out, rng)
+        part_of = part[dataset.session]
+        groups = {
+            each: tuple(sorted({name for name, at in zip(names, part, strict=True) if at == number}))
+            for number, each in enumerate(PARTS)
+        }
+    parts = {name: np.flatnonzero(part_of == number) for number, name in enumerate(PARTS)}
+    for name, share in zip(PARTS, fractions, strict=True):
+        if share > 0.0 and not parts[name].size:
+            given = f"split by {by} that leaves nothing to {name}"
+            raise InputError(
+                given, f"{np.count_nonzero(fractions)} {by}s or more", "record more, or split by time"
+            )
+    return Split(
+        by=by,  # pyright: ignore[reportArgumentType]
+        parts=parts,
+        seed=seed,
+        fractions=fractions,
+        guard=gap if by == "time" else 0,
+        held_out=tuple(held_out),
+        left_out=int((part_of < 0).sum()),
+        dataset=checksum(dataset.path / "manifest.json"),
+        groups=groups,
+    )
+
+
+def _refuse(by: str, fractions: tuple[float, float, float], held_out: Sequence[str]) -> None:
+    ways = get_args(By)
+    if by in ("window", "windows", "random", "shuffle"):
+        raise InputError(
+            f"split by {by}",
+            ", ".join(ways),
+            "windows beside each other hear one touch, so that shuffled ones test what was trained on",
+        )
+    if by not in ways:
+        raise InputError(f"split by {by}", ", ".join(ways), did_you_mean(by, ways))
+    if min(fractions) < 0.0 or abs(sum(fractions) - 1.0) > 1e-6 or fractions[0] <= 0.0:
+        given = "shares " + ", ".join(f"{share:g}" for share in fractions)
+        raise InputError(given, "three of 0 or more that sum to 1, the first above 0")
+    if held_out and by != "object":
+        raise InputError(f"held-out objects in a split by {by}", "a split by object")
+
+
+def _by_group(
+    dataset: Dataset,
+    by: str,
+    fractions: tuple[float, float, float],
+    held_out: Sequence[str],
+    rng: np.random.Generator,
+) -> tuple[list[str], Indices]:
+    """Return the group's name and the part of every session."""
+    sessions = dataset.manifest.parts
+    counts = np.bincount(dataset.session, minlength=len(sessions))
+    if by == "session":
+        return [each.name for each in sessions], deal(counts, _strata(dataset), fractions, rng)
+    if by == "day":
+        names = ["" if each.day is None else str(each.day) for each in sessions]
+        if "" in names:
+            given = f"session {sessions[names.index('')].name} without a day in a split by day"
+            raise InputError(given, "sessions that tell their day", "split by session")
+        return names, _dealt(names, counts, fractions, rng)
+    return _by_object(dataset, counts, fractions, held_out, rng)
+
+
+def _by_object(
+    dataset: Dataset,
+    counts: Indices,
+    fractions: tuple[float, float, float],
+    held_out: Sequence[str],
+    rng: np.random.Generator,
+) -> tuple[list[str], Indices]:
+    names = [each.body for each in dataset.manifest.parts]
+    there = sorted(set(names))
+    for name in held_out:
+        if name not in there:
+            raise InputError(f"held-out object '{name}'", ", ".join(there), did_you_mean(name, there))
+    if held_out:
+        test = np.isin(names, held_out)
+    else:
+        known = (fractions[0] + fractions[1], 0.0, fractions[2])
+        test = _dealt(names, counts, known, rng) == PARTS.index("test")
+    part = np.where(test, PARTS.index("test"), -1)
+    left = fractions[0] + fractions[1]
+    rest = np.flatnonzero(~test)
+    strata = _strata(dataset)
+    shares = (fractions[0] / left, fractions[1] / left, 0.0)
+    part[rest] = deal(counts[rest], [strata[at] for at in rest], shares, rng)
+    return names, part
+
+
+def _dealt(
+    names: list[str], counts: Indices, fractions: tuple[float, float, float], rng: np.random.Generator
+) -> Indices:
+    """Deal whole groups of sessions out and return the part of every session."""
+    groups, member = np.unique(names, return_inverse=True)
+    sizes = np.bincount(member, weights=counts, minlength=len(groups)).astype(np.int64)
+    return deal(sizes, [""] * len(groups), fractions, rng)[member]
+
+
+def _strata(dataset: Dataset) -> list[str]:
+    """Return what each session holds mostly: its object, and whether it is untouched, static or sliding."""
+    found: list[str] = []
+    contact, slip = dataset.label("contact"), dataset.label("slip")
+    for number, part in enumerate(dataset.manifest.parts):
+        rows = slice(part.first, part.first + part.windows)
+        assert (dataset.session[rows] == number).all()
+        slides, touches = np.sum(slip[rows] == 1.0), np.sum(contact[rows] == 1.0)
+        kind = "sliding" if slides > 0.2 * max(touches, 1) else "static" if touches else "untouched"
+        found.append(f"{part.body}/{kind}")
+    return found
+
+
+def _by_time(
+    dataset: Dataset, fractions: tuple[float, float, float], guard: Samples, rng: np.random.Generator
+) -> Indices:
+    """Return the part of every window, -1 in the guard gaps."""
+    part_of = np.full(len(dataset), -1, np.int64)
+    contact = dataset.label("contact")
+    used = [number for number, share in enumerate(fractions) if share > 0.0]
+    for part in dataset.manifest.parts:
+        rows = np.arange(part.first, part.first + part.windows)
+        order = rng.permutation(used).tolist()
+        shares = [fractions[number] for number in order]
+        cuts = np.rint(np.cumsum([0.0, *shares]) * len(rows)).astype(int).tolist()
+        cuts = [0, *(_calm(contact[rows], cuts, at) for at in range(1, len(cuts) - 1)), len(rows)]
+        begin = dataset.start[rows]
+        free = 0  # the first frame that the next stretch may begin at
+        for number, (first, last) in zip(order, pairwise(cuts), strict=True):
+            kept = rows[first:last][begin[first:last] >= free]
+            part_of[kept] = number
+            if kept.size:
+                free = int(dataset.start[kept[-1]]) + dataset.manifest.window + guard
+    return part_of
+
+
+def _calm(contact: np.ndarray, cuts: list[int], at: int) -> int:
+    """Return the cut moved to the nearest window in which nothing touches, if one is within reach."""
+    reach = int(REACH * min(cuts[at] - cuts[at - 1], cuts[at + 1] - cuts[at]))
+    near = np.arange(cuts[at] - reach, cuts[at] + reach + 1)
+    near = near[(near > 0) & (near < len(contact))]
+    near = near[contact[near] == 0.0]
+    return int(near[np.abs(near - cuts[at]).argmin()]) if near.size else cuts[at]
+
+
+def _runs(rows: Indices) -> list[list[int]]:
+    if not rows.size:
+        return []
+    ends = np.flatnonzero(np.diff(rows) != 1)
+    firsts, lasts = rows[np.r_[0, ends + 1]], rows[np.r_[ends, len(rows) - 1]]
+    return [[int(first), int(last) + 1] for first, last in zip(firsts, lasts, strict=True)]
+
+
+def _rows(runs: list[list[int]]) -> Indices:
+    return np.concatenate([np.zeros(0, np.int64), *(np.arange(first, stop) for first, stop in runs)])

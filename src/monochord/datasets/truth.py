@@ -1,0 +1,108 @@
+"""Where a session's labels come from, on one clock with its sound."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from monochord.datasets.measured import THRESHOLDS, Thresholds, measured_truth
+from monochord.errors import InputError
+from monochord.sessions import LabelTrack, Session
+from monochord.sessions.alignment import AUDIO, Alignment, align, aligned_readings
+from monochord.types import Floats
+from monochord.units import Seconds
+
+Spans = tuple[tuple[Seconds, Seconds], ...]
+RECORDED, MEASURED = "recorded", "measured"
+WRENCH, POSE = "wrench", "pose"
+"""Streams that labels are measured from."""
+AROUND_TAPS: Seconds = 1.5
+"""How far from the middle of a group of taps sound is left out, where no event tells of the drivers."""
+FOREVER: Seconds = float("inf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """What is true of a session: `labels` on the clock of the alignment's reference, and their `source`.
+
+    `calibrating` are the spans on that clock in which the string is not driven, so that the taps can be
+    heard.
+    """
+
+    labels: LabelTrack
+    source: str
+    alignment: Alignment
+    calibrating: Spans
+
+    def time_of(self, heard: Floats) -> Floats:
+        """Return times of the microphones (n,), in session seconds, on the clock of the labels."""
+        return self.alignment.correct(AUDIO, heard)
+
+
+def truth_of(
+    session: Session, source: str = "", thresholds: Thresholds = THRESHOLDS, *, force: bool = False
+) -> Truth:
+    """Return what is true of a session, its streams aligned by their taps.
+
+    Parameters
+    ----------
+    session
+        A session.
+    source
+        "recorded" for the labels that the session holds, which are on the clock of the force (without force
+        readings, of the microphones); "measured" for those that its readings give, see
+        `monochord.datasets.measured`. Left empty: recorded where there are any.
+    thresholds
+        For measured labels.
+    force
+        Whether to take a session that its alignment warns of.
+
+    Raises
+    ------
+    InputError
+        If the alignment warns of something, or the session lacks the labels or the streams that are asked
+        for.
+    """
+    name = session.path.name
+    if source not in ("", RECORDED, MEASURED):
+        raise InputError(f"labels '{source}'", f"{RECORDED}, {MEASURED}")
+    recorded = bool(session.labels.time.size) and source != MEASURED
+    if source == RECORDED and not recorded:
+        raise InputError(f"session {name} without labels", "recorded labels", "take --labels measured")
+    missing = [stream for stream in (WRENCH, POSE) if stream not in session.streams]
+    if not recorded and missing:
+        given = f"session {name} without {' and '.join(missing)}, and without labels"
+        raise InputError(given if source == "" else given.partition(",")[0], "wrench and pose, or labels")
+    alignment = align(session)
+    if alignment.flags and not force:
+        first, *others = alignment.flags
+        given = f"session {name}: {first}" + (f" (and {len(others)} more)" if others else "")
+        raise InputError(given, "streams on one clock", "leave it out, or take --force")
+    labels = session.labels
+    if not recorded:
+        wrench, pose = (aligned_readings(session, stream, alignment) for stream in (WRENCH, POSE))
+        labels = measured_truth(wrench, pose, thresholds)
+    return Truth(
+        labels=labels,
+        source=RECORDED if recorded else MEASURED,
+        alignment=alignment,
+        calibrating=tuple(_calibrating(session, alignment)),
+    )
+
+
+def _calibrating(session: Session, alignment: Alignment) -> Iterator[tuple[Seconds, Seconds]]:
+    """Yield when the drivers were off, by the session's events, else what is outside of its taps."""
+    switched = [(event.time, event.text == "on") for event in session.events if event.kind == "drivers"]
+    if switched:
+        since = -FOREVER if switched[0][1] else None
+        for time, on in switched:
+            if on and since is not None:
+                yield since, time
+            since = None if on else time if since is None else since
+        if since is not None:
+            yield since, FOREVER
+        return
+    for late in alignment.lateness.values():
+        first, last = late.times
+        yield -FOREVER, first + AROUND_TAPS
+        if last > first:
+            yield last - AROUND_TAPS, FOREVER
+        return
