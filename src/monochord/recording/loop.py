@@ -68,7 +68,7 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
         writer = SessionWriter(job.path, description, clock)
         tally = Tally(stream, connections, job.path.parent, reserve=job.disk.stop)
         watch, flags, ending = Watch(job.disk.warn), Counter[str](), Ending(job)
-        now, clocks_due, over = None, 0.0, False
+        kept, clocks_due, over = None, 0.0, False
         with (
             saved(writer, ending),
             written_through(writer.sync) as disk_errors,
@@ -97,12 +97,13 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
                     writer.event(notice.time, notice.kind, notice.text, **notice.data)
                     flags[notice.kind] += notice.kind not in FINE
                 writer.flush()
+                kept = now
                 show(now, notices)
                 if ending.reason:
                     pumps.stop()
         return Summary.of(
             job.path,
-            now or tally.look(writer.size, pumps),
+            kept or tally.look(writer.size, pumps),
             flags=+flags,
             size=job.path.stat().st_size,
             stopped=ending.reason,

@@ -45,7 +45,8 @@ class Summary:
     `frames` were saved and `dropped` lost in `gaps`, with `xruns` and `reconnects` as the source counts them.
     `peak` is the highest of each microphone as a share of full scale, `clipped` and `not_numbers` count its
     samples. `instruments` are by name. `flags` counts the events by kind. `size` is the file's in bytes,
-    `stopped` says why it ended, and `failure`, empty where all is well, what kept it from going on.
+    `stopped` says why it ended, and `failure`, empty where all is well, what kept it from going on. Where a
+    disk filled up, the file may hold a tenth of a second more than is counted here.
     """
 
     path: Path

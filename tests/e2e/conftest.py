@@ -1,0 +1,93 @@
+"""The recorder as a process of its own, and a force sensor as another."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.lab.net_ft_device import NetFtSettings, write_script
+
+MONOCHORD = str(Path(sys.executable).with_name("monochord"))
+
+
+@dataclass
+class Recorder:
+    """A running `monochord record`, which writes `out`."""
+
+    out: Path
+    process: "subprocess.Popen[str]"
+    printed: str = field(default="", init=False)
+    shown: str = field(default="", init=False)
+
+    def wait_for(self, condition: Callable[[], Any]) -> None:
+        deadline = time.monotonic() + 40.0
+        while not condition():
+            assert self.process.poll() is None, self.process.communicate()
+            assert time.monotonic() < deadline, "waited in vain"
+            time.sleep(0.02)
+
+    def wait_for_bytes(self, count: int) -> None:
+        self.wait_for(lambda: self.out.exists() and self.out.stat().st_size >= count)
+
+    def kill(self) -> float:
+        """Kill -9; return when, in s of the monotonic clock."""
+        self.process.kill()
+        at = time.monotonic()
+        self.process.communicate(timeout=20)
+        return at
+
+    def end(self, number: int | None = None) -> dict[str, Any]:
+        """Send a signal, if any, and wait; return the summary that was printed."""
+        if number is not None:
+            self.process.send_signal(number)
+        self.printed, self.shown = self.process.communicate(timeout=60)
+        assert "Traceback" not in self.shown
+        return json.loads(self.printed)
+
+
+StartRecorder = Callable[..., Recorder]
+
+
+@pytest.fixture
+def start_recorder(tmp_path: Path) -> Iterator[StartRecorder]:
+    """Return what starts `monochord record` with some options, into a file of its own."""
+    with ExitStack() as stack:
+
+        def start(*options: str, out: Path | None = None, **more: Any) -> Recorder:
+            out = out or tmp_path / f"take{len(list(tmp_path.glob('*.mcap')))}.mcap"
+            command = [MONOCHORD, "record", str(out), "--json", *options]
+            pipe = subprocess.PIPE
+            process = stack.enter_context(
+                subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, text=True, **more
+                )
+            )
+            stack.callback(process.kill)
+            return Recorder(out, process)
+
+        yield start
+
+
+@pytest.fixture
+def net_ft(tmp_path: Path) -> Iterator[list[str]]:
+    """The options that record a force sensor of 7000 readings a second, which is a process of its own."""
+    ramp = np.outer(np.arange(70_000) % 7000, [0.0, 0.0, 1e-3, 0.0, 0.0, 0.0])
+    write_script(tmp_path / "load.npz", {"wrenches": ramp}, NetFtSettings())
+    command = [sys.executable, "-m", "monochord.lab.net_ft_device", str(tmp_path / "load.npz")]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdout
+        assert process.stdin
+        said = json.loads(process.stdout.readline())
+        port = f"net_ft.http_port={said['http_port']}"
+        yield ["--instrument", f"net_ft={said['address']}", "--set", port]
+        process.stdin.close()
+        process.wait(20)

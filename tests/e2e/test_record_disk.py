@@ -1,0 +1,112 @@
+"""A disk that fills up while recording: a clean end, a valid file, and a line that says so."""
+
+import os
+import resource
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+
+from monochord.sessions import check, read_session
+
+RATE = 44100
+ROOM = 9_000_000
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    if os.geteuid() != 0:
+        pytest.skip("only root mounts a small disk")
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={ROOM}", "tmpfs", str(folder)]
+    made = subprocess.run(mount, capture_output=True, text=True, check=False)
+    if made.returncode != 0:
+        pytest.skip(f"no small disk: {made.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+@pytest.fixture
+def fast(tmp_path: Path) -> list[str]:
+    """The options that record noise at twenty times the pace of real time."""
+    samples = np.random.default_rng(0).uniform(-0.5, 0.5, (2 * RATE, 2))
+    soundfile.write(tmp_path / "sound.wav", samples, RATE, subtype="FLOAT")
+    sets = (f"source.path={tmp_path / 'sound.wav'}", "source.speed=20", "source.repeat=0")
+    return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
+
+
+def ended_full(recorder: Any) -> dict[str, Any]:
+    """Return the summary of a recorder whose disk filled up, and look its file over."""
+    summary = recorder.end()
+    assert recorder.process.returncode == 2
+    assert summary["stopped"] == "the disk is full"
+    last = recorder.shown.splitlines()[-1]
+    assert last.startswith("monochord: disk of '")
+    assert "make room, or record elsewhere" in last
+    report = check(recorder.out)
+    assert report.sound, report.faults
+    frames = read_session(recorder.out).audio.samples.shape[1]
+    # What is counted is surely there; of what was being written as the disk filled up, some may be.
+    assert frames >= summary["frames"] > 5 * RATE
+    assert frames - summary["frames"] < 20 * 0.5 * RATE
+    return summary
+
+
+def test_a_full_disk_ends_it_cleanly(
+    start_recorder: Callable[..., Any], net_ft: list[str], fast: list[str], small_disk: Path
+) -> None:
+    free = ["--set", "disk.start=0", "--set", "disk.stop=0"]
+    recorder = start_recorder(*fast, *net_ft, *free, out=small_disk / "take.mcap")
+    summary = ended_full(recorder)
+    assert summary["size"] > 0.5 * ROOM
+    saved = len(read_session(recorder.out).readings("wrench").time)
+    assert 0 <= saved - summary["instruments"]["net_ft"]["readings"] < 0.5 * 7000
+
+
+def test_it_ends_before_the_disk_is_full(
+    start_recorder: Callable[..., Any], fast: list[str], small_disk: Path
+) -> None:
+    free = ["--set", f"disk.start={ROOM // 2}", "--set", f"disk.stop={ROOM // 3}"]
+    recorder = start_recorder(*fast, *free, out=small_disk / "take.mcap")
+    ended_full(recorder)
+    events = read_session(recorder.out).events
+    assert [event.text for event in events if event.kind == "stop"] == ["the disk is full"]
+    found = os.statvfs(small_disk)
+    assert found.f_bavail * found.f_frsize > ROOM // 4
+
+
+def test_a_warning_comes_before_that(
+    start_recorder: Callable[..., Any], fast: list[str], small_disk: Path
+) -> None:
+    free = ["--set", "disk.start=0", "--set", "disk.stop=0", "--set", "disk.warn=1e9", "--seconds", "30"]
+    slow = ["--set", "source.speed=4"]
+    recorder = start_recorder(*fast, *slow, *free, out=small_disk / "take.mcap")
+    summary = recorder.end()
+    assert summary["flags"]["disk_low"] == 1
+    assert "room for" in recorder.shown
+
+
+def test_a_disk_with_too_little_room_is_refused(
+    start_recorder: Callable[..., Any], fast: list[str], small_disk: Path
+) -> None:
+    recorder = start_recorder(*fast, out=small_disk / "take.mcap")
+    _, shown = recorder.process.communicate(timeout=60)
+    assert recorder.process.returncode == 2
+    assert "allowed is 100 MB or more" in shown
+    assert not recorder.out.exists()
+
+
+def test_a_limit_on_the_size_of_files_ends_it_cleanly(
+    start_recorder: Callable[..., Any], fast: list[str]
+) -> None:
+    limit = 6_000_000
+    recorder = start_recorder(
+        *fast, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    )
+    ended_full(recorder)
+    assert 0.3 * limit < recorder.out.stat().st_size <= limit

@@ -1,0 +1,110 @@
+"""A recorder killed at any moment: what it had captured is on disk, but for the last half second at most."""
+
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+from mcap.exceptions import McapError
+from mcap.records import Chunk, Message
+from mcap.stream_reader import StreamReader
+
+from monochord.sessions import read_session, recover
+
+RATE = 44100
+LOST = 0.5
+HEADER = 60_000
+
+
+@pytest.fixture
+def sound(tmp_path: Path) -> Path:
+    samples = np.random.default_rng(0).uniform(-0.5, 0.5, (2 * RATE, 2))
+    soundfile.write(tmp_path / "sound.wav", samples, RATE, subtype="FLOAT")
+    return tmp_path / "sound.wav"
+
+
+def independently(path: Path) -> dict[str, int]:
+    """Count messages by topic with the library of the file format, up to where the file was cut off."""
+    topics: dict[int, str] = {}
+    counts: dict[str, int] = {}
+    with path.open("rb") as file:
+        try:
+            for record in StreamReader(file).records:
+                assert not isinstance(record, Chunk)  # they are opened
+                if isinstance(record, Message):
+                    topic = topics[record.channel_id]
+                    counts[topic] = counts.get(topic, 0) + 1
+                elif hasattr(record, "topic"):
+                    channel: Any = record
+                    topics[channel.id] = channel.topic
+        except McapError:
+            pass  # the end of a file that was cut off
+    return counts
+
+
+def look_over(path: Path, killed: float, streams: tuple[str, ...]) -> float:
+    """Check what a kill left, and return how much of it was lost in the worst stream, in s."""
+    session = read_session(path)
+    assert not session.complete
+    audio, origin = session.audio, session.clock.origin
+    assert audio.gaps == ()
+    ends = [float(audio.time(audio.samples.shape[1])) + origin]
+    ends += [float(session.readings(name).time[-1]) + origin for name in streams]
+    for name in streams:
+        assert session.readings(name).missing == 0
+    counts = independently(path)
+    for topic in session.topics:
+        assert counts.get(topic, 0) == sum(1 for _ in session.messages(topic))
+    return killed - min(ends)
+
+
+def paced(sound: Path) -> list[str]:
+    sets = (f"source.path={sound}", "source.speed=1", "source.repeat=0")
+    return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_kill_costs_half_a_second_at_most(
+    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path, seed: int
+) -> None:
+    recorder = start_recorder(*paced(sound), *net_ft)
+    recorder.wait_for_bytes(HEADER)
+    time.sleep(np.random.default_rng(seed).uniform(0.1, 1.5))
+    lost = look_over(recorder.out, recorder.kill(), ("wrench",))
+    assert lost <= LOST
+    heard = read_session(recorder.out).audio.samples
+    expected = soundfile.read(sound, always_2d=True)[0].T.astype(np.float32)
+    assert np.array_equal(heard, np.resize(expected.T, (heard.shape[1], 2)).T)
+    frames = heard.shape[1]
+    recover(recorder.out)
+    assert read_session(recorder.out).audio.samples.shape[1] == frames
+
+
+@pytest.mark.jack
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_fifty_kills_at_random_moments(
+    start_recorder: Callable[..., Any],
+    net_ft: list[str],
+    jack_server: Any,
+    play: Callable[[Path], "subprocess.Popen[str]"],
+    sound: Path,
+    record_property: Callable[[str, object], None],
+) -> None:
+    play(sound)
+    chance = np.random.default_rng(0)
+    jack = ["--set", f"source.server={jack_server.name}", "--set", "source.ports=player:"]
+    lost: list[float] = []
+    for _ in range(50):
+        recorder = start_recorder(*jack, *net_ft)
+        recorder.wait_for_bytes(HEADER)
+        time.sleep(chance.uniform(0.0, 1.5))
+        lost.append(look_over(recorder.out, recorder.kill(), ("wrench",)))
+        recorder.out.unlink()
+    record_property("lost_ms", [round(1e3 * span) for span in lost])
+    print(f"lost at most {1e3 * max(lost):.0f} ms, in the median {1e3 * float(np.median(lost)):.0f} ms")  # noqa: T201
+    assert max(lost) <= LOST
