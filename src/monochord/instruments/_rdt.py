@@ -76,9 +76,8 @@ def request(command: int, count: int = 0) -> bytes:
 def fetch_calibration(host: str, port: int, timeout: Seconds) -> Calibration:
     """Read a device's settings over HTTP; raises `DeviceError` where there are none that make sense."""
     place = f"http://{host}:{port}{SETTINGS}"
-    connection = HTTPConnection(host, port, timeout=timeout)
     try:
-        with closing(connection):
+        with closing(HTTPConnection(host, port, timeout=timeout)) as connection:
             connection.request("GET", SETTINGS)
             reply = connection.getresponse()
             text = reply.read(LONGEST_SETTINGS)

@@ -1,0 +1,170 @@
+"""The ROS 2 messages that Monochord speaks, as DDS types with the names and layout that ROS 2 gives them.
+
+A topic ``NAME`` of ROS 2 is the topic ``rt/NAME`` of DDS. `TYPE_HASHES` are the hashes of the definitions
+after REP-2016, which ROS 2 tools compare; a writer tells them in its user data.
+"""
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.annotations import final
+from cyclonedds.idl.types import float64, int32, uint32
+
+if TYPE_CHECKING:  # to a type checker the library's own is no sequence
+    from collections.abc import Sequence as sequence  # noqa: N813
+else:
+    from cyclonedds.idl.types import sequence
+
+TYPE_HASHES = MappingProxyType(
+    {
+        "geometry_msgs/msg/PoseStamped": (
+            "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8"
+        ),
+        "geometry_msgs/msg/WrenchStamped": (
+            "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77"
+        ),
+        "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    }
+)
+
+
+@final
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
+    """Seconds and nanoseconds since the Unix epoch."""
+
+    sec: int32
+    nanosec: uint32
+
+
+@final
+@dataclass
+class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
+    """When something was so, and in which frame."""
+
+    stamp: Time
+    frame_id: str
+
+
+@final
+@dataclass
+class Point(IdlStruct, typename="geometry_msgs.msg.dds_.Point_"):
+    """A place in m."""
+
+    x: float64
+    y: float64
+    z: float64
+
+
+@final
+@dataclass
+class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
+    """An orientation."""
+
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@final
+@dataclass
+class Pose(IdlStruct, typename="geometry_msgs.msg.dds_.Pose_"):
+    """A place and an orientation."""
+
+    position: Point
+    orientation: Quaternion
+
+
+@final
+@dataclass
+class PoseStamped(IdlStruct, typename="geometry_msgs.msg.dds_.PoseStamped_"):
+    """A pose with its time and frame."""
+
+    header: Header
+    pose: Pose
+
+
+@final
+@dataclass
+class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
+    """A force in N, a torque in N m, or a shift in m."""
+
+    x: float64
+    y: float64
+    z: float64
+
+
+@final
+@dataclass
+class Wrench(IdlStruct, typename="geometry_msgs.msg.dds_.Wrench_"):
+    """A force and a torque."""
+
+    force: Vector3
+    torque: Vector3
+
+
+@final
+@dataclass
+class WrenchStamped(IdlStruct, typename="geometry_msgs.msg.dds_.WrenchStamped_"):
+    """A wrench with its time and frame."""
+
+    header: Header
+    wrench: Wrench
+
+
+@final
+@dataclass
+class Transform(IdlStruct, typename="geometry_msgs.msg.dds_.Transform_"):
+    """A shift and a rotation."""
+
+    translation: Vector3
+    rotation: Quaternion
+
+
+@final
+@dataclass
+class TransformStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TransformStamped_"):
+    """Where the frame `child_frame_id` is in the header's frame."""
+
+    header: Header
+    child_frame_id: str
+    transform: Transform
+
+
+@final
+@dataclass
+class TFMessage(IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
+    """Several transforms, as the topic ``tf`` bears them."""
+
+    transforms: sequence[TransformStamped]
+
+
+def header(nanoseconds: int, frame: str) -> Header:
+    """Return the header of what was so at a time since the Unix epoch.
+
+    >>> header(1_500_000_000, "string").stamp
+    Time(sec=1, nanosec=500000000)
+    """
+    return Header(stamp=Time(*divmod(nanoseconds, 1_000_000_000)), frame_id=frame)
+
+
+def nanoseconds(stamp: Time) -> int:
+    """Return a stamp as nanoseconds since the Unix epoch.
+
+    >>> nanoseconds(Time(sec=1, nanosec=500000000))
+    1500000000
+    """
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def ros_name(message: type[Any]) -> str:
+    """Return what ROS 2 calls a message.
+
+    >>> ros_name(PoseStamped)
+    'geometry_msgs/msg/PoseStamped'
+    """
+    package, folder, _, name = str(message.__idl_typename__).replace("::", ".").split(".")
+    return f"{package}/{folder}/{name.removesuffix('_')}"

@@ -1,0 +1,146 @@
+"""The robot's pose from a CSV file that its controller goes on writing."""
+
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from typing import BinaryIO
+
+from monochord.errors import DeviceError, InputError
+from monochord.instruments._collected import NANOSECONDS, NONE, Collected
+from monochord.instruments._pose import UPRIGHT, pose_feed, unit_pose
+from monochord.instruments.base import Connection, Instrument
+from monochord.types import Feed, InstrumentHealth, Readings
+from monochord.units import Hertz
+
+PLACE = ("time", "x", "y", "z")
+TURN = ("qx", "qy", "qz", "qw")
+MOST = 1 << 20  # bytes a poll
+LONGEST_LINE = 4096
+LATEST = 9.2e9  # s, what 64 bits of nanoseconds hold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseCsv(Instrument):
+    """Lines that are appended to the file at `path`, from the moment of opening on.
+
+    Its first line names the columns: ``time,x,y,z`` and perhaps ``qx,qy,qz,qw``, others besides. A reading
+    bears the time at which a poll found its line, which is as late as polls are rare and the writer
+    buffers; its `device_time` is the column ``time``, s of the controller's clock, in ns. A line is read
+    once it is complete. A file that is written anew is read from its top.
+
+    Parameters
+    ----------
+    path
+        The file, which must be there.
+    from_start
+        Whether the lines that are there already count too.
+    rate
+        Poses a second that are due; 0 where that is not known.
+    """
+
+    path: str
+    from_start: bool = False
+    rate: Hertz = 0.0
+
+    @contextmanager
+    def open(self) -> Generator["_PoseCsvConnection"]:
+        """Open the file; raises `DeviceError` without one, `InputError` for columns that are no pose."""
+        feed = pose_feed(self.rate, {"path": self.path})
+        connection = _PoseCsvConnection(Path(self.path), feed)
+        try:
+            connection.open(from_start=self.from_start)
+            yield connection
+        finally:
+            connection.close()
+
+
+class _PoseCsvConnection(Connection):
+    def __init__(self, path: Path, feed: Feed) -> None:
+        self._path = path
+        self._collected = Collected(feed)
+        self._file: BinaryIO | None = None
+        self._rest = b""
+        self._columns: list[str] = []
+
+    @property
+    def feed(self) -> Feed:
+        return self._collected.feed
+
+    @property
+    def health(self) -> InstrumentHealth:
+        return self._collected.health
+
+    def open(self, *, from_start: bool) -> None:
+        try:
+            self._file = self._path.open("rb")
+        except OSError as error:
+            raise DeviceError(f"pose file {self._path}: {error.strerror}") from error
+        head = self._file.readline()
+        if head.endswith(b"\n"):
+            self._columns = _names(head)
+            lacking = [name for name in PLACE if name not in self._columns]
+            if lacking:
+                given = f"pose file {self._path} without {', '.join(lacking)}"
+                raise InputError(given, "a first line time,x,y,z[,qx,qy,qz,qw]")
+        else:
+            self._rest = head
+        if not from_start and self._columns:
+            size = self._file.seek(0, os.SEEK_END)
+            self._file.seek(max(size - LONGEST_LINE, 0))
+            self._rest = self._file.read().rpartition(b"\n")[2]  # begun, but not yet complete
+
+    def close(self) -> None:
+        if self._file:
+            self._file.close()
+            self._file = None
+
+    def poll(self) -> list[Readings]:
+        if self._was_written_anew():
+            self._collected.returned()
+        if not self._file:
+            return []
+        now = monotonic()
+        lines = (self._rest + self._file.read(MOST)).split(b"\n")
+        self._rest = lines.pop()
+        for line in lines:
+            if not self._columns:
+                self._columns = _names(line)
+            elif line.strip():
+                self._read(line, now)
+        return self._collected.take()
+
+    def _read(self, line: bytes, now: float) -> None:
+        try:
+            said = dict(zip(self._columns, line.decode("utf-8").split(","), strict=True))
+            stamp, *place = (float(said[name]) for name in PLACE)
+            turn = [float(said[name]) for name in TURN] if set(TURN) <= said.keys() else UPRIGHT
+        except (ValueError, KeyError):
+            return self._collected.refuse()
+        pose = unit_pose(place, turn)
+        if pose is None or not abs(stamp) < LATEST:
+            return self._collected.refuse()
+        tick = round(stamp * NANOSECONDS)
+        return self._collected.add(pose, time=now, tick=tick if tick >= 0 else NONE)
+
+    def _was_written_anew(self) -> bool:
+        """Whether the file is another than before, or shorter; it is then at its top."""
+        try:
+            found = self._path.stat()
+            if self._file:
+                held = os.fstat(self._file.fileno())
+                same = (found.st_ino, found.st_dev) == (held.st_ino, held.st_dev)
+                if same and found.st_size >= self._file.tell():
+                    return False
+            fresh = self._path.open("rb")
+        except OSError:
+            return False
+        self.close()
+        self._file, self._rest, self._columns = fresh, b"", []
+        return True
+
+
+def _names(line: bytes) -> list[str]:
+    return [name.strip().lower() for name in line.decode("utf-8", "replace").lstrip("\ufeff").split(",")]

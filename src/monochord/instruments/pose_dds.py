@@ -1,0 +1,108 @@
+"""The robot's pose as ROS 2 says it, over DDS, without ROS."""
+
+from collections import deque
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from monochord.errors import InputError
+from monochord.instruments._collected import Collected
+from monochord.instruments._pose import pose_feed, unit_pose
+from monochord.instruments.base import Connection, Instrument
+from monochord.types import Feed, InstrumentHealth, Readings
+from monochord.units import Hertz, Seconds
+
+HELD = 100_000  # poses that wait for a poll
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseDds(Instrument):
+    """A pose on a `topic` of ROS 2; needs the extra ``ros``, but no ROS.
+
+    Each reading bears the time at which it came, seen by a thread of DDS, and as `device_time` its header's
+    stamp in ns of the sender's wall clock. A publisher that goes and comes back is followed.
+
+    Parameters
+    ----------
+    topic
+        Name of the topic as ROS 2 has it.
+    kind
+        ``pose`` for ``geometry_msgs/PoseStamped``, ``tf`` for ``tf2_msgs/TFMessage``.
+    frame
+        Of ``tf``, the child frame whose transform is the pose; of ``pose``, the header's frame, empty for
+        any.
+    domain
+        DDS domain; None for ``$ROS_DOMAIN_ID``, or else 0.
+    interface
+        Network interface; ``lo`` keeps to this machine, empty lets the library choose.
+    rate
+        Poses a second that are due; 0 where that is not known.
+    """
+
+    topic: str = "/pose"
+    kind: Literal["pose", "tf"] = "pose"
+    frame: str = ""
+    domain: int | None = None
+    interface: str = "lo"
+    rate: Hertz = 0.0
+
+    @contextmanager
+    def open(self) -> Generator["_PoseDdsConnection"]:
+        """Join the domain; raises `InputError` without the library. That nobody publishes is no error."""
+        if self.kind == "tf" and not self.frame:
+            raise InputError("kind 'tf' without a frame", "a frame", "set frame=tool0")
+        from monochord.dds.participant import Participant  # noqa: PLC0415
+
+        details = {"topic": self.topic, "kind": self.kind, "frame": self.frame, "interface": self.interface}
+        feed = pose_feed(self.rate, details)
+        with Participant(domain=self.domain, interface=self.interface) as participant:
+            connection = _PoseDdsConnection(self, feed)
+            message = "PoseStamped" if self.kind == "pose" else "TFMessage"
+            participant.reader(self.topic, message, connection.hear)
+            yield connection
+
+
+class _PoseDdsConnection(Connection):
+    def __init__(self, options: PoseDds, feed: Feed) -> None:
+        self._options = options
+        self._collected = Collected(feed)
+        self._heard: deque[tuple[Any, Seconds]] = deque(maxlen=HELD)
+
+    @property
+    def feed(self) -> Feed:
+        return self._collected.feed
+
+    @property
+    def health(self) -> InstrumentHealth:
+        return self._collected.health
+
+    def hear(self, message: Any, now: Seconds) -> None:
+        """Keep a message for the next poll; called by a thread of DDS."""
+        self._heard.append((message, now))
+
+    def poll(self) -> list[Readings]:
+        for _ in range(len(self._heard)):
+            message, now = self._heard.popleft()
+            for header, position, orientation in self._poses(message):
+                pose = unit_pose(
+                    (position.x, position.y, position.z),
+                    (orientation.x, orientation.y, orientation.z, orientation.w),
+                )
+                if pose is None:
+                    self._collected.refuse()
+                else:
+                    tick = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+                    self._collected.add(pose, time=now, tick=tick)
+        return self._collected.take()
+
+    def _poses(self, message: Any) -> Iterator[tuple[Any, Any, Any]]:
+        """Yield header, place and orientation of each pose in a message that is the one asked for."""
+        frame = self._options.frame
+        if self._options.kind == "pose":
+            if frame in {"", message.header.frame_id}:
+                yield message.header, message.pose.position, message.pose.orientation
+            return
+        for part in message.transforms:
+            if part.child_frame_id == frame:
+                yield part.header, part.transform.translation, part.transform.rotation

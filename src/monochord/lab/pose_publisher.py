@@ -1,0 +1,256 @@
+"""Publishes a robot's pose in real time: over DDS as a ROS 2 node would, and as JSON datagrams.
+
+As a process of its own it plays a file that `write_script` wrote, with the arrays ``poses`` and perhaps
+``wrenches``. It says on one line of JSON what it publishes, takes each line of its standard input as the
+begin, in s of the monotonic clock, and ends when that does::
+
+    python -m monochord.lab.pose_publisher FILE.npz
+"""
+
+import json
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from monochord.clock import clock_offsets
+from monochord.dds.participant import Participant
+from monochord.errors import InputError
+from monochord.lab._script import obey, read_script, write_script
+from monochord.types import Floats
+from monochord.units import Hertz, Seconds
+
+__all__ = ["PosePublisher", "PublisherSettings", "serve", "write_script"]
+
+LONGEST_WAIT = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublisherSettings:
+    """What a publisher says, and where.
+
+    Parameters
+    ----------
+    rate
+        Poses a second, as many as there are in the array.
+    wrench_rate
+        Wrenches a second, likewise.
+    delay
+        How much later than its time a pose leaves, in s; its stamp is that of its time.
+    clock_error
+        How much the robot's clock, which stamps, is before the wall clock, in s.
+    topic, wrench_topic
+        Topics of ROS 2; an empty one is not published.
+    frame
+        Frame of both.
+    domain, interface
+        DDS domain, None for ``$ROS_DOMAIN_ID``, and network interface.
+    udp
+        ``HOST:PORT`` to send JSON datagrams to; empty for none.
+    """
+
+    rate: Hertz = 100.0
+    wrench_rate: Hertz = 100.0
+    delay: Seconds = 0.0
+    clock_error: Seconds = 0.0
+    topic: str = "/pose"
+    wrench_topic: str = "/wrench"
+    frame: str = "string"
+    domain: int | None = None
+    interface: str = "lo"
+    udp: str = ""
+
+    def __post_init__(self) -> None:
+        for rate in (self.rate, self.wrench_rate):
+            if not 0.0 < rate <= 2000.0:
+                raise InputError(f"rate of {rate} Hz", "above 0 and at most 2000 Hz")
+        if not 0.0 <= self.delay < np.inf:
+            raise InputError(f"delay of {self.delay} s", "0 s or more")
+        if self.udp and not self.udp.rpartition(":")[2].isdecimal():
+            raise InputError(f"udp '{self.udp}'", "HOST:PORT")
+
+
+class PosePublisher:
+    """A robot that says where it is, in a thread of its own.
+
+    Before its begin it rests at the first pose and after its end at the last, and says so at the same rate.
+
+    Parameters
+    ----------
+    poses
+        Place in m and unit quaternion, (n, 7), one each 1 / `rate` s.
+    settings
+        What to publish, and where.
+    wrenches
+        Force in N and torque in N m, (m, 6), one each 1 / `wrench_rate` s; None for none.
+    begin
+        When the first pose is taken, in s of the monotonic clock; may be told later.
+
+    Raises
+    ------
+    InputError
+        If the arrays have other shapes, or there is no library to speak DDS with.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from monochord.instruments.pose_dds import PoseDds
+    >>> with PosePublisher(np.array([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])) as robot:
+    ...     with PoseDds().open() as sensor:
+    ...         while not (readings := sensor.poll()):
+    ...             time.sleep(0.01)
+    >>> float(readings[0].values[0, 0])
+    0.1
+    """
+
+    def __init__(
+        self,
+        poses: Floats,
+        settings: PublisherSettings | None = None,
+        *,
+        wrenches: Floats | None = None,
+        begin: Seconds | None = None,
+    ) -> None:
+        for array, columns in ((poses, 7), (wrenches, 6)):
+            if array is not None and (array.ndim != 2 or array.shape[1] != columns or not len(array)):
+                raise InputError(f"an array of shape {array.shape}", f"(n, {columns}), n above 0")
+        self._settings = settings = settings or PublisherSettings()
+        self._begin = np.inf if begin is None else begin
+        self._ended = threading.Event()
+        self._outlets = _Outlets(settings, wrenches=wrenches is not None)
+        self._tracks = [_Track(poses, settings.rate, settings.delay, self._outlets.pose)]
+        if wrenches is not None:
+            self._tracks.append(_Track(wrenches, settings.wrench_rate, settings.delay, self._outlets.wrench))
+        self._thread = threading.Thread(target=self._publish, name="pose-publisher", daemon=True)
+        self._thread.start()
+
+    @property
+    def listeners(self) -> int:
+        """How many readers there are on its topics."""
+        return self._outlets.listeners
+
+    def begin_at(self, begin: Seconds) -> None:
+        """Say when the first pose is taken, in s of the monotonic clock; not before now."""
+        self._begin = begin
+
+    def close(self) -> None:
+        """Fall silent and leave."""
+        self._ended.set()
+        self._thread.join()
+        self._outlets.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _publish(self) -> None:
+        while not self._ended.is_set():
+            wait = min(track.send_due(self._begin, time.monotonic()) for track in self._tracks)
+            self._ended.wait(min(wait, LONGEST_WAIT))
+
+
+class _Track:
+    """One array in time: `send` is called with a row, the monotonic time of it, and its number."""
+
+    def __init__(
+        self, rows: Floats, rate: Hertz, delay: Seconds, send: Callable[[list[float], Seconds, int], None]
+    ) -> None:
+        self._rows, self._rate, self._delay, self._send = rows, rate, delay, send
+        self._began = np.inf
+        self._origin = time.monotonic()
+        self._next = self._number = 0
+
+    def send_due(self, begin: Seconds, now: Seconds) -> Seconds:
+        """Send what is due, and return how long it is to the next."""
+        if begin != self._began:
+            # A grid through the new begin: the next to be sent is the first on it that is not yet due.
+            self._began = self._origin = begin
+            self._next = int(np.ceil((now - self._delay - begin) * self._rate))
+        while (due := self._origin + self._next / self._rate + self._delay) <= now:
+            index = self._next if np.isfinite(self._began) else 0
+            row = self._rows[min(max(index, 0), len(self._rows) - 1)]
+            self._send(row.tolist(), due - self._delay, self._number)
+            self._next += 1
+            self._number += 1
+        return due - now
+
+
+class _Outlets:
+    """Where poses and wrenches go; stamps are of the robot's clock."""
+
+    def __init__(self, settings: PublisherSettings, *, wrenches: bool) -> None:
+        self._settings = settings
+        self._participant: Participant | None = None
+        self._writers: dict[str, Any] = {}
+        wanted = {"PoseStamped": settings.topic, "WrenchStamped": settings.wrench_topic if wrenches else ""}
+        if any(wanted.values()):
+            self._participant = Participant(domain=settings.domain, interface=settings.interface)
+            self._writers = {
+                message: self._participant.writer(topic, message)
+                for message, topic in wanted.items()
+                if topic
+            }
+        host, _, port = settings.udp.rpartition(":")
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM) if settings.udp else None
+        self._to = (host or "127.0.0.1", int(port or 0))
+
+    @property
+    def listeners(self) -> int:
+        return sum(writer.listeners for writer in self._writers.values())
+
+    def pose(self, row: list[float], taken: Seconds, number: int) -> None:
+        stamp = self._stamp(taken)
+        writer = self._writers.get("PoseStamped")
+        if writer:
+            from monochord.dds import messages as ros  # noqa: PLC0415
+
+            pose = ros.Pose(position=ros.Point(*row[:3]), orientation=ros.Quaternion(*row[3:]))
+            writer.write(ros.PoseStamped(header=ros.header(stamp, self._settings.frame), pose=pose), stamp)
+        if self._socket:
+            said = {"stamp": stamp * 1e-9, "position": row[:3], "orientation": row[3:], "sequence": number}
+            with suppress(OSError):  # nobody listens
+                self._socket.sendto(json.dumps(said).encode(), self._to)
+
+    def wrench(self, row: list[float], taken: Seconds, number: int) -> None:  # noqa: ARG002
+        stamp = self._stamp(taken)
+        writer = self._writers.get("WrenchStamped")
+        if writer:
+            from monochord.dds import messages as ros  # noqa: PLC0415
+
+            wrench = ros.Wrench(force=ros.Vector3(*row[:3]), torque=ros.Vector3(*row[3:]))
+            writer.write(
+                ros.WrenchStamped(header=ros.header(stamp, self._settings.frame), wrench=wrench), stamp
+            )
+
+    def close(self) -> None:
+        if self._participant:
+            self._participant.close()
+        if self._socket:
+            self._socket.close()
+
+    def _stamp(self, taken: Seconds) -> int:
+        """Return a monotonic time as nanoseconds of the robot's clock."""
+        return round((taken + clock_offsets()["realtime"] + self._settings.clock_error) * 1e9)
+
+
+def serve(path: Path) -> None:
+    """Play the script at `path` until the standard input ends."""
+    arrays, settings = read_script(path, PublisherSettings)
+    with PosePublisher(arrays["poses"], settings, wrenches=arrays.get("wrenches")) as publisher:
+        obey({"topic": settings.topic, "udp": settings.udp}, publisher.begin_at)
+
+
+if __name__ == "__main__":
+    serve(Path(sys.argv[1]))

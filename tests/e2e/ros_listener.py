@@ -1,0 +1,53 @@
+"""Runs under a Python that has rclpy: prints what it hears on two topics, one JSON object a line."""
+
+import json
+import sys
+import time
+
+import rclpy  # pyright: ignore[reportMissingImports]
+from geometry_msgs.msg import PoseStamped, WrenchStamped  # pyright: ignore[reportMissingImports]
+from rclpy.node import Node  # pyright: ignore[reportMissingImports]
+
+
+def main() -> None:
+    seconds = float(sys.argv[1])
+    rclpy.init()
+    node = Node("listener")
+    heard: list[str] = []
+
+    def pose(said: PoseStamped) -> None:
+        place, turn, stamp = said.pose.position, said.pose.orientation, said.header.stamp
+        row = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+        heard.append(
+            json.dumps({"pose": row, "frame": said.header.frame_id, "stamp": [stamp.sec, stamp.nanosec]})
+        )
+
+    def wrench(said: WrenchStamped) -> None:
+        force, torque = said.wrench.force, said.wrench.torque
+        heard.append(json.dumps({"wrench": [force.x, force.y, force.z, torque.x, torque.y, torque.z]}))
+
+    node.create_subscription(PoseStamped, "/pose", pose, 10)
+    node.create_subscription(WrenchStamped, "/wrench", wrench, 10)
+    speaker = node.create_publisher(PoseStamped, "/answer", 10)
+    print("ready", flush=True)  # noqa: T201
+    end, count = time.monotonic() + seconds, 0
+    while time.monotonic() < end:
+        rclpy.spin_once(node, timeout_sec=0.01)
+        answer = PoseStamped()
+        count += 1
+        answer.header.stamp = node.get_clock().now().to_msg()
+        answer.header.frame_id = "robot"
+        answer.pose.position.x = float(count)
+        answer.pose.orientation.w = 1.0
+        speaker.publish(answer)
+    hashes = {
+        info.topic_type: str(info.topic_type_hash)
+        for topic in ("/pose", "/wrench")
+        for info in node.get_publishers_info_by_topic(topic)
+    }
+    print(*heard, json.dumps({"hashes": hashes}), sep="\n", flush=True)  # noqa: T201
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+main()

@@ -1,0 +1,64 @@
+"""A real rclpy, in a virtual environment of its own, hears what Monochord publishes, and is heard."""
+
+import json
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.dds.messages import TYPE_HASHES
+from monochord.instruments.pose_dds import PoseDds
+from monochord.lab.pose_publisher import PosePublisher, PublisherSettings
+
+ROOT = Path(__file__).parents[2]
+DOMAIN = 88
+TURN = [0.0, 0.0, 0.6, 0.8]
+
+
+@pytest.fixture
+def listener() -> Iterator["subprocess.Popen[str]"]:
+    """An rclpy node in a process, for three seconds."""
+    python = Path(os.environ.get("MONOCHORD_ROS_PYTHON") or ROOT / ".venv-ros" / "bin" / "python")
+    if not python.is_file():
+        pytest.skip(f"no Python with rclpy at {python} (make ros, or set MONOCHORD_ROS_PYTHON)")
+    environment = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(DOMAIN),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+    }
+    command = [str(python), str(Path(__file__).with_name("ros_listener.py")), "3"]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
+        yield process
+        process.kill()
+
+
+def test_rclpy_and_monochord_hear_each_other(listener: "subprocess.Popen[str]") -> None:
+    poses = np.array([[0.01 * k, 0.0, 1e-3, *TURN] for k in range(100)])
+    wrenches = np.tile([0.0, 0.1, 1.5, 0.0, 0.0, -0.2], (100, 1))
+    settings = PublisherSettings(rate=200.0, wrench_rate=50.0, domain=DOMAIN, frame="string")
+    assert listener.stdout
+    assert listener.stdout.readline() == "ready\n"
+    with (
+        PosePublisher(poses, settings, wrenches=wrenches),
+        PoseDds(topic="/answer", frame="robot", domain=DOMAIN).open() as sensor,
+    ):
+        heard = [json.loads(line) for line in listener.stdout]
+        readings = sensor.poll()
+    got = [said for said in heard if "pose" in said]
+    assert len(got) > 100
+    assert all(
+        said["frame"] == "string" and np.allclose(said["pose"], [0.0, 0.0, 1e-3, *TURN]) for said in got
+    )
+    assert all(np.diff([sec + 1e-9 * ns for sec, ns in (said["stamp"] for said in got)]) > 0.0)
+    assert sum(said.get("wrench") == wrenches[0].tolist() for said in heard) > 25
+    hashes = heard[-1]["hashes"]
+    assert set(hashes) == {"geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"}
+    for name, seen in hashes.items():
+        assert TYPE_HASHES[name].removeprefix("RIHS01_") in seen.lower()
+    answers = np.concatenate([part.values for part in readings])
+    assert len(answers) > 50
+    assert np.all(np.diff(answers[:, 0]) == 1.0)

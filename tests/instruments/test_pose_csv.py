@@ -1,0 +1,97 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.errors import DeviceError, InputError
+from monochord.instruments.pose_csv import PoseCsv
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "pose.csv"
+    path.write_text("time,x,y,z\n0.5,9,9,9\n")
+    return path
+
+
+def append(file: Path, text: str) -> None:
+    with file.open("a") as writer:
+        writer.write(text)
+
+
+def test_what_is_appended_is_read_line_by_complete_line(file: Path) -> None:
+    with PoseCsv(path=str(file)).open() as connection:
+        assert connection.poll() == []
+        append(file, "1.0,0.1,0.2,0.3\n1.5,0.4,0.5")
+        (got,) = connection.poll()
+        assert got.values.tolist() == [[0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]]
+        assert got.device_time.tolist() == [1_000_000_000]
+        append(file, ",0.6\n")
+        (got,) = connection.poll()
+        assert got.values[0, :3].tolist() == [0.4, 0.5, 0.6]
+        assert connection.health.readings == 2
+        assert connection.health.faulty == 0
+
+
+def test_a_line_that_was_begun_before_the_opening_is_read_once_complete(file: Path) -> None:
+    append(file, "1.0,0.1,")
+    with PoseCsv(path=str(file)).open() as connection:
+        assert connection.poll() == []
+        append(file, "0.2,0.3\n")
+        (got,) = connection.poll()
+        assert got.values[0, :3].tolist() == [0.1, 0.2, 0.3]
+        assert connection.health.faulty == 0
+
+
+def test_from_the_start_what_is_there_counts_too(file: Path) -> None:
+    with PoseCsv(path=str(file), from_start=True).open() as connection:
+        (got,) = connection.poll()
+    assert got.values[0, 0] == 9.0
+
+
+def test_columns_are_found_by_name_and_orientation_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "pose.csv"
+    path.write_bytes(b"\xef\xbb\xbfmode, QW, qx,qy,qz, z,y,x,time\r\nauto,0.8,0,0,0.6,3,2,1,7\r\n")
+    with PoseCsv(path=str(path), from_start=True).open() as connection:
+        (got,) = connection.poll()
+    assert np.allclose(got.values, [[1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8]])
+
+
+def test_a_line_that_is_no_pose_is_counted(file: Path) -> None:
+    with PoseCsv(path=str(file)).open() as connection:
+        append(file, "1,2,3\n1,2,3,4,5\n1,nan,0,0\n\n1,x,0,0\n1e99,0,0,0\n2,0,0,0\n1,0,0,0\n")
+        (got,) = connection.poll()
+        assert got.time.size == 2
+        assert connection.health.faulty == 5
+        assert connection.health.out_of_order == 1
+
+
+@pytest.mark.parametrize("replace", [False, True])
+def test_a_file_that_is_written_anew_is_read_from_its_top(file: Path, *, replace: bool) -> None:
+    with PoseCsv(path=str(file)).open() as connection:
+        if replace:
+            file.rename(file.with_suffix(".old"))
+        file.write_text("time,z,y,x\n")
+        append(file, "1,3,2,1\n")
+        (got,) = connection.poll()
+        assert got.values[0, :3].tolist() == [1.0, 2.0, 3.0]
+        assert connection.health.reconnects == 1
+        file.unlink()
+        assert connection.poll() == []
+
+
+def test_a_file_without_its_columns_is_refused(file: Path) -> None:
+    file.write_text("time,x,y\n")
+    with (
+        pytest.raises(InputError, match="without z: allowed is a first line"),
+        PoseCsv(path=str(file)).open(),
+    ):
+        pass
+
+
+def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    with (
+        pytest.raises(DeviceError, match=r"none\.csv: No such file"),
+        PoseCsv(path=str(tmp_path / "none.csv")).open(),
+    ):
+        pass

@@ -1,0 +1,99 @@
+import time
+
+import numpy as np
+import pytest
+
+from monochord.dds import messages as ros
+from monochord.dds.participant import Participant
+from monochord.errors import InputError
+from monochord.instruments.base import Connection
+from monochord.instruments.pose_dds import PoseDds
+from monochord.lab.pose_publisher import PosePublisher, PublisherSettings
+from monochord.types import POSE, Readings
+
+DOMAIN = 72
+UPRIGHT = ros.Quaternion(0.0, 0.0, 0.0, 1.0)
+
+
+def collect(connection: Connection, count: int, seconds: float = 10.0) -> list[Readings]:
+    end, parts = time.monotonic() + seconds, list[Readings]()
+    while sum(part.time.size for part in parts) < count:
+        assert time.monotonic() < end, "nothing more came"
+        time.sleep(0.005)
+        parts += connection.poll()
+    return parts
+
+
+def test_a_published_pose_is_read_with_its_stamp() -> None:
+    poses = np.array([[1e-3 * k, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0] for k in range(100)])
+    settings = PublisherSettings(rate=200.0, domain=DOMAIN)
+    with (
+        PoseDds(domain=DOMAIN, rate=200.0, frame="string").open() as connection,
+        PosePublisher(poses, settings) as robot,
+    ):
+        assert connection.feed.columns == POSE
+        collect(connection, 5)
+        offset = time.time() - time.monotonic()
+        begin = time.monotonic() + 0.1
+        robot.begin_at(begin)
+        parts = collect(connection, 200)
+        assert connection.health.out_of_order == connection.health.missing == 0
+    values, times, ticks = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("values", "time", "device_time")
+    )
+    moving = (values[:, 0] > 0) & (values[:, 0] < 0.0985)
+    taken = begin + values[moving, 0] / 1e-3 / 200.0
+    assert moving.sum() > 50
+    assert np.allclose(ticks[moving] * 1e-9 - offset, taken, atol=1e-3)
+    late = times[moving] - taken
+    assert np.all(late > 0.0)
+    assert np.median(late) < 0.02
+
+
+def test_of_the_transforms_the_one_that_is_asked_for_is_read() -> None:
+    def part(child: str, x: float) -> ros.TransformStamped:
+        moved = ros.Transform(translation=ros.Vector3(x, 0.0, 0.0), rotation=UPRIGHT)
+        return ros.TransformStamped(header=ros.header(7, "base"), child_frame_id=child, transform=moved)
+
+    options = PoseDds(topic="/tf", kind="tf", frame="tool", domain=DOMAIN)
+    with options.open() as connection, Participant(domain=DOMAIN) as robot:
+        writer = robot.writer("tf", "TFMessage")
+        while not writer.listeners:
+            time.sleep(0.005)
+        writer.write(ros.TFMessage(transforms=[part("elbow", 1.0), part("tool", 2.0)]), 7)
+        (got,) = collect(connection, 1)
+    assert got.values.tolist() == [[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]
+    assert got.device_time.tolist() == [7]
+
+
+def test_what_is_no_pose_is_counted_and_a_stamp_that_goes_back_too() -> None:
+    def pose(x: float, stamp: int, turn: ros.Quaternion = UPRIGHT) -> ros.PoseStamped:
+        inside = ros.Pose(position=ros.Point(x, 0.0, 0.0), orientation=turn)
+        return ros.PoseStamped(header=ros.header(stamp, "f"), pose=inside)
+
+    with PoseDds(topic="/odd", domain=DOMAIN).open() as connection, Participant(domain=DOMAIN) as robot:
+        writer = robot.writer("odd", "PoseStamped")
+        while not writer.listeners:
+            time.sleep(0.005)
+        writer.write(pose(float("nan"), 1), 1)
+        writer.write(pose(1.0, 2, ros.Quaternion(0.0, 0.0, 0.0, 0.0)), 2)
+        writer.write(pose(2.0, 9), 9)
+        writer.write(pose(3.0, 5), 5)
+        parts = collect(connection, 2)
+        assert connection.health.faulty == 2
+        assert connection.health.out_of_order == 1
+    assert np.concatenate([part.values for part in parts])[:, 0].tolist() == [2.0, 3.0]
+
+
+def test_a_publisher_that_goes_and_comes_back_is_followed() -> None:
+    pose = np.array([[0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    settings = PublisherSettings(domain=DOMAIN)
+    with PoseDds(domain=DOMAIN).open() as connection:
+        for _ in range(2):
+            with PosePublisher(pose, settings):
+                collect(connection, 5)
+
+
+def test_tf_without_a_frame_is_refused() -> None:
+    with pytest.raises(InputError, match="a frame; set frame="), PoseDds(kind="tf").open():
+        pass

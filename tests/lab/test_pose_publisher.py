@@ -1,0 +1,99 @@
+import json
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.dds.participant import Participant
+from monochord.errors import InputError
+from monochord.instruments.pose_udp import PoseUdp
+from monochord.lab.pose_publisher import PosePublisher, PublisherSettings, write_script
+
+DOMAIN = 73
+POSES = np.array([[1e-3 * k, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0] for k in range(50)])
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
+
+
+def silent_but_udp(port: int, **options: Any) -> PublisherSettings:
+    return PublisherSettings(topic="", wrench_topic="", udp=f"127.0.0.1:{port}", **options)
+
+
+def test_each_pose_leaves_at_its_time_and_bears_the_robots_stamp(port: int) -> None:
+    settings = silent_but_udp(port, delay=0.03, clock_error=0.5)
+    with PoseUdp(address=str(port)).open() as ear, PosePublisher(POSES, settings) as robot:
+        begin = time.monotonic() + 0.1003
+        robot.begin_at(begin)
+        offset = time.time() - time.monotonic()
+        time.sleep(0.8)
+        (got,) = ear.poll()
+        assert ear.health.missing == 0
+    index = np.rint(got.values[:, 0] / 1e-3)
+    moving = (index > 0) & (index < len(POSES) - 1)
+    assert np.array_equal(np.diff(index[moving]), np.ones(moving.sum() - 1))
+    assert index[-1] == len(POSES) - 1
+    taken = begin + index[moving] / 100.0
+    assert 0.03 <= (got.time[moving] - taken).min() < 0.035
+    assert np.allclose(got.device_time[moving] * 1e-9 - offset - taken, 0.5, atol=2e-3)
+
+
+def test_wrenches_have_a_topic_and_a_rate_of_their_own() -> None:
+    heard: dict[str, list[Any]] = {"pose": [], "wrench": []}
+    wrenches = np.array([[0.0, 0.0, float(k), 0.0, 0.0, 0.0] for k in range(25)])
+    settings = PublisherSettings(rate=100.0, wrench_rate=50.0, domain=DOMAIN, frame="bench")
+    with Participant(domain=DOMAIN) as here, PosePublisher(POSES, settings, wrenches=wrenches) as robot:
+        here.reader("pose", "PoseStamped", lambda said, _: heard["pose"].append(said))
+        here.reader("wrench", "WrenchStamped", lambda said, _: heard["wrench"].append(said))
+        end = time.monotonic() + 10.0
+        while robot.listeners < 2:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        robot.begin_at(time.monotonic() + 0.1)
+        time.sleep(0.8)
+    assert [said.wrench.force.z for said in heard["wrench"]][-1] == 24.0
+    assert {said.wrench.force.z for said in heard["wrench"]} == set(range(25))
+    assert heard["wrench"][0].header.frame_id == "bench"
+    assert len(heard["pose"]) == pytest.approx(2 * len(heard["wrench"]), abs=6)
+
+
+def test_as_a_process_it_plays_a_script(tmp_path: Path, port: int) -> None:
+    write_script(tmp_path / "robot.npz", {"poses": POSES}, silent_but_udp(port))
+    command = [sys.executable, "-m", "monochord.lab.pose_publisher", str(tmp_path / "robot.npz")]
+    pipe = subprocess.PIPE
+    with (
+        PoseUdp(address=str(port)).open() as ear,
+        subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process,
+    ):
+        assert process.stdin
+        assert process.stdout
+        assert json.loads(process.stdout.readline())["udp"] == f"127.0.0.1:{port}"
+        process.stdin.write(f"{time.monotonic()}\n")
+        process.stdin.flush()
+        time.sleep(0.7)
+        (got,) = ear.poll()
+        process.stdin.close()
+        assert process.wait(10) == 0
+    assert got.values[-1, 0] == pytest.approx(0.049)
+
+
+def test_arrays_of_other_shapes_are_refused() -> None:
+    with pytest.raises(InputError, match=r"shape \(3, 6\): allowed is \(n, 7\)"):
+        PosePublisher(np.zeros((3, 6)))
+    with pytest.raises(InputError, match=r"shape \(3, 7\): allowed is \(n, 6\)"):
+        PosePublisher(POSES, wrenches=np.zeros((3, 7)))
+
+
+@pytest.mark.parametrize("options", [{"rate": 0.0}, {"wrench_rate": 1e6}, {"delay": -1.0}, {"udp": "host"}])
+def test_settings_that_make_no_sense_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="allowed is"):
+        PublisherSettings(**options)
