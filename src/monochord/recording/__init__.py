@@ -5,7 +5,9 @@ counted.
 """
 
 from monochord.recording.loop import record
+from monochord.recording.progress import Progress
 from monochord.recording.settings import About, DiskLimits, Job, Settings
 from monochord.recording.summary import FeedSummary, Summary
+from monochord.recording.watch import Notice
 
-__all__ = ["About", "DiskLimits", "FeedSummary", "Job", "Settings", "Summary", "record"]
+__all__ = ["About", "DiskLimits", "FeedSummary", "Job", "Notice", "Progress", "Settings", "Summary", "record"]

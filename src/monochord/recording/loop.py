@@ -96,6 +96,8 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
                 for notice in notices:
                     writer.event(notice.time, notice.kind, notice.text, **notice.data)
                     flags[notice.kind] += notice.kind not in FINE
+                for entry in job.diary(now.time):
+                    writer.event(entry.time, entry.kind, entry.text, **entry.data)
                 writer.flush()
                 kept = now
                 show(now, notices)

@@ -1,21 +1,30 @@
 """What a person configures of a recording, and the job that is built from it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from monochord.config import Tree, from_tree, to_tree
 from monochord.errors import InputError
 from monochord.instruments import INSTRUMENTS
 from monochord.instruments.base import Instrument
 from monochord.physics.sensors import load_sensor
+from monochord.recording.watch import Notice
 from monochord.sessions import Description
 from monochord.sources import SOURCES
 from monochord.sources.base import Source
 from monochord.types import Feed, Signal
 from monochord.units import Metres, Seconds
+
+
+class Subject(Protocol):
+    """Whatever can describe a recording, once it is known what its source and instruments are."""
+
+    def describe(self, name: str, signal: Signal, feeds: tuple[Feed, ...]) -> Description:
+        """Return the description of a session called `name`."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,16 +87,18 @@ class DiskLimits:
 class Job:
     """A recording, ready to start: where it goes, built plug-ins, what it is of, and when to end.
 
-    `instruments` are by name. `room` is how many bytes may wait in memory for a slow disk.
+    `instruments` are by name. `room` is how many bytes may wait in memory for a slow disk. `diary` is asked
+    at each writing, with the monotonic time, what else has happened that the session is to tell.
     """
 
     path: Path
     source: Source
     instruments: Mapping[str, Instrument] = field(default_factory=dict[str, Instrument])
-    about: About = About()
+    about: Subject = About()
     disk: DiskLimits = DiskLimits()
     seconds: Seconds = math.inf
     room: int = 1 << 25
+    diary: Callable[[Seconds], Sequence[Notice]] = lambda _now: ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

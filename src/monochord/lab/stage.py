@@ -1,0 +1,270 @@
+"""The virtual bench in real time: every part a process of its own, met through its real port or protocol.
+
+The twin's sound comes out of a JACK client, wrenches come over UDP from a simulated Net F/T, poses over DDS
+from a simulated robot; the recorder records them as it would record hardware. Only the labels, which no
+instrument knows, are handed to it.
+"""
+
+import json
+import os
+import select
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from monochord.errors import DeviceError
+from monochord.instruments.base import Connection, Instrument
+from monochord.instruments.net_ft import NetFt
+from monochord.instruments.pose_dds import PoseDds
+from monochord.lab._script import write_script
+from monochord.lab.bench import delays, describe
+from monochord.lab.net_ft_device import NetFtSettings
+from monochord.lab.plan import Assignment
+from monochord.lab.player import PlayerSettings
+from monochord.lab.pose_publisher import PublisherSettings
+from monochord.lab.render import Rendering, render
+from monochord.recording import Job, Notice, Progress, Summary, record
+from monochord.sessions import Description
+from monochord.sources.jack import Jack
+from monochord.types import Feed, Floats, InstrumentHealth, Readings, Signal
+from monochord.units import Seconds
+
+LEAD: Seconds = 1.0
+"""From the word to begin to the begin: the player sets its first frame 0.2 s before."""
+TAIL: Seconds = 0.3
+"""How long is recorded after the last reading was due."""
+START: Seconds = 30.0
+"""How long a process may take to say that it is there."""
+UNITS = {"position": "m", "force": "N", "slip_across": "m/s", "slip_along": "m/s"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """Where the parts meet: the JACK server's name, empty for the usual one, and the DDS domain."""
+
+    server: str = ""
+    domain: int | None = None
+
+
+def perform(
+    session: Assignment,
+    path: Path,
+    stage: Stage | None = None,
+    show: Callable[[Progress, Sequence[Notice]], None] = lambda _now, _notices: None,
+) -> Summary:
+    """Play a session in real time and record it.
+
+    Parameters
+    ----------
+    session
+        What to play; its streams come as late as `monochord.lab.bench.delays` says.
+    path
+        The session's file.
+    stage
+        Where the parts meet.
+    show
+        As `monochord.recording.record` takes it.
+
+    Returns
+    -------
+    Summary
+        What the recorder saved.
+
+    Raises
+    ------
+    InputError
+        If the file exists or the plan cannot be carried out.
+    DeviceError
+        If there is no JACK server, or a part does not start.
+    """
+    stage, sound, late = stage or Stage(), render(session), delays(session)
+    labels = _LabelsFeed(sound, late["wrench"])
+    with tempfile.TemporaryDirectory(prefix="monochord-") as folder, ExitStack() as stack:
+        parts = {
+            name: stack.enter_context(_process(name, Path(folder, f"{name}.npz"), arrays, settings))
+            for name, (arrays, settings) in _scripts(session, sound, late, stage).items()
+        }
+        said = parts["net_ft_device"].said
+        job = Job(
+            path=path,
+            source=Jack(ports=",".join(parts["player"].said["ports"]), server=stage.server),
+            instruments={
+                "net_ft": NetFt(address=said["address"], http_port=said["http_port"]),
+                "pose_dds": PoseDds(topic=_topic(), domain=stage.domain, rate=session.plan.pose_rate),
+                "labels": labels,
+            },
+            about=_About(session),
+            diary=labels.diary,
+            seconds=LEAD + sound.seconds + max(late.values()) + TAIL,
+        )
+
+        def shown(now: Progress, notices: Sequence[Notice]) -> None:
+            if labels.begin is None:
+                begin = time.monotonic() + LEAD
+                for part in parts.values():
+                    part.begin_at(begin + (late["audio"] if part.name == "player" else 0.0))
+                labels.begin = begin
+            show(now, notices)
+
+        return record(job, shown)
+
+
+def _scripts(
+    session: Assignment, sound: Rendering, late: dict[str, Seconds], stage: Stage
+) -> dict[str, tuple[dict[str, Floats], Any]]:
+    """Return what each process plays, and how."""
+    plan, sensor = session.plan, session.plan.force_sensor
+    seed = int(session.random("stage").integers(2**31))
+    return {
+        "player": (
+            {"samples": sound.microphones.astype(np.float64)},
+            PlayerSettings(
+                sample_rate=plan.sample_rate, client_name=f"monochord-{os.getpid()}", server=stage.server
+            ),
+        ),
+        "net_ft_device": (
+            {"wrenches": sound.wrench},
+            NetFtSettings(
+                rate=plan.force_rate, delay=late["wrench"], jitter=sensor.jitter, loss=sensor.lost, seed=seed
+            ),
+        ),
+        "pose_publisher": (
+            {"poses": sound.pose},
+            PublisherSettings(
+                rate=plan.pose_rate, delay=late["pose"], topic=_topic(), wrench_topic="", domain=stage.domain
+            ),
+        ),
+    }
+
+
+def _topic() -> str:
+    return f"/monochord_{os.getpid()}/pose"
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A running process of the stage, and what it said of itself."""
+
+    name: str
+    process: "subprocess.Popen[str]"
+    said: dict[str, Any]
+
+    def begin_at(self, begin: Seconds) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(f"{begin!r}\n")
+        self.process.stdin.flush()
+
+
+@contextmanager
+def _process(name: str, script: Path, arrays: dict[str, Floats], settings: Any) -> Generator[_Part]:
+    """Start a part as a process; it ends with the context."""
+    write_script(script, arrays, settings)
+    command = [sys.executable, "-m", f"monochord.lab.{name}", str(script)]
+    with subprocess.Popen(  # noqa: S603  (our own module)
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield _Part(name, process, _first_words(name, process))
+        finally:
+            if process.stdin is not None:
+                with suppress(OSError):
+                    process.stdin.close()
+            try:
+                process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def _first_words(name: str, process: "subprocess.Popen[str]") -> dict[str, Any]:
+    """Return what a part says when it is ready; raises `DeviceError` with its last words where it is not."""
+    assert process.stdout is not None
+    assert process.stderr is not None
+    ready, _, _ = select.select([process.stdout], [], [], START)
+    if not ready:
+        raise DeviceError(f"{name} of the bench: did not start within {START:g} s; is the machine that busy?")
+    line = process.stdout.readline()
+    if line:
+        return json.loads(line)
+    words = process.stderr.read().strip().splitlines() or ["ended without a word"]
+    raise DeviceError(f"{name} of the bench: {words[-1].partition('Error: ')[2] or words[-1]}")
+
+
+@dataclass(frozen=True, slots=True)
+class _About:
+    """Describes a session that is played as its plan does, with the instruments that were really there."""
+
+    session: Assignment
+
+    def describe(self, name: str, signal: Signal, feeds: tuple[Feed, ...]) -> Description:
+        told = describe(self.session)
+        assert signal.sample_rate == told.sample_rate, "the player refuses any other rate"
+        return replace(told, name=name, feeds=feeds)
+
+
+class _LabelsFeed(Instrument, Connection):
+    """What is true while the session plays, as the rendering knows it, given out as it becomes true.
+
+    Like the offline bench's, its times are those of the force sensor, `late` after the truth.
+    """
+
+    def __init__(self, sound: Rendering, late: Seconds) -> None:
+        self.begin: Seconds | None = None
+        self._names = tuple(sound.labels)
+        self._time = sound.label_time + late
+        self._values = np.stack([sound.labels[name] for name in self._names], axis=1)
+        self._events = [(event.time + late, event) for event in sound.events]
+        self._given = self._told = 0
+        self._rate = sound.label_rate
+
+    @contextmanager
+    def open(self) -> Generator["_LabelsFeed"]:
+        yield self
+
+    @property
+    def feed(self) -> Feed:
+        units = tuple(UNITS.get(name, "") for name in self._names)
+        return Feed(stream="labels", columns=self._names, units=units, rate=self._rate)
+
+    @property
+    def health(self) -> InstrumentHealth:
+        return InstrumentHealth(readings=self._given)
+
+    def poll(self) -> list[Readings]:
+        if self.begin is None:
+            return []
+        until = int(np.searchsorted(self._time, time.monotonic() - self.begin))
+        part, none = slice(self._given, until), np.full(until - self._given, -1)
+        if not none.size:
+            return []
+        self._given = until
+        return [
+            Readings(
+                stream="labels",
+                time=self.begin + self._time[part],
+                values=self._values[part],
+                sequence=none,
+                device_time=none,
+                status=np.zeros(none.size, np.uint32),
+            )
+        ]
+
+    def diary(self, now: Seconds) -> list[Notice]:
+        """Return the events that have happened since the last call."""
+        found: list[Notice] = []
+        while self.begin is not None and self._told < len(self._events):
+            due, event = self._events[self._told]
+            if self.begin + due > now:
+                break
+            self._told += 1
+            found.append(
+                Notice(time=self.begin + due, kind=event.kind, text=event.text, data=dict(event.data))
+            )
+        return found
