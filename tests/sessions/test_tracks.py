@@ -45,3 +45,13 @@ def test_missing_readings_are_counted_and_a_restart_is_none() -> None:
         status=np.zeros(n, np.uint32),
     )
     assert readings.missing == 4
+
+
+def test_a_device_that_stood_still_is_noticed_and_a_late_moment_is_not() -> None:
+    frames = np.arange(0.0, 20 * 44100, 4410)
+    times = frames / 44100
+    times[50] += 0.03
+    assert track(frames, times).unevenness < 1e-4
+    times[120:] += 0.004
+    assert track(frames, times).unevenness > 1.5e-3
+    assert track(frames[:3], times[:3]).unevenness == 0.0

@@ -51,6 +51,19 @@ class AudioTrack:
             return rate, start
         return 1.0 / (1.0 / rate + slope), start + shift
 
+    @property
+    def unevenness(self) -> Seconds:
+        """How far the device's times stray from the line for longer than a moment.
+
+        A sound server that stood still without counting its frames shows here: what came after is later than its
+        frames say. A time that is off alone is none; of every five the middle counts.
+        """
+        if len(self.anchor_time) < 5:
+            return 0.0
+        left = self.anchor_time - self.time(self.anchor_frame)
+        middle = np.median(np.lib.stride_tricks.sliding_window_view(left, 5), axis=1)
+        return float(np.abs(middle).max())
+
     def time(self, frame: Any) -> Any:
         """Return when frames were at the converter."""
         rate, start = self.line
