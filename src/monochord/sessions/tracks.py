@@ -55,8 +55,8 @@ class AudioTrack:
     def unevenness(self) -> Seconds:
         """How far the device's times stray from the line for longer than a moment.
 
-        A sound server that stood still without counting its frames shows here: what came after is later than its
-        frames say. A time that is off alone is none; of every five the middle counts.
+        A sound server that stood still without counting its frames shows here: what came after is later than
+        its frames say. A time that is off alone is none; of every five the middle counts.
         """
         if len(self.anchor_time) < 5:
             return 0.0
