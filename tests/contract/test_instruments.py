@@ -2,6 +2,8 @@
 
 import dataclasses
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -133,3 +135,12 @@ def test_a_rate_that_makes_no_sense_is_refused(name: str, silent: Callable[[str]
         build(name, {**silent(name), "rate": -1.0}).open(),
     ):
         pass
+
+
+def test_options_are_known_without_the_libraries_that_need_a_device() -> None:
+    code = (
+        "import sys; from monochord.instruments import INSTRUMENTS as i; [i.load(n) for n in i.names()]; "
+        "print({'cyclonedds', 'monochord.dds.participant', 'numba', 'scipy'} & set(sys.modules) or 'none')"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "none\n"

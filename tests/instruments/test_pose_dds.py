@@ -89,9 +89,10 @@ def test_a_publisher_that_goes_and_comes_back_is_followed() -> None:
     pose = np.array([[0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
     settings = PublisherSettings(domain=DOMAIN)
     with PoseDds(domain=DOMAIN).open() as connection:
-        for _ in range(2):
+        for times in range(3):
             with PosePublisher(pose, settings):
                 collect(connection, 5)
+            assert connection.health.reconnects == times
 
 
 def test_tf_without_a_frame_is_refused() -> None:

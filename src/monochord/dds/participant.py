@@ -136,20 +136,32 @@ class Reader:
         _, place = _topic(participant, topic, message)
         qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth=1000))
         self._hear = hear
+        self._came = 0
         self._reader: Any = DataReader(participant, place, qos=qos)
         listener: Any = Listener()
         listener.set_on_data_available(lambda _: self._take(time.monotonic()))
+        listener.set_on_subscription_matched(lambda _, status: self._match(status))
         self._reader.set_listener(listener)
+        self._came = max(self._came, min(self.writers, 1))  # one may have been met before it listened
 
     @property
     def writers(self) -> int:
         """How many writers there are."""
         return len(self._reader.get_matched_publications())
 
+    @property
+    def returns(self) -> int:
+        """How often a writer came after all had gone."""
+        return max(0, self._came - 1)
+
     def close(self) -> None:
         """Leave the topic; when this returns, nothing more is heard."""
         self._reader.set_listener(None)
         self._reader = None
+
+    def _match(self, status: Any) -> None:
+        if status.current_count == 1 and status.current_count_change > 0:
+            self._came += 1
 
     def _take(self, now: Seconds) -> None:
         reader = self._reader

@@ -3,8 +3,8 @@
 from collections import deque
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 from monochord.errors import InputError
 from monochord.instruments._collected import Collected
@@ -12,6 +12,9 @@ from monochord.instruments._pose import pose_feed, unit_pose
 from monochord.instruments.base import Connection, Instrument
 from monochord.types import Feed, InstrumentHealth, Readings
 from monochord.units import Hertz, Seconds
+
+if TYPE_CHECKING:
+    from monochord.dds.participant import Reader
 
 HELD = 100_000  # poses that wait for a poll
 
@@ -59,7 +62,7 @@ class PoseDds(Instrument):
         with Participant(domain=self.domain, interface=self.interface) as participant:
             connection = _PoseDdsConnection(self, feed)
             message = "PoseStamped" if self.kind == "pose" else "TFMessage"
-            participant.reader(self.topic, message, connection.hear)
+            connection.reader = participant.reader(self.topic, message, connection.hear)
             yield connection
 
 
@@ -67,6 +70,7 @@ class _PoseDdsConnection(Connection):
     def __init__(self, options: PoseDds, feed: Feed) -> None:
         self._options = options
         self._collected = Collected(feed)
+        self.reader: Reader | None = None
         self._heard: deque[tuple[Any, Seconds]] = deque(maxlen=HELD)
 
     @property
@@ -75,7 +79,8 @@ class _PoseDdsConnection(Connection):
 
     @property
     def health(self) -> InstrumentHealth:
-        return self._collected.health
+        returns = self.reader.returns if self.reader else 0
+        return replace(self._collected.health, reconnects=returns)
 
     def hear(self, message: Any, now: Seconds) -> None:
         """Keep a message for the next poll; called by a thread of DDS."""
