@@ -1,0 +1,254 @@
+"""By how much streams are apart, from taps that all of them notice.
+
+An offset is positive where the stream comes late: a stream's time minus its offset is the reference's time.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.errors import InputError
+from monochord.sync.onsets import first_onset, novelty, surprise
+from monochord.sync.pulses import Taps, dip, middle_of_dip
+from monochord.types import Audio, Floats
+from monochord.units import Metres, Seconds
+
+REACH: Seconds = 1.0
+FRAME: Seconds = 1e-3
+"""Resolution of the search over a group of taps."""
+BEFORE, AFTER = 0.012, 0.0015
+"""Where, around what the group tells, a tap's onset is looked for."""
+ALIKE: Seconds = 0.03
+"""Offsets closer than this are one peak of the search."""
+UNSURE = 0.8
+"""A second peak this high, of the first, leaves the offset open."""
+ALONE: Seconds = 2e-3
+"""Scatter allowed to fewer than three taps, of which a wrong one does not show."""
+PROMPT: Seconds = 0.1e-3
+"""How well an onset's instant is defined: a contact takes that long to build up."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offset:
+    """How late a stream is against a reference, `value` in s with its standard uncertainty `std`.
+
+    `each` (n,) are the offsets of the single taps, NaN where one was not noticed or is far from the others,
+    and `taps` counts the rest. `rival` is how high the second best of the coarse search was, of the best:
+    near 1 the taps might as well lie elsewhere. Without a usable tap value and uncertainty are NaN and
+    infinite.
+    """
+
+    value: Seconds
+    std: Seconds
+    taps: int
+    rival: float
+    each: Floats
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a value, and no other that does nearly as well.
+
+        >>> offset_of(np.array([0.01, 0.0102]), spacing=1e-3).known
+        True
+        """
+        return self.taps > 0 and self.rival < UNSURE
+
+
+def offset_of(each: Floats, *, spacing: Seconds, rival: float = 0.0) -> Offset:
+    """Return the mean of single taps' offsets with its standard uncertainty, outliers left out.
+
+    u^2 = s^2 / n + d^2, where s is the scatter over the n taps, no less than `spacing` sqrt(1/12), which is
+    what reading times that far apart leaves open (nor than 2 ms where there are fewer than three), and d the
+    build-up of a contact. Left out is what is off the median by more than six times the median of those
+    distances and more than `spacing`.
+
+    Parameters
+    ----------
+    each
+        Offsets of single taps (n,) in s, NaN where a tap was missed.
+    spacing
+        Time between readings in s; of two streams, the root of the sum of squares.
+    rival
+        Passed on to the result.
+
+    Examples
+    --------
+    >>> found = offset_of(np.array([0.0101, 0.0099, 0.0100, 0.3]), spacing=1e-4)
+    >>> round(found.value, 6), found.taps
+    (0.01, 3)
+    """
+    kept = np.array(each, dtype=np.float64)
+    if not np.isfinite(kept).any():
+        return Offset(value=math.nan, std=math.inf, taps=0, rival=rival, each=kept)
+    off = np.abs(kept - np.nanmedian(kept))
+    kept[~(off <= max(6.0 * float(np.nanmedian(off)), spacing, 2.0 * PROMPT))] = np.nan
+    good = kept[np.isfinite(kept)]
+    n = good.size
+    floor = spacing * math.sqrt(1.0 / 12.0)
+    scatter = max(float(np.std(good, ddof=1)) if n > 1 else 0.0, floor, ALONE if n < 3 else 0.0)
+    # Few taps tell their own scatter badly: the factor is that of Student's distribution.
+    wide = math.sqrt((n - 1) / (n - 3)) if n > 3 else 1.7
+    std = math.hypot(scatter * (wide if scatter > floor else 1.0) / math.sqrt(n), PROMPT)
+    return Offset(value=float(good.mean()), std=std, taps=n, rival=rival, each=kept)
+
+
+def audio_offset(
+    taps: Taps,
+    samples: Audio,
+    *,
+    first: Seconds,
+    rate: float,
+    travel: Seconds | tuple[Seconds, ...] = 0.0,
+    reach: Seconds = REACH,
+) -> Offset:
+    """Return how late the sound of taps is against when they began.
+
+    First all taps at once: the shift at which most of them meet something new in the sound, to a millisecond,
+    which unequal times between taps make unambiguous. Then each alone: the onset in each microphone's
+    prediction error (see `monochord.sync.onsets`), less what the wave took to get there.
+
+    Parameters
+    ----------
+    taps
+        Taps in the reference, with their begin in s.
+    samples
+        Audio (channels, n) around them, best with `reach` to spare on both sides.
+    first
+        Time of its first frame in s, as the audio's own stamps say.
+    rate
+        Its frames a second, as measured.
+    travel
+        What the wave takes from the touch to each microphone, in s: x / c and (L - x) / c. Where x is not
+        known, L / 2c for both is right for their mean.
+    reach
+        How far off the sound may be in s, either way.
+
+    Returns
+    -------
+    The offset; in `each`, one value a tap, the mean over the microphones.
+
+    Raises
+    ------
+    InputError
+        If there are no samples, or not as many travel times as channels.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> sound = 1e-3 * rng.standard_normal((2, 3 * 44100))
+    >>> begin = np.array([0.7, 1.0, 1.7])
+    >>> for place in np.rint((begin + 0.05) * 44100).astype(int):
+    ...     sound[:, place : place + 200] += 0.1
+    >>> taps = Taps(begin=begin, end=begin + 0.006, spacing=1 / 7000)
+    >>> found = audio_offset(taps, sound.astype(np.float32), first=0.0, rate=44100.0)
+    >>> round(found.value, 3), found.taps
+    (0.05, 3)
+    """
+    channels = samples.shape[0]
+    travels = (float(travel),) * channels if isinstance(travel, int | float) else travel
+    if samples.ndim != 2 or not channels or len(travels) != channels:
+        raise InputError(f"samples {samples.shape} and {len(travels)} travel times", "one to each channel")
+    size = max(round(FRAME * rate), 1)
+    if not len(taps) or samples.shape[1] < 64 * size:
+        return offset_of(np.full(len(taps), np.nan), spacing=taps.spacing)
+    errors = surprise(samples)
+    news = novelty(errors, size)
+    when = np.arange(news.size, dtype=np.float64) * (size / rate) + (first + 0.5 * size / rate)
+    shift, rival = _shift_of_group(taps.begin, when, news, reach)
+    each = np.full((len(taps), channels), np.nan)
+    for k, begin in enumerate(taps.begin):
+        start = round((begin + shift - BEFORE - first) * rate)
+        stop = round((begin + shift + AFTER - first) * rate)
+        if start >= 0 and stop <= samples.shape[1]:
+            each[k] = [
+                first + (start + first_onset(errors[c, start:stop])) / rate - begin - travels[c]
+                for c in range(channels)
+            ]
+    return offset_of(each.mean(axis=1), spacing=math.hypot(taps.spacing, 1.0 / rate), rival=rival)
+
+
+def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = REACH) -> Offset:
+    """Return how late a tool's height is against taps: the middle of each dip against the contact's middle.
+
+    Parameters
+    ----------
+    taps
+        Taps in the reference, with begin and end in s.
+    time, height
+        The tool's readings (n,), in s and m, by rising time, best with `reach` to spare on both sides.
+    reach
+        How far off they may be in s, either way.
+
+    Returns
+    -------
+    The offset; in `each`, one value a tap.
+
+    Raises
+    ------
+    InputError
+        If there are not as many times as heights.
+
+    Examples
+    --------
+    >>> middle = np.array([1.003, 1.402, 2.001])
+    >>> taps = Taps(begin=middle - 0.003, end=middle + 0.003, spacing=1 / 7000)
+    >>> time = np.arange(0.0, 4.0, 0.004)
+    >>> height = np.minimum(np.abs(time[:, None] - 0.1 - middle).min(axis=1) * 0.2, 3e-3)
+    >>> found = height_offset(taps, time, height)
+    >>> abs(found.value - 0.1) < 2e-3, found.taps
+    (True, 3)
+    """
+    if time.ndim != 1 or time.shape != height.shape:
+        raise InputError(f"times {time.shape} and heights {height.shape}", "as many of both")
+    if not len(taps) or time.size < 8:
+        return offset_of(np.full(len(taps), np.nan), spacing=taps.spacing)
+    spacing = float(np.median(np.diff(time)))
+    down = dip(time, height)
+    depth = 1.0 / (1.0 + 1e-3 / np.maximum(down, 1e-9))  # a deep dip counts little more than one of some mm
+    when = np.arange(time[0], time[-1], FRAME)
+    shift, rival = _shift_of_group(taps.middle, when, np.interp(when, time, depth), reach)
+    near = taps.middle + shift
+    each = np.array([middle_of_dip(time, down, float(t)) for t in near]) - taps.middle
+    return offset_of(each, spacing=math.hypot(taps.spacing, spacing), rival=rival)
+
+
+def travel_time(length: Metres, wave_speed: float, position: Metres | None = None) -> tuple[Seconds, Seconds]:
+    """Return what a wave takes from a touch to the two ends of a string, in s: x / c and (L - x) / c.
+
+    Without a position both get the mean of the two.
+
+    Examples
+    --------
+    >>> travel_time(0.25, 512.0, 0.125)
+    (0.000244140625, 0.000244140625)
+    """
+    if position is None:
+        mean = 0.5 * length / wave_speed
+        return mean, mean
+    return position / wave_speed, (length - position) / wave_speed
+
+
+def _shift_of_group(taps: Floats, when: Floats, notice: Floats, reach: Seconds) -> tuple[Seconds, float]:
+    """Return the shift at which what is noticed at all the taps adds up to most, and its best rival's share.
+
+    `when` (n,) is evenly spaced and `notice` (n,) not negative.
+    """
+    step = float(when[1] - when[0])
+    # A tap may fall between two frames: the greater counts.
+    wide = np.maximum.reduce([notice, np.roll(notice, 1), np.roll(notice, -1)])
+    shifts = np.arange(-round(reach / step), round(reach / step) + 1)
+    at = np.rint((taps - when[0]) / step).astype(np.int64)
+    place: NDArray[np.int64] = at[:, None] + shifts[None, :]
+    inside = (place >= 0) & (place < notice.size)
+    heard = np.where(inside, wide[np.clip(place, 0, notice.size - 1)], 0.0)
+    told = heard.sum(axis=0)
+    best = int(np.argmax(told))
+    # Of a plateau, its middle.
+    top = np.flatnonzero(told[max(best - 8, 0) : best + 9] >= told[best] * (1.0 - 1e-9)) + max(best - 8, 0)
+    shift = float(shifts[top].mean()) * step
+    far = np.abs(shifts * step - shift) > ALIKE
+    if not told[best] > 0.0:
+        return shift, 1.0
+    return shift, float(told[far].max(initial=0.0) / told[best])
