@@ -112,14 +112,14 @@ def test_a_sensor_that_was_unplugged_comes_back_by_itself(*, restarts: bool) -> 
         got = listen(connection, 1.5)
         health = connection.health
     away = np.diff(got.time).argmax()
-    assert got.time[away] - begin == pytest.approx(0.3, abs=0.05)
+    assert got.time[away] - begin == pytest.approx(0.3, abs=0.1)
     assert 0.85 < got.time[away + 1] - begin < 1.35
     assert health.reconnects == 1
     assert health.missing == int(got.sequence[-1] - got.sequence[0]) + 1 - got.sequence.size
     if restarts:  # its counters tell nothing, the time of arrival does
         assert health.missing == pytest.approx(RATE * (got.time[away + 1] - got.time[away]), rel=0.02)
     else:
-        assert health.missing == pytest.approx(0.6 * RATE, abs=2)
+        assert health.missing == np.sum(np.diff(got.device_time) - 1) >= 0.6 * RATE - 1
     assert np.all(np.diff(got.time) >= 0)
 
 

@@ -7,6 +7,7 @@ array operations a poll, and no Python object each.
 import ctypes
 import errno
 import socket
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, cast
@@ -21,6 +22,7 @@ BATCH = 256
 MOST = 64  # calls a poll: whoever sends faster than can be read must not keep a poll from ending
 RECEIVE_BUFFER = 8 << 20
 TIMESTAMPNS = 35  # SO_TIMESTAMPNS and SCM_TIMESTAMPNS of asm-generic/socket.h, which Python does not name
+RECEIVE_BUFFER_FORCE = 33  # SO_RCVBUFFORCE, likewise
 CONTROL = 64
 
 # struct mmsghdr of a 64-bit Linux, and its struct iovec.
@@ -60,6 +62,8 @@ class Receiver:
         sock.setblocking(False)
         sock.setsockopt(socket.SOL_SOCKET, TIMESTAMPNS, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        with suppress(PermissionError):  # root may go beyond net.core.rmem_max
+            sock.setsockopt(socket.SOL_SOCKET, RECEIVE_BUFFER_FORCE, RECEIVE_BUFFER)
         self._socket, self._size = sock, size
         self._payload = np.zeros((BATCH, size + 1), np.uint8)
         self._control = np.zeros((BATCH, CONTROL), np.uint8)
@@ -71,6 +75,11 @@ class Receiver:
         self._headers["iovlen"] = 1
         self._headers["control"] = _addresses(self._control)
         self._headers["controllen"] = CONTROL
+
+    @property
+    def buffer(self) -> int:
+        """Bytes that the kernel holds back for it; it books some 800 for a short datagram."""
+        return self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
     def take(self) -> Datagrams:
         """Return what has come, without waiting."""

@@ -27,6 +27,8 @@ class NetFt(Instrument):
     The counts' scale comes from the device's own settings. Readings bear the kernel's time of arrival; their
     `sequence` is the device's count of records, carried on over a new beginning, `device_time` its count of
     internal samples and `status` its status word. A device that falls silent is asked again until it answers.
+    Between polls the kernel holds the records: those of a second need about 6 MB, which ``net.core.rmem_max``
+    may not grant.
 
     Parameters
     ----------
@@ -117,7 +119,13 @@ class _NetFtConnection(Connection):
             units=("N",) * 3 + ("N m",) * 3,
             rate=calibration.rate,
             ticks=calibration.internal_rate,
-            details=MappingProxyType({**calibration.details, "address": options.address}),
+            details=MappingProxyType(
+                {
+                    **calibration.details,
+                    "address": options.address,
+                    "receive_buffer": f"{self._receiver.buffer} bytes",
+                }
+            ),
         )
 
     @property
