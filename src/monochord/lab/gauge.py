@@ -1,13 +1,14 @@
 """What a force/torque sensor makes of a touch: friction, lever, crosstalk, its own noise and its drift."""
 
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
 from monochord.lab.plan import ForceSensor
 from monochord.physics.materials import Material
 from monochord.types import Floats
-from monochord.units import MetresPerSecond
+from monochord.units import Hertz, MetresPerSecond
 
 STANDSTILL: MetresPerSecond = 5e-4
 """Sliding speed at which friction is mostly there; a touch at rest is taken to hold nothing across."""
@@ -60,6 +61,41 @@ def wrench_of(touched: Touched, material: Material, sensor: ForceSensor) -> Floa
     fy = drag * touched.across + sensor.crosstalk[1] * touched.normal
     torque = sensor.lever * fy, -sensor.lever * fx, np.zeros_like(fx)
     return np.stack([fx, fy, touched.normal, *torque], axis=1)
+
+
+def mount(bandwidth: Hertz, sample_rate: int) -> Floats:
+    """Return the filter that sensor and object are to a force: a mass on a spring, well damped.
+
+    |H(f)| = 1 / sqrt(1 + (f / f0)^4): what is far above the bandwidth f0 comes through with (f0 / f)^2, which
+    leaves some of the string's vibration in the force. The filter has that size and no delay; the delay of a
+    real one is a part of its stream's. Nothing else keeps high frequencies from folding into the readings,
+    as nothing does in a sensor that thins out what it measures.
+
+    Parameters
+    ----------
+    bandwidth
+        f0 in Hz, where half of the power is lost.
+    sample_rate
+        Frames a second of the force.
+
+    Returns
+    -------
+    array
+        Symmetrical taps (2 m + 1,) of sum 1.
+
+    Examples
+    --------
+    >>> taps = mount(500.0, 44100)
+    >>> turn = np.exp(-2j * np.pi * np.arange(taps.size) / 44100)
+    >>> [round(float(abs(taps @ turn**f)), 3) for f in (0, 500, 2000)]
+    [1.0, 0.707, 0.062]
+    """
+    size = 1 << 15
+    frequency = np.fft.rfftfreq(size, 1.0 / sample_rate)
+    response = np.fft.irfft(1.0 / np.sqrt(1.0 + (frequency / bandwidth) ** 4), size)
+    reach = min(ceil(4.0 * sample_rate / bandwidth), size // 2 - 1)
+    taps = np.concatenate([response[-reach:], response[: reach + 1]]) * np.hanning(2 * reach + 3)[1:-1]
+    return taps / taps.sum()
 
 
 class Noise:

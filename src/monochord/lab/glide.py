@@ -1,5 +1,7 @@
 """How a robot covers a way: it speeds up evenly, keeps its speed, and slows down evenly to rest."""
 
+from math import ceil
+
 from monochord.errors import InputError
 from monochord.units import Metres, MetresPerSecond, Seconds
 
@@ -7,6 +9,8 @@ ACCELERATION = 1.5
 """Of the robot's tool, in m/s^2: assumed, within what a seven-axis arm of 14 kg payload can do."""
 PIECES = 4
 """Into how many straight pieces a change of speed is cut."""
+LONGEST: Metres = 4e-3
+"""Longest straight piece at full speed: along the string, the depth of a press is kept at its ends only."""
 
 
 def glide(
@@ -15,7 +19,8 @@ def glide(
     """Return points of a move from rest to rest: time, way gone and speed there, the start left out.
 
     The speed is a trapezoid over time, a triangle where the way is too short for the full speed. Each slope
-    is cut into `PIECES` of equal time: the speed is exact between the points too, the way at the points.
+    is cut into `PIECES` of equal time, the stretch between them into pieces of `LONGEST` at most: the speed
+    is exact between the points too, the way at the points.
 
     Parameters
     ----------
@@ -50,7 +55,8 @@ def glide(
         share = i / PIECES
         points.append((share * rise, share**2 * slope, share * top))
     if flat > 1e-9:
-        points.append((rise + flat, way - slope, top))
+        cuts = ceil(flat * top / LONGEST)
+        points += [(rise + i / cuts * flat, slope + i / cuts * flat * top, top) for i in range(1, cuts + 1)]
     end = points[-1][0]
     for i in range(1, PIECES + 1):
         left = 1.0 - i / PIECES

@@ -113,15 +113,16 @@ class Delays:
 class ForceSensor:
     """What a force/torque sensor adds, after an ATI Gamma; all assumed.
 
-    `noise` is that of forces in N rms a reading, `torque_noise` of torques in N m; `bandwidth` where its
-    filter ends; `drift` how fast its zero may move, in N/s; `crosstalk` what of a normal force shows across;
+    `noise` is that of forces in N rms a reading, `torque_noise` of torques in N m; `bandwidth` in Hz is where
+    the sensor with the object on it begins to give way, so that it feels less of the string's vibration;
+    `drift` how fast its zero may move, in N/s; `crosstalk` what of a normal force shows across;
     `lever` how far it sits above the touching point. On its way a reading is lost with probability `lost`,
     and comes late by `jitter` in s on average, beside the session's delay.
     """
 
     noise: Annotated[Newtons, Meta(ge=0.0)] = 0.010
     torque_noise: Annotated[float, Meta(ge=0.0)] = 5e-4
-    bandwidth: Annotated[Hertz, Meta(ge=10.0, le=5000.0)] = 1000.0
+    bandwidth: Annotated[Hertz, Meta(ge=50.0, le=5000.0)] = 1000.0
     drift: Annotated[float, Meta(ge=0.0)] = 1e-4
     crosstalk: tuple[float, float] = (0.008, -0.005)
     lever: Metres = 0.06

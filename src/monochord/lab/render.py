@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.lab.course import Course, course
-from monochord.lab.gauge import Noise, Touched, wrench_of
+from monochord.lab.gauge import Noise, Touched, mount, wrench_of
 from monochord.lab.music import loop
 from monochord.lab.plan import Assignment
 from monochord.physics.materials import load_material
@@ -149,8 +148,6 @@ class _Renderer:
     """One session being rendered."""
 
     def __init__(self, session: Assignment) -> None:
-        from scipy.signal import firwin  # noqa: PLC0415  (slow to load)
-
         plan = session.plan
         self.session, self.plan, self.rate = session, plan, plan.sample_rate
         self.course: Course = course(session)
@@ -158,12 +155,10 @@ class _Renderer:
         self.events = _events(self.course)
         self.noise = Noise(plan.force_sensor, session.random("wrench"))
         self.shaking = session.random("pose")
-        edge = min(plan.force_sensor.bandwidth, 0.4 * plan.force_rate)
-        self.reach = max(round(1.6 * self.rate / edge), round(AVERAGE * self.rate))
-        taps: Any = firwin(2 * round(1.6 * self.rate / edge) + 1, edge, fs=self.rate)
-        self.filter: Floats = taps
+        self.filter = mount(plan.force_sensor.bandwidth, self.rate)
         width = np.hanning(2 * round(AVERAGE * self.rate) + 3)[1:-1]
         self.average: Floats = width / width.sum()
+        self.reach = max(len(self.filter), len(self.average)) // 2
 
     def run(self) -> Iterator[Rendering]:
         before, now = np.zeros(self.reach), None

@@ -1,0 +1,52 @@
+"""The verb `collect`."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from monochord import cli
+from monochord.sessions import read_session
+
+
+def test_the_small_plan_and_once_more(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["collect", "small", "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert cli.run([*arguments, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["plan"], result["count"], result["kept"], result["simulated"]) == ("small", 2, 0, True)
+    assert result["windows"]["static"] > 100
+    assert result["windows"]["slip"] > 100
+    assert result["size"] == sum(path.stat().st_size for path in (tmp_path / "out").iterdir())
+    assert {entry["name"] for entry in result["sessions"]} == {"hold_000", "slide_000"}
+    assert all(read_session(Path(entry["path"])).complete for entry in result["sessions"])
+    assert cli.run(arguments) == 0
+    text = capsys.readouterr().out
+    assert "2 sessions (2 kept)" in text
+    assert result["checksum"] in text
+    assert text.count("kept\n") == 2
+
+
+def test_a_plan_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text('[[groups]]\nname = "one"\ngrid = [1, 1]\nhold = 0.2\n', encoding="utf-8")
+    assert cli.run(["collect", str(file), "--out", str(tmp_path), "--seed", "3"]) == 0
+    assert "mine, simulated: 1 sessions" in capsys.readouterr().out
+    assert read_session(tmp_path / "one_000.mcap").description.seed == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["smal"], "did you mean 'small'"),
+        (["small", "--only", "slid"], "did you mean 'slide'"),
+        (["small", "--workers", "0"], "workers"),
+        (["absent.toml"], "absent.toml"),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["collect", *arguments, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert line in error
+    assert error.count("\n") == 1

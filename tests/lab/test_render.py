@@ -1,0 +1,153 @@
+import numpy as np
+import pytest
+from tests.lab.tiny import quiet, session, tiny
+
+from monochord.lab import render as rendering
+from monochord.lab.course import Course, course
+from monochord.lab.plan import Group
+from monochord.lab.pressing import depth_under
+from monochord.lab.render import Rendering, joined, pieces, render
+from monochord.types import Floats
+
+GROUPS = (
+    Group(name="hold", grid=(2, 1), forces=(0.8, 1.2), hold=0.5),
+    Group(name="slide", protocol="slide", grid=(2, 1), forces=(0.8, 1.2), hold=0.5, strokes=2,
+          speeds=(0.01, 0.03)),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=["hold_000", "slide_000"])
+def done(request: pytest.FixtureRequest) -> tuple[Course, Rendering]:
+    one = session(request.param, quiet(groups=GROUPS, force_rate=7000.0))
+    return course(one), render(one)
+
+
+def during(told: Course, kind: str, time: Floats, after: float = 0.0) -> list[np.ndarray]:
+    """Which times lie in each phase of a kind, `after` s and more from its ends."""
+    phases = [phase for phase in told.motion.phases if phase.kind == kind]
+    return [(time > phase.start + after) & (time < phase.stop - after) for phase in phases]
+
+
+def test_every_stream_lasts_as_long_as_the_motion(done: tuple[Course, Rendering]) -> None:
+    told, sound = done
+    for time, rate in (
+        (sound.wrench_time, 7000.0), (sound.pose_time, 250.0), (sound.label_time, 1000.0),
+    ):  # fmt: skip
+        assert time[0] == 0.0
+        assert time[-1] == pytest.approx(told.motion.end, abs=2.0 / rate)
+        np.testing.assert_allclose(np.diff(time), 1.0 / rate)
+    assert sound.seconds == pytest.approx(told.motion.end, abs=1e-4)
+
+
+def test_the_pose_is_where_the_label_says(done: tuple[Course, Rendering]) -> None:
+    _, sound = done
+    touched = sound.labels["contact"] == 1.0
+    there = np.interp(sound.label_time, sound.pose_time, sound.pose[:, 0])
+    assert np.abs(there - sound.labels["position"])[touched].max() < 5e-5
+    assert np.isnan(sound.labels["position"][~touched]).all()
+    np.testing.assert_array_equal(np.linalg.norm(sound.pose[:, 3:], axis=1), 1.0)
+
+
+def test_the_force_is_that_of_the_depth_and_the_sensor_feels_it(done: tuple[Course, Rendering]) -> None:
+    told, sound = done
+    string = told.motion.string
+    height = np.interp(sound.label_time, sound.pose_time, sound.pose[:, 2])
+    for within in during(told, "settle", sound.label_time, 0.02):
+        force, x = sound.labels["force"][within].mean(), sound.labels["position"][within].mean()
+        assert -height[within].mean() == pytest.approx(float(depth_under(string, x, force)), rel=0.02)
+    for low, high in zip(
+        during(told, "settle", sound.label_time, 0.02), during(told, "settle", sound.wrench_time, 0.02),
+        strict=True,
+    ):  # fmt: skip
+        assert sound.wrench[high, 2].mean() == pytest.approx(sound.labels["force"][low].mean(), rel=2e-3)
+    pressed = during(told, "settle", sound.wrench_time, 0.02)[0]
+    assert sound.wrench[pressed, 2].std() > 3e-3  # the string's vibration
+
+
+def test_the_label_of_force_does_not_lag(done: tuple[Course, Rendering]) -> None:
+    told, sound = done
+    keys = told.motion.keys
+    asked = np.interp(sound.label_time, [key.time for key in keys], [key.force for key in keys])
+    press = during(told, "press", sound.label_time)[0]
+    found = np.nan_to_num(sound.labels["force"])
+    shifts = range(-6, 7)
+    miss = [np.abs(np.roll(found, -shift) - asked)[press].sum() for shift in shifts]
+    assert abs(shifts[int(np.argmin(miss))]) <= 1
+
+
+def test_taps_are_sharp_in_all_three_streams(done: tuple[Course, Rendering]) -> None:
+    told, sound = done
+    level = np.abs(sound.microphones)
+    for tap in told.taps:
+        near = np.abs(sound.wrench_time - tap) < 0.03
+        force = np.where(near, sound.wrench[:, 2], 0.0)
+        assert 0.7 < force.max() < 1.3
+        assert abs(sound.wrench_time[force.argmax()] - tap) < 2e-3
+        height = np.where(np.abs(sound.pose_time - tap) < 0.03, sound.pose[:, 2], 1.0)
+        assert abs(sound.pose_time[height.argmin()] - tap) <= 0.5 / 250.0 + 1e-9
+        frame = round((tap - 0.0045) * sound.sample_rate)
+        quiet_before = level[:, frame - 800 : frame - 100].max(axis=1)
+        assert (level[:, frame : frame + 300].max(axis=1) > 20.0 * quiet_before).all()
+    assert [event.time for event in sound.events if event.kind == "tap"] == list(told.taps)
+
+
+def test_it_slides_where_it_is_told_to() -> None:
+    one = session("slide_000", quiet(groups=GROUPS))
+    told, sound = course(one), render(one)
+    speed = np.gradient(sound.pose[:, :2], sound.pose_time, axis=0)
+    for i, (label, pose) in enumerate(
+        zip(
+            during(told, "slide", sound.label_time, 0.1), during(told, "slide", sound.pose_time, 0.1),
+            strict=True,
+        )
+    ):  # fmt: skip
+        assert sound.labels["slip"][label].mean() > 0.97
+        way, other, axis = ("across", "along", 1) if i < 2 else ("along", "across", 0)
+        asked = speed[pose, axis].mean()
+        assert sound.labels[f"slip_{way}"][label].mean() == pytest.approx(asked, rel=0.08)
+        assert abs(sound.labels[f"slip_{other}"][label].mean()) < 0.1 * abs(asked)
+        drag = sound.wrench[during(told, "slide", sound.wrench_time, 0.1)[i]].mean(axis=0)
+        assert drag[axis] * asked < 0.0
+        assert 0.2 < abs(drag[axis]) / drag[2] < 0.4  # friction of plastic
+    for label in during(told, "settle", sound.label_time, 0.05):
+        assert sound.labels["slip"][label].max() == 0.0
+
+
+def test_pieces_of_any_length_make_the_same_session(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = session("hold_000")
+    whole = render(one)
+    monkeypatch.setattr(rendering, "PIECE", 0.777)
+    parts = list(pieces(one))
+    assert len(parts) > 8
+    again = joined(parts)
+    np.testing.assert_array_equal(again.microphones, whole.microphones)
+    np.testing.assert_array_equal(again.pose, whole.pose)
+    np.testing.assert_allclose(again.wrench, whole.wrench, rtol=0.0, atol=1e-6)
+    assert again.events == whole.events
+    for name, values in whole.labels.items():
+        np.testing.assert_allclose(again.labels[name], values, rtol=0.0, atol=1e-6, equal_nan=True)
+
+
+def test_lifted_there_is_no_contact_but_in_taps() -> None:
+    plan = tiny(groups=(*GROUPS, Group(name="clear", like="hold", lifted=3e-3)))
+    one = session("clear_000", plan)
+    told, sound = course(one), render(one)
+    between = (sound.label_time > told.on) & (sound.label_time < told.off)
+    assert sound.labels["contact"][between].max() == 0.0
+    assert np.isnan(sound.labels["force"][between]).all()
+    assert sound.labels["contact"][~between].sum() > 6 * 5
+
+
+def test_music_is_heard_before_the_first_tap() -> None:
+    silent, loud = (
+        render(session("hold_000", tiny(groups=(Group(name="hold", grid=(1, 1), hold=0.2, music=music),))))
+        for music in ("", "synthetic")
+    )
+    first = slice(0, round(0.35 * 44100))
+    assert silent.microphones[:, first].std() < 1e-4
+    assert loud.microphones[:, first].std() > 100.0 * silent.microphones[:, first].std()
+
+
+def test_nothing_cannot_be_joined() -> None:
+    with pytest.raises(ValueError, match="nothing"):
+        joined([])
