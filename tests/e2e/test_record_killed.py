@@ -46,20 +46,18 @@ def independently(path: Path) -> dict[str, int]:
     return counts
 
 
-def look_over(path: Path, killed: float, streams: tuple[str, ...]) -> float:
-    """Check what a kill left, and return how much of it was lost in the worst stream, in s."""
+def look_over(path: Path, killed: float) -> dict[str, float]:
+    """Check what a kill left, and return how long before it each stream ends, in s."""
     session = read_session(path)
     assert not session.complete
-    audio, origin = session.audio, session.clock.origin
+    audio, wrench, origin = session.audio, session.readings("wrench"), session.clock.origin
     assert audio.gaps == ()
-    ends = [float(audio.time(audio.samples.shape[1])) + origin]
-    ends += [float(session.readings(name).time[-1]) + origin for name in streams]
-    for name in streams:
-        assert session.readings(name).missing == 0
+    assert wrench.missing == 0
+    newest = audio.anchor_time[-1] + (audio.samples.shape[1] - audio.anchor_frame[-1]) / RATE
     counts = independently(path)
     for topic in session.topics:
         assert counts.get(topic, 0) == sum(1 for _ in session.messages(topic))
-    return killed - min(ends)
+    return {"audio": killed - origin - newest, "wrench": killed - origin - float(wrench.time[-1])}
 
 
 def paced(sound: Path) -> list[str]:
@@ -74,8 +72,8 @@ def test_a_kill_costs_half_a_second_at_most(
     recorder = start_recorder(*paced(sound), *net_ft)
     recorder.wait_for_bytes(HEADER)
     time.sleep(np.random.default_rng(seed).uniform(0.1, 1.5))
-    lost = look_over(recorder.out, recorder.kill(), ("wrench",))
-    assert lost <= LOST
+    lost = look_over(recorder.out, recorder.kill())
+    assert max(lost.values()) <= LOST
     heard = read_session(recorder.out).audio.samples
     expected = soundfile.read(sound, always_2d=True)[0].T.astype(np.float32)
     assert np.array_equal(heard, np.resize(expected.T, (heard.shape[1], 2)).T)
@@ -95,16 +93,22 @@ def test_fifty_kills_at_random_moments(
     sound: Path,
     record_property: Callable[[str, object], None],
 ) -> None:
-    play(sound)
     chance = np.random.default_rng(0)
     jack = ["--set", f"source.server={jack_server.name}", "--set", "source.ports=player:"]
-    lost: list[float] = []
-    for _ in range(50):
-        recorder = start_recorder(*jack, *net_ft)
+    lost: dict[str, list[float]] = {"audio": [], "wrench": []}
+    for k in range(50):
+        live = k % 5 == 0
+        if live:
+            # Anew each time: a client's death puts a synchronous server's clock wrong by seconds.
+            jack_server.restart()
+            play(sound)
+        recorder = start_recorder(*(jack if live else paced(sound)), *net_ft)
         recorder.wait_for_bytes(HEADER)
         time.sleep(chance.uniform(0.0, 1.5))
-        lost.append(look_over(recorder.out, recorder.kill(), ("wrench",)))
+        for stream, span in look_over(recorder.out, recorder.kill()).items():
+            lost[stream].append(span)
         recorder.out.unlink()
-    record_property("lost_ms", [round(1e3 * span) for span in lost])
-    print(f"lost at most {1e3 * max(lost):.0f} ms, in the median {1e3 * float(np.median(lost)):.0f} ms")  # noqa: T201
-    assert max(lost) <= LOST
+    for stream, spans in lost.items():
+        record_property(f"{stream}_ms", [round(1e3 * span) for span in spans])
+    assert max(lost["audio"]) <= LOST
+    assert max(lost["wrench"]) <= LOST

@@ -242,3 +242,10 @@ def test_two_instruments_of_one_stream_are_refused(make_job: Any, force: Any) ->
 def test_no_thread_is_left(make_job: Any, force: Any) -> None:
     record(make_job(instruments={"net_ft": force()[1]}, seconds=0.2))
     assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("record")]
+
+
+def test_it_runs_before_others_where_it_may_and_goes_back(make_job: Any) -> None:
+    before, seen = os.getpriority(os.PRIO_PROCESS, 0), list[int]()
+    record(make_job(seconds=0.2), lambda _now, _notices: seen.append(os.getpriority(os.PRIO_PROCESS, 0)))
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before
+    assert max(seen) <= (-11 if os.geteuid() == 0 else before)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import pytest
 
 from monochord.instruments.base import Connection
 from monochord.recording.pumps import Polled, pumping
@@ -24,8 +25,8 @@ def wait_for(condition: Callable[[], Any]) -> None:
 class Stuck(Stream):
     """A source that gives `blocks` and then waits for a server that does not come back."""
 
-    def __init__(self, blocks: int = 1) -> None:
-        self._blocks, self._closed = blocks, threading.Event()
+    def __init__(self, blocks: int = 1, off: float = 0.0) -> None:
+        self._blocks, self._off, self._closed = blocks, off, threading.Event()
 
     @property
     def signal(self) -> Signal:
@@ -33,7 +34,8 @@ class Stuck(Stream):
 
     def __iter__(self) -> Iterator[Block]:
         for k in range(self._blocks):
-            yield Block(samples=np.zeros((1, 64), np.float32), start=64 * k, adc_time=time.monotonic())
+            now = time.monotonic() + self._off
+            yield Block(samples=np.zeros((1, 64), np.float32), start=64 * k, adc_time=now)
         self._closed.wait(20.0)
 
     def close(self) -> None:
@@ -114,3 +116,10 @@ def test_leaving_lets_go_of_whoever_waits_for_room() -> None:
     with pumping(Stuck(blocks=1000), {"ticks": Ticks()}, room=300):
         time.sleep(0.05)
     assert not [t for t in threading.enumerate() if t.name.startswith("record")]
+
+
+@pytest.mark.parametrize(("off", "doubted"), [(0.0, False), (-0.3, False), (0.2, True), (-4.2, True)])
+def test_a_time_that_cannot_be_is_doubted(off: float, doubted: bool) -> None:  # noqa: FBT001
+    with pumping(Stuck(blocks=3, off=off), {}, PLENTY) as pumps:
+        wait_for(lambda: pumps.inbox.filled >= 3 * 256 / PLENTY)
+        assert pumps.doubt == pytest.approx(-off if doubted else 0.0, abs=0.05)

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from monochord.clock import clock_offsets
 from monochord.interruption import interruption
 from monochord.recording._ending import Ending, saved
+from monochord.recording._priority import precedence
 from monochord.recording.disk import refuse_place, written_through
 from monochord.recording.progress import Progress
 from monochord.recording.pumps import Polled, pumping
@@ -58,6 +59,7 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
     refuse_place(job.path, job.disk.start)
     with ExitStack() as stack:
         wish = stack.enter_context(interruption())
+        stack.enter_context(precedence())
         connections = {name: stack.enter_context(it.open()) for name, it in job.instruments.items()}
         clock = SessionClock.now()
         stream = stack.enter_context(job.source.open())

@@ -16,6 +16,9 @@ POLL: Seconds = 0.01
 """From one look at an instrument to the next."""
 SLOW: Seconds = 0.02
 """A batch that waited longer for room than this was held up by the disk."""
+EARLY: Seconds = 0.05
+LATE: Seconds = 0.5
+"""How far a device's times of its frames may be from when they can have been at the converter."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,13 +34,16 @@ class Pumps:
 
     `held_up` is for how long so far a live source or instrument waited for room in the inbox, in s; what the
     devices' own buffers could not hold meanwhile, they count as lost. `failures` are errors by the name of
-    whatever raised them, ``audio`` for the source.
+    whatever raised them, ``audio`` for the source. `doubt` is for how long ago the source says that its
+    newest block began, in s, where that cannot be, and else 0: JACK's times can be wrong by seconds after a
+    client was killed.
     """
 
     def __init__(self, stream: Stream, connections: Mapping[str, Connection], room: int) -> None:
         self.inbox = Inbox[Block | Polled](room)
         self.failures: dict[str, Exception] = {}
         self.held_up: Seconds = 0.0
+        self.doubt: Seconds = 0.0
         self._stream = stream
         self._stopped = threading.Event()
         self._audio = self._thread("audio", self._read_audio)
@@ -77,8 +83,17 @@ class Pumps:
 
     def _read_audio(self) -> None:
         for block in self._stream:
+            self.doubt = self._doubt(block)
             if not self._put(block, block.samples.nbytes, live=block.adc_time is not None):
                 return
+
+    def _doubt(self, block: Block) -> Seconds:
+        """Return how long ago a block began, by its own time, where that cannot be."""
+        if block.adc_time is None:
+            return 0.0
+        ago = time.monotonic() - block.adc_time
+        unread = (block.samples.shape[1] + self._stream.pending) / self._stream.signal.sample_rate
+        return ago if not -EARLY <= ago <= unread + LATE else 0.0
 
     def _poll(self, name: str, connection: Connection) -> None:
         last = False

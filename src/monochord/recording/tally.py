@@ -75,4 +75,5 @@ class Tally:
             space=space(self._folder, size=size, elapsed=elapsed, reserve=self._reserve),
             waiting=pumps.inbox.filled,
             held_up=pumps.held_up,
+            doubt=pumps.doubt,
         )

@@ -34,7 +34,7 @@ class Watch:
         self._next: dict[tuple[str, str], Seconds] = {}
         self._silent: dict[str, Seconds] = {}
         self._offsets: Mapping[str, Seconds] = {}
-        self._disk_low = False
+        self._disk_low = self._doubted = False
 
     def look(self, now: Progress, *, last: bool = False) -> list[Notice]:
         """Return what is to be noted; with `last`, whatever is still counted together too."""
@@ -73,6 +73,10 @@ class Watch:
         if count := rise("reconnect", now.health.reconnects):
             yield _about("audio", now.time, "reconnect", "audio: connected again", count=count)
         yield self._silence("audio", now.silent, now.time)
+        if now.doubt and not self._doubted:
+            text = f"audio: the device says that a block of now began {now.doubt:+.3f} s ago"
+            yield _about("audio", now.time, "clock_doubt", text, seconds=now.doubt)
+        self._doubted = bool(now.doubt)
         clipped = sum(level.clipped for level in now.levels)
         if count := rise("clipping", clipped):
             ears = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.clipping)
