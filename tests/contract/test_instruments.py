@@ -1,6 +1,7 @@
 """What every instrument promises: silence is no error, readings have one shape, leaving lets all go."""
 
 import dataclasses
+import os
 import socket
 import subprocess
 import sys
@@ -45,7 +46,7 @@ def silent(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[[str], Op
     special: dict[str, Callable[[], Options]] = {
         "net_ft": net_ft,
         "pose_csv": pose_csv,
-        "pose_dds": lambda: {"domain": 74},
+        "pose_dds": lambda: {"domain": 1 + os.getpid() % 99},
     }
     return lambda name: special[name]() if name in special else {"address": f"127.0.0.1:{free_port()}"}
 
