@@ -16,7 +16,7 @@ from monochord.registry import Registry
 from monochord.sources import SOURCES
 
 F = TypeVar("F", bound=Callable[..., Any])
-FILES = "wav"  # the source that reads recordings
+FILES, SESSIONS = "wav", "session"  # the sources that read recordings
 USUAL_ESTIMATOR = "closed-form"
 
 
@@ -86,7 +86,8 @@ def first_field(registry: Registry[Any], name: str) -> str:
 
 def recording(path: str) -> Tree:
     """Return the source table that reads a recording."""
-    return {"name": FILES, first_field(SOURCES, FILES): path}
+    name = SESSIONS if Path(path).suffix.lower() == ".mcap" else FILES
+    return {"name": name, first_field(SOURCES, name): path}
 
 
 def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:

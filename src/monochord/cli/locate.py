@@ -47,8 +47,9 @@ def locate(
     \b
     monochord locate take.wav --length 0.65 --open-frequency 110 --json
     monochord locate two_microphones.wav --string prototype
+    monochord locate session.mcap
     """  # noqa: D301
-    source = {**recording(file), "allow_truncated": allow_truncated}
+    source = {**recording(file), **({"allow_truncated": True} if allow_truncated else {})}
     tree: Tree = {"source": source, "sinks": {"jsonl": {"everything": False}} if as_json else {}}
     put(tree, "estimator", name=estimator or USUAL_ESTIMATOR, length=length, open_frequency=open_frequency)
     put(tree, "window", length=window, hop=hop)

@@ -89,20 +89,35 @@ def about(session: Session, form: str) -> Tree:
     }
 
 
+def form_of(folder: Path) -> str:
+    """Return which form a folder was exported as; raises `InputError` where it is no session's."""
+    return str(_told(folder, "a folder that a session was exported to")["form"])
+
+
 def read_about(folder: Path, form: str) -> tuple[Description, SessionClock]:
     """Read what `about` told, from a folder that a form wrote; raises `InputError` where it is none."""
     allowed = f"a folder that was exported as {form}"
+    told = _told(folder, allowed)
+    if told["form"] != form:
+        raise InputError(f"folder {folder} ({told['form']})", allowed)
+    try:
+        return Description.load(json.dumps(told["description"])), SessionClock.load(told["clock"])
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"file {folder / ABOUT} (not as it was written)", allowed) from error
+
+
+def _told(folder: Path, allowed: str) -> Tree:
     try:
         told = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
-        if told["form"] != form:
-            raise InputError(f"folder {folder} ({told['form']})", allowed)
-        return Description.load(json.dumps(told["description"])), SessionClock.load(told["clock"])
     except OSError as error:
         raise InputError(f"folder {folder} (no {ABOUT}: {error.strerror})", allowed) from error
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
+    except ValueError as error:
         raise InputError(f"file {folder / ABOUT} (not as it was written)", allowed) from error
+    if not isinstance(told, dict) or "form" not in told:
+        raise InputError(f"file {folder / ABOUT} (not as it was written)", allowed)
+    return told
 
 
 def write_back(

@@ -53,7 +53,8 @@ def frames_of(session: Session, fps: int) -> Frames:
     ends = audio.time(size * np.arange(1, count + 1))
     states = [_held(session, stream, ends) for stream in session.streams]
     if states:
-        state = np.concatenate(states, axis=1).astype(np.float32)
+        with np.errstate(over="ignore"):  # what float32 does not hold is infinite there
+            state = np.concatenate(states, axis=1).astype(np.float32)
         found[STATE] = state if state.shape[1] > 1 else state[:, 0]
     labels = session.labels
     for name, column in sorted(labels.columns.items()):

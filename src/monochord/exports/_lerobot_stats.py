@@ -13,7 +13,8 @@ Stats: TypeAlias = dict[str, dict[str, np.ndarray[Any, np.dtype[Any]]]]
 
 def stats_of(frames: Frames) -> Stats:
     """Return the statistics of an episode; of a value that is nowhere known they are NaN and `count` is 0."""
-    return {name: _of(column.reshape(len(column), -1).astype(np.float64)) for name, column in frames.items()}
+    with np.errstate(invalid="ignore"):  # of what is infinite
+        return {name: _of(column.reshape(len(column), -1).astype(float)) for name, column in frames.items()}
 
 
 def _of(column: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:

@@ -1,0 +1,174 @@
+"""The verb `sessions`: recordings on disk, looked over, repaired, brought in and given away."""
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from monochord.cli._options import amount, refuse_unwritable
+from monochord.cli._sessions_facts import facts_of, facts_text
+from monochord.cli.figure import SUFFIXES
+from monochord.config import override, to_tree
+from monochord.errors import InputError
+from monochord.exports import EXPORTS, form_of
+from monochord.figures import FIGURES
+from monochord.physics.strings import load_string
+from monochord.recording.from_files import from_files
+from monochord.sessions import check as look_over
+from monochord.sessions import read_session
+from monochord.sessions import recover as repair
+
+FILE = click.Path(path_type=Path)
+OVERVIEW = "session"  # the figure that shows one
+some_files = click.argument("files", type=FILE, nargs=-1, required=True, metavar="FILES...")
+json_lines = click.option("--json", "as_json", is_flag=True, help="Print one JSON object a file.")
+json_object = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+
+@click.group()
+def sessions() -> None:
+    """Look over, show, repair, export and import sessions."""
+
+
+@sessions.command()
+@some_files
+@click.option("--strict", is_flag=True, help="Count what went wrong while recording as bad, too.")
+@json_lines
+def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
+    """Read FILES to the end and say whether they are whole, as they were written, and what is missing.
+
+    One line a file. A file is bad if it is damaged, cut off or not what was written; then the status is 2.
+    What the recording itself says went wrong, such as lost frames, is noted behind the line, and is no reason
+    for that unless --strict.
+    """
+
+    def told(file: Path) -> tuple[bool, dict[str, Any], str]:
+        report = look_over(file)
+        good = report.sound and not (strict and report.remarks)
+        tree = {"path": str(file), "ok": good, **dataclasses.asdict(report), "sound": report.sound}
+        notes = "; ".join([*report.faults, *report.remarks])
+        line = f"{'ok ' if good else 'bad'}  {report.seconds:9.1f} s  {report.checksum[:12]}  {file}"
+        return good, {**tree, "path": str(file)}, f"{line}: {notes}" if notes else line
+
+    return _each(files, told, as_json=as_json)
+
+
+@sessions.command()
+@click.argument("file", type=FILE)
+@click.option("--figure", type=FILE, metavar="FILE", help="Draw it, too: .png, .pdf or .svg.")
+@json_object
+def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
+    """Show what is in the session FILE: what was recorded, with what, how long, how much is missing."""
+    if figure is not None:
+        refuse_unwritable(figure, SUFFIXES)
+    facts = facts_of(read_session(file))
+    if figure is not None:
+        FIGURES.build(OVERVIEW, {"path": str(file)}).draw().savefig(figure)
+        facts["figure"] = str(figure)
+    click.echo(json.dumps(facts) if as_json else facts_text(facts))
+
+
+@sessions.command()
+@some_files
+@json_lines
+def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
+    """Repair FILES that were cut off, where they are; whole ones are left alone."""
+
+    def told(file: Path) -> tuple[bool, dict[str, Any], str]:
+        done = repair(file)
+        if not done.repaired:
+            line = f"{file}: whole, nothing to do ({done.seconds:.1f} s)"
+        else:
+            lost = f"{done.lost_bytes} bytes of an unfinished record cut away"
+            line = f"{file}: repaired; {done.seconds:.1f} s in {done.messages} messages kept, {lost}"
+        return True, {**dataclasses.asdict(done), "path": str(file)}, line
+
+    return _each(files, told, as_json=as_json)
+
+
+@sessions.command()
+@click.argument("form")
+@some_files
+@click.option("--out", type=FILE, required=True, metavar="DIR", help="A new folder.")
+@click.option("--set", "assignments", multiple=True, metavar="A=B", help="Set an option of the form.")
+@json_object
+def export(
+    form: str, files: tuple[Path, ...], *, out: Path, assignments: tuple[str, ...], as_json: bool
+) -> None:
+    """Write FILES in another FORM below a new folder; `monochord list exports` shows which there are.
+
+    \b
+    monochord sessions export wav-csv take.mcap --out take
+    monochord sessions export lerobot takes/*.mcap --out set --set fps=30
+    """  # noqa: D301
+    exporter = EXPORTS.build(form, override({}, assignments))
+    written = exporter.write([read_session(file) for file in files], out)
+    size = sum(path.stat().st_size for path in written)
+    told = {"form": form, "out": str(out), "sessions": len(files), "files": len(written), "bytes": size}
+    line = (
+        f"{out}: {_counted(len(files), 'session')} in {_counted(len(written), 'file')}, {size / 1e6:.1f} MB"
+    )
+    click.echo(json.dumps(told) if as_json else line)
+
+
+@sessions.command("import")
+@click.argument("what", type=FILE, metavar="AUDIO|FOLDER")
+@click.argument("labels", type=FILE, metavar="[LABELS.csv]", required=False)
+@click.option("--out", type=FILE, required=True, metavar="FILE.mcap", help="The new session.")
+@click.option("--name", metavar="TEXT", help="What to call it.  [default: the file's name]")
+@click.option("--object", "object_", metavar="TEXT", help="What touches the string.")
+@click.option("--material", metavar="TEXT", help="What that is made of.")
+@click.option("--radius", type=amount, metavar="M", help="Its radius where it touches.")
+@click.option("--string", metavar="PRESET", help="A string of the catalogue, or FILE.toml.")
+@click.option("--notes", metavar="TEXT", help="Whatever else should be known.")
+@json_object
+def bring_in(
+    what: Path, labels: Path | None, *, out: Path, as_json: bool, **said: str | float | None
+) -> None:
+    """Make a session of a user's own audio and labels, or of a folder that `export` wrote.
+
+    AUDIO is WAV or FLAC with 1 or 2 channels. The first line of LABELS.csv names its columns: time in s from
+    the audio's begin, and any of contact (0 or 1), position (m), force (N), slip (0 or 1) or others.
+
+    \b
+    monochord sessions import take.wav take.csv --out take.mcap --object "Allen key"
+    monochord sessions import exported/take --out take.mcap
+    """  # noqa: D301
+    refuse_unwritable(out, (".mcap",))
+    described: dict[str, Any] = {name.rstrip("_"): value for name, value in said.items() if value is not None}
+    if what.is_dir():
+        if labels is not None or described:
+            given = f"folder {what} with {labels or ', '.join(f'--{name}' for name in described)}"
+            raise InputError(given, "a folder alone", "it says of itself what is in it")
+        EXPORTS.build(form_of(what)).read(what, out)
+    else:
+        if "string" in described:
+            described["string"] = to_tree(load_string(str(described["string"])).string)
+        from_files(what, labels, out, described=described)
+    facts = facts_of(read_session(out))
+    click.echo(json.dumps(facts) if as_json else facts_text(facts))
+
+
+Told = Callable[[Path], tuple[bool, dict[str, Any], str]]
+
+
+def _each(files: tuple[Path, ...], told: Told, *, as_json: bool) -> int:
+    """Print what is told of each file; one that cannot be used does not keep the others from their turn."""
+    status = 0
+    for file in files:
+        try:
+            good, tree, line = told(file)
+        except InputError as error:
+            good, tree, line = False, {"path": str(file), "ok": False, "error": str(error)}, ""
+            click.echo(f"monochord: {error}", err=True)
+        status = status if good else 2
+        if as_json or line:
+            click.echo(json.dumps(tree) if as_json else line)
+    return status
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

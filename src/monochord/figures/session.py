@@ -1,0 +1,165 @@
+"""What happened in a session: sound, force, pose and what is known of the touch, over time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.figures import _style
+from monochord.figures.base import Figure
+from monochord.sessions import AudioTrack, Session, read_session
+from monochord.types import Floats
+from monochord.units import Seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+POINTS = 4000
+"""Readings of a column that are drawn at most: of more, the least and the greatest of each stretch."""
+LOWEST = -100.0
+"""dB relative to full scale that silence is drawn at."""
+MOST_EVENTS = 30
+"""Events of a kind that are drawn; more would hide what lies below."""
+ROW = 38.0
+"""Height of a panel in mm."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionFigure(Figure):
+    """Draw a session over time: levels of the microphones, normal force, pose, and its labels.
+
+    Lost audio is marked in the levels; vertical lines are events, those of kinds that are not many.
+
+    Parameters
+    ----------
+    path
+        The session.
+    step
+        Length in s of the stretches whose level is drawn.
+    """
+
+    path: Path
+    step: Seconds = 0.02
+
+    def draw(self) -> Canvas:
+        """Read the session and draw one panel for each kind of thing that it holds."""
+        if not self.step > 0.0:
+            raise InputError(f"step {self.step} s", "more than 0 s")
+        session = read_session(Path(self.path))
+        panels = [_levels]
+        panels += [_force] if "wrench" in session.streams else []
+        panels += [_place, _height] if "pose" in session.streams else []
+        panels += [_labels] if session.labels.columns else []
+        page = _style.canvas(ROW * len(panels) + 8.0)
+        rows = page.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        kinds = Counter(event.kind for event in session.events)
+        rare = [event.time for event in session.events if kinds[event.kind] <= MOST_EVENTS]
+        for letter, axes, panel in zip("ABCDE", rows, panels, strict=False):
+            panel(axes, session, self.step)
+            for time in rare:
+                axes.axvline(time, color=_style.PALE, linewidth=0.5, zorder=0)
+            _style.dress(axes, letter, "", "", axes.get_ylabel())
+        rows[0].set_title(session.description.name, fontsize=_style.LABEL, color=_style.INK, pad=4)
+        rows[-1].set_xlabel("time since the session's begin (s)", fontsize=_style.LABEL, color=_style.INK)
+        return page
+
+
+def levels(track: AudioTrack, step: Seconds) -> tuple[Floats, Floats]:
+    """Return times (k,) and root-mean-square levels (channels, k) in dB relative to full scale.
+
+    >>> none, ones = np.zeros(0), np.ones((1, 100), np.float32)
+    >>> anchors = {"anchor_frame": none, "anchor_time": none, "device_frame": none.astype(np.int64)}
+    >>> track = AudioTrack(samples=ones, sample_rate=100, **anchors)
+    >>> levels(track, 0.5)
+    (array([0.25, 0.75]), array([[0., 0.]]))
+    """
+    size = max(round(step * track.sample_rate), 1)
+    count = track.samples.shape[1] // size
+    parts = track.samples[:, : count * size].reshape(track.samples.shape[0], count, size)
+    with np.errstate(invalid="ignore"):  # what is not a number has no level, and is not drawn
+        mean = np.mean(np.square(parts, dtype=np.float64), axis=2)
+    decibels = 10.0 * np.log10(np.maximum(mean, 10.0 ** (LOWEST / 10.0)))
+    return np.asarray(track.time((np.arange(count) + 0.5) * size)), decibels
+
+
+def _levels(axes: Axes, session: Session, step: Seconds) -> None:
+    track = session.audio
+    time, decibels = levels(track, step)
+    for number, level in enumerate(decibels):
+        colour = _style.SEGMENTS[number % 2]
+        axes.plot(time, level, linewidth=0.7, color=colour, label=f"microphone {number + 1}")
+    for number, (first, stop) in enumerate(track.gaps):
+        lost = "lost" if not number else None
+        axes.axvspan(float(track.time(first)), float(track.time(stop)), color="red", alpha=0.4, label=lost)
+    axes.set_ylabel("level (dB of full scale)")
+    _key(axes)
+
+
+def _force(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG001
+    track = session.readings("wrench")
+    axes.plot(*_thinned(track.time, track.column("fz")), linewidth=0.7, color=_style.INK, label="measured")
+    labels = session.labels
+    if "force" in labels.columns:
+        known = np.nan_to_num(labels.columns["force"])
+        axes.plot(*_thinned(labels.time, known), linewidth=0.7, color=_style.SEGMENTS[1], label="known")
+    axes.set_ylabel("normal force (N)")
+    _key(axes)
+
+
+def _place(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG001
+    _pose(axes, session, ("x", "y"))
+    axes.set_ylabel("pose x, y (mm)")
+
+
+def _height(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG001
+    _pose(axes, session, ("z",))
+    axes.set_ylabel("pose z (mm)")
+
+
+def _pose(axes: Axes, session: Session, columns: tuple[str, ...]) -> None:
+    track = session.readings("pose")
+    for name, colour in zip(columns, _style.SEGMENTS, strict=False):
+        time, place = _thinned(track.time, track.column(name))
+        axes.plot(time, 1e3 * place, linewidth=0.7, color=colour, label=name)
+    _key(axes)
+
+
+def _labels(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG001
+    labels = session.labels
+    for name, colour in (("contact", _style.PALE), ("slip", _style.SEGMENTS[1])):
+        if name in labels.columns:
+            on = np.nan_to_num(labels.columns[name]) > 0.5
+            axes.fill_between(
+                labels.time, 0, 1, where=on.tolist(), step="post", color=colour, alpha=0.4, lw=0,
+                transform=axes.get_xaxis_transform(), label=name,
+            )  # fmt: skip
+    if "position" in labels.columns:
+        position = 1e3 * labels.columns["position"]
+        axes.plot(labels.time, position, linewidth=1.2, color=_style.SEGMENTS[0], label="position")
+    axes.set_ylabel("position x (mm)")
+    _key(axes)
+
+
+def _thinned(time: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return a curve of at most `POINTS` points that keeps every peak."""
+    size = -(-len(time) // (POINTS // 2))
+    if size <= 2:
+        return time, values
+    count = len(time) // size
+    parts = values[: count * size].reshape(count, size)
+    ends = np.stack([parts.min(axis=1), parts.max(axis=1)], axis=1)
+    return np.repeat(time[: count * size : size], 2), ends.ravel()
+
+
+def _key(axes: Axes) -> None:
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(
+            fontsize=_style.TICK, frameon=False, ncols=4, labelcolor=_style.INK,
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.1,
+        )  # fmt: skip

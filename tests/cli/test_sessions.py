@@ -1,0 +1,218 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+
+from monochord.cli import run
+from monochord.sessions import Description, SessionClock, SessionWriter, read_session
+from monochord.types import POSE, WRENCH, Block, Feed, Readings
+
+RATE = 44100
+FEEDS = (
+    Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3, rate=1000.0, ticks=1000.0),
+    Feed(stream="pose", columns=POSE, units=("m",) * 3 + ("",) * 4, rate=250.0, ticks=1e9),
+)
+Capture = pytest.CaptureFixture[str]
+
+
+def write(path: Path, *, lost: int = 0, close: bool = True, **described: Any) -> Path:
+    """A second of a session; three force readings are missing."""
+    told: dict[str, Any] = {
+        "name": path.stem,
+        "sample_rate": RATE,
+        "feeds": FEEDS,
+        "object": "key",
+        **described,
+    }
+    writer = SessionWriter(path, Description(**told), SessionClock(epoch_ns=10**18))
+    noise = 0.1 * np.random.default_rng(0).standard_normal((2, RATE)).astype(np.float32)
+    writer.audio(Block(samples=noise[:, :20000], start=0, adc_time=0.0))
+    writer.audio(
+        Block(samples=noise[:, 20000:], start=20000 + lost, dropped=lost, adc_time=(20000 + lost) / RATE)
+    )
+    for feed in told["feeds"]:
+        count = np.delete(np.arange(round(feed.rate)), [10, 20, 21]) if feed is FEEDS[0] else np.arange(250)
+        writer.readings(
+            Readings(
+                stream=feed.stream,
+                time=count / feed.rate,
+                values=np.ones((len(count), len(feed.columns))),
+                sequence=count,
+                device_time=np.round(count * feed.ticks / feed.rate).astype(np.int64),
+                status=(count == 30).astype(np.uint32),
+            )
+        )
+    writer.labels(
+        np.array([0.1, 0.5]), {"contact": np.array([0.0, 1.0]), "position": np.array([np.nan, 0.1])}
+    )
+    writer.event(0.5, "note", "press")
+    if close:
+        writer.close()
+    else:
+        writer.flush()
+        writer._file.close()
+    return path
+
+
+def lines(capsys: Capture) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_check_tells_good_from_bad_in_a_line_each(tmp_path: Path, capsys: Capture) -> None:
+    good = write(tmp_path / "good.mcap", feeds=())
+    cut = write(tmp_path / "cut.mcap", close=False)
+    hurt = write(tmp_path / "hurt.mcap")
+    data = bytearray(hurt.read_bytes())
+    data[len(data) // 2] ^= 1
+    hurt.write_bytes(data)
+    (tmp_path / "other.mcap").write_text("text")
+    assert run(["sessions", "check", str(good)]) == 0
+    assert capsys.readouterr().out.startswith("ok")
+    assert run(["sessions", "check", *map(str, (good, cut, hurt, tmp_path / "other.mcap"))]) == 2
+    captured = capsys.readouterr()
+    said = captured.out.splitlines()
+    assert [line.split()[0] for line in said] == ["ok", "bad", "bad"]
+    assert "was not closed" in said[1]
+    assert "damaged chunk" in said[2]
+    assert captured.err.count("\n") == 1
+    assert "other.mcap" in captured.err
+
+
+def test_what_went_wrong_in_recording_is_noted_and_bad_if_strict(tmp_path: Path, capsys: Capture) -> None:
+    path = str(write(tmp_path / "a.mcap", lost=100))
+    assert run(["sessions", "check", path, "--json"]) == 0
+    (told,) = lines(capsys)
+    assert told["ok"]
+    assert told["path"] == path
+    assert "100 frames lost in 1 gap" in told["remarks"]
+    assert "wrench: 3 of 1000 readings missing" in told["remarks"]
+    assert run(["sessions", "check", path, "--strict"]) == 2
+    assert capsys.readouterr().out.startswith("bad")
+
+
+def test_show_tells_what_is_in_it(tmp_path: Path, capsys: Capture) -> None:
+    path = str(
+        write(tmp_path / "a.mcap", lost=100, radius=0.003, notes="two\nlines", simulated=True, day=2, seed=7)
+    )
+    assert run(["sessions", "show", path, "--json"]) == 0
+    (told,) = lines(capsys)
+    assert told["seconds"] == pytest.approx((RATE + 100) / RATE)
+    assert told["begin"] == "2001-09-09T01:46:40.000+00:00"
+    assert told["ending"] == "closed"
+    assert (told["audio"]["gaps"], told["audio"]["lost_frames"]) == (1, 100)
+    wrench = told["streams"]["wrench"]
+    assert (wrench["readings"], wrench["missing"], wrench["faulty"]) == (997, 3, 1)
+    assert told["streams"]["pose"]["measured_rate"] == pytest.approx(250.0)
+    assert told["labels"] == {"columns": ["contact", "position"], "rows": 2}
+    assert told["events"] == {"note": 1}
+    assert told["about"]["object"] == "key"
+    assert run(["sessions", "show", path]) == 0
+    text = capsys.readouterr().out
+    for part in (
+        "key, radius 3 mm",
+        "day 2, seed 7",
+        "1.00 s, closed",
+        "100 frames lost in 1 gaps",
+        "3 missing, 1 faulty",
+    ):
+        assert part in text
+    assert "two lines" in text
+
+
+def test_show_draws(tmp_path: Path, capsys: Capture) -> None:
+    path, out = str(write(tmp_path / "a.mcap")), tmp_path / "a.png"
+    assert run(["sessions", "show", path, "--figure", str(out)]) == 0
+    assert out.read_bytes().startswith(b"\x89PNG")
+    assert run(["sessions", "show", path, "--figure", str(tmp_path / "a.txt")]) == 2
+    assert "a name that ends in .png, .pdf, .svg" in capsys.readouterr().err
+
+
+def test_recover_repairs_what_was_cut_off_and_leaves_the_rest(tmp_path: Path, capsys: Capture) -> None:
+    cut, whole = write(tmp_path / "cut.mcap", close=False), write(tmp_path / "whole.mcap")
+    with cut.open("ab") as file:
+        file.write(b"\x06half a chunk")
+    before = whole.read_bytes()
+    frames = read_session(cut).audio.samples
+    assert run(["sessions", "recover", str(cut), str(whole)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "repaired" in said[0]
+    assert "13 bytes of an unfinished record cut away" in said[0]
+    assert "whole, nothing to do" in said[1]
+    assert whole.read_bytes() == before
+    np.testing.assert_array_equal(read_session(cut).audio.samples, frames)
+    assert run(["sessions", "check", str(cut)]) == 0
+    assert run(["sessions", "recover", str(cut), str(tmp_path / "none.mcap"), "--json"]) == 2
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()[1:]]
+    assert [each["path"] for each in told] == [str(cut), str(tmp_path / "none.mcap")]
+    assert "error" in told[1]
+
+
+@pytest.mark.parametrize("form", ["wav-csv", "parquet"])
+def test_what_is_exported_comes_back(tmp_path: Path, capsys: Capture, form: str) -> None:
+    path, out = write(tmp_path / "a.mcap", lost=100), tmp_path / "out"
+    assert run(["sessions", "export", form, str(path), "--out", str(out), "--json"]) == 0
+    (told,) = lines(capsys)
+    assert told["sessions"] == 1
+    assert told["bytes"] == sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
+    assert run(["sessions", "import", str(out / "a"), "--out", str(tmp_path / "b.mcap")]) == 0
+    again, before = read_session(tmp_path / "b.mcap"), read_session(path)
+    assert again.audio.samples.tobytes() == before.audio.samples.tobytes()
+    assert again.audio.gaps == before.audio.gaps
+    assert again.description == before.description
+
+
+def test_an_export_takes_options(tmp_path: Path) -> None:
+    path, out = str(write(tmp_path / "a.mcap")), tmp_path / "out"
+    assert run(["sessions", "export", "lerobot", path, "--out", str(out), "--set", "fps=10"]) == 0
+    assert json.loads((out / "meta/info.json").read_text())["fps"] == 10
+
+
+def test_a_users_own_files_become_a_session(tmp_path: Path, capsys: Capture) -> None:
+    sound = 0.1 * np.random.default_rng(0).standard_normal((RATE, 2)).astype(np.float32)
+    soundfile.write(tmp_path / "take.wav", sound, RATE, subtype="FLOAT")
+    (tmp_path / "take.csv").write_text("time,contact,position,force,slip\n0,0,,,\n0.5,1,0.3,1.2,0\n")
+    files = [str(tmp_path / "take.wav"), str(tmp_path / "take.csv")]
+    out = tmp_path / "take.mcap"
+    about = ["--object", "Allen key", "--radius", "0.002", "--string", "appendix"]
+    assert run(["sessions", "import", *files, "--out", str(out), *about, "--json"]) == 0
+    (told,) = lines(capsys)
+    assert told["about"]["object"] == "Allen key"
+    assert told["about"]["string"]["length"] == 0.65
+    np.testing.assert_array_equal(read_session(out).audio.samples, sound.T)
+    assert run(["locate", str(out)]) == 0
+    assert "windows with a position" in capsys.readouterr().out
+
+
+def test_what_cannot_be_done_is_one_line(tmp_path: Path, capsys: Capture) -> None:
+    path = str(write(tmp_path / "a.mcap"))
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "a.wav").write_text("text")
+    refused = {
+        ("show", str(tmp_path / "none.mcap")): "No such file",
+        (
+            "export",
+            "hdf5",
+            path,
+            "--out",
+            str(tmp_path / "x"),
+        ): "export 'hdf5': allowed is lerobot, parquet, wav_csv",
+        ("export", "wav-csv", path, "--out", str(tmp_path)): "not empty",
+        ("export", "wav-csv", path): "Missing option '--out'",
+        ("export", "wav-csv", path, "--out", str(tmp_path / "x"), "--set", "rate=1"): "option 'wav-csv.rate'",
+        ("import", str(tmp_path / "folder"), "--out", str(tmp_path / "b.mcap")): "no session.json",
+        ("import", str(tmp_path / "a.wav"), "--out", str(tmp_path / "b.mcap")): "wav or flac sound",
+        ("import", str(tmp_path / "a.wav"), "--out", str(tmp_path / "b.wav")): "a name that ends in .mcap",
+        ("import", str(tmp_path / "folder"), "a.csv", "--out", str(tmp_path / "b.mcap")): "a folder alone",
+        ("imprt",): "No such command 'imprt'",
+        ("check",): "Missing argument 'FILES...'",
+    }
+    for arguments, message in refused.items():
+        assert run(["sessions", *arguments]) == 2
+        captured = capsys.readouterr()
+        assert captured.err.count("\n") == 1, captured.err
+        assert message in captured.err
+        assert captured.out == ""
+    assert not (tmp_path / "b.mcap").exists()
