@@ -8,11 +8,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DOCS_INSTALLED := $(VENV)/.installed-docs
+ROS := .venv-ros
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 REPOSITORY_RULES := tests/contract/test_layout.py
 
 .DEFAULT_GOAL := help
-.PHONY: help system install check format test test-all bench docs demo clean
+.PHONY: help system install check format test test-all bench ros docs demo clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -56,11 +57,19 @@ format: install ## Put the code in the house format and fix what the linter can
 test: install ## Every test but the slow ones
 	$(BIN)/pytest -m "not slow"
 
-test-all: install ## Every test
+test-all: install ros ## Every test
 	$(BIN)/pytest
 
 bench: install ## Every benchmark, each beside its baseline
 	$(BIN)/monochord bench
+
+ros: $(ROS)/.installed ## A ROS 2 client library in .venv-ros (240 MB), for the tests that talk to it
+
+$(ROS)/.installed: | system
+	@echo "installing rclpy into $(ROS)"; $(PYTHON) -m venv $(ROS)
+	@$(ROS)/bin/python -m pip --disable-pip-version-check --quiet install \
+	  ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp ros-geometry-msgs
+	@touch $@
 
 docs: system $(DOCS_INSTALLED) ## The documentation, into docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
@@ -70,5 +79,5 @@ demo: install ## A driven string, touched and located live; needs no hardware
 	$(BIN)/monochord demo
 
 clean: ## Remove what these commands made, the virtual environment included
-	rm -rf $(VENV) docs/_build .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
+	rm -rf $(VENV) $(ROS) docs/_build .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
 	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -21,9 +21,8 @@ from typing import Any
 import numpy as np
 
 from monochord.errors import DeviceError
+from monochord.instruments import INSTRUMENTS
 from monochord.instruments.base import Connection, Instrument
-from monochord.instruments.net_ft import NetFt
-from monochord.instruments.pose_dds import PoseDds
 from monochord.lab._script import write_script
 from monochord.lab.bench import delays, describe
 from monochord.lab.net_ft_device import NetFtSettings
@@ -33,7 +32,7 @@ from monochord.lab.pose_publisher import PublisherSettings
 from monochord.lab.render import Rendering, render
 from monochord.recording import Job, Notice, Progress, Summary, record
 from monochord.sessions import Description
-from monochord.sources.jack import Jack
+from monochord.sources import SOURCES
 from monochord.types import Feed, Floats, InstrumentHealth, Readings, Signal
 from monochord.units import Seconds
 
@@ -92,13 +91,16 @@ def perform(
             name: stack.enter_context(_process(name, Path(folder, f"{name}.npz"), arrays, settings))
             for name, (arrays, settings) in _scripts(session, sound, late, stage).items()
         }
-        said = parts["net_ft_device"].said
+        said, ports = parts["net_ft_device"].said, parts["player"].said["ports"]
+        pose: dict[str, Any] = {"topic": _topic(), "rate": session.plan.pose_rate}
+        if stage.domain is not None:
+            pose["domain"] = stage.domain
         job = Job(
             path=path,
-            source=Jack(ports=",".join(parts["player"].said["ports"]), server=stage.server),
+            source=SOURCES.build("jack", {"ports": ",".join(ports), "server": stage.server}),
             instruments={
-                "net_ft": NetFt(address=said["address"], http_port=said["http_port"]),
-                "pose_dds": PoseDds(topic=_topic(), domain=stage.domain, rate=session.plan.pose_rate),
+                "net_ft": INSTRUMENTS.build("net_ft", {k: said[k] for k in ("address", "http_port")}),
+                "pose_dds": INSTRUMENTS.build("pose_dds", pose),
                 "labels": labels,
             },
             about=_About(session),
