@@ -54,7 +54,7 @@ format: install ## Put the code in the house format and fix what the linter can
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-test: install ## Every test but the slow ones
+test: install ros ## Every test but the slow ones
 	$(BIN)/pytest -m "not slow"
 
 test-all: install ros ## Every test
@@ -68,8 +68,8 @@ ros: $(ROS)/.installed ## A ROS 2 client library in .venv-ros (240 MB), for the 
 $(ROS)/.installed: | system
 	@echo "installing rclpy into $(ROS)"; $(PYTHON) -m venv $(ROS)
 	@$(ROS)/bin/python -m pip --disable-pip-version-check --quiet install \
-	  ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp ros-geometry-msgs
-	@touch $@
+	  ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp ros-geometry-msgs && touch $@ || \
+	  echo "rclpy could not be installed; the tests that talk to ROS 2 are skipped"
 
 docs: system $(DOCS_INSTALLED) ## The documentation, into docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
