@@ -53,7 +53,7 @@ def measured(
 
 def check(cases: int) -> None:
     """Audio within 0.5 ms, pose within its sampling interval; uncertainties not too small nor too large."""
-    audio, pose, scores = list[float](), list[float](), list[float]()
+    audio, pose, stds = np.empty(cases), np.empty(cases), np.empty(cases)
     for case in range(cases):
         truth = played(case % 6, (0.3, 1.0, 2.0)[case % 3])
         force_rate, pose_rate = (7000.0, 1000.0)[case % 2], (100.0, 250.0, 500.0)[case % 3]
@@ -63,17 +63,19 @@ def check(cases: int) -> None:
         )
         assert heard.known
         assert seen.known
-        audio.append(heard.value - late)
-        pose.append((seen.value - behind) * pose_rate)
-        scores.append(audio[-1] / heard.std)
+        audio[case], stds[case] = heard.value - late, heard.std
+        pose[case] = (seen.value - behind) * pose_rate
         assert abs(seen.value - behind) < 3.0 * seen.std
-    print(f"audio: median {1e3 * np.median(np.abs(audio)):.3f} ms, max {1e3 * np.abs(audio).max():.3f} ms")  # noqa: T201
-    print(f"pose: median {np.median(np.abs(pose)):.3f}, max {np.abs(pose).max():.3f} intervals")  # noqa: T201
-    print(f"z of audio: rms {np.sqrt(np.mean(np.square(scores))):.2f}, max {np.abs(scores).max():.2f}")  # noqa: T201
-    assert np.abs(audio).max() < 0.5e-3
-    assert np.abs(pose).max() < 1.0
-    assert 0.3 < np.sqrt(np.mean(np.square(scores))) < 1.3
-    assert np.abs(scores).max() < 4.0
+    sure, scores = stds < 0.5e-3, np.abs(audio) / stds
+    off, out = 1e3 * np.abs(audio[sure]), np.abs(pose)
+    print(f"audio, {sure.sum()} sure of {cases}: median {np.median(off):.3f} ms, max {off.max():.3f} ms")  # noqa: T201
+    print(f"pose: median {np.median(out):.3f}, max {out.max():.3f} sampling intervals")  # noqa: T201
+    print(f"audio over its uncertainty: rms {np.sqrt(np.mean(scores**2)):.2f}, max {scores.max():.2f}")  # noqa: T201
+    assert sure.mean() > 0.97
+    assert off.max() < 0.5
+    assert out.max() < 1.0
+    assert 0.3 < np.sqrt(np.mean(scores**2)) < 1.3
+    assert scores.max() < 4.0
 
 
 def test_known_offsets_are_found_again() -> None:

@@ -53,7 +53,7 @@ class Tapped:
 
     def height(self, time: Floats) -> Floats:
         """Return the tool's height above the string at rest, in m."""
-        turn = np.abs(time[:, None] - (self.touches + TURN)).min(axis=1)
+        turn = np.abs(time[:, None] - (self.touches + TURN)).min(axis=1, initial=np.inf)
         return np.minimum(SPEED * np.maximum(turn - TURN, 0.0), AIR) - 4e-4 * np.maximum(
             1.0 - turn / TURN, 0.0
         )
@@ -122,7 +122,8 @@ def tapped(
     """Return a string that is tapped `taps` times from each of the times in `groups` on, unevenly."""
     rng = np.random.default_rng(seed)
     steps = [np.concatenate([[rng.random() * 0.01], rng.uniform(0.25, 0.55, taps - 1)]) for _ in groups]
-    touches = np.concatenate([first + np.cumsum(step) for first, step in zip(groups, steps, strict=True)])
+    each = [first + np.cumsum(step) for first, step in zip(groups, steps, strict=True)]
+    touches = np.concatenate([np.zeros(0), *each])
     fall = AIR / SPEED
     keys = [Key(time=0.0, position=position, clearance=AIR)]
     for at in touches.tolist():

@@ -1,0 +1,298 @@
+"""Whether a session's streams share a clock, and how to put them on one."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from monochord.sessions.reader import Session
+from monochord.sessions.tracks import ReadingTrack
+from monochord.sync.arrival import Taken, times_taken
+from monochord.sync.pulses import Taps, groups_of, taps_of_force, taps_of_height
+from monochord.sync.taps import Offset, audio_offset, height_offset, travel_time
+from monochord.types import Floats
+from monochord.units import Seconds
+
+AUDIO = "audio"
+"""What the microphones' stream is called."""
+BEYOND: Seconds = 0.5
+"""How much further than allowed an offset is looked for, so that it can be told."""
+SPARE: Seconds = 0.2
+"""How much more of a stream is looked at around a group of taps."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What a session must keep to so that nothing is flagged.
+
+    Parameters
+    ----------
+    drift
+        How far audio and force may move against each other between the taps at both ends, in s.
+    std
+        Standard uncertainty of their offset, in s.
+    intervals
+        The same two for a pose, in its sampling intervals.
+    offset
+        Greatest offset of any stream, either way, in s.
+    taps
+        Least number of taps that a stream must have noticed at either end.
+    step
+        Greatest leap of the wall clock from one look at it to the next, in s.
+    """
+
+    drift: Seconds = 1e-3
+    std: Seconds = 0.5e-3
+    intervals: float = 1.0
+    offset: Seconds = 1.0
+    taps: int = 3
+    step: Seconds = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lateness:
+    """How late a stream is at a session's begin and end, as the taps around `times` tell, in session seconds.
+
+    Where there were taps at one end only, both are the same. Where there were none, both are unknown.
+    """
+
+    times: tuple[Seconds, Seconds]
+    offsets: tuple[Offset, Offset]
+
+    @property
+    def drift(self) -> Seconds:
+        """By how much later the stream became from the begin to the end; NaN where it is not known."""
+        if not (self.times[1] > self.times[0] and all(offset.known for offset in self.offsets)):
+            return math.nan
+        return self.offsets[1].value - self.offsets[0].value
+
+    @property
+    def drift_std(self) -> Seconds:
+        """Standard uncertainty of the drift."""
+        return math.hypot(self.offsets[0].std, self.offsets[1].std)
+
+    @property
+    def ppm(self) -> float:
+        """The drift in millionths of the time in which it came about; NaN where it is not known."""
+        span = self.times[1] - self.times[0]
+        return 1e6 * self.drift / span if span > 0.0 else math.nan
+
+    def at(self, time: Floats) -> Floats:
+        """Return how late the stream is at its own times: a line through both ends, 0 where not known."""
+        known = [offset.known for offset in self.offsets]
+        if not any(known):
+            return np.zeros_like(time)
+        if not all(known) or not self.times[1] > self.times[0]:
+            return np.full_like(time, self.offsets[known.index(True)].value)
+        first, last = (offset.value for offset in self.offsets)
+        begin, end = self.times[0] + first, self.times[1] + last
+        return first + (time - begin) * ((last - first) / (end - begin))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alignment:
+    """By how much a session's streams are apart.
+
+    `reference` is the stream whose clock is taken for true, `lateness` tells of every other stream, and
+    `flags` says in a sentence each what is not as it should be; with none, the session can be relied on.
+    `taps` are when the contacts began, (n,) for each group that was used, on the reference's clock.
+    """
+
+    reference: str
+    lateness: Mapping[str, Lateness]
+    flags: tuple[str, ...] = ()
+    taps: tuple[Floats, ...] = ()
+
+    def correct(self, stream: str, time: Floats) -> Floats:
+        """Return a stream's times on the reference's clock; unchanged for a stream that has no taps.
+
+        >>> alignment = Alignment(reference="wrench", lateness={})
+        >>> alignment.correct("audio", np.array([1.0])).tolist()
+        [1.0]
+        """
+        late = self.lateness.get(stream)
+        return time if late is None else time - late.at(time)
+
+
+def align(session: Session, limits: Limits | None = None) -> Alignment:
+    """Return by how much a session's streams are apart, from the taps at its begin and its end.
+
+    The reference is the force where there is one, else the microphones, of which the pose then tells when to
+    listen. Every other stream's offset is measured in the first and in the last group of taps (see
+    `monochord.sync.taps` for the method and the sign: positive is late); between them it is taken to change
+    linearly.
+
+    Parameters
+    ----------
+    session
+        The session; its audio is read.
+    limits
+        What is flagged.
+
+    Returns
+    -------
+    The alignment. Without taps it changes nothing and says so in its flags.
+
+    Examples
+    --------
+    ``align(read_session(path)).flags`` is empty for a session that can be relied on.
+    """
+    limits = limits or Limits()
+    force, poses = _seen(session, "fz", "wrench"), _seen(session, "z", "pose")
+    guide, others = (force[0], poses) if force else (poses[0] if poses else None, [])
+    reference = force[0].stream if force else AUDIO
+    flags = _steps_of_the_wall_clock(session, limits)
+    groups = () if guide is None else groups_of((taps_of_force if force else taps_of_height)(*guide.rows))
+    if not groups:
+        if guide is not None:
+            flags.append(f"there are no taps in {guide.stream}: how far the streams are apart is not known")
+        return Alignment(reference=reference, lateness={}, flags=tuple(flags))
+    if len(groups) == 1:
+        flags.append(f"there are taps at {groups[0].begin[0]:.1f} s only: drift is not known")
+    ends = groups[0], groups[-1]
+    times = float(ends[0].middle.mean()), float(ends[1].middle.mean())
+    sound = _of_audio(session, ends[0], limits), _of_audio(session, ends[1], limits)
+    lateness: dict[str, Lateness] = {}
+    if force or guide is None:
+        lateness[AUDIO] = Lateness(times=times, offsets=sound)
+    else:
+        lateness[guide.stream] = Lateness(times=times, offsets=(_turned(sound[0]), _turned(sound[1])))
+        late = lateness[guide.stream]
+        groups = tuple(replace(group, begin=group.begin - late.at(group.begin)) for group in groups)
+    for seen in others:
+        both = _of_height(seen, ends[0], limits), _of_height(seen, ends[1], limits)
+        lateness[seen.stream] = Lateness(times=times, offsets=both)
+    spacing = {seen.stream: float(np.median(np.diff(seen.rows[0]))) for seen in poses}
+    for name, late in lateness.items():
+        flags += _flags_of(name, late, spacing.get(name, 0.0), limits)
+    used = (groups[0].begin, groups[-1].begin)[: len(groups)]
+    return Alignment(reference=reference, lateness=lateness, flags=tuple(flags), taps=used)
+
+
+def reading_times(track: ReadingTrack) -> Taken:
+    """Return when readings were taken, in session seconds, from the sender's clock or else its count.
+
+    See `monochord.sync.arrival.times_taken`; where the sender has neither, they are the times of arrival.
+    """
+    feed = track.feed
+    if feed.ticks > 0.0 and (track.device_time >= 0).all():
+        return times_taken(track.time, track.device_time, rate=feed.ticks)
+    if feed.rate > 0.0 and (track.sequence >= 0).all():
+        return times_taken(track.time, track.sequence, rate=feed.rate)
+    return times_taken(track.time, None)
+
+
+def aligned_readings(session: Session, stream: str, alignment: Alignment) -> ReadingTrack:
+    """Return a stream's readings in order, at the times when they were taken on the reference's clock.
+
+    Raises
+    ------
+    InputError
+        If the session has no such stream.
+    """
+    track = session.readings(stream)
+    time = alignment.correct(stream, reading_times(track).time)
+    order = np.argsort(time, kind="stable")
+    return replace(
+        track,
+        time=time[order],
+        values=track.values[order],
+        sequence=track.sequence[order],
+        device_time=track.device_time[order],
+        status=track.status[order],
+    )
+
+
+class _Seen(NamedTuple):
+    """A stream that sees taps: its times, rising, and what it saw."""
+
+    stream: str
+    rows: tuple[Floats, Floats]
+
+
+def _seen(session: Session, column: str, usual: str) -> list[_Seen]:
+    """Return the streams that have a column and readings, the one of the usual name first."""
+    names = [feed.stream for feed in session.description.feeds if column in feed.columns]
+    found: list[_Seen] = []
+    for name in sorted(names, key=lambda name: name != usual):
+        track = session.readings(name)
+        if track.time.size > 1:
+            time = reading_times(track).time
+            order = np.argsort(time)
+            found.append(_Seen(name, (time[order], track.column(column)[order])))
+    return found
+
+
+def _of_audio(session: Session, group: Taps, limits: Limits) -> Offset:
+    track, string = session.audio, session.description.string
+    reach = limits.offset + BEYOND
+    low, high = group.begin[0] - reach - SPARE, group.end[-1] + reach + SPARE
+    first, stop = (int(np.clip(track.frame(t), 0, track.samples.shape[1])) for t in (low, high))
+    travel = 0.0
+    if string is not None:
+        travel = travel_time(string.length, math.sqrt(string.tension / string.linear_density))[0]
+    return audio_offset(
+        group,
+        track.samples[:, first:stop],
+        first=float(track.time(first)),
+        rate=track.line[0],
+        travel=travel,
+        reach=reach,
+    )
+
+
+def _of_height(seen: _Seen, group: Taps, limits: Limits) -> Offset:
+    reach = limits.offset + BEYOND
+    time, height = seen.rows
+    edges = np.searchsorted(time, [group.begin[0] - reach - SPARE, group.end[-1] + reach + SPARE])
+    around = slice(*edges.tolist())
+    return height_offset(group, time[around], height[around], reach=reach)
+
+
+def _turned(offset: Offset) -> Offset:
+    """Return the offset of the reference against the stream, for the stream against the reference."""
+    return replace(offset, value=-offset.value, each=-offset.each)
+
+
+def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> list[str]:
+    """Return what is not as it should be with a stream, in a sentence each."""
+    flags: list[str] = []
+    drift = limits.drift if stream == AUDIO else limits.intervals * spacing
+    std = limits.std if stream == AUDIO else limits.intervals * spacing
+    ends = 2 if late.times[1] > late.times[0] else 1
+    for place, offset in zip(("begin", "end")[:ends], late.offsets[:ends], strict=True):
+        if not offset.known:
+            flags.append(f"{stream} notices no taps within {limits.offset:g} s at the {place}")
+            continue
+        if offset.taps < limits.taps:
+            flags.append(f"{stream} notices {offset.taps} taps at the {place}; {limits.taps} are needed")
+        if offset.std > std:
+            flags.append(
+                f"{stream}'s offset at the {place} is uncertain by {1e3 * offset.std:.2f} ms;"
+                f" allowed is {1e3 * std:.2f} ms"
+            )
+        if abs(offset.value) > limits.offset:
+            flags.append(
+                f"{stream} is {abs(offset.value):.2f} s {'late' if offset.value > 0.0 else 'early'} at the"
+                f" {place}; allowed is {limits.offset:g} s"
+            )
+    if abs(late.drift) > drift:
+        flags.append(
+            f"{stream} drifts by {1e3 * late.drift:+.2f} ms ({late.ppm:+.0f} ppm) from the begin to the end;"
+            f" allowed is {1e3 * drift:.2f} ms"
+        )
+    return flags
+
+
+def _steps_of_the_wall_clock(session: Session, limits: Limits) -> list[str]:
+    """Return a sentence for each leap of the wall clock against the monotonic one."""
+    track = session.clocks
+    offsets = track.offsets.get("realtime", np.zeros(0))
+    leaps = np.diff(offsets)
+    return [
+        f"the wall clock was set by {leaps[k]:+.3f} s"
+        f" between {track.time[k]:.1f} s and {track.time[k + 1]:.1f} s"
+        for k in np.flatnonzero(np.abs(leaps) > limits.step)
+    ]

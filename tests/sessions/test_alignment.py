@@ -1,0 +1,188 @@
+"""Alignment: known offsets and drifts of a whole session are found, flagged and taken away."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.errors import InputError
+from monochord.figures._tapped import RATE, Tapped, tapped
+from monochord.sessions import Description, Session, SessionClock, SessionWriter, read_session
+from monochord.sessions.alignment import Alignment, Lateness, Limits, align, aligned_readings, reading_times
+from monochord.sync.taps import offset_of
+from monochord.types import POSE, Block, Feed, Readings
+from monochord.units import Seconds
+
+Late = Mapping[str, tuple[Seconds, Seconds]]
+
+
+@cache
+def played(seed: int = 0, groups: tuple[float, ...] = (1.5, 8.0)) -> Tapped:
+    return tapped(groups=groups, force=(1.0, 0.3, 2.0)[seed % 3], seed=seed)
+
+
+def recorded(folder: Path, truth: Tapped) -> Session:
+    path = folder / "taps.mcap"
+    path.unlink(missing_ok=True)
+    truth.write(path)
+    return read_session(path)
+
+
+def true_offset(truth: Tapped, stream: str, time: Seconds) -> Seconds:
+    at = np.array([time])
+    return float((truth.stamps(stream, at) - truth.stamps("wrench", at))[0])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_known_offsets_at_both_ends_are_found(seed: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(-0.3, 0.3, 3)
+    moved = rng.uniform(-0.4e-3, 0.4e-3, 3)
+    late = {
+        name: (float(a), float(a + b))
+        for name, a, b in zip(("audio", "wrench", "pose"), start, moved, strict=True)
+    }
+    truth = replace(
+        played(seed % 3),
+        late=late,
+        rates=((7000.0, 1000.0)[seed % 2], (100.0, 250.0, 500.0)[seed % 3]),
+        seed=seed,
+    )
+    alignment = align(recorded(tmp_path, truth))
+    assert alignment.reference == "wrench"
+    assert alignment.flags == ()
+    for end, centre in enumerate((truth.touches[:5].mean(), truth.touches[5:].mean())):
+        audio, pose = (alignment.lateness[name].offsets[end] for name in ("audio", "pose"))
+        assert audio.value == pytest.approx(true_offset(truth, "audio", centre), abs=0.5e-3)
+        assert pose.value == pytest.approx(true_offset(truth, "pose", centre), abs=1.0 / truth.rates[1])
+        assert audio.taps >= 4
+        assert pose.taps == 5
+
+
+def test_times_are_corrected_all_along_the_session(tmp_path: Path) -> None:
+    late = {"audio": (0.05, 0.055), "wrench": (0.0, 0.0), "pose": (-0.2, -0.195)}
+    truth = replace(played(), late=late)
+    session = recorded(tmp_path, truth)
+    alignment = align(session)
+    true = np.linspace(0.5, 11.5, 50)
+    audio = alignment.correct("audio", truth.stamps("audio", true))
+    assert np.abs(audio - true).max() < 0.5e-3
+    pose = aligned_readings(session, "pose", alignment)
+    assert (np.diff(pose.time) > 0.0).all()
+    bottom = pose.time[pose.column("z") < -2e-4]
+    assert np.abs(bottom[:, None] - truth.touches - 0.003).min(axis=1).max() < 2.0 / truth.rates[1]
+    wrench = aligned_readings(session, "wrench", alignment)
+    known = np.interp(wrench.time, np.arange(truth.force.size) / RATE, truth.force)
+    assert np.corrcoef(known, wrench.column("fz"))[0, 1] > 0.9
+
+
+def test_a_drift_is_measured_and_flagged(tmp_path: Path) -> None:
+    truth = replace(played(), late={"audio": (0.01, 0.0125), "pose": (0.0, 0.03)})
+    alignment = align(recorded(tmp_path, truth))
+    audio, pose = alignment.lateness["audio"], alignment.lateness["pose"]
+    assert audio.ppm == pytest.approx(2.5e-3 / 12.0 * 1e6, abs=60.0)
+    assert pose.ppm == pytest.approx(0.03 / 12.0 * 1e6, abs=300.0)
+    assert audio.drift == pytest.approx(2.5e-3 / 12.0 * 6.5, abs=3.0 * audio.drift_std)
+    assert len(alignment.flags) == 2
+    assert alignment.flags[0].startswith("audio drifts by +1.")
+    assert alignment.flags[1].startswith("pose drifts by +1")
+    loose = align(recorded(tmp_path, truth), Limits(drift=5e-3, intervals=10.0))
+    assert loose.flags == ()
+
+
+def test_a_session_without_taps_is_left_alone_and_says_so(tmp_path: Path) -> None:
+    truth = replace(played(), force=np.zeros(12 * RATE))
+    session = recorded(tmp_path, truth)
+    alignment = align(session)
+    assert alignment.flags == ("there are no taps in wrench: how far the streams are apart is not known",)
+    time = np.array([0.0, 5.0])
+    assert (alignment.correct("audio", time) == time).all()
+    assert (
+        aligned_readings(session, "pose", alignment).time
+        == np.sort(reading_times(session.readings("pose")).time)
+    ).all()
+
+
+def test_taps_at_one_end_give_the_offset_but_no_drift(tmp_path: Path) -> None:
+    truth = replace(played(groups=(1.5,)), late={"audio": (0.1, 0.1)})
+    alignment = align(recorded(tmp_path, truth))
+    assert len(alignment.flags) == 1
+    assert alignment.flags[0].endswith("drift is not known")
+    assert np.isnan(alignment.lateness["audio"].drift)
+    assert alignment.correct("audio", np.array([11.1]))[0] == pytest.approx(11.0, abs=0.5e-3)
+    assert len(alignment.taps) == 1
+
+
+def test_too_few_taps_are_flagged(tmp_path: Path) -> None:
+    truth = tapped(groups=(1.5, 5.0), taps=2, seconds=8.0)
+    flags = align(recorded(tmp_path, truth)).flags
+    assert "audio notices 2 taps at the begin; 3 are needed" in flags
+    assert "audio notices 2 taps at the end; 3 are needed" in flags
+
+
+def test_an_offset_beyond_the_limit_is_told(tmp_path: Path) -> None:
+    truth = replace(played(), late={"audio": (1.2, 1.2)})
+    flags = align(recorded(tmp_path, truth)).flags
+    assert flags == (
+        "audio is 1.20 s late at the begin; allowed is 1 s",
+        "audio is 1.20 s late at the end; allowed is 1 s",
+    )
+
+
+def test_a_stream_that_hears_nothing_is_flagged(tmp_path: Path) -> None:
+    truth = replace(played(), microphones=np.zeros((2, 12 * RATE), np.float32))
+    alignment = align(recorded(tmp_path, truth))
+    assert alignment.flags[0] == "audio notices no taps within 1 s at the begin"
+    assert alignment.correct("audio", np.ones(1)).tolist() == [1.0]
+
+
+def test_a_wall_clock_that_was_set_is_flagged(tmp_path: Path) -> None:
+    path = tmp_path / "clocks.mcap"
+    with SessionWriter(path, Description(name="x", sample_rate=RATE), SessionClock.now()) as writer:
+        begin = writer.clock.origin
+        for second, offset in enumerate((1e9, 1e9 + 1e-4, 1e9 + 3600.0, 1e9 + 3600.0)):
+            writer.clocks(begin + second, {"realtime": offset})
+        writer.audio(Block(samples=np.zeros((2, 441), np.float32), start=0, adc_time=begin))
+    flags = align(read_session(path)).flags
+    assert flags == ("the wall clock was set by +3600.000 s between 1.0 s and 2.0 s",)
+
+
+def test_without_a_force_the_pose_is_put_on_the_microphones_clock(tmp_path: Path) -> None:
+    truth = played()
+    feed = Feed(stream="pose", columns=POSE, units=("m",) * 3 + ("",) * 4, rate=100.0)
+    path, rate = tmp_path / "pose.mcap", 100.0
+    description = Description(name="pose", sample_rate=RATE, feeds=(feed,))
+    with SessionWriter(path, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+        for start in range(0, truth.force.size, 4410):
+            samples = truth.microphones[:, start : start + 4410]
+            writer.audio(Block(samples=samples, start=start, adc_time=start / RATE))
+        time = np.arange(0.0, truth.seconds, 1.0 / rate)
+        values = np.zeros((time.size, 7))
+        values[:, 2], values[:, 6] = truth.height(time), 1.0
+        none = np.full(time.size, -1)
+        writer.readings(
+            Readings(stream="pose", time=time + 0.15, values=values, sequence=none, device_time=none,
+                     status=np.zeros(time.size, np.uint32))
+        )  # fmt: skip
+    alignment = align(read_session(path))
+    assert alignment.reference == "audio"
+    assert alignment.flags == ()
+    for offset in alignment.lateness["pose"].offsets:
+        assert offset.value == pytest.approx(0.15, abs=1.0 / rate)
+    assert np.abs(np.concatenate(alignment.taps) - truth.touches).max() < 1.0 / rate
+
+
+def test_lateness_runs_linearly_between_the_ends() -> None:
+    both = offset_of(np.array([0.1, 0.1, 0.1]), spacing=1e-3), offset_of(np.array([0.3, 0.3]), spacing=1e-3)
+    alignment = Alignment(reference="wrench", lateness={"audio": Lateness(times=(1.0, 9.0), offsets=both)})
+    corrected = alignment.correct("audio", np.array([1.1, 5.2, 9.3, 13.4]))
+    assert np.allclose(corrected, [1.0, 5.0, 9.0, 13.0])
+
+
+def test_a_stream_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    session = recorded(tmp_path, played())
+    with pytest.raises(InputError, match="stream 'gripper'"):
+        aligned_readings(session, "gripper", Alignment(reference="wrench", lateness={}))
