@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,12 @@ import pytest
 from tests.lab.tiny import LATE, session, tiny
 
 from monochord.errors import InputError
+from monochord.lab import bench
 from monochord.lab.bench import Outcome, delays, describe, make
-from monochord.lab.plan import ForceSensor
-from monochord.lab.render import Rendering, render
+from monochord.lab.plan import Assignment, ForceSensor
+from monochord.lab.render import Rendering, pieces, render
 from monochord.sessions import Session, check, read_session
+from monochord.sessions.alignment import align
 
 LOSSY = tiny(force_sensor=ForceSensor(lost=0.01), force_rate=7000.0)
 Made = tuple[Outcome, Session, Rendering, dict[str, float]]
@@ -88,6 +91,16 @@ def test_the_file_tells_all_and_passes_its_check(made: Made) -> None:
     assert outcome.seconds == pytest.approx(there.audio.samples.shape[1] / 44100)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_taps_give_the_delays_away(seed: int, tmp_path: Path) -> None:
+    outcome = make(session("hold_000", seed=seed), tmp_path)
+    told, late = align(read_session(outcome.path)), delays(session("hold_000", seed=seed))
+    assert told.flags == ()
+    for stream, within in (("audio", 0.5e-3), ("pose", 4e-3)):
+        for offset in told.lateness[stream].offsets:
+            assert offset.value == pytest.approx(late[stream] - late["wrench"], abs=within)
+
+
 def test_delays_are_each_session_s_own_and_in_range() -> None:
     found = [delays(session(name, seed=seed)) for name in ("hold_000", "slide_000") for seed in range(5)]
     for stream in ("audio", "wrench", "pose"):
@@ -118,10 +131,27 @@ def test_a_session_that_is_there_is_kept(tmp_path: Path) -> None:
         make(session("hold_000", seed=1), tmp_path)
 
 
+def test_two_that_make_the_same_session_do_not_mind_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = session("hold_000")
+
+    def overtaken(told: Assignment) -> Iterator[Rendering]:
+        yield from pieces(told)
+        if told is one:
+            make(session("hold_000"), tmp_path)
+
+    monkeypatch.setattr(bench, "pieces", overtaken)
+    first = make(one, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["hold_000.mcap"]
+    assert read_session(first.path).complete
+
+
 def test_a_killed_worker_leaves_nothing_that_counts(tmp_path: Path) -> None:
     code = (
         "from pathlib import Path\n"
-        "from monochord.lab.bench import make\n"
+        "from monochord.lab import bench
+from monochord.lab.bench import make\n"
         "from monochord.lab.plan import assignments\n"
         "from monochord.lab.plans import load_plan\n"
         f"make(assignments(load_plan('small'))[0], Path({str(tmp_path)!r}))\n"

@@ -87,7 +87,8 @@ def make(session: Assignment, folder: Path) -> Outcome:
             desk = _Desk(session, writer)
             for piece in pieces(session):
                 desk.write(piece)
-        part.replace(path)
+        with suppress(FileNotFoundError):  # another made the same meanwhile, and tidied this away
+            part.replace(path)
     finally:
         part.unlink(missing_ok=True)
     for left in folder.glob(f"{path.name}.part-*"):
