@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from monochord.types import Audio, Floats
@@ -39,12 +38,15 @@ TAPER = 0.05
 """Share of a stretch over which it fades in and out: keeps a loud partial from leaking into all bins."""
 PEAK = 0.05
 LIKE = 0.7
-MOST = 0.6
+MOST = 0.5
 CHANCE = 6.0
 """What a peak must reach at least, in deviations of the peaks by chance."""
 EXCERPT: Samples = 1 << 13
 PLACES = 16
 """Frames of an excerpt that is compared at the full rate, and how many there are."""
+LONG: Samples = 1 << 16
+NEAR: Samples = 200
+"""Frames of an excerpt by which the exact lag is found, and how far about the rough lag it is looked for."""
 
 Track = Callable[[int], Audio]
 """Returns the samples (channels, n) of a session by its number."""
@@ -104,7 +106,12 @@ def find_duplicates(track: Track, pairs: Iterable[tuple[int, int]]) -> list[Dupl
             peak, lag = _agreement(one, other)
             if peak < max(PEAK, CHANCE / math.sqrt(min(one.size, other.size) / 2)):
                 continue
-            exact, share = _alike(track(pair[0]), track(pair[1]), lag * STEP)
+            sounds = track(pair[0]), track(pair[1])
+            first, last = _overlap(*sounds, lag * STEP)
+            if last - first < 2 * EXCERPT:
+                continue
+            exact = _exact(*sounds, lag * STEP)
+            share = _share(*sounds, exact)
             if share >= MOST:
                 found.append(Duplicate(first=pair[0], second=pair[1], lag=exact, peak=peak, share=share))
                 break
@@ -141,21 +148,34 @@ def _agreement(one: _Stretch, other: _Stretch) -> tuple[float, int]:
     return float(curve[at]), lag + other.begin - one.begin
 
 
-def _alike(one: Audio, other: Audio, lag: Samples) -> tuple[Samples, float]:
-    """Return the best lag near the given one, and in which share of places waveforms correlate there."""
-    first, last = max(0, -lag), min(one.shape[1], other.shape[1] - lag)
-    if last - first < EXCERPT:
-        return lag, 0.0
-    wide = 2 * STEP
-    values: list[Floats] = []
+def _exact(one: Audio, other: Audio, lag: Samples) -> Samples:
+    """Return the lag in frames near the given one, by the phase correlation at the full rate."""
+    first, last = _overlap(one, other, lag)
+    size = min(LONG, last - first)
+    fade = np.hanning(size)
+    total = np.zeros(2 * NEAR + 1)
+    for begin in np.linspace(first, last - size, PLACES // 4).astype(int).tolist():
+        a, b = (
+            np.fft.rfft(fade * _mono(each, at, size)) for each, at in ((one, begin), (other, begin + lag))
+        )
+        cross = a.conj() * b
+        curve = np.fft.irfft(cross / np.maximum(np.abs(cross), 1e-30), size)
+        total += np.concatenate([curve[-NEAR:], curve[: NEAR + 1]])
+    return lag + int(np.abs(total).argmax()) - NEAR
+
+
+def _share(one: Audio, other: Audio, lag: Samples) -> float:
+    """Return in which share of places all over the overlap the waveforms correlate at a lag."""
+    first, last = _overlap(one, other, lag)
+    alike = 0
     for begin in np.linspace(first, last - EXCERPT, PLACES).astype(int).tolist():
-        a = _mono(one, begin, EXCERPT)
-        b = sliding_window_view(_mono(other, begin + lag - wide, EXCERPT + 2 * wide), EXCERPT)
-        level = np.sqrt((b**2).sum(axis=1) * np.vdot(a, a))
-        values.append(np.abs(b @ a) / np.maximum(level, 1e-30))
-    curves = np.array(values)
-    best = int(curves.mean(axis=0).argmax())
-    return lag + best - wide, float(np.mean(curves[:, best] >= LIKE))
+        a, b = _mono(one, begin, EXCERPT), _mono(other, begin + lag, EXCERPT)
+        alike += bool(abs(np.vdot(a, b)) >= LIKE * np.linalg.norm(a) * np.linalg.norm(b) > 0.0)
+    return alike / PLACES
+
+
+def _overlap(one: Audio, other: Audio, lag: Samples) -> tuple[Samples, Samples]:
+    return max(0, -lag), min(one.shape[1], other.shape[1] - lag)
 
 
 def _mono(samples: Audio, begin: Samples, size: Samples) -> Floats:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, Flags
 from monochord.types import Floats
 
@@ -49,3 +50,15 @@ def counts_of(kind: NDArray[np.int8]) -> dict[str, int]:
     """
     counts = np.bincount(kind, minlength=len(KINDS)).tolist()
     return dict(zip(KINDS, counts, strict=True))
+
+
+def table_of(dataset: Dataset, split: Split) -> dict[str, dict[str, dict[str, int]]]:
+    """Return how many windows of each kind each part has of each object: part, object, kind."""
+    kind, body = kinds(dataset), np.array([part.body for part in dataset.manifest.parts])
+    return {
+        name: {
+            str(each): counts_of(kind[rows[body[dataset.session[rows]] == each]])
+            for each in np.unique(body[dataset.session[rows]])
+        }
+        for name, rows in split.parts.items()
+    }

@@ -106,7 +106,7 @@ def window_labels(truth: LabelTrack, begin: Floats, end: Floats, rules: Rules = 
     contact = truth.columns["contact"]
     touched = np.where(contact >= 0.5, 1.0, 0.0)
     _, share = steps.mean(np.where(np.isnan(contact), np.nan, touched))
-    decided = np.select([share >= rules.touched, share <= rules.untouched], [1.0, 0.0], np.nan)
+    decided = _decided(share, rules.touched, rules.untouched)
     is_touch = decided == 1.0
     labels: Columns = {
         "contact": decided,
@@ -123,7 +123,7 @@ def window_labels(truth: LabelTrack, begin: Floats, end: Floats, rules: Rules = 
         elif name == "slip":
             sliding = np.where(np.isnan(values), np.nan, (values >= 0.5).astype(np.float64))
             _, part = steps.mean(sliding, touching)
-            slip = np.select([part >= rules.sliding, part <= rules.still], [1.0, 0.0], np.nan)
+            slip = _decided(part, rules.sliding, rules.still)
             labels[name] = np.where(is_touch, slip, np.nan)
         elif name in OF_A_TOUCH:
             _, mean = steps.mean(values, touching)
@@ -139,6 +139,11 @@ def window_labels(truth: LabelTrack, begin: Floats, end: Floats, rules: Rules = 
         spread = np.sqrt(np.maximum(square - mean**2, 0.0))
         labels["force_std"] = np.where(is_touch, spread, np.nan)
     return labels
+
+
+def _decided(share: Floats, most: float, least: float) -> Floats:
+    """Return 1 for shares (n,) of `most` or more, 0 for `least` or less, NaN between; to a billionth."""
+    return np.select([share >= most - 1e-9, share <= least + 1e-9], [1.0, 0.0], np.nan)
 
 
 class _Steps:

@@ -31,6 +31,8 @@ from monochord.units import Samples, Seconds
 
 By: TypeAlias = Literal["session", "object", "time", "day"]
 PARTS = ("train", "validation", "test")
+SHARES = (0.7, 0.15, 0.15)
+"""Of the windows, by default."""
 REACH = 0.25
 """How far a cut in time may be moved to an untouched window, as a share of the shorter stretch beside it."""
 
@@ -47,7 +49,7 @@ class Split:
     by: By
     parts: Mapping[str, Indices]
     seed: int = 0
-    fractions: tuple[float, float, float] = (0.7, 0.15, 0.15)
+    fractions: tuple[float, float, float] = SHARES
     guard: Samples = 0
     held_out: tuple[str, ...] = ()
     left_out: int = 0
@@ -112,7 +114,7 @@ def split_dataset(
     dataset: Dataset,
     *,
     by: str = "session",
-    fractions: tuple[float, float, float] = (0.7, 0.15, 0.15),
+    fractions: tuple[float, float, float] = SHARES,
     seed: int = 0,
     held_out: Sequence[str] = (),
     guard: Seconds | None = None,
@@ -141,7 +143,7 @@ def split_dataset(
         If single windows are to be shuffled, the shares or names are not possible, or there are too few
         groups.
     """
-    _refuse(by, fractions, held_out)
+    refuse_impossible(by, fractions, held_out)
     size, hop, rate = dataset.manifest.window, dataset.manifest.hop, dataset.manifest.sample_rate
     least = size + hop
     gap = least if guard is None else round(guard * rate)
@@ -177,7 +179,13 @@ def split_dataset(
     )
 
 
-def _refuse(by: str, fractions: tuple[float, float, float], held_out: Sequence[str]) -> None:
+def refuse_impossible(
+    by: str, fractions: tuple[float, float, float] = SHARES, held_out: Sequence[str] = ()
+) -> None:
+    """Raise `InputError` for a split that is refused whatever the dataset.
+
+    >>> refuse_impossible("session")
+    """
     ways = get_args(By)
     if by in ("window", "windows", "random", "shuffle"):
         raise InputError(
@@ -268,13 +276,16 @@ def _by_time(
 ) -> Indices:
     """Return the part of every window, -1 in the guard gaps."""
     part_of = np.full(len(dataset), -1, np.int64)
-    contact = dataset.label("contact")
+    contact, calibrating = dataset.label("contact"), dataset.label("calibrating")
     used = [number for number, share in enumerate(fractions) if share > 0.0]
     for part in dataset.manifest.parts:
         rows = np.arange(part.first, part.first + part.windows)
+        if not rows.size:
+            continue
         order = rng.permutation(used).tolist()
         shares = [fractions[number] for number in order]
-        cuts = np.rint(np.cumsum([0.0, *shares]) * len(rows)).astype(int).tolist()
+        counted = np.cumsum(calibrating[rows] != 1.0)
+        cuts = np.searchsorted(counted, np.cumsum([0.0, *shares]) * counted[-1]).tolist()
         cuts = [0, *(_calm(contact[rows], cuts, at) for at in range(1, len(cuts) - 1)), len(rows)]
         begin = dataset.start[rows]
         free = 0  # the first frame that the next stretch may begin at

@@ -1,0 +1,90 @@
+"""Small sessions and datasets: noise for sound, so that no two are alike, and touches of a second each."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.datasets.build import Options, build_dataset
+from monochord.datasets.store import Dataset
+from monochord.sessions import Description, SessionClock, SessionWriter
+from monochord.types import Block
+
+RATE = 8000
+SECONDS = 12.0
+Write = Callable[..., Path]
+Make = Callable[..., Dataset]
+
+
+def sound(seed: int, seconds: float = SECONDS) -> np.ndarray:
+    """Two channels of noise."""
+    return 0.1 * np.random.default_rng(seed).normal(size=(2, round(seconds * RATE))).astype(np.float32)
+
+
+def touches(seconds: float = SECONDS) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """A second of touch in every two, from 1 s on; it slides in the last half of every other touch."""
+    time = np.arange(round(seconds * 100)) / 100
+    touched = (time % 2.0 >= 1.0).astype(float)
+    nan = np.where(touched > 0.0, 0.0, np.nan)
+    return time, {
+        "contact": touched,
+        "position": 0.05 + 0.01 * np.floor(time / 2.0) + nan,
+        "force": 0.5 + 0.1 * np.floor(time / 2.0) + nan,
+        "slip": (time % 4.0 >= 3.5).astype(float) + nan,
+    }
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Return what writes a session."""
+
+    def written(
+        name: str,
+        samples: np.ndarray | None = None,
+        *,
+        folder: str = "sessions",
+        labels: Mapping[str, np.ndarray] | None = None,
+        lost: tuple[int, int] = (0, 0),
+        **description: Any,
+    ) -> Path:
+        samples = sound(sum(name.encode()) + len(name)) if samples is None else samples
+        (tmp_path / folder).mkdir(exist_ok=True)
+        path = tmp_path / folder / f"{name}.mcap"
+        told = Description(name=name, sample_rate=RATE, **description)
+        time, usual = touches(samples.shape[1] / RATE)
+        with SessionWriter(path, told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+            for first, stop in ((0, lost[0]), (lost[1], samples.shape[1])):
+                if stop > first:
+                    dropped = lost[1] - lost[0] if first else 0
+                    part = samples[:, first:stop]
+                    writer.audio(Block(samples=part, start=first, dropped=dropped, adc_time=first / RATE))
+            writer.labels(time, usual if labels is None else labels)
+        return path
+
+    return written
+
+
+@pytest.fixture
+def make(tmp_path: Path, write: Write) -> Make:
+    """Return what builds a dataset of sessions, given as keywords of `write` by name."""
+
+    def made(sessions: Mapping[str, Mapping[str, Any]], **options: Any) -> Dataset:
+        files = [write(name, **told) for name, told in sessions.items()]
+        number = sum(path.name.startswith("dataset") for path in tmp_path.iterdir())
+        return build_dataset(files, tmp_path / f"dataset{number}", Options(**options))
+
+    return made
+
+
+@pytest.fixture
+def several(make: Make) -> Dataset:
+    """Ten sessions of three objects on five days."""
+    bodies = ["plastic"] * 6 + ["wood"] * 2 + ["metal"] * 2
+    return make(
+        {
+            f"take{number}": {"object": body, "material": body, "day": number % 5}
+            for number, body in enumerate(bodies)
+        }
+    )

@@ -1,0 +1,146 @@
+"""The audit catches each kind of leak that is planted, and nothing else."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.datasets.audit import audit
+from monochord.datasets.split import Split, split_dataset
+from monochord.datasets.store import Dataset
+from monochord.errors import InputError
+
+Make = Callable[..., Dataset]
+RATE = 8000
+
+
+def split_of(dataset: Dataset, train: Any, test: Any, *, by: Any = "session", guard: int = 0) -> Split:
+    parts: Mapping[str, Any] = {"train": train, "validation": [], "test": test}
+    return Split(by=by, parts={name: np.array(rows, np.int64) for name, rows in parts.items()}, guard=guard)
+
+
+def rows_of(dataset: Dataset, *sessions: int) -> list[int]:
+    return np.flatnonzero(np.isin(dataset.session, sessions)).tolist()
+
+
+def kinds_found(dataset: Dataset, split: Split) -> dict[str, int]:
+    return {leak.kind: leak.many for leak in audit(dataset, split).leaks}
+
+
+@pytest.fixture
+def two(make: Make) -> Dataset:
+    return make({"one": {"object": "wood", "day": 1}, "two": {"object": "steel", "day": 2}})
+
+
+def test_a_clean_split_passes(two: Dataset) -> None:
+    found = audit(two, split_of(two, rows_of(two, 0), rows_of(two, 1), by="object"))
+    assert found.clean
+    assert not found.notes
+    found.refuse_leaks()
+
+
+def test_a_window_in_two_parts(two: Dataset) -> None:
+    split = split_of(two, rows_of(two, 0), [*rows_of(two, 1), 5, 7])
+    assert kinds_found(two, split)["shared window"] == 2
+    with pytest.raises(
+        InputError, match=r"shared window: train and test, 2 windows \(rows 5, 7\), and \d more"
+    ):
+        audit(two, split, duplicates=False).refuse_leaks()
+
+
+def test_a_window_twice_in_one_part(two: Dataset) -> None:
+    assert kinds_found(two, split_of(two, [1, 1, 2, 2, 2], rows_of(two, 1))) == {"repeated window": 3}
+
+
+def test_windows_that_overlap(make: Make) -> None:
+    dataset = make({"one": {}}, hop=0.04)  # windows up to two apart share samples
+    for first, many in ((102, 0), (101, 1), (100, 2)):
+        split = split_of(dataset, range(100), range(first, 200), by="time")
+        assert kinds_found(dataset, split).get("shared samples", 0) == many
+
+
+def test_a_guard_gap_that_is_too_small(two: Dataset) -> None:
+    size, hop = two.manifest.window, two.manifest.hop
+    for first, leak in ((51, True), (52, False)):  # a gap of 0.1 and of 0.2 s, which a window and a hop are
+        split = split_of(two, range(50), range(first, 100), by="time", guard=0)
+        assert (kinds_found(two, split) == {"guard gap": 1}) == leak
+    wide = split_of(two, range(50), range(52, 100), by="time", guard=size + 2 * hop)
+    assert kinds_found(two, wide) == {"guard gap": 1}
+
+
+def test_sessions_days_and_objects_that_are_in_two_parts(make: Make) -> None:
+    told = {"a": ("wood", 1), "b": ("wood", 2), "c": ("steel", 1), "d": ("steel", 2)}
+    dataset = make({name: {"object": body, "day": day} for name, (body, day) in told.items()})
+    shared = split_of(dataset, range(60), range(100, 240), by="session")
+    assert kinds_found(dataset, shared) == {"shared session": 20}
+    assert kinds_found(dataset, replace(shared, by="time")) == {}
+    days = split_of(dataset, rows_of(dataset, 0), rows_of(dataset, 2), by="day")
+    assert kinds_found(dataset, days) == {"shared day": 120}
+    objects = split_of(dataset, rows_of(dataset, 0), rows_of(dataset, 1), by="object")
+    assert kinds_found(dataset, objects) == {"shared object": 120}
+    assert kinds_found(dataset, replace(objects, by="session")) == {}
+
+
+def test_validation_may_share_the_objects_of_the_training(make: Make) -> None:
+    dataset = make({"a": {"object": "wood"}, "b": {"object": "wood"}, "c": {"object": "steel"}})
+    parts = {"train": 0, "validation": 1, "test": 2}
+    split = Split(by="object", parts={name: np.array(rows_of(dataset, n)) for name, n in parts.items()})
+    assert audit(dataset, split).clean
+
+
+def noise(seed: int, seconds: float = 12.0) -> np.ndarray:
+    return 0.1 * np.random.default_rng(seed).normal(size=(2, round(seconds * RATE))).astype(np.float32)
+
+
+def test_the_same_samples_under_another_name(make: Make) -> None:
+    dataset = make(
+        {"one": {"samples": noise(1)}, "two": {"samples": noise(2)}, "copy": {"samples": noise(1)}}
+    )
+    names = [part.name for part in dataset.manifest.parts]
+    copy, one, two = (rows_of(dataset, names.index(name)) for name in ("copy", "one", "two"))
+    assert kinds_found(dataset, split_of(dataset, one + two, copy)) == {"same checksum": 120}
+    assert kinds_found(dataset, split_of(dataset, one + copy, two)) == {}
+
+
+def changed(samples: np.ndarray, how: str) -> np.ndarray:
+    hiss = np.random.default_rng(99).normal(size=samples.shape).astype(np.float32)
+    match how:
+        case "shifted":
+            return samples[:, 4321:]
+        case "late":
+            return np.concatenate([np.zeros((2, 777), np.float32), samples], axis=1)
+        case "scaled":
+            return -0.37 * samples
+        case "swapped":
+            return samples[::-1].copy()
+        case "noisy":
+            return samples + 0.03 * hiss
+        case _:
+            return np.round(0.5 * samples[:, 1234:] * 32767.0).astype(np.float32) / 32767.0
+
+
+@pytest.mark.parametrize("how", ["shifted", "late", "scaled", "swapped", "noisy", "all at once"])
+def test_a_copy_that_was_changed(make: Make, how: str) -> None:
+    original = noise(1)
+    dataset = make({"a": {"samples": original}, "b": {"samples": changed(original, how)}, "c": {}})
+    split = split_of(dataset, rows_of(dataset, 0), rows_of(dataset, 1, 2))
+    (leak,) = audit(dataset, split).leaks
+    assert leak.kind == "near duplicate"
+    assert leak.where.startswith("a and b")
+    assert leak.parts == ("train", "test")
+
+
+def test_a_split_of_another_dataset(two: Dataset, several: Dataset) -> None:
+    assert kinds_found(two, split_dataset(several)) == {"other dataset": 0} | {
+        kind: many for kind, many in kinds_found(two, split_dataset(several)).items() if many
+    }
+    assert kinds_found(two, split_of(two, range(10), [20, 10_000])) == {"other dataset": 1}
+
+
+def test_a_torn_touch_is_noted(two: Dataset) -> None:
+    split = split_of(two, range(13), range(16, 120), by="time")  # touched from 1 to 2 s
+    found = audit(two, split)
+    assert found.clean
+    assert list(found.notes) == ["1 touch on both sides of a cut"]

@@ -1,0 +1,149 @@
+"""Sessions become a dataset whole, or not at all."""
+
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.datasets.build import Options, build_dataset, find_sessions
+from monochord.datasets.store import Dataset
+from monochord.errors import InputError
+
+Make = Callable[..., Dataset]
+Write = Callable[..., Path]
+RATE = 8000
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_equal_sessions_give_equal_bytes_in_whatever_order(write: Write, tmp_path: Path) -> None:
+    files = [write(name) for name in ("b", "a", "c")]
+    one, two = (
+        build_dataset(order, tmp_path / str(len(order[0].name) + n))
+        for n, order in enumerate((files, files[::-1]))
+    )
+    assert contents(one.path) == contents(two.path)
+    assert [part.name for part in one.manifest.parts] == ["a", "b", "c"]
+
+
+def test_samples_are_kept_and_what_is_wrong_with_them_is_flagged(make: Make) -> None:
+    samples = 0.1 * np.random.default_rng(0).normal(size=(2, 4 * RATE)).astype(np.float32)
+    samples[0, 850], samples[1, 2500], samples[0, 4100] = 1.0, np.nan, -np.inf
+    dataset = make({"one": {"samples": samples, "lost": (5000, 6500)}})
+    assert np.flatnonzero(dataset.clipped).tolist() == [1, 5]  # infinite is clipped, too
+    assert np.flatnonzero(dataset.not_finite).tolist() == [3, 5]
+    assert np.flatnonzero(dataset.has_gap).tolist() == [6, 7, 8]
+    assert np.flatnonzero(~dataset.usable).tolist() == [3, 5, 6, 7, 8]
+    expected = samples.copy()
+    expected[:, 5000:6500] = 0.0
+    assert np.array_equal(dataset.audio(0), expected, equal_nan=True)
+    assert dataset.manifest.counts["masked"] == 5
+
+
+def test_labels_follow_the_touches(make: Make) -> None:
+    dataset = make({"one": {}})
+    assert dataset.label("contact")[:30].tolist() == [0.0] * 10 + [1.0] * 10 + [0.0] * 10
+    assert dataset.label("position")[15] == pytest.approx(0.05)
+    assert dataset.label("force")[35] == pytest.approx(0.6)
+    assert not dataset.valid["force"][25]
+    assert not dataset.label("calibrating").any()
+
+
+def test_columns_that_only_some_sessions_have(make: Make) -> None:
+    time = np.arange(200) / 100
+    told = {"contact": np.ones(200), "grip": time}
+    short = 0.1 * np.ones((2, 2 * RATE), np.float32)
+    dataset = make({"one": {"samples": short, "labels": told}, "two": {"samples": 2 * short}})
+    assert np.isfinite(dataset.label("grip")).tolist() == [True] * 20 + [False] * 20
+    assert np.isnan(dataset.label("force"))[:20].all()
+
+
+def test_an_existing_folder_is_never_written_to(write: Write, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    with pytest.raises(InputError, match="which is there already: allowed is a new folder"):
+        build_dataset([write("one")], tmp_path / "out")
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_what_fails_midway_leaves_nothing(write: Write, tmp_path: Path) -> None:
+    (bad := tmp_path / "sessions" / "bad.mcap").parent.mkdir(exist_ok=True)
+    files = [write("a"), write("z"), bad]
+    bad.write_bytes(b"no session")
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(InputError, match="bad"):
+        build_dataset(files, tmp_path / "out")
+    assert sorted(tmp_path.iterdir()) == before
+    dataset = build_dataset(files, tmp_path / "out", Options(skip=True))
+    assert [part.name for part in dataset.manifest.parts] == ["a", "z"]
+    assert list(dataset.manifest.refused) == ["bad"]
+    with pytest.raises(InputError, match="no session that can be used"):
+        build_dataset([bad], tmp_path / "none", Options(skip=True))
+
+
+def test_sessions_of_one_name_are_told_apart_by_their_folders(write: Write, tmp_path: Path) -> None:
+    files = [write("one", folder="monday"), write("one", folder="tuesday"), write("two")]
+    dataset = build_dataset(files, tmp_path / "out")
+    assert [part.name for part in dataset.manifest.parts] == ["monday/one", "tuesday/one", "two"]
+    with pytest.raises(InputError, match="two sessions called monday/one"):
+        build_dataset([files[0], files[0]], tmp_path / "twice")
+
+
+def test_sessions_of_different_rates_are_refused(write: Write, tmp_path: Path) -> None:
+    mono = np.ones((1, RATE), np.float32)
+    with pytest.raises(InputError, match="session two with 1 channels at 8000 Hz: allowed is 2 channels"):
+        build_dataset([write("one"), write("two", mono, channels=1)], tmp_path / "out")
+
+
+def test_nothing_and_nowhere_are_refused(write: Write, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no sessions"):
+        build_dataset([], tmp_path / "out")
+    with pytest.raises(InputError, match="which is not there"):
+        build_dataset([write("one")], tmp_path / "absent" / "out")
+    with pytest.raises(InputError, match="window 0 s"):
+        Options(window=0.0)
+    with pytest.raises(InputError, match="hop 100 s"):
+        Options(hop=100.0)
+
+
+def test_a_session_shorter_than_a_window_has_none(make: Make) -> None:
+    dataset = make({"one": {}, "short": {"samples": np.ones((2, 100), np.float32)}})
+    assert [part.windows for part in dataset.manifest.parts] == [120, 0]
+
+
+def test_progress_is_told(write: Write, tmp_path: Path) -> None:
+    told: list[tuple[str, int, int]] = []
+    build_dataset([write("a"), write("b")], tmp_path / "out", progress=lambda *now: told.append(now))
+    assert told == [("a", 0, 2), ("b", 1, 2), ("", 2, 2)]
+
+
+def test_memory_holds_a_session_at_a_time(write: Write, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    files = [write(f"s{n}", rng.normal(size=(2, 40 * RATE)).astype(np.float32)) for n in range(6)]
+
+    def peak(count: int) -> int:
+        tracemalloc.start()
+        build_dataset(files[:count], tmp_path / f"out{count}")
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    peak(1)
+    assert peak(6) < 1.5 * peak(2)
+
+
+def test_files_folders_and_patterns(write: Write, tmp_path: Path) -> None:
+    one, two = write("one"), write("two", folder="sessions/deep")
+    assert find_sessions([str(tmp_path / "sessions")]) == [two, one]
+    assert find_sessions([str(tmp_path / "sessions" / "o*.mcap"), str(one)]) == [one]
+    assert find_sessions([str(two)]) == [two]
+    for absent in ("nothing*.mcap", "nothing", str(tmp_path / "empty")):
+        with pytest.raises(InputError, match=r"files .mcap, a folder"):
+            find_sessions([absent])

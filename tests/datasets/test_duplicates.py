@@ -1,0 +1,76 @@
+"""A copy is told from another take of the same string, which is as periodic."""
+
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from monochord.datasets.duplicates import find_duplicates
+from monochord.dsp.noise import mixed, pink, white
+from monochord.physics.materials import load_material
+from monochord.physics.sensors import load_sensor
+from monochord.physics.twin import Key, Pluck, Scene, Touch, advance, begin
+from monochord.types import Audio
+
+RATE, SECONDS = 44100, 12
+
+
+@cache
+def take(touches: int, seed: int) -> Audio:
+    """A driven string, touched here and there as `touches` says; another seed is another hiss and surface."""
+    rng = np.random.default_rng(touches)
+    keys: list[Key] = []
+    for start in np.arange(1.0, SECONDS - 2.0, 2.0).tolist():
+        place, force = rng.uniform(0.05, 0.13), rng.uniform(0.3, 2.0)
+        keys += [
+            Key(time=start, position=place, clearance=1e-3),
+            Key(time=start + 0.05, position=place, force=force),
+        ]
+        keys += [Key(time=start + 1.5, position=place, force=force)]
+        keys += [Key(time=start + 1.6, position=place, clearance=1e-3)]
+    touch = Touch(material=load_material("plastic"), motion=tuple(keys))
+    pluck = Pluck(position=0.03 + 0.01 * (touches % 5), height=1e-4)
+    twin = begin(load_sensor("prototype"), Scene(touches=(touch,), pluck=pluck), seed=seed)
+    return advance(twin, SECONDS * RATE)[0].microphones
+
+
+def found(*takes: Audio) -> list[tuple[int, int, int]]:
+    pairs = combinations(range(len(takes)), 2)
+    return [(each.first, each.second, each.lag) for each in find_duplicates(takes.__getitem__, pairs)]
+
+
+def test_takes_of_one_string_are_no_copies_of_each_other() -> None:
+    assert not found(*(take(touches, touches) for touches in range(5)))
+
+
+@pytest.mark.parametrize("ratio", [40.0, 20.0, 10.0, 5.0])
+def test_a_copy_is_found_through_noise_a_shift_and_a_scale(ratio: float) -> None:
+    cut = -0.4 * take(1, 1)[:, 12345:].astype(np.float64)
+    rng = np.random.default_rng(0)
+    for noise in (white, pink):
+        copy = mixed(cut, noise(rng, cut.shape, RATE), ratio).astype(np.float32)
+        assert found(take(0, 0), take(1, 1), copy) == [(1, 2, -12345)]
+
+
+def test_a_third_of_a_take_is_found_in_it() -> None:
+    assert found(take(2, 2), take(2, 2)[:, 4 * RATE : 8 * RATE]) == [(0, 1, -4 * RATE)]
+
+
+def test_the_same_music_beside_two_takes_is_no_copy() -> None:
+    music = np.tile(pink(np.random.default_rng(5), (2 * RATE,), RATE), SECONDS // 2)
+    noisy = [mixed(each.astype(float), np.stack([music] * 2), 10.0) for each in (take(0, 0), take(3, 3))]
+    assert not found(*(each.astype(np.float32) for each in noisy))
+
+
+def test_silence_and_what_is_too_short_are_no_copies() -> None:
+    silent = np.zeros((2, RATE), np.float32)
+    short = np.random.default_rng(0).normal(size=(2, 2000)).astype(np.float32)
+    assert not found(silent, silent, short, short)
+
+
+def test_samples_that_are_no_numbers_count_as_silence() -> None:
+    holed = take(0, 0).copy()
+    holed[:, 5 * RATE : 5 * RATE + 100] = np.nan
+    holed[0, 7 * RATE] = np.inf
+    assert found(take(0, 0), holed) == [(0, 1, 0)]

@@ -1,0 +1,112 @@
+"""Splits keep apart what they say, come near their shares, and can be made again."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.datasets.audit import audit
+from monochord.datasets.split import PARTS, Split, split_dataset
+from monochord.datasets.store import Dataset
+from monochord.errors import InputError
+
+
+@pytest.mark.parametrize("by", ["session", "object", "time", "day"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_split_is_clean_complete_and_determined_by_its_seed(several: Dataset, by: str, seed: int) -> None:
+    split = split_dataset(several, by=by, seed=seed)
+    again = split_dataset(several, by=by, seed=seed)
+    assert all((split.parts[name] == again.parts[name]).all() for name in PARTS)
+    rows = np.concatenate(list(split.parts.values()))
+    assert np.unique(rows).size == rows.size == len(several) - split.left_out
+    assert audit(several, split, duplicates=False).clean
+
+
+def test_another_seed_gives_another_split(several: Dataset) -> None:
+    tests = {tuple(split_dataset(several, by="session", seed=seed).test.tolist()) for seed in range(8)}
+    assert len(tests) > 3
+
+
+def test_shares_are_kept_as_well_as_whole_sessions_allow(several: Dataset) -> None:
+    split = split_dataset(several, by="session", fractions=(0.6, 0.2, 0.2))
+    assert [len(split.parts[name]) / len(several) for name in PARTS] == pytest.approx(
+        [0.6, 0.2, 0.2], abs=0.01
+    )
+
+
+def test_sessions_of_every_object_are_tested_where_there_are_enough(several: Dataset) -> None:
+    split = split_dataset(several, by="session", fractions=(0.5, 0.0, 0.5))
+    bodies = {several.manifest.parts[number].body for number in several.session[split.test]}
+    assert bodies == {"plastic", "wood", "metal"}
+    assert not split.validation.size
+
+
+def test_held_out_objects_are_in_the_test_alone(several: Dataset) -> None:
+    split = split_dataset(several, by="object", held_out=["wood", "metal"])
+    bodies = {
+        name: {several.manifest.parts[n].body for n in several.session[split.parts[name]]} for name in PARTS
+    }
+    assert bodies == {"train": {"plastic"}, "validation": {"plastic"}, "test": {"wood", "metal"}}
+    assert split.groups["test"] == ("metal", "wood")
+
+
+def test_a_split_by_time_keeps_its_guard_and_tears_no_touch(several: Dataset) -> None:
+    split = split_dataset(several, by="time", guard=0.5)
+    size = several.manifest.window
+    part_of = np.full(len(several), -1)
+    for number, name in enumerate(PARTS):
+        part_of[split.parts[name]] = number
+    for part in several.manifest.parts:
+        rows = np.arange(part.first, part.first + part.windows)
+        rows = rows[part_of[rows] >= 0]
+        changes = np.flatnonzero(np.diff(part_of[rows]))
+        assert len(changes) == 2
+        gaps = several.start[rows[changes + 1]] - several.start[rows[changes]] - size
+        assert (gaps >= 0.5 * several.manifest.sample_rate).all()
+    assert not audit(several, split, duplicates=False).notes
+
+
+@pytest.mark.parametrize("by", ["window", "windows", "random", "shuffle"])
+def test_shuffled_windows_are_refused_and_the_line_says_why(several: Dataset, by: str) -> None:
+    with pytest.raises(InputError, match=r"allowed is session, object, time, day; .* hear one touch"):
+        split_dataset(several, by=by)
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"by": "sesion"}, "did you mean 'session'"),
+        ({"fractions": (0.5, 0.5, 0.5)}, "sum to 1"),
+        ({"fractions": (0.0, 0.5, 0.5)}, "the first above 0"),
+        ({"fractions": (1.2, -0.1, -0.1)}, "0 or more"),
+        ({"by": "object", "held_out": ["wod"]}, "did you mean 'wood'"),
+        ({"by": "object", "held_out": ["wood", "metal", "plastic"]}, "leaves nothing to train"),
+        ({"by": "session", "held_out": ["wood"]}, "a split by object"),
+        ({"by": "time", "guard": 0.01}, "a window and a hop, 0.2 s, or more"),
+    ],
+)
+def test_what_cannot_be_split_is_refused(several: Dataset, options: dict[str, object], line: str) -> None:
+    with pytest.raises(InputError, match=line):
+        split_dataset(several, **options)  # pyright: ignore[reportArgumentType]
+
+
+def test_sessions_without_a_day_are_not_split_by_day(make: Callable[..., Dataset]) -> None:
+    dataset = make({"a": {"day": 1}, "b": {}, "c": {"day": 2}})
+    with pytest.raises(InputError, match="session b without a day"):
+        split_dataset(dataset, by="day")
+
+
+def test_a_file_holds_the_whole_split(several: Dataset, tmp_path: Path) -> None:
+    split = split_dataset(several, by="time", seed=3)
+    split.write(tmp_path / "split.json")
+    read = Split.read(tmp_path / "split.json")
+    assert (read.by, read.seed, read.guard, read.left_out, read.dataset) == (
+        "time", 3, split.guard, split.left_out, split.dataset,
+    )  # fmt: skip
+    assert all((read.parts[name] == split.parts[name]).all() for name in PARTS)
+    assert (tmp_path / "split.json").stat().st_size < 20_000
+    (tmp_path / "split.json").write_text("{}")
+    for absent in ("split.json", "nothing.json"):
+        with pytest.raises(InputError, match="absent or damaged"):
+            Split.read(tmp_path / absent)

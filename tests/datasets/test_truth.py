@@ -1,0 +1,111 @@
+"""Labels come from where they should, and only from sessions whose streams are on one clock."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.datasets.truth import truth_of
+from monochord.errors import InputError
+from monochord.lab.bench import make
+from monochord.lab.plan import assignments
+from monochord.lab.plans import load_plan
+from monochord.sessions import Description, SessionClock, SessionWriter, read_session
+from monochord.types import POSE, WRENCH, Block, Feed, Readings
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture(scope="session", name="slide")
+def _slide(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session of the virtual bench, sliding touches, its streams late by different amounts."""
+    assignment = next(each for each in assignments(load_plan("small")) if each.name.startswith("slide"))
+    return make(assignment, tmp_path_factory.mktemp("bench")).path
+
+
+def test_labels_of_a_session_without_instruments_are_on_the_microphones_clock(write: Write) -> None:
+    truth = truth_of(read_session(write("one")))
+    assert truth.source == "recorded"
+    assert truth.time_of(np.array([1.25])).tolist() == [1.25]
+    assert truth.calibrating == ()
+
+
+def test_measured_labels_agree_with_those_of_the_bench(slide: Path) -> None:
+    session = read_session(slide)
+    recorded, measured = (truth_of(session, source).labels for source in ("recorded", "measured"))
+    assert truth_of(session).source == "recorded"
+    at = np.rint((measured.time - recorded.time[0]) * 1000).astype(int)
+    inside = (at >= 0) & (at < recorded.time.size)
+
+    def both(name: str) -> tuple[np.ndarray, np.ndarray]:
+        return recorded.columns[name][at[inside]], measured.columns[name][inside]
+
+    touched, found = both("contact")
+    assert np.mean(touched == found) > 0.98
+    deep = (touched == 1.0) & (both("force")[0] > 0.2)
+    for name, most in (("position", 1e-4), ("force", 0.05)):
+        exact, told = both(name)
+        assert np.nanquantile(np.abs(told - exact)[deep], 0.95) < most
+    exact, told = both("slip")
+    assert np.mean((exact == told)[deep]) > 0.93
+
+
+def test_sound_is_late_by_what_the_taps_tell(slide: Path) -> None:
+    session = read_session(slide)
+    truth = truth_of(session)
+    late = truth.alignment.lateness["audio"].offsets[0].value
+    assert abs(late) > 1e-3
+    assert truth.time_of(np.array([10.0]))[0] == pytest.approx(10.0 - late, abs=5e-4)
+
+
+def test_the_string_is_calibrated_while_its_drivers_are_off(slide: Path) -> None:
+    session = read_session(slide)
+    on, off = (
+        next(e.time for e in session.events if e.kind == "drivers" and e.text == to) for to in ("on", "off")
+    )
+    assert truth_of(session).calibrating == ((-np.inf, switched["on"]), (switched["off"], np.inf))
+
+
+def silent(path: Path, *, taps: bool = False, events: bool = False, streams: bool = True) -> Path:
+    """A session of readings without labels, touched or tapped."""
+    feeds = tuple(
+        Feed(stream=name, columns=columns, units=("1",) * len(columns), rate=1000.0)
+        for name, columns in (("wrench", WRENCH), ("pose", POSE))
+    )
+    told = Description(name=path.stem, sample_rate=8000, feeds=feeds if streams else ())
+    time = np.arange(0.0, 10.0, 1e-3)
+    with SessionWriter(path, told, SessionClock(epoch_ns=10**18)) as writer:
+        rng = np.random.default_rng(0)
+        writer.audio(Block(samples=rng.normal(size=(2, 80000)).astype(np.float32), start=0, adc_time=0.0))
+        for feed in told.feeds:
+            values = np.zeros((time.size, len(feed.columns)))
+            values[(time > 4.0) & (time < 6.0), 2] = 1.0
+            count = np.arange(time.size)
+            status = np.zeros(time.size, np.uint32)
+            writer.readings(Readings(
+                stream=feed.stream, time=time, values=values, sequence=count, device_time=-np.ones_like(count),
+                status=status,
+            ))  # fmt: skip
+    return path
+
+
+def test_a_session_that_is_not_on_one_clock_is_refused_unless_forced(tmp_path: Path) -> None:
+    session = read_session(silent(tmp_path / "loose.mcap"))
+    with pytest.raises(InputError, match=r"session loose.mcap: there are no taps in wrench.*--force"):
+        truth_of(session)
+    forced = truth_of(session, force=True)
+    assert forced.source == "measured"
+    assert forced.alignment.flags
+
+
+def test_a_session_without_what_labels_need_is_refused(tmp_path: Path, write: Write) -> None:
+    bare = read_session(silent(tmp_path / "bare.mcap", streams=False))
+    with pytest.raises(InputError, match=r"bare.mcap without wrench and pose, and without labels"):
+        truth_of(bare)
+    with pytest.raises(InputError, match=r"bare.mcap without labels.*--labels measured"):
+        truth_of(bare, "recorded")
+    with pytest.raises(InputError, match=r"one.mcap without wrench and pose: allowed is wrench and pose"):
+        truth_of(read_session(write("one")), "measured")
+    with pytest.raises(InputError, match="recorded, measured"):
+        truth_of(bare, "guessed")
