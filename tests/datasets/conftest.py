@@ -1,6 +1,7 @@
 """Small sessions and datasets: noise for sound, so that no two are alike, and touches of a second each."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,34 +37,36 @@ def touches(seconds: float = SECONDS) -> tuple[np.ndarray, dict[str, np.ndarray]
     }
 
 
+def write_session(
+    home: Path,
+    name: str,
+    samples: np.ndarray | None = None,
+    *,
+    folder: str = "sessions",
+    labels: Mapping[str, np.ndarray] | None = None,
+    lost: tuple[int, int] = (0, 0),
+    **description: Any,
+) -> Path:
+    """Write a session and return its file."""
+    samples = sound(sum(name.encode()) + len(name)) if samples is None else samples
+    (home / folder).mkdir(exist_ok=True)
+    path = home / folder / f"{name}.mcap"
+    told = Description(name=name, sample_rate=RATE, **description)
+    time, usual = touches(samples.shape[1] / RATE)
+    with SessionWriter(path, told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+        for first, stop in ((0, lost[0]), (lost[1], samples.shape[1])):
+            if stop > first:
+                dropped = lost[1] - lost[0] if first else 0
+                part = samples[:, first:stop]
+                writer.audio(Block(samples=part, start=first, dropped=dropped, adc_time=first / RATE))
+        writer.labels(time, usual if labels is None else labels)
+    return path
+
+
 @pytest.fixture
 def write(tmp_path: Path) -> Write:
     """Return what writes a session."""
-
-    def written(
-        name: str,
-        samples: np.ndarray | None = None,
-        *,
-        folder: str = "sessions",
-        labels: Mapping[str, np.ndarray] | None = None,
-        lost: tuple[int, int] = (0, 0),
-        **description: Any,
-    ) -> Path:
-        samples = sound(sum(name.encode()) + len(name)) if samples is None else samples
-        (tmp_path / folder).mkdir(exist_ok=True)
-        path = tmp_path / folder / f"{name}.mcap"
-        told = Description(name=name, sample_rate=RATE, **description)
-        time, usual = touches(samples.shape[1] / RATE)
-        with SessionWriter(path, told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
-            for first, stop in ((0, lost[0]), (lost[1], samples.shape[1])):
-                if stop > first:
-                    dropped = lost[1] - lost[0] if first else 0
-                    part = samples[:, first:stop]
-                    writer.audio(Block(samples=part, start=first, dropped=dropped, adc_time=first / RATE))
-            writer.labels(time, usual if labels is None else labels)
-        return path
-
-    return written
+    return partial(write_session, tmp_path)
 
 
 @pytest.fixture
@@ -78,13 +81,13 @@ def make(tmp_path: Path, write: Write) -> Make:
     return made
 
 
-@pytest.fixture
-def several(make: Make) -> Dataset:
-    """Ten sessions of three objects on five days."""
+@pytest.fixture(scope="session")
+def several(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Ten sessions of three objects on five days, to be read alone."""
+    home = tmp_path_factory.mktemp("several")
     bodies = ["plastic"] * 6 + ["wood"] * 2 + ["metal"] * 2
-    return make(
-        {
-            f"take{number}": {"object": body, "material": body, "day": number % 5}
-            for number, body in enumerate(bodies)
-        }
-    )
+    files = [
+        write_session(home, f"take{number}", object=body, material=body, day=number % 5)
+        for number, body in enumerate(bodies)
+    ]
+    return build_dataset(files, home / "dataset")

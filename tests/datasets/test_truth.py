@@ -61,9 +61,7 @@ def test_sound_is_late_by_what_the_taps_tell(slide: Path) -> None:
 
 def test_the_string_is_calibrated_while_its_drivers_are_off(slide: Path) -> None:
     session = read_session(slide)
-    on, off = (
-        next(e.time for e in session.events if e.kind == "drivers" and e.text == to) for to in ("on", "off")
-    )
+    switched = {event.text: event.time for event in session.events if event.kind == "drivers"}
     assert truth_of(session).calibrating == ((-np.inf, switched["on"]), (switched["off"], np.inf))
 
 
@@ -83,10 +81,17 @@ def silent(path: Path, *, taps: bool = False, events: bool = False, streams: boo
             values[(time > 4.0) & (time < 6.0), 2] = 1.0
             count = np.arange(time.size)
             status = np.zeros(time.size, np.uint32)
-            writer.readings(Readings(
-                stream=feed.stream, time=time, values=values, sequence=count, device_time=-np.ones_like(count),
-                status=status,
-            ))  # fmt: skip
+            none = -np.ones_like(count)
+            writer.readings(
+                Readings(
+                    stream=feed.stream,
+                    time=time,
+                    values=values,
+                    sequence=count,
+                    device_time=none,
+                    status=status,
+                )
+            )
     return path
 
 
