@@ -150,8 +150,7 @@ def test_two_that_make_the_same_session_do_not_mind_each_other(
 def test_a_killed_worker_leaves_nothing_that_counts(tmp_path: Path) -> None:
     code = (
         "from pathlib import Path\n"
-        "from monochord.lab import bench
-from monochord.lab.bench import make\n"
+        "from monochord.lab.bench import make\n"
         "from monochord.lab.plan import assignments\n"
         "from monochord.lab.plans import load_plan\n"
         f"make(assignments(load_plan('small'))[0], Path({str(tmp_path)!r}))\n"
