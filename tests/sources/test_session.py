@@ -9,7 +9,7 @@ import pytest
 from monochord.errors import InputError
 from monochord.sessions import Description, SessionClock, SessionWriter
 from monochord.sources.session import SessionSource
-from monochord.types import Block, StringParams
+from monochord.types import WRENCH, Block, Feed, Readings, StringParams
 from monochord.windows import windows
 
 RATE = 44100
@@ -176,3 +176,49 @@ def test_what_cannot_be_played_is_refused(tmp_path: Path) -> None:
     assert "8000" in refusal(tmp_path / "slow.mcap")
     assert "other.mcap" in refusal(tmp_path / "other.mcap")
     assert "No such file" in refusal(tmp_path / "none.mcap")
+
+
+def tapped(path: Path, late: float) -> Path:
+    """Two groups of three taps, heard `late` s after the force notices them; labels are on the force's clock."""
+    feed = Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3, rate=1000.0)
+    taps = np.array([0.5, 0.8, 1.15, 5.0, 5.3, 5.65])
+    time = np.arange(6500) / 1000
+    force = np.exp(-0.5 * ((time[:, None] - taps - 0.003) / 0.0015) ** 2).sum(axis=1)
+    rng = np.random.default_rng(0)
+    sound = 1e-4 * rng.standard_normal((2, round(6.5 * RATE)))
+    for tap in taps + late:
+        first = round(tap * RATE)
+        sound[:, first : first + 4000] += (
+            np.exp(-np.arange(4000) / 800) * rng.standard_normal((2, 4000)) * 0.1
+        )
+    told = Description(name="tapped", sample_rate=RATE, feeds=(feed,))
+    with SessionWriter(path, told, CLOCK) as writer:
+        for start in range(0, sound.shape[1], 4410):
+            samples = sound[:, start : start + 4410].astype(np.float32)
+            writer.audio(Block(samples=samples, start=start, adc_time=100.0 + start / RATE))
+        values = np.zeros((len(time), 6))
+        values[:, 2] = force + 0.005 * rng.standard_normal(len(time))
+        none = np.full(len(time), -1)
+        writer.readings(
+            Readings(
+                stream="wrench",
+                time=100.0 + time,
+                values=values,
+                sequence=np.arange(len(time)),
+                device_time=none,
+                status=np.zeros(len(time), np.uint32),
+            )
+        )
+        writer.labels(100.0 + time, {"contact": (time >= 3.0).astype(np.float64)})
+    return path
+
+
+def test_labels_are_on_the_clock_of_the_force(tmp_path: Path) -> None:
+    path, late = tapped(tmp_path / "a.mcap", 0.1), 0.1
+    heard = round((3.0 + late) * RATE)  # the frame in which the touch that begins at 3 s is heard
+    margin = round(0.01 * RATE)
+    with SessionSource(path=path).open() as stream:
+        assert stream.truth(heard - 2 * margin, heard - margin)["contact"] == 0.0
+        assert stream.truth(heard + margin, heard + 2 * margin)["contact"] == 1.0
+    with SessionSource(path=path, aligned=False).open() as stream:
+        assert stream.truth(heard - 2 * margin, heard - margin)["contact"] == 1.0

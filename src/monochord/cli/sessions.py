@@ -20,6 +20,7 @@ from monochord.recording.from_files import from_files
 from monochord.sessions import check as look_over
 from monochord.sessions import read_session
 from monochord.sessions import recover as repair
+from monochord.sessions.alignment import Lateness, align
 
 FILE = click.Path(path_type=Path)
 OVERVIEW = "session"  # the figure that shows one
@@ -41,17 +42,26 @@ def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
     """Read FILES to the end and say whether they are whole, as they were written, and what is missing.
 
     One line a file. A file is bad if it is damaged, cut off or not what was written; then the status is 2.
-    What the recording itself says went wrong, such as lost frames, is noted behind the line, and is no reason
-    for that unless --strict.
+    What went wrong while recording is noted behind the line, such as lost frames, a stepped clock, or streams
+    that are further apart than they should be, as taps tell. It is no reason for that unless --strict.
     """
 
     def told(file: Path) -> tuple[bool, dict[str, Any], str]:
-        report = look_over(file)
-        good = report.sound and not (strict and report.remarks)
-        tree = {"path": str(file), "ok": good, **dataclasses.asdict(report), "sound": report.sound}
-        notes = "; ".join([*report.faults, *report.remarks])
+        report, alignment = look_over(file), align(read_session(file))
+        notes = [*report.remarks, *alignment.flags]
+        good = report.sound and not (strict and notes)
+        offsets = {stream: _known(late) for stream, late in alignment.lateness.items()}
+        tree: dict[str, Any] = {
+            **dataclasses.asdict(report),
+            "path": str(file),
+            "ok": good,
+            "flags": list(alignment.flags),
+            "offsets": offsets,
+        }
         line = f"{'ok ' if good else 'bad'}  {report.seconds:9.1f} s  {report.checksum[:12]}  {file}"
-        return good, {**tree, "path": str(file)}, f"{line}: {notes}" if notes else line
+        apart = ", ".join(f"{name} {1e3 * each[0]:+.2f} ms" for name, each in offsets.items() if each)
+        notes = [*report.faults, *notes, *([f"against {alignment.reference}: {apart}"] if apart else [])]
+        return good, tree, f"{line}: {'; '.join(notes)}" if notes else line
 
     return _each(files, told, as_json=as_json)
 
@@ -168,6 +178,11 @@ def _each(files: tuple[Path, ...], told: Told, *, as_json: bool) -> int:
         if as_json or line:
             click.echo(json.dumps(tree) if as_json else line)
     return status
+
+
+def _known(late: Lateness) -> list[float]:
+    """Return by how many seconds a stream is late at the begin and the end, as far as that is known."""
+    return [offset.value for offset in late.offsets if offset.known]
 
 
 def _counted(number: int, noun: str) -> str:

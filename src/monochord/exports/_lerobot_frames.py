@@ -7,6 +7,7 @@ import numpy as np
 
 from monochord.errors import InputError
 from monochord.sessions import Session
+from monochord.sessions.alignment import AUDIO, Alignment, align, aligned_readings
 from monochord.types import Floats
 
 Frames: TypeAlias = dict[str, np.ndarray[Any, np.dtype[Any]]]
@@ -34,8 +35,12 @@ def _form(session: Session) -> dict[str, Any]:
     return {"microphones": microphones, "streams": names, "labels": sorted(session.labels.columns)}
 
 
-def frames_of(session: Session, fps: int) -> Frames:
-    """Return a session's frames; raises `InputError` where a frame is not a whole number of samples."""
+def frames_of(session: Session, fps: int, *, aligned: bool) -> Frames:
+    """Return a session's frames; raises `InputError` where a frame is not a whole number of samples.
+
+    With `aligned`, readings count from when they were taken, and what taps tell of the streams' offsets is
+    taken off; without, from when they arrived.
+    """
     audio = session.audio
     size, rest = divmod(audio.sample_rate, fps)
     if rest:
@@ -51,7 +56,9 @@ def frames_of(session: Session, fps: int) -> Frames:
     for first, stop in audio.gaps:
         found[GAP][first // size : -(-stop // size)] = True
     ends = audio.time(size * np.arange(1, count + 1))
-    states = [_held(session, stream, ends) for stream in session.streams]
+    alignment = align(session) if aligned and session.streams else None
+    when = ends if alignment is None else alignment.correct(AUDIO, ends)
+    states = [_held(session, stream, when, alignment) for stream in session.streams]
     if states:
         with np.errstate(over="ignore"):  # what float32 does not hold is infinite there
             state = np.concatenate(states, axis=1).astype(np.float32)
@@ -59,7 +66,7 @@ def frames_of(session: Session, fps: int) -> Frames:
     labels = session.labels
     for name, column in sorted(labels.columns.items()):
         if len(labels.time):
-            latest = np.searchsorted(np.maximum.accumulate(labels.time), ends, side="right") - 1
+            latest = np.searchsorted(np.maximum.accumulate(labels.time), when, side="right") - 1
             values = np.where(latest < 0, np.nan, column[np.maximum(latest, 0)])
             found[LABEL + name] = values.astype(np.float32)
     return found
@@ -71,9 +78,10 @@ def state_names(session: Session) -> list[str]:
     return [f"{feed.stream}.{column}" for feed in feeds for column in feed.columns]
 
 
-def _held(session: Session, stream: str, at: Floats) -> Floats:
-    """Return the latest reading at each time: what a controller would have had; the first one before that."""
-    track = session.readings(stream)
+def _held(session: Session, stream: str, at: Floats, alignment: Alignment | None) -> Floats:
+    """Return the latest reading at each time, so that none is of the future; the first one before that."""
+    bare = alignment is None
+    track = session.readings(stream) if bare else aligned_readings(session, stream, alignment)
     if not len(track.time):
         allowed = "at least one reading of each stream"
         raise InputError(f"stream '{stream}' of session {session.path} (empty)", allowed)

@@ -1,30 +1,30 @@
-"""What recorded labels say of a stretch of frames."""
+"""What recorded labels say of a stretch of time."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
 from monochord.types import Floats, Truth
-from monochord.units import Samples
+from monochord.units import Seconds
 
 YES_OR_NO = ("contact", "slip", "settled")
 """Labels that are 0 or 1, of which a stretch has what most of it has."""
 
 
 class TrackTruth:
-    """Labels by column (n,), NaN where not known, at frames (n,)."""
+    """Labels by column (n,), NaN where not known, at times (n,) in s."""
 
-    def __init__(self, frames: Floats, columns: Mapping[str, Floats]) -> None:
-        self._frames = np.maximum.accumulate(frames) if len(frames) else frames
+    def __init__(self, time: Floats, columns: Mapping[str, Floats]) -> None:
+        self._time = np.maximum.accumulate(time) if len(time) else time
         self._columns = columns
 
-    def over(self, start: Samples, stop: Samples) -> Truth:
-        """Return what is known over the frames [start, stop): the labels in it, or the latest one before.
+    def over(self, start: Seconds, stop: Seconds) -> Truth:
+        """Return what is known over the time [start, stop): the labels in it, or the latest one before.
 
         ``contact`` and ``slip`` are what most of the stretch has; all else is the mean over its touched part.
         ``settled`` is 1 where all of it is settled, as far as the labels tell, and no touch begins or ends.
         """
-        first, last = np.searchsorted(self._frames, [start, stop])
+        first, last = np.searchsorted(self._time, [start, stop])
         rows = slice(max(first - 1, 0) if first == last else first, last)
         seen = {name: column[rows] for name, column in self._columns.items()}
         contact = seen.pop("contact", np.zeros(0))

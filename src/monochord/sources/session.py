@@ -10,6 +10,7 @@ import numpy as np
 
 from monochord.errors import InputError
 from monochord.sessions import Session, read_session
+from monochord.sessions.alignment import AUDIO, align
 from monochord.sources._paced_stream import PacedStream
 from monochord.sources._rates import refuse_other_rates
 from monochord.sources._track_truth import TrackTruth
@@ -36,11 +37,16 @@ class SessionSource(Source):
     speed
         Pace against real time: 1 gives each block when its last frame would have been heard, 20 twenty times
         as fast, 0 as fast as it is read.
+    aligned
+        Whether labels are taken to be on the clock of the force, where there is one, as the twin's and those
+        of a measurement are: what taps tell of the microphones' lateness is then taken off. It costs the time
+        to find the taps; without it labels are taken to be on the microphones' clock.
     """
 
     path: Path
     block: Samples = 512
     speed: float = 0.0
+    aligned: bool = True
 
     @contextmanager
     def open(self) -> Generator["_SessionStream"]:
@@ -73,11 +79,17 @@ class _SessionStream(PacedStream):
         self._gaps_after = dict(track.gaps)
         self._firsts = np.array([*(first for first, _ in track.gaps), end])
         labels = session.labels
-        self._truth = TrackTruth(np.asarray(track.frame(labels.time)), labels.columns)
+        bare = not (options.aligned and session.streams and len(labels.time))
+        self._alignment = None if bare else align(session)
+        self._line, self._truth = track.line, TrackTruth(labels.time, labels.columns)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
         """Return what the session's labels say of the frames [start, stop)."""
-        return self._truth.over(start, stop)
+        rate, begin = self._line
+        when = begin + np.array([start, stop]) / rate
+        if self._alignment is not None:
+            when = self._alignment.correct(AUDIO, when)
+        return self._truth.over(*when.tolist())
 
     def _lost(self) -> Samples:
         return self._gaps_after.get(self._start, self._start) - self._start
