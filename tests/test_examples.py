@@ -71,3 +71,18 @@ def test_touch_the_twin() -> None:
     assert sliding[[5, 7]].tolist() == [0.0, 100.0]
     assert speed[7] == pytest.approx(20.0, abs=2.0)
     assert settled[5] >= 95.0
+
+
+def test_build_a_dataset() -> None:
+    head, *rows, batch, force, noise = output("build_a_dataset.py").splitlines()
+    assert head.split()[0] == "simulated"
+    counts = np.array([re.findall(r"\d+", row) for row in rows], float)
+    assert [row.split()[0] for row in rows] == ["train", "validation", "test"]
+    assert counts.sum() > 400
+    assert (counts[:, :3].sum(axis=0) > 50).all()  # static, sliding, untouched
+    assert batch == "a batch of 64 windows, 2 microphones, 4410 frames"
+    weakest, strongest = (float(number) for number in re.findall(r"[\d.]+", force))
+    assert 0.05 < weakest < 0.6 < strongest < 2.5
+    loudest, quietest = (int(number) for number in re.findall(r"\d+", noise))
+    assert 5 <= loudest < 8
+    assert 22 < quietest <= 25

@@ -33,7 +33,7 @@ By: TypeAlias = Literal["session", "object", "time", "day"]
 PARTS = ("train", "validation", "test")
 SHARES = (0.7, 0.15, 0.15)
 """Of the windows, by default."""
-REACH = 0.25
+REACH = 0.45
 """How far a cut in time may be moved to an untouched window, as a share of the shorter stretch beside it."""
 
 

@@ -1,0 +1,39 @@
+"""The verb `audit`: whether anything leaks between the parts of a dataset's split."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import click
+
+from monochord.cli.build import SPLIT_FILE
+from monochord.datasets.audit import audit as audit_split
+from monochord.datasets.split import Split
+from monochord.datasets.store import open_dataset
+
+
+@click.command()
+@click.argument("dataset", type=click.Path(path_type=Path))
+@click.option(
+    "--split", "file", type=click.Path(path_type=Path), metavar="FILE", help="[default: the dataset's own]"
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def audit(dataset: Path, *, file: Path | None, as_json: bool) -> None:
+    """Look for leaks between training, validation and test of DATASET; fails if there is one.
+
+    Shared windows, samples, sessions, days and objects, guard gaps that are too small, and recordings that
+    are there twice, be it under another name, shifted, scaled or with noise added.
+
+    \b
+    monochord audit dataset --json
+    """  # noqa: D301
+    found = audit_split(open_dataset(dataset), Split.read(file or dataset / SPLIT_FILE))
+    if as_json:
+        leaks = [dataclasses.asdict(leak) for leak in found.leaks]
+        click.echo(json.dumps({"clean": found.clean, "leaks": leaks, "notes": list(found.notes)}))
+    else:
+        lines = [*(f"leak: {leak}" for leak in found.leaks), *(f"note: {note}" for note in found.notes)]
+        click.echo(
+            "\n".join([*lines, f"{len(found.leaks) or 'no'} leak{'' if len(found.leaks) < 2 else 's'}"])
+        )
+    found.refuse_leaks()

@@ -1,0 +1,144 @@
+"""The verb `build`: sessions into a dataset with labels, split and audited."""
+
+import json
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from monochord.cli._options import amount
+from monochord.datasets.audit import audit as audit_split
+from monochord.datasets.build import Labelling, Options, Progress, build_dataset, find_sessions
+from monochord.datasets.kinds import KINDS, table_of
+from monochord.datasets.split import PARTS, Split, refuse_impossible, split_dataset
+from monochord.datasets.store import Dataset
+from monochord.errors import InputError
+
+SPLIT_FILE = "split.json"
+"""Where the split stands in a dataset's folder."""
+
+
+@click.command()
+@click.argument("sessions", nargs=-1, required=True)
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, help="Folder of the dataset, a new one."
+)
+@click.option(
+    "--window", type=amount, default=0.1, show_default=True, metavar="S", help="Length of a window."
+)
+@click.option("--hop", type=amount, default=0.1, show_default=True, metavar="S", help="Distance of windows.")
+@click.option(
+    "--labels",
+    type=click.Choice(["recorded", "measured"]),
+    help="From the session, or from force and pose.  [default: recorded where there are any]",
+)
+@click.option(
+    "--split",
+    "by",
+    metavar="WAY",
+    help="By session, object, time or day.  [default: session; time with fewer than 3 sessions]",
+)
+@click.option("--held-out", multiple=True, metavar="OBJECT", help="For the test alone; with --split object.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the split.")
+@click.option("--force", is_flag=True, help="Take sessions whose streams are not on one clock too.")
+@click.option("--skip", is_flag=True, help="Leave out sessions that cannot be used.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def build(
+    sessions: tuple[str, ...],
+    *,
+    out: Path,
+    window: float,
+    hop: float,
+    labels: Labelling | None,
+    by: str | None,
+    held_out: tuple[str, ...],
+    seed: int,
+    force: bool,
+    skip: bool,
+    as_json: bool,
+) -> None:
+    """Build a dataset of SESSIONS: files, folders that hold some, or patterns.
+
+    Windows with labels, a split, and an audit of it, which fails where anything leaks from one part to
+    another.
+
+    \b
+    monochord build sessions --out dataset --split object --held-out wood
+    """  # noqa: D301
+    by = by or ("object" if held_out else None)
+    refuse_impossible(by or "session", held_out=held_out)
+    files = find_sessions(sessions)
+    options = Options(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
+    with _shown() as progress:
+        dataset = build_dataset(files, out, options, progress)
+    for line in dataset.manifest.refused.values():
+        click.echo(f"left out: {line}", err=True)
+    by = by or ("session" if len(dataset.manifest.parts) >= len(PARTS) else "time")
+    try:
+        split = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
+    except InputError as error:
+        remedy = f"{error.remedy}; {out} stands without a split".removeprefix("; ")
+        raise InputError(error.given, error.allowed, remedy) from error
+    split.write(out / SPLIT_FILE)
+    found = audit_split(dataset, split)
+    result = _result(dataset, split, out)
+    result |= {"leaks": [str(leak) for leak in found.leaks], "notes": list(found.notes)}
+    click.echo(json.dumps(result) if as_json else "\n".join(_lines(result)))
+    found.refuse_leaks()
+
+
+def _result(dataset: Dataset, split: Split, out: Path) -> dict[str, Any]:
+    told = dataset.manifest
+    return {
+        "path": str(out),
+        "sessions": len(told.parts),
+        "refused": told.refused,
+        "simulated": told.simulated,
+        "labels": {part.name: part.labels for part in told.parts},
+        "windows": told.windows,
+        "counts": told.counts,
+        "split": split.by,
+        "seed": split.seed,
+        "left_out": split.left_out,
+        "parts": table_of(dataset, split),
+    }
+
+
+def _lines(result: dict[str, Any]) -> list[str]:
+    kind = ", simulated" if result["simulated"] else ""
+    sources = sorted(set(result["labels"].values()))
+    wide = max(len(name) for held in result["parts"].values() for name in [*held, "object"])
+    heads = "".join(f"{name:>12}" for name in KINDS)
+    origin = f"{result['windows']} windows of {result['sessions']} sessions, labels {' and '.join(sources)}"
+    lines = [
+        f"{result['path']}{kind}: {origin}, {result['counts']['clipped']} windows clipped",
+        f"split by {result['split']}, seed {result['seed']}, {result['left_out']} windows in guard gaps",
+        f"  {'':<10}  {'object':<{wide}}{heads}",
+    ]
+    for part, held in result["parts"].items():
+        for name, counts in held.items():
+            numbers = "".join(f"{counts[kind]:>12}" for kind in KINDS)
+            lines.append(f"  {part:<10}  {name or '(none)':<{wide}}{numbers}")
+    lines += [f"leak: {leak}" for leak in result["leaks"]] or ["audit: no leak"]
+    return lines + [f"note: {note}" for note in result["notes"]]
+
+
+@contextmanager
+def _shown() -> Generator[Progress]:
+    """Give what is told of the progress: a bar, where there is a terminal to show it."""
+    if not sys.stderr.isatty():
+        yield lambda *_: None
+        return
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import Progress as Bar  # noqa: PLC0415
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("sessions", total=None)
+
+        def told(name: str, done: int, of: int) -> None:
+            bar.update(task, description=name, completed=done, total=of)
+
+        yield told

@@ -1,0 +1,57 @@
+"""`monochord audit` ends with 0 for a split that is clean and with 2 for one that leaks."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.cli import run
+from monochord.datasets.build import build_dataset
+from monochord.datasets.split import Split, split_dataset
+from monochord.sessions import Description, SessionClock, SessionWriter
+from monochord.types import Block
+
+
+@pytest.fixture(name="dataset")
+def _dataset(tmp_path: Path) -> Path:
+    path = tmp_path / "take.mcap"
+    noise = np.random.default_rng(0).normal(size=(2, 80000)).astype(np.float32)
+    told = Description(name="take", sample_rate=8000)
+    with SessionWriter(path, told, SessionClock(epoch_ns=10**18)) as writer:
+        writer.audio(Block(samples=noise, start=0, adc_time=0.0))
+        writer.labels(np.arange(100) / 10, {"contact": np.zeros(100)})
+    dataset = build_dataset([path], tmp_path / "dataset")
+    split_dataset(dataset, by="time").write(dataset.path / "split.json")
+    return dataset.path
+
+
+def test_a_clean_split(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["audit", str(dataset)]) == 0
+    assert capsys.readouterr().out == "no leak\n"
+    assert run(["audit", str(dataset), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"clean": True, "leaks": [], "notes": []}
+
+
+def test_a_leak(dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    parts = {"train": np.arange(50), "validation": np.arange(0), "test": np.arange(49, 100)}
+    Split(by="session", parts=parts).write(tmp_path / "mine.json")
+    assert run(["audit", str(dataset), "--split", str(tmp_path / "mine.json")]) == 2
+    told = capsys.readouterr()
+    assert told.out.splitlines() == [
+        "leak: shared window: train and test, 1 window (row 49)",
+        "leak: shared session: train and test, 50 windows (session take)",
+        "2 leaks",
+    ]
+    assert told.err.count("\n") == 1
+    assert run(["audit", str(dataset), "--split", str(tmp_path / "mine.json"), "--json"]) == 2
+    leaks = json.loads(capsys.readouterr().out)["leaks"]
+    assert [(leak["kind"], leak["many"]) for leak in leaks] == [("shared window", 1), ("shared session", 50)]
+
+
+def test_what_is_no_dataset_or_no_split(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["audit", str(tmp_path / "absent")]) == 2
+    assert run(["audit", str(dataset), "--split", str(tmp_path / "absent.json")]) == 2
+    assert capsys.readouterr().err.count("\n") == 2

@@ -1,0 +1,131 @@
+"""`monochord build` makes a dataset, tells what is in it, and fails where it may not be used."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.cli import run
+from monochord.datasets.store import open_dataset
+from monochord.sessions import Description, SessionClock, SessionWriter
+from monochord.types import Block
+
+RATE = 8000
+
+
+@pytest.fixture(name="sessions")
+def _sessions(tmp_path: Path) -> Path:
+    """Four sessions of eight seconds: of wood and of steel, touched every other second."""
+    folder = tmp_path / "sessions"
+    folder.mkdir()
+    time = np.arange(800) / 100
+    touched = (time % 2.0 >= 1.0).astype(float)
+    for number in range(4):
+        body = "wood" if number == 3 else "steel"
+        told = Description(name=f"take{number}", sample_rate=RATE, object=body, simulated=True)
+        noise = 0.1 * np.random.default_rng(number).normal(size=(2, 8 * RATE)).astype(np.float32)
+        with SessionWriter(folder / f"take{number}.mcap", told, SessionClock(epoch_ns=10**18)) as writer:
+            writer.audio(Block(samples=noise, start=0, adc_time=0.0))
+            writer.labels(time, {"contact": touched, "slip": np.zeros(800)})
+    return folder
+
+
+def test_a_table_by_part_and_object(
+    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run(["build", str(sessions), "--out", str(out), "--held-out", "wood", "--seed", "2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"{out}, simulated: 320 windows of 4 sessions, labels recorded, 0 windows clipped"
+    assert lines[1] == "split by object, seed 2, 0 windows in guard gaps"
+    assert lines[2].split() == ["object", "static", "slip", "no", "contact", "transition", "masked"]
+    assert lines[-2].split() == ["test", "wood", "40", "0", "40", "0", "0"]
+    assert lines[-1] == "audit: no leak"
+    assert len(open_dataset(out)) == 320
+
+
+def test_json_is_one_object(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pattern = str(sessions / "take[012].mcap")
+    assert run(["build", pattern, "--out", str(tmp_path / "out"), "--hop", "0.05", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["sessions"], told["windows"], told["split"], told["simulated"]) == (
+        3,
+        3 * 159,
+        "session",
+        True,
+    )
+    assert told["labels"] == {f"take{number}": "recorded" for number in range(3)}
+    assert (
+        sum(counts["static"] for part in told["parts"].values() for counts in part.values())
+        == told["counts"]["static"]
+    )
+    assert told["leaks"] == []
+
+
+def test_a_single_session_is_split_by_time(
+    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["build", str(sessions / "take0.mcap"), "--out", str(tmp_path / "out")]) == 0
+    assert "split by time" in capsys.readouterr().out
+
+
+def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copy(sessions / "take1.mcap", sessions / "take9.mcap")
+    assert run(["build", str(sessions), "--out", str(tmp_path / "out"), "--split", "time"]) == 2
+    told = capsys.readouterr()
+    assert re.search(
+        r"leak: same checksum: train and validation and test, \d+ windows \(take1 and take9\)", told.out
+    )
+    assert told.err.count("\n") == 1
+    assert "leave copies out" in told.err
+    assert run(["audit", str(tmp_path / "out")]) == 2
+
+
+def test_a_session_that_cannot_be_used_is_told_in_one_line(
+    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (sessions / "other.mcap").write_bytes(b"not a session")
+    out = tmp_path / "out"
+    assert run(["build", str(sessions), "--out", str(out)]) == 2
+    assert "other.mcap" in capsys.readouterr().err
+    assert not out.exists()
+    assert run(["build", str(sessions), "--out", str(out), "--skip"]) == 0
+    told = capsys.readouterr()
+    assert told.err.startswith("left out: ")
+    assert "of 4 sessions" in told.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--split", "window"], "windows beside each other hear one touch"),
+        (["--split", "sesion"], "did you mean 'session'"),
+        (["--split", "session", "--held-out", "wood"], "a split by object"),
+        (["--split", "day"], "without a day"),
+        (["--held-out", "wod"], "did you mean 'wood'? ; out stands without a split"),
+        (["--labels", "guessed"], "'recorded', 'measured'"),
+        (["--labels", "measured"], "without wrench and pose"),
+        (["--hop", "-1"], "a number above 0"),
+        (["--window", "90"], "0.001 to 60 s"),
+    ],
+)
+def test_refusals_are_one_line(
+    sessions: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    line: str,
+) -> None:
+    monkeypatch.chdir(sessions.parent)
+    assert run(["build", "sessions", "--out", "out", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert line.replace("? ;", "?;") in error
+
+
+def test_nothing_is_written_over(sessions: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["build", str(sessions), "--out", str(sessions)]) == 2
+    assert "a new folder" in capsys.readouterr().err
