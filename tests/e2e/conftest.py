@@ -1,11 +1,12 @@
 """The recorder as a process of its own, and a force sensor as another."""
 
 import json
+import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 from monochord.lab.net_ft_device import NetFtSettings, write_script
+from monochord.lab.pose_publisher import PublisherSettings
 
 MONOCHORD = str(Path(sys.executable).with_name("monochord"))
 
@@ -76,18 +78,38 @@ def start_recorder(tmp_path: Path) -> Iterator[StartRecorder]:
         yield start
 
 
+@contextmanager
+def playing(module: str, script: Path) -> Generator[dict[str, Any]]:
+    """Start a device of the laboratory as a process of its own; give what it said of itself."""
+    command = [sys.executable, "-m", f"monochord.lab.{module}", str(script)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdout
+        assert process.stdin
+        yield json.loads(process.stdout.readline())
+        process.stdin.close()
+        process.wait(20)
+
+
 @pytest.fixture
 def net_ft(tmp_path: Path) -> Iterator[list[str]]:
     """The options that record a force sensor of 7000 readings a second, which is a process of its own."""
     ramp = np.outer(np.arange(70_000) % 7000, [0.0, 0.0, 1e-3, 0.0, 0.0, 0.0])
     write_script(tmp_path / "load.npz", {"wrenches": ramp}, NetFtSettings())
-    command = [sys.executable, "-m", "monochord.lab.net_ft_device", str(tmp_path / "load.npz")]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
-        assert process.stdout
-        assert process.stdin
-        said = json.loads(process.stdout.readline())
+    with playing("net_ft_device", tmp_path / "load.npz") as said:
         port = f"net_ft.http_port={said['http_port']}"
-        yield ["--instrument", f"net_ft={said['address']}", "--set", port]
-        process.stdin.close()
-        process.wait(20)
+        # On a busy machine the device may pause, and would begin its stream anew if asked again meanwhile.
+        patient = "net_ft.silence_seconds=5"
+        yield ["--instrument", f"net_ft={said['address']}", "--set", port, "--set", patient]
+
+
+@pytest.fixture
+def pose_dds(tmp_path: Path) -> Iterator[list[str]]:
+    """The options that record a pose of 250 a second over DDS, published by a process of its own."""
+    pytest.importorskip("cyclonedds", reason="the extra ros is not installed")
+    topic = f"/{tmp_path.name}_{os.getpid()}"
+    poses = np.tile([0.1, 0.0, -0.001, 0.0, 0.0, 0.0, 1.0], (10, 1))
+    settings = PublisherSettings(rate=250.0, topic=topic, wrench_topic="")
+    write_script(tmp_path / "poses.npz", {"poses": poses}, settings)
+    with playing("pose_publisher", tmp_path / "poses.npz"):
+        yield ["--instrument", f"pose_dds={topic}", "--set", "pose_dds.rate=250"]

@@ -27,11 +27,16 @@ def sound_session(path: Path) -> Session:
     return read_session(path)
 
 
-def test_what_is_played_is_in_the_session_beside_the_force(
-    jack_server: Any, play: Callable[[Path], Any], recording: Path, net_ft: list[str], start_recorder: Any
+def test_what_is_played_is_in_the_session_beside_force_and_pose(
+    jack_server: Any,
+    play: Callable[[Path], Any],
+    recording: Path,
+    net_ft: list[str],
+    pose_dds: list[str],
+    start_recorder: Any,
 ) -> None:
     play(recording)
-    recorder = start_recorder(*jack(jack_server), *net_ft, "--seconds", "2")
+    recorder = start_recorder(*jack(jack_server), *net_ft, *pose_dds, "--seconds", "3")
     summary = recorder.end()
     assert recorder.process.returncode == 0
     session = sound_session(recorder.out)
@@ -42,6 +47,9 @@ def test_what_is_played_is_in_the_session_beside_the_force(
     assert np.array_equal(session.audio.samples[:, first : first + length], played[:, lead:])
     assert (summary["dropped"], summary["gaps"], session.audio.gaps) == (0, 0, ())
     assert summary["instruments"]["net_ft"]["missing"] == session.readings("wrench").missing == 0
+    pose = session.readings("pose")
+    assert np.allclose(pose.values, [0.1, 0.0, -0.001, 0.0, 0.0, 0.0, 1.0])
+    assert len(pose.time) == pytest.approx(3 * 250, rel=0.2)
     assert np.all(session.audio.device_frame >= 0)
     assert set(session.clocks.offsets) == {"jack", "monotonic_raw", "realtime"}
 
@@ -81,7 +89,7 @@ def test_a_killed_server_is_a_gap_and_the_force_goes_on(
     # The gap is as long as the time that passed: the last and the first anchor beside it are on one clock.
     begins = session.audio.anchor_time - session.audio.anchor_frame / RATE
     after = int(np.argmax(session.audio.anchor_frame >= gap[1]))
-    assert begins[after] == pytest.approx(begins[after - 1], abs=0.02)
+    assert begins[after] == pytest.approx(begins[after - 1], abs=0.1)
 
 
 def test_a_server_that_comes_back_at_another_rate_ends_it(
@@ -100,6 +108,22 @@ def test_a_server_that_comes_back_at_another_rate_ends_it(
     assert "failed" in {event.kind for event in session.events}
 
 
+def test_a_clock_that_a_killed_client_put_wrong_is_told_of(
+    jack_server: Any, play: Callable[[Path], Any], recording: Path, start_recorder: Any
+) -> None:
+    play(recording)
+    first = start_recorder(*jack(jack_server))
+    first.wait_for_bytes(200_000)
+    first.kill()
+    second = start_recorder(*jack(jack_server))
+    second.wait_for_bytes(500_000)
+    summary = second.end(signal.SIGINT)
+    session = sound_session(second.out)
+    audio, (stop,) = session.audio, [event for event in session.events if event.kind == "stop"]
+    newest = audio.anchor_time[-1] + (audio.samples.shape[1] - audio.anchor_frame[-1]) / RATE
+    assert abs(stop.time - newest) < 0.3 or summary["flags"].get("clock_doubt")
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_a_minute_costs_a_quarter_of_a_core_at_most_and_memory_is_flat(
@@ -107,11 +131,12 @@ def test_a_minute_costs_a_quarter_of_a_core_at_most_and_memory_is_flat(
     play: Callable[[Path], Any],
     recording: Path,
     net_ft: list[str],
+    pose_dds: list[str],
     start_recorder: Any,
     record_property: Callable[[str, object], None],
 ) -> None:
     play(recording)
-    recorder = start_recorder(*jack(jack_server), *net_ft, "--seconds", "60")
+    recorder = start_recorder(*jack(jack_server), *net_ft, *pose_dds, "--seconds", "60")
     recorder.wait_for_bytes(3_000_000)
     process = psutil.Process(recorder.process.pid)
     begin, before, memory = time.monotonic(), process.cpu_times(), process.memory_info().rss
@@ -128,4 +153,5 @@ def test_a_minute_costs_a_quarter_of_a_core_at_most_and_memory_is_flat(
     wrench = summary["instruments"]["net_ft"]
     assert (wrench["missing"], wrench["faulty"]) == (0, 0)
     assert wrench["readings"] == pytest.approx(60 * 7000, rel=0.01)
+    assert summary["instruments"]["pose_dds"]["readings"] == pytest.approx(60 * 250, rel=0.05)
     assert sound_session(recorder.out).readings("wrench").missing == 0

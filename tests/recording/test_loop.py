@@ -78,10 +78,12 @@ def test_audio_and_force_are_on_one_clock(make_job: Any, force: Any, sound: Path
     assert session.clocks.offsets["realtime"][0] == pytest.approx(clock_offsets()["realtime"], abs=0.05)
 
 
-def test_what_came_before_the_begin_is_left_out(make_job: Any, force: Any) -> None:
-    _, instrument = force()
-    _, session = recorded(make_job(instruments={"net_ft": instrument}, seconds=0.3))
+def test_nothing_is_before_the_begin_and_nothing_lost_while_it_begins(make_job: Any, force: Any) -> None:
+    _, instrument = force(rate=7000.0)
+    summary, session = recorded(make_job(instruments={"net_ft": instrument}, seconds=0.3))
     assert session.readings("wrench").time[0] >= 0.0
+    assert session.audio.time(0) >= 0.0
+    assert summary.instruments["net_ft"].missing == 0
 
 
 def test_clipped_samples_and_such_as_are_no_numbers_are_kept_and_told(make_job: Any, tmp_path: Path) -> None:

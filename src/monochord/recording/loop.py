@@ -60,22 +60,17 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
     with ExitStack() as stack:
         wish = stack.enter_context(interruption())
         stack.enter_context(precedence())
-        connections = {name: stack.enter_context(it.open()) for name, it in job.instruments.items()}
         clock = SessionClock.now()
         stream = stack.enter_context(job.source.open())
-        feeds = tuple(connection.feed for connection in connections.values())
-        description = job.about.describe(job.path.stem, stream.signal, feeds)
-        for connection in connections.values():
-            connection.poll()  # what waits there came while the others were opened
-        writer = SessionWriter(job.path, description, clock)
+        connections = {name: stack.enter_context(it.open()) for name, it in job.instruments.items()}
         tally = Tally(stream, connections, job.path.parent, reserve=job.disk.stop)
+        # Read from here on, for making a file takes longer than a device's buffer may hold.
+        pumps = stack.enter_context(pumping(stream, connections, job.room))
+        feeds = tuple(connection.feed for connection in connections.values())
+        writer = SessionWriter(job.path, job.about.describe(job.path.stem, stream.signal, feeds), clock)
         watch, flags, ending = Watch(job.disk.warn), Counter[str](), Ending(job)
         kept, clocks_due, over = None, 0.0, False
-        with (
-            saved(writer, ending),
-            written_through(writer.sync) as disk_errors,
-            pumping(stream, connections, job.room) as pumps,
-        ):
+        with saved(writer, ending), written_through(writer.sync) as disk_errors:
             while not over:
                 time.sleep(EVERY)
                 over = pumps.ended or ending.overdue  # asked before the inbox is emptied for the last time
