@@ -31,9 +31,20 @@ def _verbs() -> str:
     for name in verbs.list_commands(parent):
         verb = verbs.get_command(parent, name)
         if verb is not None:
-            usage = verb.get_help(click.Context(verb, info_name=name, parent=parent))
-            parts.append(f"## {name}\n\n```text\n{usage}\n```\n")
+            parts.append(f"## {name}\n")
+            parts += _usages(verb, click.Context(verb, info_name=name, parent=parent))
     return "\n".join(parts)
+
+
+def _usages(verb: click.Command, context: click.Context) -> Iterator[str]:
+    """Yield the help of a verb, and then of every command that it holds."""
+    yield f"```text\n{verb.get_help(context)}\n```\n"
+    if not isinstance(verb, click.Group):
+        return
+    for name in verb.list_commands(context):
+        part = verb.get_command(context, name)
+        if part is not None:
+            yield from _usages(part, click.Context(part, info_name=name, parent=context))
 
 
 def _plugins() -> str:

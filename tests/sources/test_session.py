@@ -179,7 +179,7 @@ def test_what_cannot_be_played_is_refused(tmp_path: Path) -> None:
 
 
 def tapped(path: Path, late: float) -> Path:
-    """Two groups of three taps, heard `late` s after the force notices them; labels are on the force's clock."""
+    """Two groups of three taps, heard `late` s after the force notices them; labels are on its clock."""
     feed = Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3, rate=1000.0)
     taps = np.array([0.5, 0.8, 1.15, 5.0, 5.3, 5.65])
     time = np.arange(6500) / 1000
