@@ -39,9 +39,8 @@ def main() -> None:
         ratio = 20.0 * np.log10(quiet.std(axis=(1, 2)) / (noisy - quiet).std(axis=(1, 2)))
         force = dataset.label("force")[rows]
         print(f"a batch of {noisy.shape[0]} windows, {noisy.shape[1]} microphones, {noisy.shape[2]} frames")
-        print(
-            f"force {force.min():.2f} to {force.max():.2f} N, noise at {ratio.min():.0f} to {ratio.max():.0f} dB"
-        )
+        print(f"force {force.min():.2f} to {force.max():.2f} N")
+        print(f"noise {ratio.min():.0f} to {ratio.max():.0f} dB below them")
 
 
 if __name__ == "__main__":
