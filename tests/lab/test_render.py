@@ -1,5 +1,8 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
+import soundfile
 from tests.lab.tiny import quiet, session, tiny
 
 from monochord.lab import render as rendering
@@ -7,6 +10,7 @@ from monochord.lab.course import Course, course
 from monochord.lab.plan import Group
 from monochord.lab.pressing import depth_under
 from monochord.lab.render import Rendering, joined, pieces, render
+from monochord.physics.twin.outside import untouched_power
 from monochord.types import Floats
 
 GROUPS = (
@@ -138,14 +142,22 @@ def test_lifted_there_is_no_contact_but_in_taps() -> None:
     assert sound.labels["contact"][~between].sum() > 6 * 5
 
 
-def test_music_is_heard_before_the_first_tap() -> None:
-    silent, loud = (
-        render(session("hold_000", tiny(groups=(Group(name="hold", grid=(1, 1), hold=0.2, music=music),))))
-        for music in ("", "synthetic")
-    )
-    first = slice(0, round(0.35 * 44100))
-    assert silent.microphones[:, first].std() < 1e-4
-    assert loud.microphones[:, first].std() > 100.0 * silent.microphones[:, first].std()
+def test_music_is_as_loud_as_told_and_pauses_for_the_taps(tmp_path: Path) -> None:
+    time = np.arange(44100) / 44100.0
+    soundfile.write(tmp_path / "hum.wav", 0.3 * np.sin(2.0 * np.pi * 6000.0 * time), 44100, subtype="FLOAT")
+    for music in ("synthetic", str(tmp_path / "hum.wav")):
+        groups = [Group(name="hold", grid=(1, 1), hold=0.2, music=name, snr=6.0) for name in ("", music)]
+        one, other = (session("hold_000", tiny(groups=(group,))) for group in groups)
+        told, silent, loud = course(one), render(one), render(other)
+        added = loud.microphones - silent.microphones
+        on, off = round(told.on * 44100), round(told.off * 44100)
+        np.testing.assert_array_equal(added[:, :on], 0.0)
+        power = np.mean(added[:, on + 4410 : on + 30000].astype(float) ** 2)
+        wanted = untouched_power(one.sensor()) / 10.0**0.6
+        assert 0.3 * wanted < power < 10.0 * wanted  # the string answers, and may lock elsewhere
+        last = added[:, round((told.taps[3] - 0.1) * 44100) : round((told.taps[3] - 0.03) * 44100)]
+        assert off < round((told.taps[3] - 0.5) * 44100)
+        assert np.abs(last).max() < 0.01
 
 
 def test_nothing_cannot_be_joined() -> None:

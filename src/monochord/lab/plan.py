@@ -60,7 +60,8 @@ class Group:
         Name of a group whose motions are repeated, `sessions` of them in all, evenly chosen; its grid and
         protocol then count.
     music
-        What sounds in the room: "synthetic" for the loop of `monochord.lab.music`, or a sound file.
+        What sounds in the room while the drivers are on: "synthetic" for the loop of `monochord.lab.music`,
+        or a sound file. It pauses for the taps.
     snr
         How far below the untouched string's sound it stays, in dB.
     """

@@ -27,6 +27,8 @@ PIECE: Seconds = 2.0
 """What is rendered at once."""
 AVERAGE: Seconds = 0.005
 """Over which the label of force is averaged: half the width of a raised cosine around its time."""
+FADE: Seconds = 0.05
+"""In which music begins and ends."""
 DOWNWARD = (1.0, 0.0, 0.0, 0.0)
 """Orientation of the tool, as a quaternion: half a turn about x, so that it looks down on the string."""
 TOLD = ("contact", "position", "reaction", "slip", "across", "along")
@@ -199,12 +201,20 @@ class _Renderer:
         touch = Touch(
             material=self.material, motion=self.course.motion.keys, radius=session.radius, rolls=False
         )
-        room = None
-        if session.group.music:
-            room = _room(session.group.music, session.group.snr, session.seed, sensor, self.rate)
-        scene = Scene(touches=(touch,), outside=room, drivers=(False, False))
+        scene = Scene(touches=(touch,), outside=self._room(sensor), drivers=(False, False))
         seed = int(session.random("twin").integers(2**62))
         return begin(sensor, scene, sample_rate=self.rate, seed=seed)
+
+    def _room(self, sensor: Sensor) -> Outside | None:
+        """Return what sounds in the room: the music, which pauses for the taps."""
+        group, done = self.session.group, self.course
+        if not group.music:
+            return None
+        music = _music(group.music, group.snr, self.session.seed, sensor, self.rate)
+        time = np.arange(math.ceil(done.motion.end * self.rate)) / self.rate
+        gate = np.clip(np.minimum(time - done.on, done.off - time) / FADE, 0.0, 1.0)
+        samples = np.resize(music.samples, time.size) * gate.astype(np.float32)
+        return Outside(samples=samples, level=music.level)
 
     def _piece(self, take: _Take, before: Floats, after: Floats) -> Rendering:
         plan, told = self.plan, take.told
@@ -287,7 +297,7 @@ def _events(done: Course) -> list[Happening]:
 
 
 @lru_cache(maxsize=4)
-def _room(music: str, snr: float, seed: int, sensor: Sensor, sample_rate: int) -> Outside:
+def _music(music: str, snr: float, seed: int, sensor: Sensor, sample_rate: int) -> Outside:
     if music == "synthetic":
         return outside_at(loop(seed, sample_rate=sample_rate), snr, sensor, sample_rate=sample_rate)
     import soundfile  # noqa: PLC0415  (needs its library)
