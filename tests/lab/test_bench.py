@@ -15,7 +15,8 @@ from monochord.errors import InputError
 from monochord.lab import bench
 from monochord.lab.bench import Outcome, delays, describe, make
 from monochord.lab.plan import Assignment, ForceSensor
-from monochord.lab.render import Rendering, pieces, render
+from monochord.lab.render import pieces, render
+from monochord.lab.rendering import Rendering
 from monochord.sessions import Session, check, read_session
 from monochord.sessions.alignment import align
 

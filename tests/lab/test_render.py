@@ -9,7 +9,8 @@ from monochord.lab import render as rendering
 from monochord.lab.course import Course, course
 from monochord.lab.plan import Group
 from monochord.lab.pressing import depth_under
-from monochord.lab.render import Rendering, joined, pieces, render
+from monochord.lab.render import pieces, render
+from monochord.lab.rendering import Rendering, joined
 from monochord.physics.twin.outside import untouched_power
 from monochord.types import Floats
 
@@ -158,8 +159,3 @@ def test_music_is_as_loud_as_told_and_pauses_for_the_taps(tmp_path: Path) -> Non
         last = added[:, round((told.taps[3] - 0.1) * 44100) : round((told.taps[3] - 0.03) * 44100)]
         assert off < round((told.taps[3] - 0.5) * 44100)
         assert np.abs(last).max() < 0.01
-
-
-def test_nothing_cannot_be_joined() -> None:
-    with pytest.raises(ValueError, match="nothing"):
-        joined([])

@@ -19,7 +19,8 @@ from monochord.config import dump_toml, to_tree
 from monochord.errors import InputError
 from monochord.lab.arrivals import Line, arrive
 from monochord.lab.plan import Assignment
-from monochord.lab.render import Rendering, pieces
+from monochord.lab.render import pieces
+from monochord.lab.rendering import Rendering
 from monochord.lab.tally import Tally, tally
 from monochord.sessions import Description, SessionClock, SessionWriter, read_session
 from monochord.types import POSE, WRENCH, Block, Feed, Floats, Readings

@@ -4,19 +4,19 @@ A rendering has no delays, jitter or losses: its times are true. Whoever plays o
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monochord.lab.course import Course, course
 from monochord.lab.gauge import Noise, Touched, mount, wrench_of
 from monochord.lab.music import loop
 from monochord.lab.plan import Assignment
+from monochord.lab.rendering import Happening, Rendering, first_reading, joined
 from monochord.physics.materials import load_material
 from monochord.physics.twin import Outside, Scene, Sensor, Touch, Twin, advance, begin, switch
 from monochord.physics.twin.outside import outside_at
@@ -32,66 +32,6 @@ FADE: Seconds = 0.05
 DOWNWARD = (1.0, 0.0, 0.0, 0.0)
 """Orientation of the tool, as a quaternion: half a turn about x, so that it looks down on the string."""
 TOLD = ("contact", "position", "reaction", "slip", "across", "along")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Happening:
-    """An event at a time in s: a phase that begins, a tap, the drivers that go on or off."""
-
-    time: Seconds
-    kind: str
-    text: str = ""
-    data: Mapping[str, float | str | bool] = field(default_factory=dict[str, float | str | bool])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rendering:
-    """A session, or a stretch of one, at true times.
-
-    `microphones` (2, n) float32 in full scale begin at frame `start`; `wrench` (m, 6) in N and N m, `pose`
-    (k, 7) in m and as a unit quaternion, and every column (l,) of `labels` begin at the first multiple of
-    their period that is not before it. Labels are NaN where there is no contact to speak of.
-    """
-
-    start: Samples
-    sample_rate: int
-    force_rate: Hertz
-    pose_rate: Hertz
-    label_rate: Hertz
-    microphones: Audio
-    wrench: Floats
-    pose: Floats
-    labels: dict[str, Floats]
-    events: tuple[Happening, ...]
-
-    @property
-    def begin(self) -> Seconds:
-        """When it begins, in s."""
-        return self.start / self.sample_rate
-
-    @property
-    def seconds(self) -> Seconds:
-        """How long it lasts, in s."""
-        return self.microphones.shape[1] / self.sample_rate
-
-    def index(self, rate: Hertz, count: int) -> NDArray[np.int64]:
-        """Return which readings these `count` are of a stream of a rate."""
-        return _first(self.start, rate, self.sample_rate) + np.arange(count, dtype=np.int64)
-
-    @property
-    def wrench_time(self) -> Floats:
-        """When the wrenches were taken, (m,) in s."""
-        return self.index(self.force_rate, len(self.wrench)) / self.force_rate
-
-    @property
-    def pose_time(self) -> Floats:
-        """When the poses were taken, (k,) in s."""
-        return self.index(self.pose_rate, len(self.pose)) / self.pose_rate
-
-    @property
-    def label_time(self) -> Floats:
-        """When the labels hold, (l,) in s."""
-        return self.index(self.label_rate, len(self.labels["contact"])) / self.label_rate
 
 
 def render(session: Assignment) -> Rendering:
@@ -111,26 +51,6 @@ def render(session: Assignment) -> Rendering:
 def pieces(session: Assignment) -> Iterator[Rendering]:
     """Yield a session in stretches of `PIECE`, each as it would be in the whole, in little memory."""
     return _Renderer(session).run()
-
-
-def joined(parts: Iterable[Rendering]) -> Rendering:
-    """Return consecutive stretches as one; raises `ValueError` where there is none."""
-    parts = list(parts)
-    if not parts:
-        raise ValueError("nothing to join")
-    first = parts[0]
-    return Rendering(
-        start=first.start,
-        sample_rate=first.sample_rate,
-        force_rate=first.force_rate,
-        pose_rate=first.pose_rate,
-        label_rate=first.label_rate,
-        microphones=np.concatenate([part.microphones for part in parts], axis=1),
-        wrench=np.concatenate([part.wrench for part in parts]),
-        pose=np.concatenate([part.pose for part in parts]),
-        labels={name: np.concatenate([part.labels[name] for part in parts]) for name in first.labels},
-        events=tuple(event for part in parts for event in part.events),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -242,7 +162,7 @@ class _Renderer:
         return oaconvolve(reaction, kernel, mode="same")[self.reach :]
 
     def _times(self, take: _Take, rate: Hertz) -> Floats:
-        first, last = (_first(frame, rate, self.rate) for frame in (take.start, take.stop))
+        first, last = (first_reading(frame, rate, self.rate) for frame in (take.start, take.stop))
         return np.arange(first, last) / rate
 
     def _wrench(self, take: _Take, force: Floats) -> Floats:
@@ -279,11 +199,6 @@ class _Renderer:
             "slip_along": where_touched(told["along"][at]),
             "settled": told["settled"][at],
         }
-
-
-def _first(frame: Samples, rate: Hertz, sample_rate: int) -> int:
-    """Return the first reading that is not before a frame."""
-    return math.ceil(frame * rate / sample_rate - 1e-9)
 
 
 def _events(done: Course) -> list[Happening]:
