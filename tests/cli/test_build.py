@@ -37,7 +37,23 @@ def test_a_table_by_part_and_object(
     sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert run(["build", str(sessions), "--out", str(out), "--held-out", "wood", "--seed", "2"]) == 0
+    assert (
+        run(
+            [
+                "build",
+                str(sessions),
+                "--out",
+                str(out),
+                "--split",
+                "object",
+                "--held-out",
+                "wood",
+                "--seed",
+                "2",
+            ]
+        )
+        == 0
+    )
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == f"{out}, simulated: 320 windows of 4 sessions, labels recorded, 0 windows clipped"
     assert lines[1] == "split by object, seed 2, 0 windows in guard gaps"
@@ -103,7 +119,7 @@ def test_a_session_that_cannot_be_used_is_told_in_one_line(
     [
         (["--split", "window"], "windows beside each other hear one touch"),
         (["--split", "sesion"], "did you mean 'session'"),
-        (["--split", "session", "--held-out", "wood"], "a split by object"),
+        (["--split", "time", "--held-out", "wood"], "a split by session or object"),
         (["--split", "day"], "without a day"),
         (["--held-out", "wod"], "did you mean 'wood'? ; out stands without a split"),
         (["--labels", "guessed"], "'recorded', 'measured'"),

@@ -41,7 +41,7 @@ SPLIT_FILE = "split.json"
     metavar="WAY",
     help="By session, object, time or day.  [default: session; time with fewer than 3 sessions]",
 )
-@click.option("--held-out", multiple=True, metavar="OBJECT", help="For the test alone; with --split object.")
+@click.option("--held-out", multiple=True, metavar="OBJECT", help="For the test alone; repeatable.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the split.")
 @click.option("--force", is_flag=True, help="Take sessions whose streams are not on one clock too.")
 @click.option("--skip", is_flag=True, help="Leave out sessions that cannot be used.")
@@ -66,9 +66,8 @@ def build(
     another.
 
     \b
-    monochord build sessions --out dataset --split object --held-out wood
+    monochord build sessions --out dataset --held-out wood --held-out metal_tube
     """  # noqa: D301
-    by = by or ("object" if held_out else None)
     refuse_impossible(by or "session", held_out=held_out)
     files = find_sessions(sessions)
     options = Options(window=window, hop=hop, labels=labels or "", force=force, skip=skip)

@@ -31,10 +31,11 @@ Kind: TypeAlias = Literal[
     "near duplicate",
 ]
 """What leaks: see `audit`."""
+OBJECT: tuple[Kind, ...] = ("shared object",)
 CLAIMS: dict[str, tuple[Kind, ...]] = {
     "session": ("shared session",),
     "day": ("shared session", "shared day"),
-    "object": ("shared session", "shared object"),
+    "object": ("shared session", *OBJECT),
     "time": (),
 }
 """What the parts of a split may not share, by what it was made by."""
@@ -109,6 +110,10 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     -------
     Audit
         Its `refuse_leaks` raises where there are any.
+
+    Examples
+    --------
+    ``examples/build_a_dataset.py`` does so with two simulated sessions.
     """
     strange = tuple(_strange_rows(dataset, split))
     if strange:
@@ -184,7 +189,7 @@ def _distances(dataset: Dataset, mine: Indices, theirs: Indices) -> Indices:
 
 def _claims(dataset: Dataset, split: Split) -> Iterator[Leak]:
     """Yield sessions, days and objects in two parts that the split keeps apart by its own account."""
-    for what in CLAIMS[split.by]:
+    for what in dict.fromkeys((*CLAIMS[split.by], *(OBJECT if split.held_out else ()))):
         names = np.array([_named(part, what) for part in dataset.manifest.parts])
         held = {part: names[dataset.session[rows]] for part, rows in split.parts.items()}
         for one, other in combinations(split.parts, 2):
@@ -192,6 +197,8 @@ def _claims(dataset: Dataset, split: Split) -> Iterator[Leak]:
                 continue
             shared = np.intersect1d(held[one], held[other])
             shared = shared[shared != ""]
+            if what == "shared object" and split.by != "object":
+                shared = shared[np.isin(shared, split.held_out)]
             if shared.size:
                 many = min(int(np.isin(held[each], shared).sum()) for each in (one, other))
                 where = _some(what.removeprefix("shared "), shared.tolist())

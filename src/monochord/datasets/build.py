@@ -116,6 +116,10 @@ def build_dataset(
     InputError
         If `out` is there already, a session cannot be used (see `truth.truth_of`) and is not to be skipped,
         two have one name, or their rates or channels differ.
+
+    Examples
+    --------
+    ``examples/build_a_dataset.py`` does so with two simulated sessions.
     """
     if out.exists():
         raise InputError(f"{out}, which is there already", "a new folder", "name another, or remove that one")

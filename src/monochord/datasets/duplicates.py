@@ -39,6 +39,8 @@ TAPER = 0.05
 PEAK = 0.05
 LIKE = 0.7
 MOST = 0.5
+LEAST = 0.2
+"""How much of the shorter session must overlap the other at least."""
 CHANCE = 6.0
 """What a peak must reach at least, in deviations of the peaks by chance."""
 EXCERPT: Samples = 1 << 13
@@ -108,7 +110,7 @@ def find_duplicates(track: Track, pairs: Iterable[tuple[int, int]]) -> list[Dupl
                 continue
             sounds = track(pair[0]), track(pair[1])
             first, last = _overlap(*sounds, lag * STEP)
-            if last - first < 2 * EXCERPT:
+            if last - first < max(2 * EXCERPT, LEAST * min(each.shape[1] for each in sounds)):
                 continue
             exact = _exact(*sounds, lag * STEP)
             share = _share(*sounds, exact)

@@ -4,6 +4,7 @@ Neighbouring windows hear the same touch, and overlapping ones the same samples.
 out:
 
 - **session**: whole sessions, each kind (object; mostly static, sliding or untouched) by the same shares.
+  Objects that are held out are in the test alone, beside sessions of the others.
 - **object**: objects that are held out are in the test alone. With `held_out` those, else as many as come to
   the share asked for. The sessions of the other objects are dealt to training and validation.
 - **day**: whole days.
@@ -17,24 +18,20 @@ Shuffled single windows are refused: such a test asks for touches that were trai
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from monochord.datasets.deal import deal
+from monochord.datasets._ways import PARTS, by_group, by_time
 from monochord.datasets.manifest import checksum
 from monochord.datasets.store import Dataset, Indices
 from monochord.errors import InputError, did_you_mean
 from monochord.units import Samples, Seconds
 
 By: TypeAlias = Literal["session", "object", "time", "day"]
-PARTS = ("train", "validation", "test")
 SHARES = (0.7, 0.15, 0.15)
 """Of the windows, by default."""
-REACH = 0.45
-"""How far a cut in time may be moved to an untouched window, as a share of the shorter stretch beside it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +129,8 @@ def split_dataset(
     seed
         Of what is drawn; equal seeds give equal splits.
     held_out
-        Names of objects for the test, where `by` is "object".
+        Names of objects for the test alone, where `by` is "session" or "object". By session, the other
+        objects' sessions are dealt to all parts, so that the test holds known and unknown ones.
     guard
         Least distance of the samples of two parts in s, where `by` is "time"; by default, and at least, a
         window and a hop.
@@ -151,9 +149,9 @@ def split_dataset(
         raise InputError(f"guard gap of {gap / rate:g} s", f"a window and a hop, {least / rate:g} s, or more")
     rng = np.random.default_rng(seed)
     if by == "time":
-        part_of, groups = _by_time(dataset, fractions, gap, rng), dict[str, tuple[str, ...]]()
+        part_of, groups = by_time(dataset, fractions, gap, rng), dict[str, tuple[str, ...]]()
     else:
-        names, part = _by_group(dataset, by, fractions, held_out, rng)
+        names, part = by_group(dataset, by, fractions, held_out, rng)
         part_of = part[dataset.session]
         groups = {
             each: tuple(sorted({name for name, at in zip(names, part, strict=True) if at == number}))
@@ -198,112 +196,8 @@ def refuse_impossible(
     if min(fractions) < 0.0 or abs(sum(fractions) - 1.0) > 1e-6 or fractions[0] <= 0.0:
         given = "shares " + ", ".join(f"{share:g}" for share in fractions)
         raise InputError(given, "three of 0 or more that sum to 1, the first above 0")
-    if held_out and by != "object":
-        raise InputError(f"held-out objects in a split by {by}", "a split by object")
-
-
-def _by_group(
-    dataset: Dataset,
-    by: str,
-    fractions: tuple[float, float, float],
-    held_out: Sequence[str],
-    rng: np.random.Generator,
-) -> tuple[list[str], Indices]:
-    """Return the group's name and the part of every session."""
-    sessions = dataset.manifest.parts
-    counts = np.bincount(dataset.session, minlength=len(sessions))
-    if by == "session":
-        return [each.name for each in sessions], deal(counts, _strata(dataset), fractions, rng)
-    if by == "day":
-        names = ["" if each.day is None else str(each.day) for each in sessions]
-        if "" in names:
-            given = f"session {sessions[names.index('')].name} without a day in a split by day"
-            raise InputError(given, "sessions that tell their day", "split by session")
-        return names, _dealt(names, counts, fractions, rng)
-    return _by_object(dataset, counts, fractions, held_out, rng)
-
-
-def _by_object(
-    dataset: Dataset,
-    counts: Indices,
-    fractions: tuple[float, float, float],
-    held_out: Sequence[str],
-    rng: np.random.Generator,
-) -> tuple[list[str], Indices]:
-    names = [each.body for each in dataset.manifest.parts]
-    there = sorted(set(names))
-    for name in held_out:
-        if name not in there:
-            raise InputError(f"held-out object '{name}'", ", ".join(there), did_you_mean(name, there))
-    if held_out:
-        test = np.isin(names, held_out)
-    else:
-        known = (fractions[0] + fractions[1], 0.0, fractions[2])
-        test = _dealt(names, counts, known, rng) == PARTS.index("test")
-    part = np.where(test, PARTS.index("test"), -1)
-    left = fractions[0] + fractions[1]
-    rest = np.flatnonzero(~test)
-    strata = _strata(dataset)
-    shares = (fractions[0] / left, fractions[1] / left, 0.0)
-    part[rest] = deal(counts[rest], [strata[at] for at in rest], shares, rng)
-    return names, part
-
-
-def _dealt(
-    names: list[str], counts: Indices, fractions: tuple[float, float, float], rng: np.random.Generator
-) -> Indices:
-    """Deal whole groups of sessions out and return the part of every session."""
-    groups, member = np.unique(names, return_inverse=True)
-    sizes = np.bincount(member, weights=counts, minlength=len(groups)).astype(np.int64)
-    return deal(sizes, [""] * len(groups), fractions, rng)[member]
-
-
-def _strata(dataset: Dataset) -> list[str]:
-    """Return what each session holds mostly: its object, and whether it is untouched, static or sliding."""
-    found: list[str] = []
-    contact, slip = dataset.label("contact"), dataset.label("slip")
-    for number, part in enumerate(dataset.manifest.parts):
-        rows = slice(part.first, part.first + part.windows)
-        assert (dataset.session[rows] == number).all()
-        slides, touches = np.sum(slip[rows] == 1.0), np.sum(contact[rows] == 1.0)
-        kind = "sliding" if slides > 0.2 * max(touches, 1) else "static" if touches else "untouched"
-        found.append(f"{part.body}/{kind}")
-    return found
-
-
-def _by_time(
-    dataset: Dataset, fractions: tuple[float, float, float], guard: Samples, rng: np.random.Generator
-) -> Indices:
-    """Return the part of every window, -1 in the guard gaps."""
-    part_of = np.full(len(dataset), -1, np.int64)
-    contact, calibrating = dataset.label("contact"), dataset.label("calibrating")
-    used = [number for number, share in enumerate(fractions) if share > 0.0]
-    for part in dataset.manifest.parts:
-        rows = np.arange(part.first, part.first + part.windows)
-        if not rows.size:
-            continue
-        order = rng.permutation(used).tolist()
-        shares = [fractions[number] for number in order]
-        counted = np.cumsum(calibrating[rows] != 1.0)
-        cuts = np.searchsorted(counted, np.cumsum([0.0, *shares]) * counted[-1]).tolist()
-        cuts = [0, *(_calm(contact[rows], cuts, at) for at in range(1, len(cuts) - 1)), len(rows)]
-        begin = dataset.start[rows]
-        free = 0  # the first frame that the next stretch may begin at
-        for number, (first, last) in zip(order, pairwise(cuts), strict=True):
-            kept = rows[first:last][begin[first:last] >= free]
-            part_of[kept] = number
-            if kept.size:
-                free = int(dataset.start[kept[-1]]) + dataset.manifest.window + guard
-    return part_of
-
-
-def _calm(contact: np.ndarray, cuts: list[int], at: int) -> int:
-    """Return the cut moved to the nearest window in which nothing touches, if one is within reach."""
-    reach = int(REACH * min(cuts[at] - cuts[at - 1], cuts[at + 1] - cuts[at]))
-    near = np.arange(cuts[at] - reach, cuts[at] + reach + 1)
-    near = near[(near > 0) & (near < len(contact))]
-    near = near[contact[near] == 0.0]
-    return int(near[np.abs(near - cuts[at]).argmin()]) if near.size else cuts[at]
+    if held_out and by not in ("session", "object"):
+        raise InputError(f"held-out objects in a split by {by}", "a split by session or object")
 
 
 def _runs(rows: Indices) -> list[list[int]]:
