@@ -16,8 +16,9 @@ class Progress:
     `time` is the monotonic clock's and `elapsed` since the recording began. `frames`, `dropped` and `gaps`
     are those of the blocks that came; `silent` is for how long no audio has come, 0 while it is not late.
     `levels` are the microphones', `feeds` the instruments'. `waiting` is the share of the room for what is
-    not yet written, and `held_up` for how long instruments waited for room. `doubt` is how long
-    ago the source says that its newest block began, where that cannot be.
+    not yet written, and `held_up` for how long instruments waited for room. `doubt` is how long ago the
+    source says that its newest block began, where that cannot be, and `slipped` by how much its times moved
+    against its frames.
     """
 
     time: Seconds
@@ -33,3 +34,4 @@ class Progress:
     waiting: float = 0.0
     held_up: Seconds = 0.0
     doubt: Seconds = 0.0
+    slipped: Seconds = 0.0

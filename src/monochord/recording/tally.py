@@ -10,6 +10,7 @@ from monochord.recording.feeds import FeedTally
 from monochord.recording.levels import Levels
 from monochord.recording.progress import Progress
 from monochord.recording.pumps import Polled, Pumps
+from monochord.recording.steadiness import Steadiness
 from monochord.sources.base import Stream
 from monochord.types import Block
 from monochord.units import Seconds
@@ -34,6 +35,7 @@ class Tally:
         self._folder, self._reserve = folder, reserve
         self._rate = stream.signal.sample_rate
         self._levels = Levels(stream.signal.channels)
+        self._steadiness = Steadiness(self._rate)
         self._feeds = {name: FeedTally(name, open_.feed, self.begin) for name, open_ in connections.items()}
         self._frames = self._dropped = self._gaps = self._end = 0
         self._patience = QUIET
@@ -57,6 +59,7 @@ class Tally:
         self._heard = now
         self._patience = max(QUIET, DUE * frames / self._rate)
         self._levels.add(batch)
+        self._steadiness.add(batch)
 
     def look(self, size: int, pumps: Pumps) -> Progress:
         """Return how the recording stands, whose file has `size` bytes."""
@@ -76,4 +79,5 @@ class Tally:
             waiting=pumps.inbox.filled,
             held_up=pumps.held_up,
             doubt=pumps.doubt,
+            slipped=self._steadiness.slipped,
         )
