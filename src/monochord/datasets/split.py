@@ -140,6 +140,10 @@ def split_dataset(
     InputError
         If single windows are to be shuffled, the shares or names are not possible, or there are too few
         groups.
+
+    Examples
+    --------
+    ``examples/build_a_dataset.py`` does so with two simulated sessions.
     """
     refuse_impossible(by, fractions, held_out)
     size, hop, rate = dataset.manifest.window, dataset.manifest.hop, dataset.manifest.sample_rate
