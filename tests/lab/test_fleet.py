@@ -138,6 +138,14 @@ def test_closing_early_ends_every_worker_and_listens_on_loopback_alone(job: Find
     assert not [child for child in me.children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
 
 
+@pytest.mark.usefixtures("kind")
+def test_two_fleets_at_once_do_not_meet(job: Find) -> None:
+    first = run_all(range(20), job("surroundings"), workers=2)
+    next(first)
+    assert len(list(run_all(range(4), job("noise"), workers=2))) == 4
+    assert len(list(first)) == 19
+
+
 def test_no_jobs_and_one_job_start_no_process(job: Find) -> None:
     assert list(run_all([], job("surroundings"))) == []
     ((_, (pid, _)),) = run_all(["one"], job("surroundings"))
@@ -165,18 +173,28 @@ def test_an_address_where_nothing_answers_is_refused(address: str, monkeypatch: 
 
 
 @pytest.fixture
-def scheduler(folder: Path) -> Generator[str]:
-    """Address of a real scheduler with two workers, each a program of its own, as on other machines."""
-    environment = {**os.environ, "PYTHONPATH": str(folder)}
+def scheduler(folder: Path, tmp_path: Path, request: pytest.FixtureRequest) -> Generator[str]:
+    """Address of a real scheduler with two workers, each a program of its own, as on other machines.
+
+    Parametrised with "another", the Monochord that the workers import is another one.
+    """
+    place = folder
+    if getattr(request, "param", "") == "another":
+        place = tmp_path
+        (tmp_path / "monochord").mkdir()
+        (tmp_path / "monochord" / "__init__.py").touch()
+    environment = {**os.environ, "PYTHONPATH": str(place)}
     dask = [str(Path(sys.executable).with_name("dask"))]
     quiet: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
     loopback = ["--host", "127.0.0.1", "--no-dashboard"]
-    place = folder / "scheduler.json"
+    place = tmp_path / "scheduler.json"
     about = ["--scheduler-file", str(place)]
     started = [subprocess.Popen([*dask, "scheduler", *loopback, "--port", "0", *about], **quiet)]
     try:
         worker = [*dask, "worker", *about, "--host", "127.0.0.1", "--no-dashboard", "--nthreads", "1"]
-        started += [subprocess.Popen([*worker, "--local-directory", str(folder)], **quiet) for _ in range(2)]
+        started += [
+            subprocess.Popen([*worker, "--local-directory", str(tmp_path)], **quiet) for _ in range(2)
+        ]
         deadline = time.monotonic() + 30.0
         while not place.exists():
             assert time.monotonic() < deadline
@@ -199,6 +217,13 @@ def test_a_cluster_by_its_address_does_the_same(job: Find, scheduler: str, tmp_p
     assert sorted(done) == [(each, each[1] ** 2) for each in jobs]
     with pytest.raises(InputError, match=r"^job 1: allowed is job 0; leave it out$"):
         list(run_all([1], job("refused"), cluster=scheduler))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheduler", ["another"], indirect=True)
+def test_a_cluster_with_other_code_is_told_in_one_line(job: Find, scheduler: str) -> None:
+    with pytest.raises(DeviceError, match=r"^a worker cannot read its job \(No module named 'monochord\.lab"):
+        list(run_all([1, 2], job("noise"), cluster=scheduler))
 
 
 @pytest.mark.parametrize("dask", [True, False])

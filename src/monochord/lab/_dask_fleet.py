@@ -2,6 +2,7 @@
 
 import logging
 import tempfile
+import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -9,9 +10,10 @@ from typing import Any, TypeVar
 import dask.config
 from distributed import Client, KilledWorker, LocalCluster, as_completed
 from distributed.client import FutureCancelledError
+from distributed.versions import VersionMismatchWarning
 
 from monochord.errors import DeviceError, InputError
-from monochord.lab._worker import ALONE, TRIES, do, one_thread_each, pack
+from monochord.lab._worker import ALONE, TRIES, do, one_thread_each, pack, unreadable
 from monochord.units import Seconds
 
 Job = TypeVar("Job")
@@ -26,7 +28,7 @@ def on_cluster(
     """Do the jobs on the cluster whose scheduler is at `address`."""
     with _quiet():
         try:
-            client: Any = Client(address, timeout=ANSWER_WITHIN, set_as_default=False)
+            client = _client(address)
         except (OSError, ValueError) as error:
             raise InputError(
                 f"cluster {address} (no dask scheduler answers there)",
@@ -53,13 +55,22 @@ def on_this_machine(
         yield from _results(client, jobs, work)
 
 
+def _client(address: str) -> Any:
+    with warnings.catch_warnings():
+        # Other versions there are no harm by themselves; what they cannot read is an error of its own.
+        warnings.simplefilter("ignore", VersionMismatchWarning)
+        return Client(address, timeout=ANSWER_WITHIN, set_as_default=False)
+
+
 def _local(workers: int, scratch: str) -> LocalCluster:
     return LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
         processes=True,
         host="127.0.0.1",
+        # No dashboard; what answers for the scheduler's health takes any port, or two clusters would meet.
         dashboard_address=None,  # pyright: ignore[reportArgumentType]
+        scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
         silence_logs=logging.CRITICAL,
         memory_limit=0,  # a job's memory is its own business
         local_directory=scratch,
@@ -79,6 +90,10 @@ def _results(client: Any, jobs: Sequence[Job], work: Callable[[Job], Result]) ->
         raise DeviceError(f"a job ended its worker {TRIES} times: see what it needs") from error
     except FutureCancelledError as error:
         raise DeviceError("the cluster went away before all jobs were done: start it again") from error
+    except RuntimeError as error:
+        if isinstance(error.__cause__, (ImportError, AttributeError)):
+            raise DeviceError(unreadable(error.__cause__)) from error
+        raise
     finally:
         client.cancel(list(futures), force=True)
 

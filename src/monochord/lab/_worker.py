@@ -28,8 +28,13 @@ def do(packed: bytes) -> Any:
     try:
         work, job = pickle.loads(packed)  # noqa: S301  (from the process that started this one)
     except (ImportError, AttributeError) as error:
-        raise DeviceError(f"a worker cannot read its job ({error}): install the same code there") from error
+        raise DeviceError(unreadable(error)) from error
     return work(job)
+
+
+def unreadable(error: BaseException) -> str:
+    """Return what to say of a worker that lacks what its job needs."""
+    return f"a worker cannot read its job ({error}): install the same code there"
 
 
 def dask_setup(worker: Any) -> None:  # noqa: ARG001
