@@ -120,3 +120,15 @@ def test_a_file_holds_the_whole_split(several: Dataset, tmp_path: Path) -> None:
     for absent in ("split.json", "nothing.json"):
         with pytest.raises(InputError, match="absent or damaged"):
             Split.read(tmp_path / absent)
+
+
+def test_a_split_of_ones_own_needs_its_way_and_its_rows(several: Dataset, tmp_path: Path) -> None:
+    (file := tmp_path / "mine.json").write_text(
+        '{"by": "session", "parts": {"train": [[0, 240]], "test": [[240, 360]]}}'
+    )
+    split = Split.read(file)
+    assert (len(split.train), len(split.validation), len(split.test)) == (240, 0, 120)
+    assert audit(several, split, duplicates=False).clean
+    file.write_text('{"by": "window", "parts": {}}')
+    with pytest.raises(InputError, match="hear one touch"):
+        Split.read(file)

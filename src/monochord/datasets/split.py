@@ -86,25 +86,29 @@ class Split:
 
     @classmethod
     def read(cls, file: Path) -> "Split":
-        """Read what `write` wrote; raises `InputError` where a file is absent or something else."""
+        """Read what `write` wrote, or a file of your own: ``by`` and the runs of ``parts`` are enough.
+
+        Raises `InputError` where the file is absent, something else, or of a way that is refused.
+        """
         try:
             tree = json.loads(file.read_text(encoding="utf-8"))
-            parts = {name: _rows(tree["parts"][name]) for name in PARTS}
-            return cls(
+            found = cls(
                 by=tree["by"],
-                parts=parts,
-                seed=int(tree["seed"]),
-                fractions=tuple(tree["fractions"]),
-                guard=int(tree["guard"]),
-                held_out=tuple(tree["held_out"]),
-                left_out=int(tree["left_out"]),
-                dataset=tree["dataset"],
-                groups={name: tuple(held) for name, held in tree["groups"].items()},
+                parts={name: _rows(tree["parts"].get(name, [])) for name in PARTS},
+                seed=int(tree.get("seed", 0)),
+                fractions=tuple(tree.get("fractions", SHARES)),
+                guard=int(tree.get("guard", 0)),
+                held_out=tuple(tree.get("held_out", ())),
+                left_out=int(tree.get("left_out", 0)),
+                dataset=tree.get("dataset", ""),
+                groups={name: tuple(held) for name, held in tree.get("groups", {}).items()},
             )
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(
                 f"split {file} (absent or damaged)", "a file that monochord build made"
             ) from error
+        refuse_impossible(found.by)
+        return found
 
 
 def split_dataset(
