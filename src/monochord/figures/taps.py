@@ -64,7 +64,7 @@ class Taps(Measured):
             if late is not None:
                 offset = late.offsets[-1 if self.end else 0]
                 said = f"{1e3 * offset.value:+.2f} ± {1e3 * offset.std:.2f} ms"
-                line[0].text(0.99, 0.95, said, transform=line[0].transAxes, ha="right", va="top",
+                line[0].text(1.0, 1.01, said, transform=line[0].transAxes, ha="right", va="bottom",
                              fontsize=_style.TICK, color=_style.INK)  # fmt: skip
         kind = "simulated, " if session.description.simulated else ""
         for axes, title in zip(panels[0], ("as stamped", "after alignment"), strict=True):

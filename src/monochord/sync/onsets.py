@@ -13,6 +13,8 @@ LOUDER = 3.0
 """How many times louder than before an event must be that comes before a louder one."""
 APART: Samples = 8
 """Frames left out before that one, which its own begin may reach into."""
+STRIKING = 5.0
+"""Nepers of power beyond which all is equally new; it keeps one loud event from standing for many."""
 FLOOR = 1e-7
 """Share of white noise that is added, below which nothing is predicted away."""
 
@@ -58,10 +60,10 @@ def surprise(samples: Audio | Floats) -> Floats:
     return errors
 
 
-def novelty(errors: Floats, size: Samples) -> Floats:
+def novelty(sound: Audio | Floats, size: Samples) -> Floats:
     """Return how much louder each frame of `size` samples is than the 20 before it, in nepers.
 
-    `errors` is (channels, n), the result (n // size,). Channels count alike. What is not louder counts as
+    `sound` is (channels, n), the result (n // size,). Channels count alike. What is not louder counts as
     zero.
 
     Examples
@@ -71,12 +73,14 @@ def novelty(errors: Floats, size: Samples) -> Floats:
     >>> int(novelty(errors, 44).argmax())
     50
     """
-    frames = errors.shape[1] // size
-    power = np.mean(errors[:, : frames * size].reshape(errors.shape[0], frames, size) ** 2, axis=(0, 2))
-    level = np.log(power + 1e-12)
+    frames = sound.shape[1] // size
+    cut = sound[:, : frames * size].astype(np.float64).reshape(sound.shape[0], frames, size)
+    power = np.mean(cut**2, axis=2)
+    usual = np.median(power, axis=1, keepdims=True)
+    level = np.log(np.mean(power / np.where(usual > 0.0, usual, 1.0), axis=0) + 1e-12)
     padded = np.concatenate([np.full(20, level[:20].max(initial=0.0)), level])
     before = np.lib.stride_tricks.sliding_window_view(padded, 20)[:frames]
-    return np.maximum(level - np.quantile(before, 0.9, axis=1), 0.0)
+    return np.clip(level - np.quantile(before, 0.9, axis=1), 0.0, STRIKING)
 
 
 def pick(errors: Floats) -> float:

@@ -222,22 +222,24 @@ def _edge(time: Floats, rest: Floats, inside: int, step: int, noise: Newtons) ->
     """Return where a pulse begins (step -1) or ends (1), from a reading that is surely inside it.
 
     A soft touch begins with less than what stands out surely: the mean over some 0.3 ms still tells. Where
-    readings are as far apart as that, the line through the first two is followed back to no force, though no
-    further than to the reading before them.
+    readings are as far apart as that, the line through the first of them is followed back to no force, though
+    no further than a reading and a half.
     """
     usual = float(time[min(inside + 1, len(time) - 1)] - time[inside - 1]) / 2.0
     many = max(round(BUILD_UP / usual), 1)
-    for _ in range(len(rest)):
+    for _ in range(len(rest) if many > 1 else 0):
         beyond = inside + step * np.arange(1, many + 1)
         if beyond[-1] not in range(len(rest)) or rest[beyond].mean() <= TELLING * noise / math.sqrt(many):
             break
         inside += step
-    beyond, next_in = min(max(inside + step, 0), len(time) - 1), inside - step
-    if many == 1 and rest[next_in] > RISING * rest[inside]:
-        # Readings too far apart to show the step tell more by the slope behind it.
-        back = rest[inside] * (time[inside] - time[next_in]) / (rest[next_in] - rest[inside])
-        low, high = sorted((float(time[beyond]), float(time[inside])))
-        return min(max(float(time[inside] + back), low), high)
+    beyond = min(max(inside + step, 0), len(time) - 1)
+    rising = [inside]
+    while many == 1 and len(rising) < 4 and rest[rising[-1] - step] > RISING * rest[rising[-1]]:
+        rising.append(rising[-1] - step)
+    if len(rising) > 1:
+        slope, height = np.polyfit(time[rising] - time[inside], rest[rising], 1)
+        back = float(np.clip(height / slope * -step, 0.0, 1.5 * usual))
+        return float(time[inside]) + step * back
     return 0.5 * float(time[inside] + time[beyond])
 
 

@@ -4,12 +4,12 @@ An offset is positive where the stream comes late: a stream's time minus its off
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monochord.errors import InputError
+from monochord.sync._group import shifts_of_group
 from monochord.sync.onsets import first_onset, novelty, surprise
 from monochord.sync.pulses import Taps, dip, middle_of_dip
 from monochord.types import Audio, Floats
@@ -20,10 +20,12 @@ FRAME: Seconds = 1e-3
 """Resolution of the search over a group of taps."""
 BEFORE, AFTER = 0.012, 0.0015
 """Where, around what the group tells, a tap's onset is looked for."""
-ALIKE: Seconds = 0.03
-"""Offsets closer than this are one peak of the search."""
 UNSURE = 0.8
 """A second peak this high, of the first, leaves the offset open."""
+AGREED: Seconds = 0.5e-3
+"""Standard uncertainty below which three taps or more agree as chance would not have it."""
+BEATEN = 3.0
+"""How many times more uncertain a rival must be to be left out."""
 ALONE: Seconds = 2e-3
 """Scatter allowed to fewer than three taps, of which a wrong one does not show."""
 PROMPT: Seconds = 0.1e-3
@@ -154,19 +156,28 @@ def audio_offset(
     if not len(taps) or samples.shape[1] < 64 * size:
         return offset_of(np.full(len(taps), np.nan), spacing=taps.spacing)
     errors = surprise(samples)
-    news = novelty(errors, size)
+    # What is broad shows among tones, what is loud among noises.
+    news = novelty(errors, size) + novelty(samples, size)
     when = np.arange(news.size, dtype=np.float64) * (size / rate) + (first + 0.5 * size / rate)
-    shift, rival = _shift_of_group(taps.begin, when, news, reach)
-    each = np.full((len(taps), channels), np.nan)
-    for k, begin in enumerate(taps.begin):
-        start = round((begin + shift - BEFORE - first) * rate)
-        stop = round((begin + shift + AFTER - first) * rate)
-        if start >= 0 and stop <= samples.shape[1]:
-            each[k] = [
-                first + (start + first_onset(errors[c, start:stop])) / rate - begin - travels[c]
-                for c in range(channels)
-            ]
-    return offset_of(each.mean(axis=1), spacing=math.hypot(taps.spacing, 1.0 / rate), rival=rival)
+    spacing = math.hypot(taps.spacing, 1.0 / rate)
+
+    def heard(shift: Seconds) -> Floats:
+        """Return the offset of each tap, from its onset near where a shift puts it."""
+        each = np.full((len(taps), channels), np.nan)
+        for k, begin in enumerate(taps.begin):
+            start = round((begin + shift - BEFORE - first) * rate)
+            stop = round((begin + shift + AFTER - first) * rate)
+            if start >= 0 and stop <= samples.shape[1]:
+                onsets = np.array([first_onset(errors[c, start:stop]) for c in range(channels)])
+                each[k] = first + (start + onsets) / rate - begin - np.array(travels)
+        return each.mean(axis=1)
+
+    return _most_agreed(
+        [
+            offset_of(heard(shift), spacing=spacing, rival=share)
+            for shift, share in shifts_of_group(taps.begin, when, news, reach)
+        ]
+    )
 
 
 def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = REACH) -> Offset:
@@ -208,7 +219,7 @@ def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = 
     down = dip(time, height)
     depth = 1.0 / (1.0 + 1e-3 / np.maximum(down, 1e-9))  # a deep dip counts little more than one of some mm
     when = np.arange(time[0], time[-1], FRAME)
-    shift, rival = _shift_of_group(taps.middle, when, np.interp(when, time, depth), reach)
+    (shift, _), (_, rival) = shifts_of_group(taps.middle, when, np.interp(when, time, depth), reach)[:2]
     near = taps.middle + shift
     each = np.array([middle_of_dip(time, down, float(t)) for t in near]) - taps.middle
     return offset_of(each, spacing=math.hypot(taps.spacing, spacing), rival=rival)
@@ -230,25 +241,16 @@ def travel_time(length: Metres, wave_speed: float, position: Metres | None = Non
     return position / wave_speed, (length - position) / wave_speed
 
 
-def _shift_of_group(taps: Floats, when: Floats, notice: Floats, reach: Seconds) -> tuple[Seconds, float]:
-    """Return the shift at which what is noticed at all the taps adds up to most, and its best rival's share.
+def _most_agreed(candidates: list[Offset]) -> Offset:
+    """Return the candidate whose taps agree best, of those whose share, held in `rival`, is near the best.
 
-    `when` (n,) is evenly spaced and `notice` (n,) not negative.
+    Its `rival` becomes the greatest share, of its own, of those whose taps agree too or that are well below.
+    With fewer than three taps there is no agreement, and the greatest share it is.
     """
-    step = float(when[1] - when[0])
-    # A tap may fall between two frames: the greater counts.
-    wide = np.maximum.reduce([notice, np.roll(notice, 1), np.roll(notice, -1)])
-    shifts = np.arange(-round(reach / step), round(reach / step) + 1)
-    at = np.rint((taps - when[0]) / step).astype(np.int64)
-    place: NDArray[np.int64] = at[:, None] + shifts[None, :]
-    inside = (place >= 0) & (place < notice.size)
-    heard = np.where(inside, wide[np.clip(place, 0, notice.size - 1)], 0.0)
-    told = heard.sum(axis=0)
-    best = int(np.argmax(told))
-    # Of a plateau, its middle.
-    top = np.flatnonzero(told[max(best - 8, 0) : best + 9] >= told[best] * (1.0 - 1e-9)) + max(best - 8, 0)
-    shift = float(shifts[top].mean()) * step
-    far = np.abs(shifts * step - shift) > ALIKE
-    if not told[best] > 0.0:
-        return shift, 1.0
-    return shift, float(told[far].max(initial=0.0) / told[best])
+    near = [offset for offset in candidates if offset.rival >= UNSURE]
+    agreed = [o for o in near if o.taps >= max(3, o.each.size - o.each.size // 5)]
+    chosen = min(agreed, key=lambda offset: offset.std) if agreed else candidates[0]
+    sure = bool(agreed) and chosen.std < AGREED
+    beaten = [o for o in near if sure and (o.taps < 3 or o.std > BEATEN * chosen.std)]
+    others = [o.rival for o in candidates if o is not chosen and not any(o is b for b in beaten)]
+    return replace(chosen, rival=max(others, default=0.0) / chosen.rival)
