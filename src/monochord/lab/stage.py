@@ -42,6 +42,8 @@ TAIL: Seconds = 0.3
 """How long is recorded after the last reading was due."""
 START: Seconds = 30.0
 """How long a process may take to say that it is there."""
+PATIENCE: Seconds = 2.0
+"""A machine that is busy may hold up the simulated force sensor for so long before it is asked again."""
 UNITS = {"position": "m", "force": "N", "slip_across": "m/s", "slip_along": "m/s"}
 
 
@@ -99,7 +101,7 @@ def perform(
             path=path,
             source=SOURCES.build("jack", {"ports": ",".join(ports), "server": stage.server}),
             instruments={
-                "net_ft": INSTRUMENTS.build("net_ft", {k: said[k] for k in ("address", "http_port")}),
+                "net_ft": INSTRUMENTS.build("net_ft", {**said, "silence_seconds": PATIENCE}),
                 "pose_dds": INSTRUMENTS.build("pose_dds", pose),
                 "labels": labels,
             },

@@ -41,6 +41,8 @@ class Limits:
         Least number of taps that a stream must have noticed at either end.
     step
         Greatest leap of the wall clock from one look at it to the next, in s.
+    stray
+        How far the converter's times may stray from its count of frames, in s.
     """
 
     drift: Seconds = 1e-3
@@ -49,6 +51,7 @@ class Limits:
     offset: Seconds = 1.0
     taps: int = 3
     step: Seconds = 0.05
+    stray: Seconds = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +146,7 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
     force, poses = _seen(session, "fz", "wrench"), _seen(session, "z", "pose")
     guide, others = (force[0], poses) if force else (poses[0] if poses else None, [])
     reference = force[0].stream if force else AUDIO
-    flags = _steps_of_the_wall_clock(session, limits)
+    flags = [*_steps_of_the_wall_clock(session, limits), *_strays(session, limits)]
     groups = () if guide is None else groups_of((taps_of_force if force else taps_of_height)(*guide.rows))
     if not groups:
         if guide is not None:
@@ -296,3 +299,14 @@ def _steps_of_the_wall_clock(session: Session, limits: Limits) -> list[str]:
         f" between {track.time[k]:.1f} s and {track.time[k + 1]:.1f} s"
         for k in np.flatnonzero(np.abs(leaps) > limits.step)
     ]
+
+
+def _strays(session: Session, limits: Limits) -> list[str]:
+    """Return a sentence where a sound server lost frames that it did not count."""
+    stray = session.audio.unevenness
+    if stray <= limits.stray:
+        return []
+    lost = (
+        f"audio's times stray from its frames by {1e3 * stray:.1f} ms: the sound server lost some uncounted"
+    )
+    return [f"{lost}; allowed is {1e3 * limits.stray:g} ms"]

@@ -11,7 +11,18 @@ from monochord.sessions import walk
 from monochord.sessions.reader import Session, read_session
 from monochord.units import Seconds
 
-DISTURBANCES = ("clock_step", "reconnect", "silent", "clipping", "fault", "nan")
+DISTURBANCES = (
+    "clock_step",
+    "clock_doubt",
+    "slip",
+    "reconnect",
+    "silent",
+    "failed",
+    "clipping",
+    "nan",
+    "disk_slow",
+    "disk_low",
+)
 """Kinds of events that a report counts."""
 
 
