@@ -234,7 +234,7 @@ def _checksums(dataset: Dataset, held: Mapping[str, Indices], pairs: list[tuple[
 def _duplicates(
     dataset: Dataset, held: Mapping[str, Indices], pairs: list[tuple[int, int]]
 ) -> Iterator[Leak]:
-    for found in find_duplicates(dataset.audio, pairs):
+    for found in find_duplicates(dataset.mapped, pairs):
         yield _copies("near duplicate", dataset, held, (found.first, found.second), found.lag)
 
 

@@ -76,11 +76,14 @@ class Dataset:
         tracks = self._tracks
         if session in tracks:
             return tracks[session]
-        mapped = np.load(self.path / self.manifest.parts[session].audio, mmap_mode="r")
         while len(tracks) >= MOST_OPEN:
             tracks.popitem(last=False)
-        tracks[session] = np.asarray(mapped)
+        tracks[session] = self.mapped(session)
         return tracks[session]
+
+    def mapped(self, session: int) -> Audio:
+        """Return the same in a mapping of its own, which goes with it: for going through all sessions once."""
+        return np.asarray(_mapped(self.path / self.manifest.parts[session].audio))
 
     def window(self, index: int) -> Audio:
         """Return the samples (2, frames) of a window: a view of the file, read-only."""
