@@ -82,7 +82,7 @@ class Dataset:
         return tracks[session]
 
     def mapped(self, session: int) -> Audio:
-        """Return the same in a mapping of its own, which goes with it: for going through all sessions once."""
+        """Return the same in a mapping of its own, which goes with it: for one pass over all sessions."""
         return np.asarray(_mapped(self.path / self.manifest.parts[session].audio))
 
     def window(self, index: int) -> Audio:
