@@ -87,16 +87,23 @@ class JackServer:
         self.start()
 
 
-@pytest.fixture
-def jack_server(request: pytest.FixtureRequest) -> Iterator[JackServer]:
-    """A running server; parametrise indirectly with the frames a period."""
+@contextmanager
+def own_server(period: int = 512) -> Generator[JackServer]:
+    """A running server of the test's own; the test is skipped where none can be started."""
     if not shutil.which("jackd"):
         pytest.skip("jackd is not installed (Debian: apt install jackd2)")
     with own_name() as name:
-        server = JackServer(name, period=getattr(request, "param", 512))
+        server = JackServer(name, period=period)
         server.start()
         yield server
         server.stop()
+
+
+@pytest.fixture
+def jack_server(request: pytest.FixtureRequest) -> Iterator[JackServer]:
+    """A running server; parametrise indirectly with the frames a period."""
+    with own_server(getattr(request, "param", 512)) as server:
+        yield server
 
 
 Play = Callable[..., "subprocess.Popen[str]"]

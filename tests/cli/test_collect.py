@@ -50,3 +50,21 @@ def test_bad_input_is_one_line(
     error = capsys.readouterr().err
     assert line in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (
+            ["--real-time", "--workers", "2"],
+            "--real-time with --workers or --cluster: allowed is one of them",
+        ),
+        (["--server", "x"], "--server: allowed is with --real-time"),
+        (["--real-time", "--server", "nobody"], "JACK server 'nobody': not running"),
+    ],
+)
+def test_real_time_takes_what_it_needs(
+    options: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["collect", "small", "--out", str(tmp_path), "--only", "hold", *options]) == 2
+    assert line in capsys.readouterr().err

@@ -2,13 +2,15 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
+from tests.conftest import own_server
 
 from monochord.config import from_tree
-from monochord.lab.plan import Plan, assignments
+from monochord.lab.bench import make
+from monochord.lab.plan import Assignment, Plan, assignments
 from monochord.lab.stage import Stage, perform
+from monochord.recording import Summary
 from monochord.sessions import check, read_session
 from monochord.sessions.alignment import align
 
@@ -21,29 +23,63 @@ PLAN = {
 }
 
 
-@pytest.mark.timeout(240)
-def test_offsets_that_were_put_in_are_found(jack_server: Any, tmp_path: Path) -> None:
+ATTEMPTS = 4
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Assignment, Path, Summary]:
+    """A session played in real time; again where this machine was too busy for its JACK server."""
     session = assignments(from_tree(Plan, PLAN))[0]
-    path = tmp_path / "hold.mcap"
-    summary = perform(session, path, Stage(server=jack_server.name, domain=77))
+    for _ in range(ATTEMPTS):
+        path = tmp_path_factory.mktemp("stage") / "hold.mcap"
+        with own_server() as server:
+            summary = perform(session, path, Stage(server=server.name, domain=77))
+        if read_session(path).audio.unevenness < 1e-3:
+            return session, path, summary
+    pytest.fail(f"this machine is too busy for a JACK server; {ATTEMPTS} of its runs lost periods")
+
+
+@pytest.mark.timeout(240)
+def test_every_frame_that_the_server_counted_is_there(played: tuple[Assignment, Path, Summary]) -> None:
+    _, path, summary = played
     assert not summary.failure
-    report, made = check(path), read_session(path)
-    assert report.sound
+    assert check(path).sound
     assert (summary.dropped, summary.gaps) == (0, 0)
-    audio = made.audio
+    audio = read_session(path).audio
     assert audio.samples.shape[1] == summary.frames
     frames = audio.device_frame - audio.anchor_frame
-    assert (frames == frames[0]).all(), "every frame that the server counted is there"
-    told = json.loads(made.description.more["delays"])
-    found = align(made)
+    assert (frames == frames[0]).all()
+
+
+@pytest.mark.timeout(240)
+def test_offsets_that_were_put_in_are_found(played: tuple[Assignment, Path, Summary]) -> None:
+    session, path, _ = played
+    made = read_session(path)
+    told, found = json.loads(made.description.more["delays"]), align(made)
     for stream, near in (("audio", 0.5e-3), ("pose", 1.0 / session.plan.pose_rate)):
         true = told[stream] - told["wrench"]
         for offset in found.lateness[stream].offsets:
             assert offset.value == pytest.approx(true, abs=near), stream
     assert not found.flags
-    wrench = made.readings("wrench")
-    assert wrench.missing == summary.instruments["net_ft"].missing
-    assert wrench.missing <= 20
-    assert made.labels.columns["contact"].max() == 1.0
-    kinds = {event.kind for event in made.events}
-    assert {"phase", "tap", "drivers", "stop"} <= kinds
+
+
+@pytest.mark.timeout(240)
+def test_it_has_the_form_of_one_that_was_made_offline(
+    played: tuple[Assignment, Path, Summary], tmp_path: Path
+) -> None:
+    session, path, summary = played
+    live, offline = read_session(path), read_session(make(session, tmp_path).path)
+    assert set(live.topics) == set(offline.topics)
+    assert live.streams == offline.streams
+    for stream in live.streams:
+        mine, other = live.description.feed(stream), offline.description.feed(stream)
+        assert (mine.columns, mine.units) == (other.columns, other.units)
+        assert live.readings(stream).missing <= 20
+    assert list(live.labels.columns) == list(offline.labels.columns)
+    assert len(live.labels.time) == len(offline.labels.time)
+    told = {"phase", "tap", "drivers"}
+    assert [event.text for event in live.events if event.kind in told] == [
+        event.text for event in offline.events if event.kind in told
+    ]
+    assert summary.instruments["net_ft"].missing == live.readings("wrench").missing
+    assert live.description.more["played"] == "in real time"

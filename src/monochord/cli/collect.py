@@ -11,8 +11,9 @@ from typing import Any
 
 import click
 
+from monochord.errors import InputError
 from monochord.lab.bench import Outcome
-from monochord.lab.collection import checksum, chosen
+from monochord.lab.collection import checksum, chosen, made_folder
 from monochord.lab.collection import collect as carry_out
 from monochord.lab.course import course
 from monochord.lab.plan import Assignment
@@ -29,10 +30,10 @@ from monochord.lab.tally import Tally
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all that is drawn."
 )
 @click.option("--only", default="", metavar="NAME", help="One session or one group of the plan.")
+@click.option("--real-time", is_flag=True, help="Through JACK, UDP and DDS, each part a process.")
+@click.option("--server", default="", metavar="NAME", help="The JACK server, with --real-time.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def collect(
-    plan: str, *, out: Path, workers: int | None, cluster: str, seed: int, only: str, as_json: bool
-) -> None:
+def collect(plan: str, *, out: Path, seed: int, only: str, as_json: bool, **how: Any) -> None:
     """Make the sessions of PLAN, a preset's name or a TOML file, on the virtual bench.
 
     Sessions that are there already are kept: after an interruption the same command goes on.
@@ -43,8 +44,7 @@ def collect(
     told = load_plan(plan)
     sessions = chosen(told, seed=seed, only=only)
     start = time.monotonic()
-    with closing(carry_out(sessions, out, workers=workers, cluster=cluster)) as outcomes:
-        done = sorted(_watched(outcomes, sessions), key=lambda outcome: outcome.name)
+    done = sorted(_made(sessions, out, **how), key=lambda outcome: outcome.name)
     result = {"plan": told.name, "seed": seed, "out": str(out), **_totals(done)}
     result["wall"] = time.monotonic() - start
     if as_json:
@@ -53,6 +53,36 @@ def collect(
     for outcome in done:
         click.echo(_line(outcome))
     click.echo(_summary(result))
+
+
+def _made(
+    sessions: Sequence[Assignment],
+    out: Path,
+    *,
+    workers: int | None,
+    cluster: str,
+    real_time: bool,
+    server: str,
+) -> Iterator[Outcome]:
+    """Yield what becomes of the sessions, as they are done, with something to look at meanwhile."""
+    if not real_time:
+        if server:
+            raise InputError("--server", "with --real-time", "offline there is no server")
+        with closing(carry_out(sessions, out, workers=workers, cluster=cluster)) as outcomes:
+            yield from _watched(outcomes, sessions)
+        return
+    if workers or cluster:
+        raise InputError("--real-time with --workers or --cluster", "one of them", "real time takes its time")
+    from rich.console import Console  # noqa: PLC0415
+
+    from monochord.lab.stage import Stage, play  # noqa: PLC0415
+    from monochord.recording.view import viewed  # noqa: PLC0415
+
+    made_folder(out)
+    for session in sessions:
+        path = out / f"{session.name}.mcap"
+        with viewed(path, Console(file=sys.stderr, highlight=False)) as view:
+            yield play(session, out, Stage(server=server), view.show)
 
 
 def _watched(outcomes: Iterator[Outcome], sessions: Sequence[Assignment]) -> Iterator[Outcome]:

@@ -10,7 +10,7 @@ import json
 import os
 import uuid
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -76,11 +76,9 @@ def make(session: Assignment, folder: Path) -> Outcome:
     InputError
         If there is a file of that name that holds something else.
     """
-    path = folder / f"{session.name}.mcap"
-    told = describe(session)
-    if path.exists():
-        _refuse_other(path, told)
-        return _outcome(session, path, kept=True)
+    path, told = folder / f"{session.name}.mcap", describe(session)
+    if there := made_before(path, told):
+        return there
     part = folder / f"{path.name}.part-{os.getpid()}-{uuid.uuid4().hex[:8]}"
     try:
         clock = SessionClock(epoch_ns=round(session.epoch) * NANO, origin=0.0)
@@ -95,7 +93,7 @@ def make(session: Assignment, folder: Path) -> Outcome:
     for left in folder.glob(f"{path.name}.part-*"):
         with suppress(OSError):
             left.unlink()
-    return _outcome(session, path, kept=False)
+    return outcome(path)
 
 
 def delays(session: Assignment) -> dict[str, Seconds]:
@@ -117,7 +115,7 @@ def describe(session: Assignment) -> Description:
     plan, group, design = session.plan, session.group, session.design()
     units, rate = ("N",) * 3 + ("N m",) * 3, plan.force_rate
     wrench = Feed(stream="wrench", columns=WRENCH, units=units, rate=rate, ticks=rate)
-    units = ("m",) * 3 + ("1",) * 4
+    units = ("m",) * 3 + ("",) * 4
     pose = Feed(stream="pose", columns=POSE, units=units, rate=plan.pose_rate, ticks=float(NANO))
     more = {
         "plan": plan.name,
@@ -237,24 +235,32 @@ class _Desk:
             )
 
 
-def _refuse_other(path: Path, told: Description) -> None:
+def made_before(path: Path, told: Description) -> Outcome | None:
+    """Return what there is of a session that says `told` of itself, None where there is nothing.
+
+    Raises `InputError` where the file holds something else; which feeds it had does not count.
+    """
+    if not path.exists():
+        return None
     there = read_session(path)
-    if not there.complete or there.description.dump() != told.dump():
+    if not there.complete or replace(there.description, feeds=()) != replace(told, feeds=()):
         raise InputError(
             f"file {path} (not this session of this plan, or of other versions)",
             "a folder of this plan alone",
             "collect into another folder, or delete the file",
         )
+    return outcome(path, kept=True)
 
 
-def _outcome(session: Assignment, path: Path, *, kept: bool) -> Outcome:
+def outcome(path: Path, *, kept: bool = False) -> Outcome:
+    """Return what a whole session of a plan holds."""
     there = read_session(path)
     switched = {event.text: event.time for event in there.events if event.kind == "drivers"}
     found = tally(there.labels.time, there.labels.columns, switched["on"], switched["off"])
     with path.open("rb") as file:
         checksum = hashlib.file_digest(file, "sha256").hexdigest()
     return Outcome(
-        name=session.name,
+        name=there.description.name,
         path=path,
         seconds=int(there.ending["frames"]) / there.description.sample_rate,
         tally=found,

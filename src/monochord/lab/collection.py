@@ -67,13 +67,18 @@ def collect(
     InputError
         If the folder cannot be made, or holds other sessions of the same names.
     """
-    folder = folder.resolve()
+    folder = made_folder(folder.resolve())
+    tasks = [Task(session=session, folder=folder) for session in sessions]
+    return _outcomes(tasks, workers, cluster)
+
+
+def made_folder(folder: Path) -> Path:
+    """Make a folder unless it is there, and return it; raises `InputError` where a file is in the way."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
         raise InputError(f"folder '{folder}' (a file)", "a folder, or a name that is free") from error
-    tasks = [Task(session=session, folder=folder) for session in sessions]
-    return _outcomes(tasks, workers, cluster)
+    return folder
 
 
 def _outcomes(tasks: Sequence[Task], workers: int | None, cluster: str) -> Generator[Outcome]:

@@ -24,12 +24,13 @@ from monochord.errors import DeviceError
 from monochord.instruments import INSTRUMENTS
 from monochord.instruments.base import Connection, Instrument
 from monochord.lab._script import write_script
-from monochord.lab.bench import delays, describe
+from monochord.lab.bench import Outcome, delays, describe, made_before, outcome
 from monochord.lab.net_ft_device import NetFtSettings
 from monochord.lab.plan import Assignment
 from monochord.lab.player import PlayerSettings
 from monochord.lab.pose_publisher import PublisherSettings
-from monochord.lab.render import Rendering, render
+from monochord.lab.render import render
+from monochord.lab.rendering import Rendering
 from monochord.recording import Job, Notice, Progress, Summary, record
 from monochord.sessions import Description
 from monochord.sources import SOURCES
@@ -38,13 +39,20 @@ from monochord.units import Seconds
 
 LEAD: Seconds = 1.0
 """From the word to begin to the begin: the player sets its first frame 0.2 s before."""
-TAIL: Seconds = 0.3
+TAIL: Seconds = 1.0
 """How long is recorded after the last reading was due."""
 START: Seconds = 30.0
 """How long a process may take to say that it is there."""
 PATIENCE: Seconds = 2.0
 """A machine that is busy may hold up the simulated force sensor for so long before it is asked again."""
 UNITS = {"position": "m", "force": "N", "slip_across": "m/s", "slip_along": "m/s"}
+
+
+Show = Callable[[Progress, Sequence[Notice]], None]
+
+
+def _nothing(_now: Progress, _notices: Sequence[Notice]) -> None:
+    """Show nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +67,7 @@ def perform(
     session: Assignment,
     path: Path,
     stage: Stage | None = None,
-    show: Callable[[Progress, Sequence[Notice]], None] = lambda _now, _notices: None,
+    show: Show = _nothing,
 ) -> Summary:
     """Play a session in real time and record it.
 
@@ -119,6 +127,32 @@ def perform(
             show(now, notices)
 
         return record(job, shown)
+
+
+def play(session: Assignment, folder: Path, stage: Stage | None = None, show: Show = _nothing) -> Outcome:
+    """Play and record the session's file in a folder, unless it is there already, as `bench.make` makes it.
+
+    Raises
+    ------
+    InputError
+        If there is a file of that name that holds something else, or the disk filled up.
+    DeviceError
+        If there is no JACK server, a part does not start, or one went away.
+    KeyboardInterrupt
+        If somebody asked for the end; what was recorded so far stays beside, as NAME.mcap.part.
+    """
+    path = folder / f"{session.name}.mcap"
+    if there := made_before(path, _told(session)):
+        return there
+    part = path.with_name(f"{path.name}.part")
+    part.unlink(missing_ok=True)
+    summary = perform(session, part, stage, show)
+    if summary.failure:
+        raise DeviceError(summary.failure)
+    if summary.interrupted:
+        raise KeyboardInterrupt
+    part.replace(path)
+    return outcome(path)
 
 
 def _scripts(
@@ -201,6 +235,12 @@ def _first_words(name: str, process: "subprocess.Popen[str]") -> dict[str, Any]:
     raise DeviceError(f"{name} of the bench: {words[-1].partition('Error: ')[2] or words[-1]}")
 
 
+def _told(session: Assignment) -> Description:
+    """Return what a session that is played says of itself, but for its feeds."""
+    told = describe(session)
+    return replace(told, feeds=(), more={**told.more, "played": "in real time"})
+
+
 @dataclass(frozen=True, slots=True)
 class _About:
     """Describes a session that is played as its plan does, with the instruments that were really there."""
@@ -208,9 +248,9 @@ class _About:
     session: Assignment
 
     def describe(self, name: str, signal: Signal, feeds: tuple[Feed, ...]) -> Description:
-        told = describe(self.session)
-        assert signal.sample_rate == told.sample_rate, "the player refuses any other rate"
-        return replace(told, name=name, feeds=feeds)
+        told = _told(self.session)
+        assert signal.sample_rate == told.sample_rate, f"the player refuses any other rate for {name}"
+        return replace(told, feeds=feeds)
 
 
 class _LabelsFeed(Instrument, Connection):
@@ -226,7 +266,6 @@ class _LabelsFeed(Instrument, Connection):
         self._values = np.stack([sound.labels[name] for name in self._names], axis=1)
         self._events = [(event.time + late, event) for event in sound.events]
         self._given = self._told = 0
-        self._rate = sound.label_rate
 
     @contextmanager
     def open(self) -> Generator["_LabelsFeed"]:
@@ -235,7 +274,7 @@ class _LabelsFeed(Instrument, Connection):
     @property
     def feed(self) -> Feed:
         units = tuple(UNITS.get(name, "") for name in self._names)
-        return Feed(stream="labels", columns=self._names, units=units, rate=self._rate)
+        return Feed(stream="labels", columns=self._names, units=units)
 
     @property
     def health(self) -> InstrumentHealth:

@@ -9,6 +9,7 @@ from monochord.recording.disk import is_full
 from monochord.recording.progress import Progress
 from monochord.recording.pumps import Pumps
 from monochord.recording.settings import Job
+from monochord.recording.summary import ASKED
 from monochord.recording.watch import Notice
 from monochord.sessions import SessionWriter
 from monochord.units import Seconds
@@ -49,7 +50,7 @@ class Ending:
         if self.reason:
             return notices
         if asked:
-            self.reason = "stopped by request"
+            self.reason = ASKED
         elif pumps.source_ended:
             self.reason = "the source failed" if "audio" in pumps.failures else "the source ended"
         elif disk_errors:

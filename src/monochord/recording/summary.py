@@ -38,6 +38,10 @@ class FeedSummary:
         )
 
 
+ASKED = "stopped by request"
+"""Why a recording ended that somebody ended."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
     """A recording that has ended; its file is complete and valid.
@@ -64,6 +68,11 @@ class Summary:
     size: int
     stopped: str
     failure: str = ""
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether somebody ended it."""
+        return self.stopped == ASKED
 
     @classmethod
     def of(
