@@ -185,10 +185,10 @@ POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 class Readings:
     """Consecutive readings of one instrument, n of them, in the order in which they came.
 
-    `time` (n,) is when each arrived at this machine, in seconds of the monotonic clock, as near to the wire as
-    could be had; `values` (n, columns) are in the units of the `Feed`. `sequence` (n,) is the sender's own
-    count and `device_time` (n,) its own clock in ticks, both -1 where it sends none; `status` (n,) is its status
-    word, 0 where all is well. What was lost leaves a gap in `sequence`; nothing is made up for it.
+    `time` (n,) is when each arrived at this machine, in seconds of the monotonic clock, as near to the wire
+    as could be had; `values` (n, columns) are in the units of the `Feed`. `sequence` (n,) is the sender's own
+    count and `device_time` (n,) its own clock in ticks, both -1 where it sends none; `status` (n,) is its
+    status word, 0 where all is well. What was lost leaves a gap in `sequence`; nothing is made up for it.
     """
 
     stream: str

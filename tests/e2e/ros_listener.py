@@ -3,26 +3,27 @@
 import json
 import sys
 import time
-
-import rclpy  # pyright: ignore[reportMissingImports]
-from geometry_msgs.msg import PoseStamped, WrenchStamped  # pyright: ignore[reportMissingImports]
-from rclpy.node import Node  # pyright: ignore[reportMissingImports]
+from typing import Any
 
 
 def main() -> None:
+    import rclpy  # pyright: ignore[reportMissingImports]
+    from geometry_msgs.msg import PoseStamped, WrenchStamped  # pyright: ignore[reportMissingImports]
+    from rclpy.node import Node  # pyright: ignore[reportMissingImports]
+
     seconds = float(sys.argv[1])
     rclpy.init()
     node = Node("listener")
     heard: list[str] = []
 
-    def pose(said: PoseStamped) -> None:
+    def pose(said: Any) -> None:
         place, turn, stamp = said.pose.position, said.pose.orientation, said.header.stamp
         row = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
         heard.append(
             json.dumps({"pose": row, "frame": said.header.frame_id, "stamp": [stamp.sec, stamp.nanosec]})
         )
 
-    def wrench(said: WrenchStamped) -> None:
+    def wrench(said: Any) -> None:
         force, torque = said.wrench.force, said.wrench.torque
         heard.append(json.dumps({"wrench": [force.x, force.y, force.z, torque.x, torque.y, torque.z]}))
 
@@ -50,4 +51,5 @@ def main() -> None:
     rclpy.shutdown()
 
 
-main()
+if __name__ == "__main__":
+    main()
