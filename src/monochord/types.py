@@ -3,7 +3,7 @@
 Sample arrays are channel-first, ``(channel, sample)``, as the paper's A in R^{2xT}.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TypeAlias
@@ -110,6 +110,10 @@ class Estimate:
         return cls(value=float("nan"), std=float("nan"), unit=unit, valid=False, why_not=why_not)
 
 
+Estimates: TypeAlias = Mapping[str, Estimate]
+"""What an estimator says of a window, by name; an open set."""
+Prepared: TypeAlias = Callable[[Window], Estimates]
+"""An estimator made ready for a signal."""
 Truth: TypeAlias = Mapping[str, float]
 """What a simulated source knows of itself: ``contact`` 0 or 1, ``position``, ``force`` ...; an open set."""
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from monochord.errors import InputError
-from monochord.estimators.base import Estimator, Prepared
+from monochord.estimators.base import Estimator
 from monochord.live import Session, WindowSettings
 from monochord.live.calibration import medians
 from monochord.sources.base import Source, Stream
-from monochord.types import Block, Estimate, Signal, Window
+from monochord.types import Block, Estimate, Prepared, Signal, Window
 
 
 class Levels(Source, Stream):

@@ -1,14 +1,9 @@
 """The contract of an estimator: frozen options, prepared for a signal, then called window by window."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from typing import TypeAlias
 
-from monochord.types import Estimate, Signal, Window
+from monochord.types import Prepared, Signal
 from monochord.units import Samples
-
-Estimates: TypeAlias = Mapping[str, Estimate]
-Prepared: TypeAlias = Callable[[Window], Estimates]
 
 
 class Estimator(ABC):

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from monochord.closed_form.far_segment import FarSegment
+from monochord.closed_form.two_segments import TwoSegments
 from monochord.errors import InputError
-from monochord.estimators._far_segment import FarSegment
-from monochord.estimators._two_segments import TwoSegments
-from monochord.estimators.base import Estimator, Prepared
+from monochord.estimators.base import Estimator
 from monochord.physics.theory import TensionLaw, open_frequency
-from monochord.types import Signal
+from monochord.types import Prepared, Signal
 from monochord.units import Hertz, Metres, Newtons, Samples
 
 

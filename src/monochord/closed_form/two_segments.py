@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monochord.closed_form._readings import Lines, Pairs, pairs, scores, untouched
+from monochord.closed_form.usable import why_unusable
 from monochord.dsp.spectrum import Analyser
-from monochord.estimators._readings import Lines, Pairs, pairs, scores, untouched
-from monochord.estimators._usable import why_unusable
-from monochord.estimators.base import Estimates, Prepared
 from monochord.physics.theory import (
     TensionLaw,
     force_from_tension,
@@ -23,7 +22,7 @@ from monochord.physics.theory import (
     tension_from_force,
     tension_from_segments,
 )
-from monochord.types import Audio, Estimate, StringParams, Window
+from monochord.types import Audio, Estimate, Estimates, Prepared, StringParams, Window
 from monochord.units import Hertz, Metres, Newtons
 
 UNITS = {

@@ -4,12 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from monochord.closed_form.usable import why_unusable
 from monochord.dsp.pitch import PitchFinder, Series
 from monochord.errors import InputError
-from monochord.estimators._usable import why_unusable
-from monochord.estimators.base import Estimates, Prepared
 from monochord.physics.theory import position_from_far_segment
-from monochord.types import Estimate, Floats, Window
+from monochord.types import Estimate, Estimates, Floats, Prepared, Window
 from monochord.units import Hertz, Metres
 
 INCREDIBLE = 8.0

@@ -1,0 +1,1 @@
+"""Touch from pitch by physics alone: the closed-form inverse of one segment, or of both."""

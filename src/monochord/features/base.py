@@ -1,0 +1,36 @@
+"""The contract of a feature: frozen options, prepared for a signal, then called on windows."""
+
+from abc import ABC, abstractmethod
+
+from monochord.types import Audio, Signal
+from monochord.units import Samples
+
+
+class Extractor(ABC):
+    """A feature made ready for windows of one length.
+
+    A row depends on its own window alone: the same window gives the same bits alone, in any batch and at any
+    place in it, offline and live. It never raises on audio: windows of silence or of samples that are not
+    numbers give finite rows.
+    """
+
+    @property
+    @abstractmethod
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns, one each, such as ``mic 1 level 3``."""
+
+    @abstractmethod
+    def __call__(self, windows: Audio) -> Audio:
+        """Return the rows (n, columns) float32 of windows (n, channels, samples) float32."""
+
+
+class Feature(ABC):
+    """Options of a feature, as a frozen keyword-only dataclass; they and its name define it, for caches too."""
+
+    @abstractmethod
+    def prepare(self, signal: Signal, size: Samples) -> Extractor:
+        """Return the extractor for windows of `size` frames of such a signal.
+
+        What is slow (tables, filters, weights, compiling) happens here. Raises `InputError` for a signal or a
+        size that it cannot serve, and where weights are needed and not there, with the way to get them.
+        """
