@@ -65,7 +65,9 @@ class SessionFigure(Figure):
             for time in rare:
                 axes.axvline(time, color=_style.PALE, linewidth=0.5, zorder=0)
             _style.dress(axes, letter, "", "", axes.get_ylabel())
-        rows[0].set_title(session.description.name, fontsize=_style.LABEL, color=_style.INK, pad=4)
+        told = session.description
+        title = f"{told.name}, simulated" if told.simulated else told.name
+        rows[0].set_title(title, fontsize=_style.LABEL, color=_style.INK, pad=4)
         rows[-1].set_xlabel("time since the session's begin (s)", fontsize=_style.LABEL, color=_style.INK)
         return page
 
