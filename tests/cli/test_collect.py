@@ -4,9 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
+from tests.conftest import JackServer
 
 from monochord import cli
-from monochord.sessions import read_session
+from monochord.sessions import check, read_session
 
 
 def test_the_small_plan_and_once_more(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -68,3 +69,19 @@ def test_real_time_takes_what_it_needs(
 ) -> None:
     assert cli.run(["collect", "small", "--out", str(tmp_path), "--only", "hold", *options]) == 2
     assert line in capsys.readouterr().err
+
+
+@pytest.mark.jack
+@pytest.mark.timeout(120)
+def test_a_plan_is_played_in_real_time(
+    jack_server: JackServer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = tmp_path / "tiny.toml"
+    plan.write_text('[[groups]]\nname = "hold"\ngrid = [1, 1]\nhold = 0.3\n')
+    command = ["collect", str(plan), "--out", str(tmp_path), "--real-time", "--server", jack_server.name]
+    assert cli.run([*command, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert check(tmp_path / "hold_000.mcap").sound
+    assert {file.name for file in tmp_path.iterdir()} == {"tiny.toml", "hold_000.mcap"}
+    assert cli.run([*command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["checksum"] == told["checksum"]

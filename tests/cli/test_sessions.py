@@ -216,3 +216,12 @@ def test_what_cannot_be_done_is_one_line(tmp_path: Path, capsys: Capture) -> Non
         assert message in captured.err
         assert captured.out == ""
     assert not (tmp_path / "b.mcap").exists()
+
+
+def test_what_an_objects_name_tells_is_told_once(tmp_path: Path, capsys: Capture) -> None:
+    told: dict[str, Any] = {"object": "plastic, radius 5 mm", "material": "plastic", "radius": 0.005}
+    run(["sessions", "show", str(write(tmp_path / "bench.mcap", **told))])
+    assert "touched by   plastic, radius 5 mm\n" in capsys.readouterr().out
+    told["object"] = "key"
+    run(["sessions", "show", str(write(tmp_path / "own.mcap", **told))])
+    assert "touched by   key, plastic, radius 5 mm\n" in capsys.readouterr().out

@@ -45,6 +45,11 @@ def test_what_cannot_be_is_refused_in_one_line(change: dict[str, Any], words: st
     assert "\n" not in str(refused.value)
 
 
+def test_a_recording_goes_into_a_session_file() -> None:
+    with pytest.raises(InputError, match=r"file 'take.wav': allowed is a name that ends in .mcap"):
+        Settings.read(TREE).job(Path("take.wav"))
+
+
 def test_a_session_tells_what_it_is_of() -> None:
     feed = Feed(stream="pose", columns=("x",), units=("m",))
     about = About(object="plastic", material="pla", radius=0.004, sensor="prototype", note="first", day=2)

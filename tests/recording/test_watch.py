@@ -91,7 +91,7 @@ def test_what_gets_worse_is_told_once(kind: str, worse: dict[str, Any]) -> None:
 def test_a_fault_tells_the_status_word() -> None:
     (notice,) = Watch(600.0).look(at(1.0, feeds=(replace(FEED, faulty=4, status=0x80010000),)))
     assert notice.data["status"] == 0x80010000
-    assert notice.text == "net_ft: 4 faulty readings, status 0x80010000"
+    assert notice.text == "net_ft: 4 readings with faults, status 0x80010000"
 
 
 @pytest.mark.parametrize("stream", ["audio", "net_ft"])
@@ -127,3 +127,11 @@ def test_a_clock_that_was_set_is_told_with_its_step(step: float) -> None:
     assert (notice.kind, notice.data["clock"]) == ("clock_step", "realtime")
     assert notice.data["seconds"] == pytest.approx(step, abs=1e-6)
     assert not watch.clocks(4.0, {"realtime": 1e9 + 0.04 + step, "monotonic_raw": 0.1})
+
+
+def test_one_is_told_as_one() -> None:
+    worse = at(1.0, health=StreamHealth(xruns=1), feeds=(replace(FEED, health=InstrumentHealth(missing=1)),))
+    assert [notice.text for notice in Watch(600.0).look(worse)] == [
+        "audio: 1 xrun",
+        "net_ft: 1 reading missing",
+    ]

@@ -99,7 +99,9 @@ def facts_text(facts: Tree) -> str:
 
 
 def _touched(about: dict[str, Any]) -> str:
-    parts = [about["object"], about["material"]]
+    parts = [about["material"]]
     if "radius" in about:
         parts.append(f"radius {1e3 * about['radius']:g} mm")
-    return ", ".join(part for part in parts if part) or "not said"
+    # The bench names an object by its material and radius.
+    told = [part for part in parts if part and part not in about["object"]]
+    return ", ".join(part for part in (about["object"], *told) if part) or "not said"

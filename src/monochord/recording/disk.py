@@ -44,8 +44,6 @@ def space(folder: Path, *, size: float, elapsed: Seconds, reserve: float) -> Spa
 
 def refuse_place(path: Path, least: float) -> None:
     """Refuse a file that exists, a folder that does not, and a disk with less than `least` bytes free."""
-    if path.suffix != ".mcap":
-        raise InputError(f"file '{path}'", "a name that ends in .mcap")
     if path.exists():
         raise InputError(
             f"file '{path}' (exists)", "a new file", "choose another name; nothing is overwritten"

@@ -126,7 +126,9 @@ class Settings:
             raise InputError(f"{self.seconds:g} seconds", "more than 0")
 
     def job(self, path: Path) -> Job:
-        """Build every plug-in; raises `InputError` for an unknown name, option or sensor."""
+        """Build every plug-in; raises `InputError` for an unknown name, option or sensor, or no .mcap."""
+        if path.suffix != ".mcap":
+            raise InputError(f"file '{path}'", "a name that ends in .mcap")
         options = dict(self.source)
         name = options.pop("name", None)
         if not isinstance(name, str):

@@ -66,10 +66,10 @@ class Watch:
 
         if gaps := rise("gap", now.gaps):
             frames = self._since("gap frames", "audio", now.dropped)
-            text = f"audio: {frames:.0f} frames lost in {gaps:.0f} gap{'s' * (gaps > 1)}"
+            text = f"audio: {_counted(frames, 'frame')} lost in {_counted(gaps, 'gap')}"
             yield _about("audio", now.time, "gap", text, frames=frames, gaps=gaps)
         if count := rise("xrun", now.health.xruns):
-            yield _about("audio", now.time, "xrun", f"audio: {count:.0f} xruns", count=count)
+            yield _about("audio", now.time, "xrun", f"audio: {_counted(count, 'xrun')}", count=count)
         if count := rise("reconnect", now.health.reconnects):
             yield _about("audio", now.time, "reconnect", "audio: connected again", count=count)
         yield self._silence("audio", now.silent, now.time)
@@ -85,7 +85,7 @@ class Watch:
         clipped = sum(level.clipped for level in now.levels)
         if count := rise("clipping", clipped):
             ears = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.clipping)
-            text = f"audio: {count:.0f} samples clipped, microphone {ears}"
+            text = f"audio: {_counted(count, 'sample')} clipped, microphone {ears}"
             yield _about("audio", now.time, "clipping", text, samples=count)
         if count := rise("nan", sum(level.not_numbers for level in now.levels)):
             text = f"audio: {count:.0f} samples that are not numbers"
@@ -95,18 +95,15 @@ class Watch:
         name, health = feed.name, feed.health
         yield self._silence(name, feed.silent, time)
         for kind, total, words in (
-            ("missing", health.missing, "{:.0f} readings missing"),
-            ("out_of_order", health.out_of_order, "{:.0f} readings out of order"),
+            ("missing", health.missing, "{} missing"),
+            ("out_of_order", health.out_of_order, "{} out of order"),
             ("reconnect", health.reconnects, "connected again"),
-            (
-                "fault",
-                max(feed.faulty, health.faulty),
-                f"{{:.0f}} faulty readings, status {feed.status:#010x}",
-            ),
+            ("fault", max(feed.faulty, health.faulty), f"{{}} with faults, status {feed.status:#010x}"),
         ):
             if count := self._rise(kind, name, total, time, last=last):
+                said = _counted(count, "reading")
                 more: dict[str, float] = {"status": feed.status} if kind == "fault" else {}
-                yield _about(name, time, kind, f"{name}: {words.format(count)}", count=count, **more)
+                yield _about(name, time, kind, f"{name}: {words.format(said)}", count=count, **more)
 
     def _disk(self, now: Progress, *, last: bool) -> Iterator[Notice]:
         low = now.elapsed > 1.0 and now.space.left < self._disk_warning
@@ -150,3 +147,7 @@ class Watch:
 
 def _about(stream: str, time: Seconds, kind: str, text: str, **data: float) -> Notice:
     return Notice(time=time, kind=kind, text=text, data={"stream": stream, **data})
+
+
+def _counted(number: float, noun: str) -> str:
+    return f"{number:.0f} {noun}{'' if number == 1 else 's'}"
