@@ -13,6 +13,7 @@ import click
 import monochord
 from monochord.config import to_tree
 from monochord.errors import InputError, did_you_mean
+from monochord.lab.plans import load_plan, plan_names
 from monochord.physics.materials import load_material, material_names
 from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.strings import load_string, string_names
@@ -25,7 +26,7 @@ Entry: TypeAlias = dict[str, Any]
 @click.argument("kind", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def list(kind: str | None, *, as_json: bool) -> None:  # noqa: A001
-    """Show all plug-ins, strings, sensors and materials, or those of one KIND, with options and defaults."""
+    """Show all plug-ins and presets, or those of one KIND, with options and defaults."""
     shelves = _shelves()
     if kind is not None:
         wanted = kind if kind in shelves else f"{kind}s"
@@ -46,7 +47,7 @@ def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
             thing for thing in vars(import_module(folder)).values() if isinstance(thing, Registry)
         ):
             shelves[contract.parent.name] = lambda registry=registry: _plugins(registry)
-    shelves |= {"strings": _strings, "sensors": _sensors, "materials": _materials}
+    shelves |= {"strings": _strings, "sensors": _sensors, "materials": _materials, "plans": _plans}
     return dict(sorted(shelves.items()))
 
 
@@ -84,6 +85,11 @@ def _sensors() -> Iterable[Entry]:
 def _materials() -> Iterable[Entry]:
     for name in material_names():
         yield _preset(name, to_tree(load_material(name)), "material")
+
+
+def _plans() -> Iterable[Entry]:
+    for name in plan_names():
+        yield _preset(name, to_tree(load_plan(name)), "plan")
 
 
 def _preset(name: str, tree: Entry, kind: str) -> Entry:
