@@ -139,7 +139,7 @@ def test_recover_repairs_what_was_cut_off_and_leaves_the_rest(tmp_path: Path, ca
     assert run(["sessions", "recover", str(cut), str(whole)]) == 0
     said = capsys.readouterr().out.splitlines()
     assert "repaired" in said[0]
-    assert "13 bytes of an unfinished record cut away" in said[0]
+    assert "13 bytes of unfinished or damaged records lost" in said[0]
     assert "whole, nothing to do" in said[1]
     assert whole.read_bytes() == before
     np.testing.assert_array_equal(read_session(cut).audio.samples, frames)

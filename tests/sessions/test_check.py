@@ -34,3 +34,12 @@ def test_a_session_that_was_not_closed_says_what_to_do(tmp_path: Path) -> None:
     report = check(tmp_path / "a.mcap")
     assert any("sessions recover" in fault for fault in report.faults)
     assert any("cut off" in fault for fault in report.faults)
+
+
+def test_a_description_that_was_changed_is_a_fault(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    make(path, seconds=0.2)
+    content = path.read_bytes()
+    at = content.index(b'"sample_rate": 44100')
+    path.write_bytes(content[:at] + b'"sample_rate": 48000' + content[at + 20 :])
+    assert check(path).faults == ("its description is not what was written",)

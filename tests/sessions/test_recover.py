@@ -1,3 +1,5 @@
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +9,7 @@ from mcap_ros2.decoder import DecoderFactory
 from tests.sessions.made import make
 
 from monochord.errors import InputError
-from monochord.sessions import check, read_session, recover
+from monochord.sessions import check, read_session, recover, walk
 
 CUTS = 40
 
@@ -47,16 +49,58 @@ def test_a_whole_file_is_left_as_it_is(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_what_follows_damage_is_cut_off(tmp_path: Path) -> None:
+@pytest.mark.parametrize("close", [False, True])
+def test_damage_costs_its_chunk_and_nothing_behind_it(tmp_path: Path, *, close: bool) -> None:
     path = tmp_path / "a.mcap"
-    make(path, seconds=2.0, close=False)
+    make(path, seconds=2.0, close=close)
+    whole = read_session(path).audio.samples
     content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 0xFF
+    content[len(content) // 4] ^= 0xFF
     path.write_bytes(content)
     found = recover(path)
-    assert found.repaired
-    assert 0.3 < found.seconds < 1.3
+    assert found.repaired == (not close)
+    assert 0 < found.lost_bytes < len(content) // 4
+    there = read_session(path)
+    assert there.audio.samples.shape == whole.shape
+    assert (there.audio.samples == whole).mean() > 0.8
+    assert len(there.audio.gaps) == 2, "one was recorded, one is the damage"
+    assert "1 damaged chunk" in check(path).faults
+    if not close:
+        assert count(path) == found.messages
+
+
+def test_what_is_more_than_a_torn_writing_is_kept_beside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.mcap"
+    make(path, seconds=1.0)
+    whole = path.read_bytes()
+    second = [r for r in walk.records(walk.mapped(path)) if r.opcode == walk.CHUNK][1]
+    content = bytearray(whole)
+    content[second.offset + 8] ^= 0xFF  # of its length
+    path.write_bytes(content)
+    monkeypatch.setattr(sys.modules[recover.__module__], "TORN", 1000)
+    assert recover(path).lost_bytes == len(whole) - second.offset
+    assert Path(f"{path}.cut").read_bytes() == content[second.offset :]
     assert check(path).sound
+
+
+def test_damage_anywhere_is_told_in_one_line_or_passed_over(tmp_path: Path) -> None:
+    path, random = tmp_path / "a.mcap", np.random.default_rng(3)
+    make(path, seconds=0.5)
+    whole = path.read_bytes()
+    edges = [0, len(whole) - 6000]  # of what no checksum guards
+    for at in [
+        *random.integers(8, len(whole), 60),
+        *(random.integers(8, 6000, 60) + edges[0]),
+        *(random.integers(0, 6000, 60) + edges[1]),
+    ]:
+        content = bytearray(whole)
+        content[at] ^= 1 << int(random.integers(8))
+        path.write_bytes(content)
+        for look in (check, lambda file: read_session(file).audio, recover):
+            with suppress(InputError):
+                look(path)
 
 
 def test_what_is_no_file_is_refused(tmp_path: Path) -> None:

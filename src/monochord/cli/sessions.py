@@ -92,7 +92,7 @@ def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
         if not done.repaired:
             line = f"{file}: whole, nothing to do ({done.seconds:.1f} s)"
         else:
-            lost = f"{done.lost_bytes} bytes of an unfinished record cut away"
+            lost = f"{done.lost_bytes} bytes of unfinished or damaged records lost"
             line = f"{file}: repaired; {done.seconds:.1f} s in {done.messages} messages kept, {lost}"
         return True, {**dataclasses.asdict(done), "path": str(file)}, line
 

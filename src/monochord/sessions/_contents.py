@@ -15,10 +15,12 @@ class Contents:
     """What the whole part of a file holds, and where it ends.
 
     `last_index` is of the last chunk's messages, by channel, as far as the file does not hold their index.
+    `damaged` are bytes of chunks before the end that are not sound; no index knows of them.
     """
 
     end: int = len(walk.MAGIC)
     ended: bool = False
+    damaged: int = 0
     schemas: "dict[int, Schema]" = field(default_factory=dict)
     channels: "dict[int, Channel]" = field(default_factory=dict)
     chunks: "list[ChunkIndex]" = field(default_factory=list)
@@ -29,31 +31,31 @@ class Contents:
 
 
 def contents(view: memoryview) -> Contents:
-    """Return what a file holds up to the first record that is not whole and sound."""
+    """Return what a file holds up to its last sound record; what is damaged before that is passed over."""
     from mcap.records import MetadataIndex  # noqa: PLC0415
 
-    found = Contents()
+    found, damaged, sound = Contents(), 0, True
     for record in walk.records(view):
         if record.opcode == walk.FOOTER:
             tail = bytes(view[record.end : record.end + len(walk.MAGIC)])
             found.ended = tail == walk.MAGIC
             break
-        if record.opcode == walk.DATA_END:
-            continue
         if record.opcode == walk.CHUNK:
-            if not _add_chunk(found, record):
-                break
-        elif record.opcode == walk.MESSAGE_INDEX:
+            sound = _add_chunk(found, record)
+            damaged += 0 if sound else record.end - record.offset
+        if record.opcode in (walk.CHUNK, walk.MESSAGE_INDEX) and not sound:
+            continue
+        if record.opcode == walk.MESSAGE_INDEX:
             _add_index(found, record)
         elif record.opcode == walk.METADATA:
             name, _ = walk.metadata(record.body)
             entry = MetadataIndex(offset=record.offset, length=record.end - record.offset, name=name)
             found.metadata.append(entry)
         elif record.opcode == walk.ATTACHMENT:
-            found.attachments.append(_attachment(record))
-        elif record.opcode != walk.HEADER:
+            found.attachments += _attachment(record)
+        elif record.opcode not in (walk.HEADER, walk.CHUNK):
             continue
-        found.end = record.end
+        found.end, found.damaged = record.end, damaged
     return found
 
 
@@ -93,22 +95,28 @@ def _add_chunk(found: Contents, record: walk.Record) -> bool:
 
 
 def _add_index(found: Contents, record: walk.Record) -> None:
+    if not found.chunks:
+        return
     number, chunk = int.from_bytes(record.body[:2], "little"), found.chunks[-1]
     chunk.message_index_offsets[number] = record.offset
     chunk.message_index_length += record.end - record.offset
     found.last_index.pop(number, None)
 
 
-def _attachment(record: walk.Record) -> "AttachmentIndex":
+def _attachment(record: walk.Record) -> "list[AttachmentIndex]":
     from mcap.records import AttachmentIndex  # noqa: PLC0415
 
     held = walk.attachment(record.body)
-    return AttachmentIndex(
-        offset=record.offset,
-        length=record.end - record.offset,
-        create_time=held.create_time,
-        log_time=held.log_time,
-        data_size=len(held.data),
-        name=held.name,
-        media_type=held.media_type,
-    )
+    if held is None:
+        return []
+    return [
+        AttachmentIndex(
+            offset=record.offset,
+            length=record.end - record.offset,
+            create_time=held.create_time,
+            log_time=held.log_time,
+            data_size=len(held.data),
+            name=held.name,
+            media_type=held.media_type,
+        )
+    ]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from monochord.errors import InputError
-from monochord.sessions import walk
+from monochord.sessions import codec, walk
+from monochord.sessions.description import Description
 from monochord.sessions.reader import Session, read_session
 from monochord.units import Seconds
 
@@ -61,9 +62,11 @@ def check(path: Path) -> Report:
     checksum = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
     if not session.complete and not session.recovered:
         faults.append("was not closed; repair it: monochord sessions recover")
-    elif session.complete and checksum != session.ending["checksum"]:
-        wrong = [t for t, told in json.loads(session.ending["sha256"]).items() if digests.get(t) != told]
-        faults.append(f"checksum is not what was written ({', '.join(wrong)})")
+    elif session.complete and checksum != session.ending.get("checksum"):
+        wrong = ", ".join(t for t, told in _written(session).items() if digests.get(t) != told)
+        faults.append(f"checksum is not what was written ({wrong or 'its own is damaged'})")
+    if not _described_twice(session):
+        faults.append("its description is not what was written")
     audio = session.audio
     return Report(
         path=path,
@@ -89,6 +92,20 @@ def _structural(path: Path) -> list[str]:
     elif bytes(view[end:]) != walk.MAGIC:
         faults.append("does not end as MCAP files do")
     return faults
+
+
+def _written(session: Session) -> dict[str, str]:
+    """Return SHA-256 of every topic as the writer told them, nothing where that is damaged."""
+    try:
+        return dict(json.loads(session.ending.get("sha256", "{}")))
+    except ValueError:
+        return {}
+
+
+def _described_twice(session: Session) -> bool:
+    """Return whether the description, which no checksum guards, is the one in the message, which one does."""
+    told = [codec.decode(codec.TEXT, message.data).data for message in session.messages("/description")]
+    return not told or Description.load(told[0]) == session.description
 
 
 def _digests(session: Session) -> tuple[dict[str, str], dict[str, int]]:

@@ -65,8 +65,13 @@ class Session:
         if "description" not in told:
             remedy = "import audio and labels with: monochord sessions import"
             raise InputError(f"file {path} (MCAP, but no session)", "a session of Monochord", remedy)
-        self.description = Description.load(told["description"])
-        self.clock = SessionClock.load(told)
+        try:
+            self.description = Description.load(told["description"])
+            self.clock = SessionClock.load(told)
+        except InputError:
+            raise
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"file {path} (its description is damaged)", "a session of Monochord") from error
 
     @property
     def complete(self) -> bool:

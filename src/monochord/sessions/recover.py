@@ -10,10 +10,16 @@ from monochord.sessions._contents import contents
 from monochord.sessions._ending import ending_after
 from monochord.units import Seconds
 
+TORN = 8 << 20
+"""Bytes of one writing, at most."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recovery:
-    """What became of a session: whether anything had to be done, what was kept and what was cut away."""
+    """What became of a session: whether anything had to be done, and what was kept.
+
+    `lost_bytes` were cut away, or lie damaged where they were.
+    """
 
     path: Path
     repaired: bool
@@ -25,9 +31,11 @@ class Recovery:
 def recover(path: Path) -> Recovery:
     """Repair a session in place; one that was closed is left as it is.
 
-    All whole chunks up to the first that is damaged are kept, bit for bit. Behind them come the index that
-    every MCAP reader looks for and a note that the session was repaired. No more than an ending is written,
-    so a full disk hardly matters; what is cut away was not whole, so nothing is lost that could be read.
+    All up to the last sound record is kept, bit for bit; of a chunk that is damaged before that, no index
+    tells, so that readers pass it over. Behind come the index that every MCAP reader looks for and a note
+    that the session was repaired. No more than an ending is written, so a full disk hardly matters; what is
+    cut away was not whole, so nothing is lost that could be read. Only where that is more than a writing that
+    was torn, as where the length of a record is damaged, it is kept beside as ``NAME.mcap.cut``.
 
     Raises
     ------
@@ -39,11 +47,14 @@ def recover(path: Path) -> Recovery:
     found = contents(view)
     begin = min((chunk.message_start_time for chunk in found.chunks), default=0)
     stop = max((chunk.message_end_time for chunk in found.chunks), default=0)
-    lost = 0 if found.ended else size - found.end
+    lost = found.damaged + (0 if found.ended else size - found.end)
     if not found.ended:
         ending = ending_after(found, lost)
+        rest = bytes(view[found.end :]) if size - found.end > TORN else b""
         view.release()
         try:
+            if rest:
+                path.with_name(f"{path.name}.cut").write_bytes(rest)
             with path.open("r+b") as file:
                 # What is not whole goes first: on a full disk its place is what the ending takes.
                 file.truncate(found.end)

@@ -23,6 +23,7 @@ CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX 
 SUMMARY_OFFSET, DATA_END = 14, 15
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+_CHUNK = struct.Struct("<QQQII")
 
 
 class Record(NamedTuple):
@@ -87,12 +88,13 @@ def records(view: memoryview) -> Iterator[Record]:
 
 
 def chunk(body: memoryview) -> ChunkBody:
-    """Return what a chunk record holds, uncompressed."""
-    begin, stop, size, crc, length = struct.unpack_from("<QQQII", body, 0)
-    compression = bytes(body[32 : 32 + length]).decode()
+    """Return what a chunk record holds, uncompressed; one that is damaged holds nothing."""
+    begin, stop, size, crc, length = _CHUNK.unpack_from(bytes(body[: _CHUNK.size]).ljust(_CHUNK.size, b"\0"))
+    compression = bytes(body[32 : 32 + length]).decode(errors="replace")
     packed = body[40 + length :]
     found = _unpacked(compression, packed, size)
-    sound = found is not None and len(found) == size and (crc == 0 or zlib.crc32(found) == crc)
+    whole = len(body) >= _CHUNK.size + length + 8
+    sound = whole and found is not None and len(found) == size and (crc == 0 or zlib.crc32(found) == crc)
     return ChunkBody(
         begin=begin,
         stop=stop,
@@ -136,18 +138,24 @@ def channel(body: memoryview) -> "Channel":
     return Channel.read(_stream(body))
 
 
-def attachment(body: memoryview) -> "Attachment":
-    """Return the attachment that a record's body holds."""
+def attachment(body: memoryview) -> "Attachment | None":
+    """Return the attachment that a record's body holds, None where it is damaged."""
     from mcap.records import Attachment  # noqa: PLC0415
 
-    return Attachment.read(_stream(body))
+    try:
+        return Attachment.read(_stream(body))
+    except Exception:  # noqa: BLE001  (whatever the library makes of damage)
+        return None
 
 
 def metadata(body: memoryview) -> tuple[str, dict[str, str]]:
-    """Return name and content of a metadata record's body."""
+    """Return name and content of a metadata record's body; of one that is damaged, an empty name."""
     from mcap.records import Metadata  # noqa: PLC0415
 
-    found = Metadata.read(_stream(body))
+    try:
+        found = Metadata.read(_stream(body))
+    except Exception:  # noqa: BLE001  (whatever the library makes of damage)
+        return "", {}
     return found.name, found.metadata
 
 
