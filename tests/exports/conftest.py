@@ -11,7 +11,7 @@ from monochord.sessions import Description, Session, SessionClock, SessionWriter
 from monochord.types import POSE, WRENCH, Block, Feed, Readings, StringParams
 
 RATE = 16000
-TEXTS = ("", "plain", 'a "quoted", text', "zwei\nZeilen\r\nund Ümläute", "=1+1", " space ")
+TEXTS = ("", "plain", 'a "quoted", text', "zwei\nZeilen\r\nund Ümläute", "=1+1", " space ", "over\rwritten")
 FEEDS = (
     Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3, rate=7000.0, ticks=7000.0),
     Feed(stream="pose", columns=POSE, units=("m",) * 3 + ("",) * 4, rate=250.0, ticks=1e9),

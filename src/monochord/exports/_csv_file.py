@@ -13,9 +13,12 @@ from monochord.exports._contents import Columns
 
 
 def write_csv(path: Path, columns: Columns) -> Path:
-    """Write a table; NaN is an empty cell."""
+    """Write a table; NaN is an empty cell. Where a column is text, all that is no number is quoted."""
+    texts = any(column.dtype.kind == "O" for column in columns.values())
+    # Else a carriage return in a text would end its row.
+    quoting = csv.QUOTE_NONNUMERIC if texts else csv.QUOTE_MINIMAL
     with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
+        writer = csv.writer(file, lineterminator="\n", quoting=quoting)
         writer.writerow(columns)
         cells = (_cells(column) for column in columns.values())
         writer.writerows(zip(*cells, strict=True))
