@@ -129,6 +129,9 @@ def test_a_split_of_ones_own_needs_its_way_and_its_rows(several: Dataset, tmp_pa
     split = Split.read(file)
     assert (len(split.train), len(split.validation), len(split.test)) == (240, 0, 120)
     assert audit(several, split, duplicates=False).clean
+    file.write_text('{"by": "session", "parts": {"train": [[0, 240]], "val": [[200, 360]]}}')
+    with pytest.raises(InputError, match="a part 'val': allowed is train, validation, test"):
+        Split.read(file)
     file.write_text('{"by": "window", "parts": {}}')
     with pytest.raises(InputError, match="hear one touch"):
         Split.read(file)

@@ -108,6 +108,10 @@ class Split:
                 f"split {file} (absent or damaged)", "a file that monochord build made"
             ) from error
         refuse_impossible(found.by)
+        strange = [name for name in tree["parts"] if name not in PARTS]
+        if strange:
+            given = f"split {file} with a part '{strange[0]}'"
+            raise InputError(given, ", ".join(PARTS), did_you_mean(strange[0], PARTS))
         return found
 
 
