@@ -1,6 +1,7 @@
 """Labels come from where they should, and only from sessions whose streams are on one clock."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,14 @@ from monochord.errors import InputError
 from monochord.lab.bench import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
-from monochord.sessions import Description, SessionClock, SessionWriter, read_session
+from monochord.sessions import (
+    Description,
+    ReadingTrack,
+    Session,
+    SessionClock,
+    SessionWriter,
+    read_session,
+)
 from monochord.types import POSE, WRENCH, Block, Feed, Readings
 
 Write = Callable[..., Path]
@@ -63,6 +71,24 @@ def test_the_string_is_calibrated_while_its_drivers_are_off(slide: Path) -> None
     session = read_session(slide)
     switched = {event.text: event.time for event in session.events if event.kind == "drivers"}
     assert truth_of(session).calibrating == ((-np.inf, switched["on"]), (switched["off"], np.inf))
+
+
+def test_readings_with_a_fault_measure_nothing(slide: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = Session.readings
+
+    def faulty(session: Session, stream: str) -> ReadingTrack:
+        track = real(session, stream)
+        status = np.where((track.time > 5.0) & (track.time < 6.0), 1 << 31, 0).astype(np.uint32)
+        return replace(track, status=status)
+
+    monkeypatch.setattr(Session, "readings", faulty)
+    labels, forced = (
+        truth_of(read_session(slide), "measured", force=force).labels for force in (False, True)
+    )
+    inside = (labels.time > 5.2) & (labels.time < 5.8)
+    assert np.isnan(labels.columns["force"][inside]).all()
+    assert np.isfinite(forced.columns["force"]).all()
+    assert np.isfinite(labels.columns["force"][labels.time < 4.8]).all()
 
 
 def silent(path: Path, *, taps: bool = False, events: bool = False, streams: bool = True) -> Path:

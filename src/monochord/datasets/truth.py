@@ -1,11 +1,11 @@
 """Where a session's labels come from, on one clock with its sound."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from monochord.datasets.measured import THRESHOLDS, Thresholds, measured_truth
 from monochord.errors import InputError
-from monochord.sessions import LabelTrack, Session
+from monochord.sessions import LabelTrack, ReadingTrack, Session
 from monochord.sessions.alignment import AUDIO, Alignment, align, aligned_readings
 from monochord.types import Floats
 from monochord.units import Seconds
@@ -53,7 +53,8 @@ def truth_of(
     thresholds
         For measured labels.
     force
-        Whether to take a session that its alignment warns of.
+        Whether to take a session that its alignment warns of, and to measure with readings whose status
+        tells of a fault; without it, those count as missing.
 
     Raises
     ------
@@ -79,13 +80,20 @@ def truth_of(
     labels = session.labels
     if not recorded:
         wrench, pose = (aligned_readings(session, stream, alignment) for stream in (WRENCH, POSE))
-        labels = measured_truth(wrench, pose, thresholds)
+        labels = measured_truth(wrench if force else _sound(wrench), pose, thresholds)
     return Truth(
         labels=labels,
         source=RECORDED if recorded else MEASURED,
         alignment=alignment,
         calibrating=tuple(_calibrating(session, alignment)),
     )
+
+
+def _sound(track: ReadingTrack) -> ReadingTrack:
+    """Return the readings whose status is 0."""
+    kept = track.status == 0
+    arrays = ("time", "values", "sequence", "device_time", "status")
+    return replace(track, **{name: getattr(track, name)[kept] for name in arrays})
 
 
 def _calibrating(session: Session, alignment: Alignment) -> Iterator[tuple[Seconds, Seconds]]:
