@@ -106,6 +106,13 @@ def test_a_session_without_taps_is_left_alone_and_says_so(tmp_path: Path) -> Non
     ).all()
 
 
+def test_a_force_sensor_that_never_spoke_is_flagged(tmp_path: Path) -> None:
+    feed = Feed(stream="wrench", columns=("fz",), units=("N",))
+    with SessionWriter(tmp_path / "a.mcap", Description(name="a", sample_rate=1000, feeds=(feed,))) as writer:
+        writer.audio(Block(samples=np.zeros((2, 1000), np.float32), start=0, adc_time=writer.clock.origin))
+    assert align(read_session(tmp_path / "a.mcap")).flags == ("wrench has no readings",)
+
+
 def test_taps_at_one_end_give_the_offset_but_no_drift(tmp_path: Path) -> None:
     truth = replace(played(groups=(1.5,)), late={"audio": (0.1, 0.1)})
     alignment = align(recorded(tmp_path, truth))

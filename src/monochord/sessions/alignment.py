@@ -146,7 +146,7 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
     force, poses = _seen(session, "fz", "wrench"), _seen(session, "z", "pose")
     guide, others = (force[0], poses) if force else (poses[0] if poses else None, [])
     reference = force[0].stream if force else AUDIO
-    flags = [*_steps_of_the_wall_clock(session, limits), *_strays(session, limits)]
+    flags = [*_mute(session), *_steps_of_the_wall_clock(session, limits), *_strays(session, limits)]
     groups = () if guide is None else groups_of((taps_of_force if force else taps_of_height)(*guide.rows))
     if not groups:
         if guide is not None:
@@ -287,6 +287,12 @@ def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> 
             f" allowed is {1e3 * drift:.2f} ms"
         )
     return flags
+
+
+def _mute(session: Session) -> list[str]:
+    """Return a sentence for each force and pose of which nothing came."""
+    told = (feed for feed in session.description.feeds if {"fz", "z"} & set(feed.columns))
+    return [f"{feed.stream} has no readings" for feed in told if session.readings(feed.stream).time.size < 2]
 
 
 def _steps_of_the_wall_clock(session: Session, limits: Limits) -> list[str]:

@@ -3,6 +3,7 @@
 import ctypes
 import errno
 import os
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ class SessionFile:
             raise InputError(f"file {path} (exists)", "a new file", "choose another name") from error
         except OSError as error:
             raise InputError(f"file {path} ({error.strerror})", "a file that can be written") from error
+        _sync_name(path)
         self.reserve()
 
     def write(self, data: Any) -> int:
@@ -71,6 +73,16 @@ class SessionFile:
                 os.ftruncate(handle, self._size)
             finally:
                 os.close(handle)
+
+
+def _sync_name(path: Path) -> None:
+    """Wait until the folder knows the file: what is synced later is found by name after a power cut."""
+    with suppress(OSError):  # not every file system can
+        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
 
 
 def _fallocate(handle: int, offset: int, length: int) -> int:
