@@ -1,0 +1,168 @@
+"""Mel spectrograms: the filter bank, frames, and the log-mel energies that audio transformers are fed."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.errors import InputError
+from monochord.types import Audio, Floats
+from monochord.units import Hertz, Samples
+
+MEL_RATE = 16000
+"""Sample rate in Hz of what a log-mel spectrogram is made of."""
+FRAME: Samples = 400
+FFT_SIZE: Samples = 512
+LOWEST: Hertz = 20.0
+PRE_EMPHASIS = 0.97
+FLOOR = float(np.finfo(np.float32).eps)
+"""Least energy of a band, so that silence has a logarithm."""
+
+
+def mel(frequency: Floats) -> Floats:
+    """Return frequencies in Hz on the mel scale, 1127 ln(1 + f / 700), as HTK and Kaldi have it.
+
+    Examples
+    --------
+    >>> round(float(mel(np.array([1000.0]))[0]), 1)
+    1000.0
+    """
+    return 1127.0 * np.log1p(frequency / 700.0)
+
+
+def mel_filters(bins: int, *, fft_size: Samples, sample_rate: int, lowest: Hertz, highest: Hertz) -> Floats:
+    """Return triangular filters, evenly spaced and straight-sided on the mel scale, each of height one.
+
+    Filter b rises from centre b - 1 to one at its own and falls to centre b + 1, linearly in mel, where the
+    centres and the outermost feet divide `lowest` to `highest` into bins + 1 equal parts in mel.
+
+    Parameters
+    ----------
+    bins
+        How many filters.
+    fft_size
+        Length of the Fourier transform whose bins are weighed.
+    sample_rate
+        In Hz.
+    lowest, highest
+        Feet of the first and the last filter in Hz.
+
+    Returns
+    -------
+    Floats
+        (bins, fft_size // 2 + 1), to be multiplied by an amplitude or energy spectrum.
+
+    Raises
+    ------
+    InputError
+        If the band is not within 0 to half the rate, or there is no filter.
+
+    References
+    ----------
+    S. Young et al., The HTK Book (2006), section 5.4.
+
+    Examples
+    --------
+    >>> mel_filters(128, fft_size=512, sample_rate=16000, lowest=20.0, highest=8000.0).shape
+    (128, 257)
+    """
+    if bins < 1:
+        raise InputError(f"{bins} mel bins", "1 or more")
+    if not 0.0 <= lowest < highest <= 0.5 * sample_rate:
+        given = f"mel bands from {lowest:g} to {highest:g} Hz"
+        raise InputError(given, f"rising, within 0 and {0.5 * sample_rate:g} Hz")
+    low, high = mel(np.array([lowest, highest])).tolist()
+    corners = np.linspace(low, high, bins + 2)
+    place = mel(np.arange(fft_size // 2 + 1, dtype=np.float64) * (sample_rate / fft_size))
+    rising = (place - corners[:-2, None]) / (corners[1:-1] - corners[:-2])[:, None]
+    falling = (corners[2:, None] - place) / (corners[2:] - corners[1:-1])[:, None]
+    return np.maximum(np.minimum(rising, falling), 0.0)
+
+
+def frame_indices(size: Samples, *, frame: Samples, hop: Samples, centred: bool) -> NDArray[np.intp]:
+    """Return which samples each frame of a signal holds.
+
+    Not centred, frame t begins at t `hop` and all lie within: 1 + (size - frame) // hop of them. Centred, the
+    middle of frame t is at (t + 1/2) `hop`, there are (size + hop // 2) // hop of them, and beyond its ends
+    the signal is mirrored, its first and last sample repeated (Kaldi's ``snip_edges=False``).
+
+    Returns
+    -------
+    NDArray
+        (frames, frame), indices from 0 to size - 1; no frame where the signal is too short for one.
+
+    Examples
+    --------
+    >>> frame_indices(1600, frame=400, hop=16, centred=True).shape
+    (100, 400)
+    >>> frame_indices(1600, frame=400, hop=160, centred=False).shape
+    (8, 400)
+    """
+    count = (size + hop // 2) // hop if centred else max(1 + (size - frame) // hop, 0)
+    first = hop // 2 - frame // 2 if centred else 0
+    wanted = first + hop * np.arange(count)[:, None] + np.arange(frame)
+    turn = wanted % (2 * size)
+    return np.where(turn < size, turn, 2 * size - 1 - turn)
+
+
+class LogMel:
+    """Log-mel energies as Kaldi has them and the Audio Spectrogram Transformer was trained on.
+
+    Of each frame of 25 ms: take off the mean, then x[k] - 0.97 x[k-1], a symmetric Hann window, the energy
+    spectrum of 512 points, triangular mel filters from 20 Hz to 8 kHz, the natural logarithm. Without dither.
+
+    Parameters
+    ----------
+    size
+        Samples of a signal, at `MEL_RATE`.
+    hop
+        Samples from frame to frame: 160, as in AudioSet, or 16, which makes 100 frames of 0.1 s.
+    bins
+        Mel bands.
+    centred
+        Frames as `frame_indices` has them.
+
+    Raises
+    ------
+    InputError
+        If the signal is too short for a frame.
+
+    References
+    ----------
+    D. Povey et al., The Kaldi speech recognition toolkit (2011); Y. Gong, Y.-A. Chung and J. Glass, AST:
+    Audio Spectrogram Transformer (2021).
+
+    Examples
+    --------
+    >>> energies = LogMel(size=1600, hop=16, centred=True)
+    >>> energies(np.zeros((2, 1600), np.float32)).shape
+    (2, 100, 128)
+    """
+
+    def __init__(self, *, size: Samples, hop: Samples, bins: int = 128, centred: bool = False) -> None:
+        self._indices = frame_indices(size, frame=FRAME, hop=hop, centred=centred)
+        if not self._indices.size:
+            shortest = hop if centred else FRAME
+            given = f"{1e3 * size / MEL_RATE:g} ms of sound"
+            raise InputError(given, f"{1e3 * shortest / MEL_RATE:g} ms or more for a mel spectrogram")
+        self._size = size
+        self._window = np.hanning(FRAME)
+        self._filters = mel_filters(
+            bins, fft_size=FFT_SIZE, sample_rate=MEL_RATE, lowest=LOWEST, highest=0.5 * MEL_RATE
+        ).T.copy()
+
+    @property
+    def frames(self) -> int:
+        """How many frames a signal has."""
+        return self._indices.shape[0]
+
+    def __call__(self, signal: Audio) -> Audio:
+        """Return the log-mel energies (channels, frames, bins) float32 of a signal (channels, size)."""
+        if signal.shape[-1] != self._size:
+            raise InputError(f"a signal of {signal.shape[-1]} samples", f"{self._size} samples")
+        frames = signal.astype(np.float64)[:, self._indices]
+        frames -= frames.mean(axis=-1, keepdims=True)
+        frames[..., 1:] -= PRE_EMPHASIS * frames[..., :-1]
+        frames[..., 0] *= 1.0 - PRE_EMPHASIS
+        frames *= self._window
+        spectrum = np.fft.rfft(frames, FFT_SIZE)
+        energy = (spectrum.real**2 + spectrum.imag**2) @ self._filters
+        return np.log(np.maximum(energy, FLOOR)).astype(np.float32)

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from monochord.dsp.resample import Resampler
+from monochord.errors import InputError
+from monochord.types import Audio
+
+RATE, NEW, SIZE = 44100, 16000, 4410
+
+
+def partials(pitch: float, rate: int, seconds: float) -> Audio:
+    time = np.arange(round(seconds * rate)) / rate
+    numbers = range(1, int(7000.0 / pitch))
+    return np.sum([np.sin(2 * np.pi * n * pitch * time + n * n) / n for n in numbers], axis=0)[None]
+
+
+@pytest.mark.parametrize("pitch", [311.0, 523.0, 1210.0])
+def test_a_window_is_the_sound_at_the_new_rate(pitch: float) -> None:
+    true = partials(pitch, NEW, 0.3)[:, NEW // 10 : NEW // 5]
+    sound = partials(pitch, RATE, 0.3).astype(np.float32)
+    window = sound[:, SIZE : 2 * SIZE]
+    error = np.abs(Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE)(window) - true) / np.abs(true).max()
+    assert error.max() < 0.03
+    assert error[:, 32:-32].max() < 2e-3
+
+
+@pytest.mark.parametrize("pitch", [311.0, 523.0, 1210.0])
+def test_with_context_its_begin_is_right(pitch: float) -> None:
+    true = partials(pitch, NEW, 0.3)[:, NEW // 10 : NEW // 5]
+    sound = partials(pitch, RATE, 0.3).astype(np.float32)
+    resampler = Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE + 441, context=441)
+    error = np.abs(resampler(sound[:, SIZE - 441 : 2 * SIZE]) - true) / np.abs(true).max()
+    assert error.shape == (1, 1600)
+    assert error[:, :-32].max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("rate", "size", "length"), [(44100, 882, 320), (48000, 4800, 1600), (22050, 1103, 800)]
+)
+def test_it_has_as_many_samples_as_fit(rate: int, size: int, length: int) -> None:
+    resampler = Resampler(sample_rate=rate, new_rate=NEW, size=size)
+    assert resampler.length == length
+    assert resampler(np.ones((2, size), np.float32)).shape == (2, length)
+
+
+def test_the_same_rate_changes_nothing() -> None:
+    sound = np.random.default_rng(0).standard_normal((2, 1600)).astype(np.float32)
+    assert np.array_equal(Resampler(sample_rate=NEW, new_rate=NEW, size=1600)(sound), sound)
+
+
+def test_what_cannot_be_is_refused() -> None:
+    with pytest.raises(InputError, match="rates of 0 and 16000 Hz"):
+        Resampler(sample_rate=0, new_rate=NEW, size=SIZE)
+    with pytest.raises(InputError, match="4410 of 4410 frames as context"):
+        Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE, context=SIZE)
+    with pytest.raises(InputError, match="a multiple of 441 frames"):
+        Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE, context=440)
+    with pytest.raises(InputError, match="a window of 100 frames: allowed is 4410"):
+        Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE)(np.zeros((2, 100), np.float32))
