@@ -166,7 +166,8 @@ def test_what_is_exported_comes_back(tmp_path: Path, capsys: Capture, form: str)
 
 def test_an_export_takes_options(tmp_path: Path) -> None:
     path, out = str(write(tmp_path / "a.mcap")), tmp_path / "out"
-    assert run(["sessions", "export", "lerobot", path, "--out", str(out), "--set", "fps=10"]) == 0
+    options = ["--set", "fps=10", "--set", "force=true"]
+    assert run(["sessions", "export", "lerobot", path, "--out", str(out), *options]) == 0
     assert json.loads((out / "meta/info.json").read_text())["fps"] == 10
 
 

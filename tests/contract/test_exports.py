@@ -15,7 +15,7 @@ each_form = pytest.mark.parametrize("form", EXPORTS.names())
 
 
 def session(path: Path, seed: int = 0) -> Session:
-    feed = Feed(stream="wrench", columns=("fz",), units=("N",), rate=100.0)
+    feed = Feed(stream="wrench", columns=("fx",), units=("N",), rate=100.0)
     told = Description(name=path.stem, sample_rate=RATE, feeds=(feed,))
     with SessionWriter(path, told, SessionClock(epoch_ns=10**18)) as writer:
         noise = np.random.default_rng(seed).standard_normal((2, RATE)).astype(np.float32)

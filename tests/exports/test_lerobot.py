@@ -71,7 +71,7 @@ ARROW = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
 
 
 def test_features_are_as_they_are_told(takes: list[Session], tmp_path: Path) -> None:
-    LeRobot(fps=FPS).write(takes, tmp_path / "set")
+    LeRobot(fps=FPS, force=True).write(takes, tmp_path / "set")
     info, data, episodes = load(tmp_path / "set")
     assert info["codebase_version"] == "v3.0"
     assert info["fps"] == FPS
@@ -96,7 +96,7 @@ def test_features_are_as_they_are_told(takes: list[Session], tmp_path: Path) -> 
 
 
 def test_an_episode_is_where_its_row_says(takes: list[Session], tmp_path: Path) -> None:
-    LeRobot(fps=FPS).write(takes, tmp_path / "set")
+    LeRobot(fps=FPS, force=True).write(takes, tmp_path / "set")
     info, data, episodes = load(tmp_path / "set")
     assert data["index"].to_pylist() == list(range(data.num_rows))
     tasks = pq.read_table(tmp_path / "set/meta/tasks.parquet").to_pydict()
@@ -119,7 +119,7 @@ def test_an_episode_is_where_its_row_says(takes: list[Session], tmp_path: Path) 
 
 
 def test_frames_hold_all_audio_and_no_reading_of_the_future(takes: list[Session], tmp_path: Path) -> None:
-    LeRobot(fps=FPS).write(takes, tmp_path / "set")
+    LeRobot(fps=FPS, force=True).write(takes, tmp_path / "set")
     _, data, episodes = load(tmp_path / "set")
     for take, episode in zip(takes, episodes, strict=True):
         part = data.slice(episode["dataset_from_index"], episode["length"])
@@ -140,7 +140,7 @@ def test_frames_hold_all_audio_and_no_reading_of_the_future(takes: list[Session]
 
 
 def test_statistics_are_those_of_the_frames(takes: list[Session], tmp_path: Path) -> None:
-    LeRobot(fps=FPS).write(takes, tmp_path / "set")
+    LeRobot(fps=FPS, force=True).write(takes, tmp_path / "set")
     info, data, episodes = load(tmp_path / "set")
     stats = json.loads((tmp_path / "set/meta/stats.json").read_text())
     assert set(stats) == set(info["features"])
@@ -162,7 +162,7 @@ def test_statistics_are_those_of_the_frames(takes: list[Session], tmp_path: Path
 
 
 def test_tasks_are_a_table_whose_index_is_the_text(takes: list[Session], tmp_path: Path) -> None:
-    LeRobot().write(takes, tmp_path / "set")
+    LeRobot(force=True).write(takes, tmp_path / "set")
     told = json.loads(pq.read_schema(tmp_path / "set/meta/tasks.parquet").metadata[b"pandas"])
     assert told["index_columns"] == ["task"]
 
@@ -172,7 +172,7 @@ def test_a_file_that_is_full_is_followed_by_another(
 ) -> None:
     monkeypatch.setattr(lerobot, "MEGABYTES", 0.01)
     monkeypatch.setattr(lerobot, "FILES_A_CHUNK", 2)
-    written = LeRobot().write(takes, tmp_path / "set")
+    written = LeRobot(force=True).write(takes, tmp_path / "set")
     names = ["chunk-000/file-000", "chunk-000/file-001", "chunk-001/file-000"]
     assert written[:3] == [tmp_path / f"set/data/{name}.parquet" for name in names]
     _, _, episodes = load(tmp_path / "set")
@@ -180,7 +180,7 @@ def test_a_file_that_is_full_is_followed_by_another(
 
 
 def test_a_session_of_one_microphone_and_no_instrument(tmp_path: Path) -> None:
-    LeRobot().write([session(tmp_path / "a.mcap", channels=1, feeds=())], tmp_path / "set")
+    LeRobot(force=True).write([session(tmp_path / "a.mcap", channels=1, feeds=())], tmp_path / "set")
     info, _, _ = load(tmp_path / "set")
     assert "observation.state" not in info["features"]
     assert "observation.microphone_2" not in info["features"]
@@ -189,7 +189,7 @@ def test_a_session_of_one_microphone_and_no_instrument(tmp_path: Path) -> None:
 def test_what_does_not_fit_is_refused_in_one_line(takes: list[Session], tmp_path: Path) -> None:
     def refuse(match: str, *sessions: Session, fps: int = 50) -> None:
         with pytest.raises(InputError, match=match) as caught:
-            LeRobot(fps=fps).write(sessions, tmp_path / f"set {match}")
+            LeRobot(fps=fps, force=True).write(sessions, tmp_path / f"set {match}")
         assert "\n" not in str(caught.value)
 
     refuse(r"^30 frames a second: allowed is 1, 2, 4, 5, .* at 16000 Hz", takes[0], fps=30)
@@ -202,6 +202,16 @@ def test_what_does_not_fit_is_refused_in_one_line(takes: list[Session], tmp_path
     refuse("with streams {}: allowed is {'wrench'", takes[0], other)
 
 
+def test_a_session_that_is_not_on_one_clock_is_refused_unless_forced(
+    takes: list[Session], tmp_path: Path
+) -> None:
+    with pytest.raises(
+        InputError, match=r"a\.mcap: there are no taps in wrench.*force=true or aligned=false"
+    ):
+        LeRobot(fps=FPS).write(takes, tmp_path / "refused")
+    assert LeRobot(fps=FPS, aligned=False).write(takes, tmp_path / "bare")
+
+
 def test_it_says_that_it_cannot_be_read_back(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a form that keeps all of a session; lerobot does not"):
-        LeRobot().read(tmp_path, tmp_path / "a.mcap")
+        LeRobot(force=True).read(tmp_path, tmp_path / "a.mcap")

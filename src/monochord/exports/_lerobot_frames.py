@@ -35,11 +35,12 @@ def _form(session: Session) -> dict[str, Any]:
     return {"microphones": microphones, "streams": names, "labels": sorted(session.labels.columns)}
 
 
-def frames_of(session: Session, fps: int, *, aligned: bool) -> Frames:
+def frames_of(session: Session, fps: int, *, aligned: bool, force: bool = False) -> Frames:
     """Return a session's frames; raises `InputError` where a frame is not a whole number of samples.
 
     With `aligned`, readings count from when they were taken, and what taps tell of the streams' offsets is
-    taken off; without, from when they arrived.
+    taken off; without, from when they arrived. A session whose alignment warns of something is then refused
+    unless `force` is set.
     """
     audio = session.audio
     size, rest = divmod(audio.sample_rate, fps)
@@ -57,6 +58,10 @@ def frames_of(session: Session, fps: int, *, aligned: bool) -> Frames:
         found[GAP][first // size : -(-stop // size)] = True
     ends = audio.time(size * np.arange(1, count + 1))
     alignment = align(session) if aligned and session.streams else None
+    if alignment and alignment.flags and not force:
+        first, *others = alignment.flags
+        given = f"session {session.path}: {first}" + (f" (and {len(others)} more)" if others else "")
+        raise InputError(given, "streams on one clock", "leave it out, or set force=true or aligned=false")
     when = ends if alignment is None else alignment.correct(AUDIO, ends)
     states = [_held(session, stream, when, alignment) for stream in session.streams]
     if states:

@@ -34,8 +34,8 @@ class LeRobot(Export):
     frame knows what was still to come; ``label.NAME`` is the latest label there, NaN where it is not known;
     ``observation.gap`` tells whether frames of the audio were lost. A session's task is its ``task`` under
     `more`, or names its object. With `aligned`, readings count from when they were taken and offsets between
-    the streams that taps tell of are taken off (see `monochord.sessions.alignment`); without it, readings
-    count from when they arrived.
+    the streams that taps tell of are taken off (see `monochord.sessions.alignment`), and a session that its
+    alignment warns of is refused unless `force` is set; without it, readings count from when they arrived.
 
     What is left out: readings between the frames; sequence, device time and status of readings, their
     arrival and the converter's clock (a frame's time is k/`fps`, as LeRobot has it); events, clock offsets,
@@ -46,6 +46,7 @@ class LeRobot(Export):
 
     fps: int = 50
     aligned: bool = True
+    force: bool = False
 
     def write(self, sessions: Sequence[Session], out: Path) -> list[Path]:
         """Write the sessions as the data set `out`, episode by episode in the order given."""
@@ -60,7 +61,11 @@ class LeRobot(Export):
         for number, session in enumerate(sessions):
             task = tasks.index(task_of(session))
             frames = _numbered(
-                frames_of(session, self.fps, aligned=self.aligned), self.fps, number, data.frames, task
+                frames_of(session, self.fps, aligned=self.aligned, force=self.force),
+                self.fps,
+                number,
+                data.frames,
+                task,
             )
             features = features or _features(frames, session)
             stats.append(stats_of(frames))
