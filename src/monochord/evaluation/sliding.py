@@ -8,7 +8,7 @@ import numpy as np
 
 from monochord.dsp.noise import pink
 from monochord.errors import InputError
-from monochord.evaluation.ranking import Groups, area_interval, area_under_curve
+from monochord.metrics.ranking import Groups, area_interval, area_under_curve
 from monochord.evaluation.slip_features import filled_gaps, rumble
 from monochord.physics.materials import Material
 from monochord.physics.theory import open_frequency

@@ -1,12 +1,21 @@
 """The area under the curve is what it says it is, and its interval covers the truth."""
 
+import json
 from math import erf
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from monochord.errors import InputError
-from monochord.evaluation.ranking import area_interval, area_under_curve
+from monochord.metrics.ranking import area_interval, area_under_curve
+
+
+def test_golden() -> None:
+    golden = json.loads(Path(__file__).with_name("golden.json").read_text(encoding="utf-8"))
+    score, yes = np.array(golden["rows"]["probability"]), np.array(golden["rows"]["kind"]) == 1
+    found = area_under_curve(score[yes], score[~yes])
+    assert found == pytest.approx(golden["expected"]["area_under_curve"], rel=0, abs=1e-12)
 
 
 def test_the_area_is_the_share_of_pairs_in_order() -> None:

@@ -1,0 +1,45 @@
+"""How good an estimate is, one plain function a number: (reference, estimate), in SI units.
+
+Nothing is left out in silence: a value that is not a number is refused, and who wants to score some rows
+only picks them first, as `known` does. A perfect estimate scores perfectly.
+"""
+
+from monochord.metrics.bootstrap import bootstrap_interval, time_blocks
+from monochord.metrics.calibration import (
+    brier_score,
+    calibration_error,
+    coverage,
+    normal_coverage,
+    quantile_coverage,
+    reliability,
+)
+from monochord.metrics.classification import accuracy, balanced_accuracy, confusion
+from monochord.metrics.events import detection_delays, false_alarm_rate, false_alarms, stretches
+from monochord.metrics.ranking import area_interval, area_under_curve
+from monochord.metrics.regression import known, mean_absolute_error, mean_error, pearson_r, rms_error, within
+
+__all__ = [
+    "accuracy",
+    "area_interval",
+    "area_under_curve",
+    "balanced_accuracy",
+    "bootstrap_interval",
+    "brier_score",
+    "calibration_error",
+    "confusion",
+    "coverage",
+    "detection_delays",
+    "false_alarm_rate",
+    "false_alarms",
+    "known",
+    "mean_absolute_error",
+    "mean_error",
+    "normal_coverage",
+    "pearson_r",
+    "quantile_coverage",
+    "reliability",
+    "rms_error",
+    "stretches",
+    "time_blocks",
+    "within",
+]

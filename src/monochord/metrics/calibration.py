@@ -1,0 +1,180 @@
+"""Whether stated uncertainty is what it says: of standard errors, of quantiles, of probabilities."""
+
+from math import erf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.errors import InputError
+from monochord.metrics._checked import decisions, numbers, probabilities
+from monochord.types import Floats
+
+
+def coverage(reference: Floats, estimate: Floats, std: Floats, sigmas: float = 1.0) -> float:
+    """Return the share of truths that are within `sigmas` stated standard errors, 0 to 1.
+
+    An honest normal error gives `normal_coverage(sigmas)`; more means that too much was allowed for.
+
+    Parameters
+    ----------
+    reference, estimate, std
+        Truth, what was said of it and its standard error, (n,) each, in one unit; `std` is 0 or more.
+    sigmas
+        How many standard errors, 0 or more.
+
+    Raises
+    ------
+    InputError
+        If they differ in shape, are empty, hold what is not a number, or a standard error is below 0.
+
+    Examples
+    --------
+    >>> coverage(np.zeros(4), np.array([0.5, 1.5, 2.5, -0.5]), np.ones(4), 2.0)
+    0.75
+    """
+    reference, estimate, std = numbers(reference=reference, estimate=estimate, std=std)
+    if std.min() < 0.0 or not sigmas >= 0.0:
+        raise InputError(f"standard error {std.min():g}, {sigmas:g} of them", "0 or more")
+    return float(np.mean(np.abs(estimate - reference) <= sigmas * std))
+
+
+def normal_coverage(sigmas: float) -> float:
+    """Return the share of normally distributed errors that are within `sigmas` standard deviations.
+
+    erf(k / sqrt(2)); 0.683, 0.954 and 0.997 for k = 1, 2 and 3.
+
+    Examples
+    --------
+    >>> round(normal_coverage(1.0), 4)
+    0.6827
+    """
+    if not sigmas >= 0.0:
+        raise InputError(f"{sigmas:g} standard deviations", "0 or more")
+    return erf(sigmas / sqrt(2.0))
+
+
+def quantile_coverage(reference: Floats, quantiles: Floats) -> Floats:
+    """Return for each stated quantile the share of truths (q,) at or below it, 0 to 1.
+
+    A quantile that was stated for the share p has its p of the truths below it where it is honest.
+
+    Parameters
+    ----------
+    reference
+        Truth (n,).
+    quantiles
+        What was stated, (n, q), in the same unit, not falling along a row.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit, a value is not a number, or quantiles of a row fall.
+
+    Examples
+    --------
+    >>> quantile_coverage(np.array([1.0, 2.0]), np.array([[0.0, 1.0, 3.0], [0.0, 1.0, 3.0]])).tolist()
+    [0.0, 0.5, 1.0]
+    """
+    quantiles = np.asarray(quantiles, np.float64)
+    (reference,) = numbers(reference=reference)
+    if quantiles.ndim != 2 or len(quantiles) != len(reference) or quantiles.shape[1] == 0:
+        raise InputError(f"quantiles of shape {quantiles.shape}", f"({len(reference)}, one or more)")
+    if not np.isfinite(quantiles).all() or (np.diff(quantiles, axis=1) < 0.0).any():
+        raise InputError("quantiles that fall or are not numbers", "numbers that do not fall along a row")
+    return np.mean(reference[:, None] <= quantiles, axis=0)
+
+
+def brier_score(reference: NDArray[np.bool_], probability: Floats) -> float:
+    """Return the mean of (probability - truth)^2, 0 at best; 0.25 for always one half.
+
+    Parameters
+    ----------
+    reference
+        Truth (n,): false and true, or 0 and 1.
+    probability
+        What was stated of its being true, (n,), 0 to 1.
+
+    References
+    ----------
+    Brier (1950), Verification of forecasts expressed in terms of probability, Monthly Weather Review 78, 1.
+
+    Examples
+    --------
+    >>> brier_score(np.array([True, False]), np.array([0.5, 0.5]))
+    0.25
+    """
+    (truth,), (probability,) = decisions(reference=reference), numbers(probability=probability)
+    numbers(reference=truth.astype(np.float64), probability=probability)
+    probabilities(probability)
+    return float(np.mean((probability - truth) ** 2))
+
+
+def reliability(
+    reference: NDArray[np.bool_], probability: Floats, bins: int = 10
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Return stated probability, share that was true, and count, (bins,) each, in equal bins of probability.
+
+    A bin reaches from its lower edge to just below its upper one, the last one to 1. Of a bin with nothing in
+    it, probability and share are NaN.
+
+    Parameters
+    ----------
+    reference
+        Truth (n,): false and true, or 0 and 1.
+    probability
+        What was stated of its being true, (n,), 0 to 1.
+    bins
+        How many, 1 or more.
+
+    References
+    ----------
+    Murphy and Winkler (1977), Reliability of subjective probability forecasts of precipitation and
+    temperature, Applied Statistics 26, 41.
+
+    Examples
+    --------
+    >>> stated, share, count = reliability(np.array([False, True, True]), np.array([0.1, 0.7, 0.9]), bins=2)
+    >>> np.round(stated, 12).tolist(), share.tolist(), count.tolist()
+    ([0.1, 0.8], [0.0, 1.0], [1, 2])
+    """
+    (truth,), (probability,) = decisions(reference=reference), numbers(probability=probability)
+    numbers(reference=truth.astype(np.float64), probability=probability)
+    probabilities(probability)
+    if bins < 1:
+        raise InputError(f"{bins} bins", "1 or more")
+    edges = np.linspace(0.0, 1.0, bins + 1)[1:-1]
+    where = np.searchsorted(edges, probability, side="right")
+    count = np.bincount(where, minlength=bins)
+    shared = np.where(count == 0, np.nan, np.maximum(count, 1))
+    stated = np.bincount(where, probability, minlength=bins) / shared
+    share = np.bincount(where, truth, minlength=bins) / shared
+    return stated, share, count.astype(np.int64)
+
+
+def calibration_error(reference: NDArray[np.bool_], probability: Floats, bins: int = 10) -> float:
+    """Return by how much stated probabilities miss the shares that were true, 0 to 1, weighted by count.
+
+    The expected calibration error: the sum over bins of count / n abs(stated - share), of `reliability`.
+
+    Parameters
+    ----------
+    reference
+        Truth (n,): false and true, or 0 and 1.
+    probability
+        What was stated of its being true, (n,), 0 to 1.
+    bins
+        How many, 1 or more.
+
+    References
+    ----------
+    Naeini, Cooper and Hauskrecht (2015), Obtaining well calibrated probabilities using Bayesian binning,
+    Proc. 29th AAAI Conf. Artificial Intelligence, 2901.
+
+    Examples
+    --------
+    >>> round(calibration_error(np.array([True, True, True, False]), np.full(4, 0.9)), 12)
+    0.15
+    """
+    stated, share, count = reliability(reference, probability, bins)
+    some = count > 0
+    return float(np.sum(count[some] * np.abs(stated[some] - share[some])) / count.sum())

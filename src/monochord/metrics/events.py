@@ -1,0 +1,153 @@
+"""Touches as events: how soon each is told, and how often one is told that is not there.
+
+An event and an alarm are stretches of time [begin, end). An alarm belongs to the event that it begins in; one
+that begins in none is false, even if an event comes while it lasts: who always says yes has found nothing.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.errors import InputError
+from monochord.metrics._checked import decisions, numbers
+from monochord.types import Floats
+from monochord.units import Hertz, Seconds
+
+
+def stretches(time: Floats, on: NDArray[np.bool_], hop: Seconds) -> Floats:
+    """Return begin and end (k, 2) in s of each stretch of consecutive samples that are on.
+
+    A stretch begins at the time of its first sample and ends one `hop` after its last. A pause in the series,
+    of more than one and a half hops, ends it too.
+
+    Parameters
+    ----------
+    time
+        Of each sample, (n,), in s, rising. Of estimates it is the end of the window: when they were known.
+    on
+        Whether the sample is on, (n,).
+    hop
+        Of the series, in s, above 0.
+
+    Raises
+    ------
+    InputError
+        If the shapes differ, a time is not a number or does not rise, or `hop` is not above 0.
+
+    Examples
+    --------
+    >>> stretches(np.array([0.0, 0.5, 1.0, 1.5]), np.array([False, True, True, False]), 0.5).tolist()
+    [[0.5, 1.5]]
+    """
+    (given,) = decisions(on=on)
+    time, _ = numbers(time=time, on=given.astype(np.float64))
+    if not hop > 0.0 or (np.diff(time) <= 0.0).any():
+        raise InputError(f"times every {hop:g} s", "rising times, a hop above 0 s")
+    pause = np.diff(time) > 1.5 * hop
+    first = given & ~np.concatenate([[False], given[:-1] & ~pause])
+    last = given & ~np.concatenate([given[1:] & ~pause, [False]])
+    return np.column_stack([time[first], time[last] + hop])
+
+
+def detection_delays(events: Floats, alarms: Floats, early: Seconds = 0.0) -> Floats:
+    """Return how long after the begin of each event its first alarm begins, (k,) in s; NaN where missed.
+
+    Parameters
+    ----------
+    events, alarms
+        Begin and end in s, (k, 2) and (m, 2), each in order and apart; either may be empty, (0, 2).
+    early
+        By how much an alarm may begin before its event and still be its own, in s: what the truth's own time
+        is not known by. Its delay is below 0 then.
+
+    Raises
+    ------
+    InputError
+        If a stretch is no stretch, or they overlap or are not in order.
+
+    Examples
+    --------
+    >>> events = np.array([[1.0, 2.0], [3.0, 4.0]])
+    >>> detection_delays(events, np.array([[1.25, 2.5], [2.75, 3.5]])).tolist()
+    [0.25, nan]
+    """
+    owner, begins = _owners(events, alarms, early)
+    delays = np.full(len(events), np.nan)
+    # Written last to first, so that the first alarm of each event stays.
+    for event, begin in zip(owner[::-1], begins[::-1], strict=True):
+        if event >= 0:
+            delays[event] = begin - events[event, 0]
+    return delays
+
+
+def false_alarms(events: Floats, alarms: Floats, early: Seconds = 0.0) -> int:
+    """Return how many alarms begin in no event.
+
+    Parameters
+    ----------
+    events, alarms, early
+        As in `detection_delays`.
+
+    Examples
+    --------
+    >>> false_alarms(np.array([[1.0, 2.0]]), np.array([[0.5, 0.75], [1.25, 1.5], [1.75, 3.0]]))
+    1
+    """
+    return int(np.count_nonzero(_owners(events, alarms, early)[0] < 0))
+
+
+def false_alarm_rate(
+    events: Floats, alarms: Floats, watched: Iterable[tuple[Seconds, Seconds]], early: Seconds = 0.0
+) -> Hertz:
+    """Return false alarms in each second without an event, in 1/s; 60 times that is false alarms a minute.
+
+    Parameters
+    ----------
+    events, alarms, early
+        As in `detection_delays`.
+    watched
+        Begin and end in s of each stretch that was listened to, in order and apart; all events and alarms are
+        in these.
+
+    Raises
+    ------
+    InputError
+        As `detection_delays`, and where no time without an event was watched.
+
+    Examples
+    --------
+    >>> alarms = np.array([[5.0, 6.0], [11.0, 19.0]])
+    >>> 60.0 * false_alarm_rate(np.array([[10.0, 20.0]]), alarms, [(0.0, 40.0)])
+    2.0
+    """
+    count = false_alarms(events, alarms, early)
+    spans = _checked(np.array(list(watched), dtype=np.float64).reshape(-1, 2), "watched")
+    clipped = np.minimum(events[:, None, 1], spans[:, 1]) - np.maximum(events[:, None, 0], spans[:, 0])
+    quiet = float(np.sum(spans[:, 1] - spans[:, 0]) - np.sum(np.maximum(clipped, 0.0)))
+    if not quiet > 0.0:
+        raise InputError(f"{quiet:g} s without an event", "above 0 s")
+    return count / quiet
+
+
+def _owners(events: Floats, alarms: Floats, early: Seconds) -> tuple[NDArray[np.int64], Floats]:
+    """Return for each alarm (m,) the event that it begins in, -1 for none, and when it begins."""
+    events, alarms = _checked(events, "events"), _checked(alarms, "alarms")
+    if not early >= 0.0:
+        raise InputError(f"early {early:g} s", "0 s or more")
+    begins = alarms[:, 0]
+    inside = (begins[:, None] >= events[:, 0] - early) & (begins[:, None] < events[:, 1])
+    if inside.shape[1] == 0:
+        return np.full(len(begins), -1, np.int64), begins
+    # An alarm that begins late in one event, and early enough for the next, belongs to the first.
+    return np.where(inside.any(axis=1), np.argmax(inside, axis=1), -1).astype(np.int64), begins
+
+
+def _checked(spans: Floats, name: str) -> Floats:
+    spans = np.asarray(spans, np.float64)
+    if spans.ndim != 2 or spans.shape[1] != 2:
+        raise InputError(f"{name} of shape {spans.shape}", "(k, 2): begin and end")
+    rising = np.diff(spans.reshape(-1)) >= 0.0
+    if not np.isfinite(spans).all() or not rising.all() or not (spans[:, 1] > spans[:, 0]).all():
+        raise InputError(f"{name} that overlap, are not in order or are not numbers", "stretches one by one")
+    return spans

@@ -1,0 +1,88 @@
+"""The interval covers the truth about as often as it says, with few blocks too, and sees through copies."""
+
+import numpy as np
+import pytest
+
+from monochord.errors import InputError
+from monochord.metrics import area_under_curve, bootstrap_interval, time_blocks
+from monochord.metrics.bootstrap import Rows
+
+
+@pytest.mark.parametrize(("sessions", "least"), [(4, 0.75), (8, 0.83), (30, 0.83)])
+def test_the_interval_covers_the_truth_as_often_as_it_says(sessions: int, least: float) -> None:
+    covered, cases = 0, 150
+    for seed in range(cases):
+        stream = np.random.default_rng(seed)
+        # Rows of a session share an offset: what varies is the session.
+        error = np.repeat(stream.normal(1.0, 1.0, sessions), 6) + stream.normal(0.0, 0.3, 6 * sessions)
+        low, high = bootstrap_interval(
+            lambda rows, error=error: float(error[rows].mean()),
+            np.repeat(np.arange(sessions), 6), seed=seed, draws=300, share=0.9,
+        )  # fmt: skip
+        covered += low <= 1.0 <= high
+    # 90 % of 150 is 135; 83 % is nearly three standard deviations below. Four blocks tell of 82 %.
+    assert covered >= least * cases
+
+
+def test_copies_of_rows_do_not_narrow_the_interval() -> None:
+    error = np.random.default_rng(0).normal(size=12)
+    session = np.arange(12)
+
+    def interval(times: int) -> tuple[float, float]:
+        copied = np.repeat(error, times)
+        return bootstrap_interval(
+            lambda rows: float(copied[rows].mean()), np.repeat(session, times), seed=1, draws=200
+        )
+
+    assert interval(20) == pytest.approx(interval(1), abs=1e-12)
+
+
+def test_blocks_may_have_names_and_stand_in_any_order() -> None:
+    values = np.array([1.0, 5.0, 2.0, 6.0])
+    named = bootstrap_interval(lambda rows: float(values[rows].max()), np.array(["b", "a", "b", "a"]), seed=0)
+    assert named == (2.0, 6.0)
+
+
+def test_the_same_seed_gives_the_same_interval() -> None:
+    values, blocks = np.arange(20.0), np.arange(20) // 2
+
+    def mean(rows: Rows) -> float:
+        return float(values[rows].mean())
+
+    once = bootstrap_interval(mean, blocks, seed=3)
+    assert once == bootstrap_interval(mean, blocks, seed=3)
+    assert once != bootstrap_interval(mean, blocks, seed=4)
+
+
+def test_draws_without_a_value_are_left_out() -> None:
+    truth = np.array([True, False, True, True, True])
+    score = np.array([2.0, 1.0, 3.0, 0.5, 4.0])
+
+    def area(rows: Rows) -> float:
+        return area_under_curve(score[rows][truth[rows]], score[rows][~truth[rows]])
+
+    low, high = bootstrap_interval(area, np.arange(5), seed=0)
+    assert 0.0 <= low < high <= 1.0
+    with pytest.raises(InputError, match="a statistic that 100 of 100 draws lack"):
+        bootstrap_interval(lambda _: float("nan"), np.arange(5), seed=0, draws=100)
+
+
+def test_blocks_of_time_do_not_reach_over_sessions() -> None:
+    session = np.repeat([7, 3], 5)
+    blocks = time_blocks(session, np.tile([0.0, 0.9, 1.0, 1.5, 2.2], 2), 1.0)
+    assert blocks.tolist() == [3, 3, 4, 4, 5, 0, 0, 1, 1, 2]
+
+
+def test_what_cannot_be_drawn_is_refused() -> None:
+    with pytest.raises(InputError, match=r"1 blocks: allowed is 2 or more"):
+        bootstrap_interval(lambda _: 1.0, np.zeros(5), seed=0)
+    with pytest.raises(InputError, match=r"0 blocks"):
+        bootstrap_interval(lambda _: 1.0, np.zeros(0), seed=0)
+    with pytest.raises(InputError, match=r"one dimension"):
+        bootstrap_interval(lambda _: 1.0, np.zeros((2, 2)), seed=0)
+    with pytest.raises(InputError, match=r"draws for a share of 1"):
+        bootstrap_interval(lambda _: 1.0, np.arange(2), seed=0, share=1.0)
+    with pytest.raises(InputError, match=r"blocks of 0 s"):
+        time_blocks(np.zeros(2), np.zeros(2), 0.0)
+    with pytest.raises(InputError, match=r"not finite"):
+        time_blocks(np.zeros(2), np.array([0.0, np.nan]), 1.0)

@@ -1,0 +1,100 @@
+"""Delays and false alarms of cases that can be counted by hand; who always says yes has found nothing."""
+
+import numpy as np
+import pytest
+
+from monochord.errors import InputError
+from monochord.metrics import detection_delays, false_alarm_rate, false_alarms, stretches
+
+EVENTS = np.array([[1.0, 2.0], [3.0, 4.0], [6.0, 7.0]])
+NONE = np.zeros((0, 2))
+
+
+def test_a_perfect_detector_is_not_late_and_raises_no_false_alarm() -> None:
+    assert detection_delays(EVENTS, EVENTS).tolist() == [0.0, 0.0, 0.0]
+    assert false_alarms(EVENTS, EVENTS) == 0
+
+
+def test_always_yes_finds_nothing_and_is_false_once() -> None:
+    always = np.array([[0.0, 8.0]])
+    assert np.isnan(detection_delays(EVENTS, always)).all()
+    assert false_alarms(EVENTS, always) == 1
+
+
+def test_the_first_alarm_of_an_event_counts_and_later_ones_are_not_false() -> None:
+    alarms = np.array([[1.25, 1.5], [1.75, 2.5], [6.5, 9.0]])
+    np.testing.assert_array_equal(detection_delays(EVENTS, alarms), [0.25, np.nan, 0.5])
+    assert false_alarms(EVENTS, alarms) == 0
+
+
+def test_an_alarm_may_be_early_by_as_much_as_is_allowed() -> None:
+    alarms = np.array([[2.875, 3.5]])
+    assert np.isnan(detection_delays(EVENTS, alarms)).all()
+    assert false_alarms(EVENTS, alarms) == 1
+    np.testing.assert_array_equal(detection_delays(EVENTS, alarms, early=0.125), [np.nan, -0.125, np.nan])
+    assert false_alarms(EVENTS, alarms, early=0.125) == 0
+
+
+def test_an_alarm_at_the_end_of_an_event_is_none_of_it() -> None:
+    assert false_alarms(EVENTS, np.array([[2.0, 2.5]])) == 1
+
+
+def test_false_alarms_are_counted_over_the_time_without_events() -> None:
+    alarms = np.array([[0.0, 0.5], [2.25, 2.5], [6.0, 6.5]])
+    rate = false_alarm_rate(EVENTS, alarms, [(0.0, 5.0), (5.5, 7.5)])
+    assert rate == pytest.approx(2 / (7.0 - 3.0), abs=1e-12)
+    assert false_alarm_rate(NONE, alarms, [(0.0, 6.0)]) == pytest.approx(0.5, abs=1e-12)
+    assert false_alarm_rate(EVENTS, NONE, [(0.0, 8.0)]) == 0.0
+
+
+def test_nothing_happened_and_nothing_was_said() -> None:
+    assert detection_delays(NONE, EVENTS).size == 0
+    assert np.isnan(detection_delays(EVENTS, NONE)).all()
+    assert false_alarms(NONE, NONE) == 0
+
+
+def test_stretches_begin_and_end_with_their_samples() -> None:
+    time = np.linspace(0.0, 2.0, 9)
+    on = np.array([1, 1, 0, 0, 1, 0, 0, 1, 1], bool)
+    assert stretches(time, on, 0.25).tolist() == [[0.0, 0.5], [1.0, 1.25], [1.75, 2.25]]
+    assert stretches(time, ~on, 0.25).tolist() == [[0.5, 1.0], [1.25, 1.75]]
+    assert stretches(time, np.zeros(9, bool), 0.25).shape == (0, 2)
+
+
+def test_a_pause_in_the_series_ends_a_stretch() -> None:
+    time = np.array([0.0, 0.5, 2.0, 2.5])
+    assert stretches(time, np.ones(4, bool), 0.5).tolist() == [[0.0, 1.0], [2.0, 3.0]]
+
+
+def test_stretches_of_a_series_can_be_scored() -> None:
+    time = np.linspace(0.0, 9.99, 1000)
+    truth, said = (time % 1.0) > 0.5, ((time - 0.03) % 1.0) > 0.5
+    events, alarms = (stretches(time, on, 0.01) for on in (truth, said))
+    assert detection_delays(events, alarms)[1:] == pytest.approx(0.03, abs=0.011)
+
+
+@pytest.mark.parametrize(
+    ("events", "alarms", "message"),
+    [
+        (np.zeros(2), NONE, r"events of shape \(2,\): allowed is \(k, 2\)"),
+        (EVENTS[::-1], NONE, "events that overlap"),
+        (EVENTS, np.array([[1.0, 1.0]]), "alarms that overlap"),
+        (EVENTS, np.array([[1.0, np.nan]]), "alarms that overlap, are not in order or are not numbers"),
+    ],
+)
+def test_what_is_no_stretch_is_refused(events: np.ndarray, alarms: np.ndarray, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        detection_delays(events, alarms)
+
+
+def test_other_input_is_refused() -> None:
+    with pytest.raises(InputError, match="early -1 s"):
+        false_alarms(EVENTS, EVENTS, early=-1.0)
+    with pytest.raises(InputError, match="0 s without an event"):
+        false_alarm_rate(EVENTS[:1], NONE, [(1.0, 2.0)])
+    with pytest.raises(InputError, match="rising times"):
+        stretches(np.array([0.0, 0.0]), np.ones(2, bool), 0.1)
+    with pytest.raises(InputError, match="rising times"):
+        stretches(np.array([0.0, 1.0]), np.ones(2, bool), 0.0)
+    with pytest.raises(InputError, match="2 in on"):
+        stretches(np.array([0.0, 1.0]), np.array([0, 2]), 1.0)  # pyright: ignore[reportArgumentType]
