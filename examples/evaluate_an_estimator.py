@@ -1,0 +1,42 @@
+"""Collect two simulated sessions, play them through an estimator, and score it in quiet and in noise.
+
+Run it: python examples/evaluate_an_estimator.py
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from monochord.datasets.build import build_dataset
+from monochord.estimators.closed_form import ClosedForm
+from monochord.evaluation.disturbance import Disturbance
+from monochord.evaluation.replay import Course, replay
+from monochord.lab.bench import make
+from monochord.lab.plan import assignments
+from monochord.lab.plans import load_plan
+from monochord.metrics import known, mean_absolute_error
+from monochord.physics.sensors import load_sensor
+
+
+def main() -> None:
+    """Print the error of position in three conditions."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
+        dataset = build_dataset(sessions, folder / "dataset")
+        string = load_sensor("prototype").string
+        course = Course(dataset=dataset, rows=np.arange(len(dataset)), string=string)
+        estimator = ClosedForm(tension_law="geometric")
+        print(f"{'simulated':<12}{'answered':>10}{'mean error':>12}")
+        for noise in (None, Disturbance(kind="hum", ratio=10.0), Disturbance(kind="white", ratio=0.0)):
+            results = replay(course, estimator, name="closed_form", disturbance=noise)
+            told = results.where(results.label("contact") == 1.0)
+            place, said = told.label("position"), told.estimate("position")
+            both = known(place, said)
+            error = 1e3 * mean_absolute_error(place[both], said[both])
+            print(f"{results.trials[0].condition:<12}{both.mean():>10.1%}{error:>9.2f} mm")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""Results whose scores are known: touches drawn at random, and what an oracle or a guesser says of them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.datasets.build import build_dataset
+from monochord.datasets.store import Dataset
+from monochord.evaluation.results import Results, Trial
+from monochord.lab.bench import make
+from monochord.lab.plan import assignments
+from monochord.lab.plans import load_plan
+
+Oracle = Callable[..., Results]
+SESSIONS, WINDOWS, HOP = 6, 200, 0.1
+
+
+def truth_of(session: int) -> dict[str, np.ndarray]:
+    """A touch of 1.5 s in every 2 s, the first at 0.5 s, each at its own place and force; odd ones slide."""
+    draw = np.random.default_rng(session)
+    number = np.arange(WINDOWS) // 20
+    contact = (np.arange(WINDOWS) % 20 >= 5).astype(float)
+    onset = np.arange(WINDOWS) % 20 == 5
+    contact[onset] = np.nan
+    touched = np.where(contact == 1.0, 0.0, np.nan)
+    slip = touched + number % 2
+    return {
+        "contact": contact,
+        "transition": onset.astype(float),
+        "position": touched + draw.uniform(0.05, 0.15, 10)[number],
+        "force": touched + draw.uniform(0.1, 2.0, 10)[number],
+        "slip": slip,
+        "slip_across": np.where(slip == 1.0, 0.01, touched),
+        "slip_along": touched,
+        "settled": np.where(onset, 0.0, 1.0),
+    }
+
+
+def oracle(*, objects: tuple[str, ...] = ("plastic",) * SESSIONS, spread: float = 0.0) -> Results:
+    """Results whose every estimate is the truth; with `spread`, off by normal errors of so many `std`."""
+    truth = [truth_of(session) for session in range(len(objects))]
+    joined = {name: np.concatenate([each[name] for each in truth]) for name in truth[0]}
+    draw = np.random.default_rng(99)
+    stds = {"contact": 0.01, "slip": 0.01, "position": 1e-3, "force": 0.05}
+    size = len(joined["contact"])
+    filled = {"contact": np.nan_to_num(joined["contact"], nan=1.0), "slip": joined["slip"]}
+    value = filled | {name: joined[name].copy() for name in ("position", "force")}
+    for name in ("position", "force"):
+        value[name] += spread * stds[name] * draw.normal(size=size)
+    return Results(
+        estimator="oracle",
+        window=0.1,
+        hop=HOP,
+        trials=tuple(
+            Trial(session=f"take{number}", object=body, day=number % 3, build=1, simulated=True)
+            for number, body in enumerate(objects)
+        ),
+        trial=np.repeat(np.arange(len(objects), dtype=np.int32), WINDOWS),
+        start=np.tile(HOP * np.arange(WINDOWS, dtype=np.float64), len(objects)),
+        usable=np.ones(size, bool),
+        truth=joined,
+        value=value,
+        std={name: np.where(np.isnan(value[name]), np.nan, stds[name]) for name in value},
+        why={name: np.isnan(value[name]).astype(np.int16) for name in value},
+        reasons=("", "no contact"),
+    )
+
+
+@pytest.fixture(name="oracle")
+def _oracle() -> Oracle:
+    """Return what makes an oracle's results."""
+    return oracle
+
+
+@pytest.fixture(scope="session")
+def sessions(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
+    """Two sessions of the twin: touches at rest, touches that slide."""
+    home = tmp_path_factory.mktemp("sessions")
+    return tuple(make(session, home).path for session in assignments(load_plan("small")))
+
+
+@pytest.fixture(scope="session")
+def dataset(sessions: tuple[Path, ...], tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Return the dataset of these sessions, to be read alone."""
+    return build_dataset(sessions, tmp_path_factory.mktemp("built") / "dataset")
