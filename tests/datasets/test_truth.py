@@ -79,7 +79,8 @@ def test_readings_with_a_fault_measure_nothing(slide: Path, monkeypatch: pytest.
     def faulty(session: Session, stream: str) -> ReadingTrack:
         track = real(session, stream)
         status = np.where((track.time > 5.0) & (track.time < 6.0), 1 << 31, 0).astype(np.uint32)
-        return replace(track, status=status)
+        values = np.where((track.time > 7.0)[:, None] & (track.time < 7.01)[:, None], np.nan, track.values)
+        return replace(track, status=status, values=values if stream == "wrench" else track.values)
 
     monkeypatch.setattr(Session, "readings", faulty)
     labels, forced = (

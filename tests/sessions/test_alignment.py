@@ -10,7 +10,14 @@ import pytest
 
 from monochord.errors import InputError
 from monochord.figures._tapped import RATE, Tapped, tapped
-from monochord.sessions import Description, Session, SessionClock, SessionWriter, read_session
+from monochord.sessions import (
+    Description,
+    ReadingTrack,
+    Session,
+    SessionClock,
+    SessionWriter,
+    read_session,
+)
 from monochord.sessions.alignment import Alignment, Lateness, Limits, align, aligned_readings, reading_times
 from monochord.sync.taps import offset_of
 from monochord.types import POSE, Block, Feed, Readings
@@ -104,6 +111,21 @@ def test_a_session_without_taps_is_left_alone_and_says_so(tmp_path: Path) -> Non
         aligned_readings(session, "pose", alignment).time
         == np.sort(reading_times(session.readings("pose")).time)
     ).all()
+
+
+def test_readings_that_are_no_numbers_do_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = recorded(tmp_path, replace(played(), late={"audio": (0.05, 0.05)}))
+    real = Session.readings
+
+    def holed(session: Session, stream: str) -> ReadingTrack:
+        track = real(session, stream)
+        track.values[::50] = np.nan
+        return track
+
+    monkeypatch.setattr(Session, "readings", holed)
+    alignment = align(session)
+    assert alignment.flags == ()
+    assert alignment.lateness["audio"].offsets[0].value == pytest.approx(0.05, abs=0.5e-3)
 
 
 def test_a_force_sensor_that_never_spoke_is_flagged(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from monochord.datasets.measured import THRESHOLDS, Thresholds, measured_truth
 from monochord.errors import InputError
 from monochord.sessions import LabelTrack, ReadingTrack, Session
@@ -80,7 +82,7 @@ def truth_of(
     labels = session.labels
     if not recorded:
         wrench, pose = (aligned_readings(session, stream, alignment) for stream in (WRENCH, POSE))
-        labels = measured_truth(wrench if force else _sound(wrench), pose, thresholds)
+        labels = measured_truth(_sound(wrench, faulty=force), pose, thresholds)
     return Truth(
         labels=labels,
         source=RECORDED if recorded else MEASURED,
@@ -89,9 +91,9 @@ def truth_of(
     )
 
 
-def _sound(track: ReadingTrack) -> ReadingTrack:
-    """Return the readings whose status is 0."""
-    kept = track.status == 0
+def _sound(track: ReadingTrack, *, faulty: bool) -> ReadingTrack:
+    """Return the readings that are numbers, and whose status is 0 unless `faulty` ones are wanted too."""
+    kept = np.isfinite(track.values).all(axis=1) & (faulty | (track.status == 0))
     arrays = ("time", "values", "sequence", "device_time", "status")
     return replace(track, **{name: getattr(track, name)[kept] for name in arrays})
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monochord.sessions._flags import AUDIO, flags_of, mute, steps_of_the_wall_clock, strays
 from monochord.sessions.reader import Session
 from monochord.sessions.tracks import ReadingTrack
 from monochord.sync.arrival import Taken, times_taken
@@ -15,8 +16,6 @@ from monochord.sync.taps import Offset, audio_offset, height_offset, travel_time
 from monochord.types import Floats
 from monochord.units import Seconds
 
-AUDIO = "audio"
-"""What the microphones' stream is called."""
 BEYOND: Seconds = 0.5
 """How much further than allowed an offset is looked for, so that it can be told."""
 SPARE: Seconds = 0.2
@@ -146,7 +145,8 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
     force, poses = _seen(session, "fz", "wrench"), _seen(session, "z", "pose")
     guide, others = (force[0], poses) if force else (poses[0] if poses else None, [])
     reference = force[0].stream if force else AUDIO
-    flags = [*_mute(session), *_steps_of_the_wall_clock(session, limits), *_strays(session, limits)]
+    flags = mute(session, (seen.stream for seen in (*force, *poses)))
+    flags += [*steps_of_the_wall_clock(session, limits), *strays(session, limits)]
     groups = () if guide is None else groups_of((taps_of_force if force else taps_of_height)(*guide.rows))
     if not groups:
         if guide is not None:
@@ -169,7 +169,7 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
         lateness[seen.stream] = Lateness(times=times, offsets=both)
     spacing = {seen.stream: float(np.median(np.diff(seen.rows[0]))) for seen in poses}
     for name, late in lateness.items():
-        flags += _flags_of(name, late, spacing.get(name, 0.0), limits)
+        flags += flags_of(name, late, spacing.get(name, 0.0), limits)
     used = (groups[0].begin, groups[-1].begin)[: len(groups)]
     return Alignment(reference=reference, lateness=lateness, flags=tuple(flags), taps=used)
 
@@ -221,10 +221,11 @@ def _seen(session: Session, column: str, usual: str) -> list[_Seen]:
     found: list[_Seen] = []
     for name in sorted(names, key=lambda name: name != usual):
         track = session.readings(name)
-        if track.time.size > 1:
-            time = reading_times(track).time
-            order = np.argsort(time)
-            found.append(_Seen(name, (time[order], track.column(column)[order])))
+        time, values = reading_times(track).time, track.column(column)
+        order = np.argsort(time)
+        known = order[np.isfinite(values[order])]
+        if known.size > 1:
+            found.append(_Seen(name, (time[known], values[known])))
     return found
 
 
@@ -257,62 +258,3 @@ def _of_height(seen: _Seen, group: Taps, limits: Limits) -> Offset:
 def _turned(offset: Offset) -> Offset:
     """Return the offset of the reference against the stream, for the stream against the reference."""
     return replace(offset, value=-offset.value, each=-offset.each)
-
-
-def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> list[str]:
-    """Return what is not as it should be with a stream, in a sentence each."""
-    flags: list[str] = []
-    drift = limits.drift if stream == AUDIO else limits.intervals * spacing
-    std = limits.std if stream == AUDIO else limits.intervals * spacing
-    ends = 2 if late.times[1] > late.times[0] else 1
-    for place, offset in zip(("begin", "end")[:ends], late.offsets[:ends], strict=True):
-        if not offset.known:
-            flags.append(f"{stream} notices no taps within {limits.offset:g} s at the {place}")
-            continue
-        if offset.taps < limits.taps:
-            flags.append(f"{stream} notices {offset.taps} taps at the {place}; {limits.taps} are needed")
-        if offset.std > std:
-            flags.append(
-                f"{stream}'s offset at the {place} is uncertain by {1e3 * offset.std:.2f} ms;"
-                f" allowed is {1e3 * std:.2f} ms"
-            )
-        if abs(offset.value) > limits.offset:
-            flags.append(
-                f"{stream} is {abs(offset.value):.2f} s {'late' if offset.value > 0.0 else 'early'} at the"
-                f" {place}; allowed is {limits.offset:g} s"
-            )
-    if abs(late.drift) > drift:
-        flags.append(
-            f"{stream} drifts by {1e3 * late.drift:+.2f} ms ({late.ppm:+.0f} ppm) from the begin to the end;"
-            f" allowed is {1e3 * drift:.2f} ms"
-        )
-    return flags
-
-
-def _mute(session: Session) -> list[str]:
-    """Return a sentence for each force and pose of which nothing came."""
-    told = (feed for feed in session.description.feeds if {"fz", "z"} & set(feed.columns))
-    return [f"{feed.stream} has no readings" for feed in told if session.readings(feed.stream).time.size < 2]
-
-
-def _steps_of_the_wall_clock(session: Session, limits: Limits) -> list[str]:
-    """Return a sentence for each leap of the wall clock against the monotonic one."""
-    track = session.clocks
-    offsets = track.offsets.get("realtime", np.zeros(0))
-    leaps = np.diff(offsets)
-    return [
-        f"the wall clock was set by {leaps[k]:+.3f} s"
-        f" between {track.time[k]:.1f} s and {track.time[k + 1]:.1f} s"
-        for k in np.flatnonzero(np.abs(leaps) > limits.step)
-    ]
-
-
-def _strays(session: Session, limits: Limits) -> list[str]:
-    """Return a sentence where a sound server lost frames that it did not count."""
-    stray = session.audio.unevenness
-    if stray <= limits.stray:
-        return []
-    lost = (
-        f"audio's times stray from its frames by {1e3 * stray:.1f} ms: the sound server lost some uncounted"
-    )
-    return [f"{lost}; allowed is {1e3 * limits.stray:g} ms"]
