@@ -2,8 +2,8 @@
 
 import json
 import sys
-from collections.abc import Generator
-from contextlib import contextmanager
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,10 @@ from monochord.cli._options import amount
 from monochord.datasets.audit import audit as audit_split
 from monochord.datasets.build import Labelling, Options, Progress, build_dataset, find_sessions
 from monochord.datasets.kinds import KINDS, table_of
-from monochord.datasets.split import PARTS, Split, refuse_impossible, split_dataset
+from monochord.datasets.split import PARTS, Split, refuse_impossible, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
 from monochord.errors import InputError
+from monochord.sessions import Description, read_session
 
 SPLIT_FILE = "split.json"
 """Where the split stands in a dataset's folder."""
@@ -60,7 +61,7 @@ def build(
     skip: bool,
     as_json: bool,
 ) -> None:
-    """Build a dataset of SESSIONS: files, folders that hold some, or patterns.
+    """Build a dataset of SESSIONS: files, folders or patterns.
 
     Windows with labels, a split, and an audit of it, which fails where anything leaks from one part to
     another.
@@ -68,14 +69,14 @@ def build(
     \b
     monochord build sessions --out dataset --held-out wood --held-out metal_tube
     """  # noqa: D301
-    refuse_impossible(by or "session", held_out=held_out)
     files = find_sessions(sessions)
+    _refuse_split(by or _usual(len(files)), files, held_out)
     options = Options(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
     with _shown() as progress:
         dataset = build_dataset(files, out, options, progress)
     for line in dataset.manifest.refused.values():
         click.echo(f"left out: {line}", err=True)
-    by = by or ("session" if len(dataset.manifest.parts) >= len(PARTS) else "time")
+    by = by or _usual(len(dataset.manifest.parts))
     try:
         split = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
     except InputError as error:
@@ -87,6 +88,22 @@ def build(
     result |= {"leaks": [str(leak) for leak in found.leaks], "notes": list(found.notes)}
     click.echo(json.dumps(result) if as_json else "\n".join(_lines(result)))
     found.refuse_leaks()
+
+
+def _usual(count: int) -> str:
+    """Return how so many sessions are split if nobody says."""
+    return "session" if count >= len(PARTS) else "time"
+
+
+def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> None:
+    """Refuse a split that cannot be, before all is built in vain."""
+    refuse_impossible(by, held_out=held_out)
+    told: list[Description] = []
+    for file in files:
+        with suppress(InputError):  # told of when it is built
+            told.append(read_session(file).description)
+    if told:
+        refuse_too_few(by, [one.material or one.object for one in told], [one.day for one in told], held_out)
 
 
 def _result(dataset: Dataset, split: Split, out: Path) -> dict[str, Any]:
@@ -111,7 +128,7 @@ def _lines(result: dict[str, Any]) -> list[str]:
     sources = sorted(set(result["labels"].values()))
     wide = max(len(name) for held in result["parts"].values() for name in [*held, "object"])
     heads = "".join(f"{name:>12}" for name in KINDS)
-    origin = f"{result['windows']} windows of {result['sessions']} sessions, labels {' and '.join(sources)}"
+    origin = f"{result['windows']} windows of {result['sessions']} session{'' if result['sessions'] == 1 else 's'}, labels {' and '.join(sources)}"
     lines = [
         f"{result['path']}{kind}: {origin}, {result['counts']['clipped']} windows clipped",
         f"split by {result['split']}, seed {result['seed']}, {result['left_out']} windows in guard gaps",
