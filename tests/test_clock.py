@@ -1,4 +1,5 @@
 import time
+from itertools import count
 
 import pytest
 from hypothesis import given
@@ -29,3 +30,15 @@ def test_the_offsets_lead_from_one_clock_to_another() -> None:
     assert now + offsets["realtime"] == pytest.approx(time.time(), abs=0.05)
     raw = time.clock_gettime(time.CLOCK_MONOTONIC_RAW)
     assert now + offsets["monotonic_raw"] == pytest.approx(raw, abs=0.05)
+
+
+def test_a_wait_between_two_clocks_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual, real, calls = clock_offsets()["realtime"], time.clock_gettime_ns, count()
+
+    def held_up(clock: int) -> int:
+        if next(calls) % 3 != 1:
+            time.sleep(0.02)
+        return real(clock)
+
+    monkeypatch.setattr(time, "clock_gettime_ns", held_up)
+    assert clock_offsets()["realtime"] == pytest.approx(usual, abs=2e-3)

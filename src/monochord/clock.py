@@ -33,6 +33,9 @@ class SampleClock:
 def clock_offsets() -> dict[str, Seconds]:
     """Return this machine's clocks minus the monotonic clock, each read between two monotonic reads.
 
+    Of three such readings the quickest counts: a program that is made to wait between two reads of a clock
+    would else be off by half of that.
+
     ``realtime`` is the wall clock; ``monotonic_raw``, which JACK keeps, is not slewed by NTP.
 
     >>> sorted(clock_offsets())
@@ -40,10 +43,13 @@ def clock_offsets() -> dict[str, Seconds]:
     """
 
     def offset(clock: int) -> Seconds:
-        before = time.monotonic_ns()
-        there = time.clock_gettime_ns(clock)
-        after = time.monotonic_ns()
-        return (there - (before + after) / 2) * 1e-9
+        found: list[tuple[int, float]] = []
+        for _ in range(3):
+            before = time.monotonic_ns()
+            there = time.clock_gettime_ns(clock)
+            after = time.monotonic_ns()
+            found.append((after - before, there - (before + after) / 2))
+        return min(found)[1] * 1e-9
 
     return {
         "realtime": offset(time.CLOCK_REALTIME),
