@@ -29,7 +29,7 @@ def main() -> None:
         course = Course(dataset=dataset, rows=np.arange(len(dataset)), string=string)
         estimator = ClosedForm(tension_law="geometric")
         print(f"{'simulated':<12}{'answered':>10}{'mean error':>12}")
-        for noise in (None, Disturbance(kind="hum", ratio=10.0), Disturbance(kind="white", ratio=0.0)):
+        for noise in (None, Disturbance(kind="hum", ratio=10.0), Disturbance(kind="white", ratio=20.0)):
             results = replay(course, estimator, name="closed_form", disturbance=noise)
             told = results.where(results.label("contact") == 1.0)
             place, said = told.label("position"), told.estimate("position")

@@ -1,0 +1,181 @@
+"""How well contact and sliding are told: window by window, and as events.
+
+A window for which an estimator abstains counts as told wrong. An event begins where the first window does
+that it reaches into, though it may be that window's last moment, and it is told at the end of the first
+window whose probability is above one half: so a delay is up to a hop too long, and never too short.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monochord.errors import InputError
+from monochord.evaluation.regression import DRAWS, NONE, Blocks, Rows, Score, blocks_of, score_of
+from monochord.evaluation.results import Results
+from monochord.metrics import (
+    area_under_curve,
+    brier_score,
+    calibration_error,
+    detection_delays,
+    false_alarms,
+    known,
+    stretches,
+)
+from monochord.types import Floats
+from monochord.units import MetresPerSecond, Seconds
+
+HALF = 0.5
+"""A probability above it says yes."""
+SPEEDS: tuple[tuple[MetresPerSecond, MetresPerSecond], ...] = (
+    (0.0, 0.003),
+    (0.003, 0.01),
+    (0.01, 0.02),
+    (0.02, 0.04),
+)
+"""Bands of the sliding speed: [low, high)."""
+APART: Seconds = 1e6
+"""How far trials are set apart to be counted as one run of time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detection:
+    """How well a yes or no is told.
+
+    Of `windows` of known truth, `positive` are yes, and the share `answered` was told at all; `accuracy` is
+    of all of them, `area` under the curve, `brier` score and `calibration` error of the answered ones.
+    `found` is the share of the `events` that were told while they lasted; `delay` has the median and the
+    ninetieth percentile of how long that took, in s, of those found. `false_alarms` are alarms a minute of
+    the `quiet` seconds in which there was nothing to tell.
+    """
+
+    windows: int
+    positive: int
+    blocks: str
+    answered: float | None = None
+    accuracy: Score = NONE
+    area: Score = NONE
+    brier: float | None = None
+    calibration: float | None = None
+    events: int = 0
+    found: float | None = None
+    delay: tuple[Seconds, ...] = ()
+    quiet: Seconds = 0.0
+    false_alarms: float | None = None
+
+
+def judged(results: Results, name: str) -> Rows:
+    """Return the rows (n,) whose answer is known: recorded whole, with a label of 0 or 1."""
+    return results.usable & np.isfinite(results.label(name))
+
+
+def detection(results: Results, name: str, rows: Rows | None = None, *, draws: int = DRAWS) -> Detection:
+    """Return how well a yes or no is told; the module tells the rules.
+
+    Parameters
+    ----------
+    results
+        Estimates beside the truth.
+    name
+        Of label and estimate: "contact" or "slip"; the estimate is a probability.
+    rows
+        Trials or windows that are looked at (n,); all by default.
+    draws
+        For each interval; 0 for none.
+
+    Raises
+    ------
+    InputError
+        If an estimate of this name is no probability.
+
+    Examples
+    --------
+    ``monochord evaluate`` prints what this tells.
+    """
+    within = np.ones(len(results), bool) if rows is None else rows
+    part = results.where(judged(results, name) & within)
+    blocks, what = blocks_of(part)
+    truth, told = part.label(name) == 1.0, part.estimate(name)
+    blank = Detection(windows=len(part), positive=int(truth.sum()), blocks=what)
+    if not len(part) or name not in results.value:
+        return blank
+    answered = known(told)
+    if answered.any() and not (told[answered].min() >= 0.0 and told[answered].max() <= 1.0):
+        given = f"estimates of {name} from {told[answered].min():g} to {told[answered].max():g}"
+        raise InputError(given, "probabilities of 0 to 1")
+    right = ((told > HALF) == truth) & answered
+    share = replace(
+        _as_events(results.where(within), name, blank),
+        answered=float(answered.mean()),
+        accuracy=score_of(lambda at: float(right[at].mean()), blocks, draws),
+    )
+    if not answered.any():
+        return share
+    true, said = truth[answered], told[answered]
+    return replace(
+        share,
+        area=area(true, said, blocks[answered], draws),
+        brier=brier_score(true, said),
+        calibration=calibration_error(true, said),
+    )
+
+
+def by_speed(results: Results, *, draws: int = DRAWS) -> dict[str, Detection]:
+    """Return how well sliding is told from rest, by bands of its speed in m/s; empty bands are left out.
+
+    Each band's sliding windows stand beside all windows at rest.
+
+    Examples
+    --------
+    ``monochord evaluate`` prints what this tells.
+    """
+    fast, slip = speed(results), results.label("slip")
+    told: dict[str, Detection] = {}
+    for low, high in SPEEDS:
+        within = (slip == 1.0) & (fast >= low) & (fast < high)
+        if within.any():
+            told[f"{low:g} to {high:g}"] = detection(results, "slip", within | (slip == 0.0), draws=draws)
+    return told
+
+
+def speed(results: Results) -> Floats:
+    """Return how fast the touch slides (n,) in m/s, by its labels; NaN where neither direction is known."""
+    across, along = results.label("slip_across"), results.label("slip_along")
+    unknown = np.isnan(across) & np.isnan(along)
+    return np.where(unknown, np.nan, np.hypot(np.nan_to_num(across), np.nan_to_num(along)))
+
+
+def area(truth: Rows, told: Floats, blocks: Blocks, draws: int) -> Score:
+    """Return the area under the curve with its interval; without a value where there is one kind only."""
+
+    def statistic(at: Blocks) -> float:
+        return area_under_curve(told[at][truth[at]], told[at][~truth[at]])
+
+    return NONE if truth.all() or not truth.any() else score_of(statistic, blocks, draws)
+
+
+def _as_events(results: Results, name: str, blank: Detection) -> Detection:
+    """Add what is told as events, over all trials set apart from each other."""
+    label, contact = results.label(name), results.label("contact")
+    # A window with the begin or the end of an event has no label, but belongs to it.
+    partly = results.label("transition") == 1.0 if name == "contact" else np.isnan(label) & (contact == 1.0)
+    watched = results.usable & (np.isfinite(label) | partly)
+    if not watched.any():
+        return blank
+    part = results.where(watched)
+    on = (part.label(name) == 1.0) | partly[watched]
+    begin = part.start + APART * part.trial
+    events = stretches(begin, on, part.hop)
+    events[:, 1] += part.window - part.hop
+    events[:-1, 1] = np.minimum(events[:-1, 1], events[1:, 0])
+    alarms = stretches(begin + part.window, part.estimate(name) > HALF, part.hop)
+    delays = detection_delays(events, alarms)
+    quiet = float(part.hop * np.count_nonzero(~on))
+    found = np.isfinite(delays)
+    return replace(
+        blank,
+        events=len(events),
+        found=float(found.mean()) if len(events) else None,
+        delay=tuple(np.quantile(delays[found], [0.5, 0.9]).tolist()) if found.any() else (),
+        quiet=quiet,
+        false_alarms=60.0 * false_alarms(events, alarms) / quiet if quiet > 0.0 else None,
+    )
