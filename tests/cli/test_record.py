@@ -89,7 +89,7 @@ def test_settings_come_from_a_file_then_options_then_set(
     ("more", "told"),
     [
         (["--instrument", "netft=1.2.3.4"], "did you mean 'net_ft'"),
-        (["--set", "net_ft.bias=true"], "option 'net_ft': allowed is source, instruments"),
+        (["--set", "net_ft.bias=true"], "add --instrument net_ft"),
         (["--set", "source.sped=1"], "did you mean 'speed'"),
         (["--sensor", "nonsense"], "sensor 'nonsense'"),
         (["--set", "disk.start=1e18"], "MB free: allowed is"),

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -226,3 +227,24 @@ def test_what_an_objects_name_tells_is_told_once(tmp_path: Path, capsys: Capture
     told["object"] = "key"
     run(["sessions", "show", str(write(tmp_path / "own.mcap", **told))])
     assert "touched by   key, plastic, radius 5 mm\n" in capsys.readouterr().out
+
+
+def test_an_export_that_fails_leaves_nothing(tmp_path: Path, capsys: Capture) -> None:
+    one, other = write(tmp_path / "one.mcap"), write(tmp_path / "other.mcap", feeds=FEEDS[:1])
+    out = tmp_path / "out"
+    assert run(["sessions", "export", "lerobot", str(one), str(other), "--out", str(out)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_stream_whose_rate_is_not_known_is_told_so(tmp_path: Path, capsys: Capture) -> None:
+    feed = replace(FEEDS[1], rate=0.0)
+    path, noise = tmp_path / "a.mcap", np.zeros((1, 4410), np.float32)
+    with SessionWriter(
+        path, Description(name="a", sample_rate=RATE, channels=1, feeds=(feed,)), SessionClock(epoch_ns=0)
+    ) as writer:
+        writer.audio(Block(samples=noise, start=0, adc_time=0.0))
+    assert run(["sessions", "show", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "1 channel at 44100 Hz" in said
+    assert "x y z qx qy qz qw at no rate told; 0 missing" in said

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.sessions.made import make as make_session
 
 from monochord.datasets.build import Options, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
 from monochord.errors import InputError
+from monochord.sessions import read_session
 
 Make = Callable[..., Dataset]
 Write = Callable[..., Path]
@@ -147,3 +149,14 @@ def test_files_folders_and_patterns(write: Write, tmp_path: Path) -> None:
     for absent in ("nothing*.mcap", "nothing", str(tmp_path / "empty")):
         with pytest.raises(InputError, match=r"files .mcap, a folder"):
             find_sessions([absent])
+
+
+def test_a_damaged_session_is_refused_unless_forced(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    make_session(path, seconds=2.0)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    assert read_session(path).damaged == 1
+    with pytest.raises(InputError, match="damaged chunks: 1"):
+        build_dataset([path], tmp_path / "refused")

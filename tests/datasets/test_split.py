@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.datasets.audit import audit
-from monochord.datasets.split import PARTS, Split, split_dataset
+from monochord.datasets.split import PARTS, Split, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
 from monochord.errors import InputError
 
@@ -135,3 +135,28 @@ def test_a_split_of_ones_own_needs_its_way_and_its_rows(several: Dataset, tmp_pa
     file.write_text('{"by": "window", "parts": {}}')
     with pytest.raises(InputError, match="hear one touch"):
         Split.read(file)
+
+
+@pytest.mark.parametrize(
+    ("by", "objects", "held_out", "line"),
+    [
+        ("session", ["a", "b"], [], "split by session of 2 sessions: allowed is 3 sessions or more"),
+        ("session", ["a", "b"], ["a"], "3 sessions or more"),
+        ("object", ["a", "a", "a"], [], "split by object of 1 object: allowed is 2 objects or more"),
+        ("object", ["a", "b"], ["b"], "in 3 sessions or more"),
+        ("object", ["a", "b", "c"], ["d"], "held-out object 'd'"),
+        ("day", ["a", "b", "c"], [], "split by day of 1 day: allowed is 3 days or more"),
+    ],
+)
+def test_too_few_sessions_are_refused_by_their_names_alone(
+    by: str, objects: list[str], held_out: list[str], line: str
+) -> None:
+    with pytest.raises(InputError, match=line):
+        refuse_too_few(by, objects, [0] * len(objects), held_out)
+
+
+def test_what_can_be_split_is_not_refused() -> None:
+    refuse_too_few("session", ["a", "a", "b"], [0, 0, 0], ["b"])
+    refuse_too_few("object", ["a", "b", "b"], [0, 0, 0])
+    refuse_too_few("day", ["a", "a", "a"], [0, 1, 2])
+    refuse_too_few("time", ["a"], [None])

@@ -1,15 +1,18 @@
 """A dataset on disk is read a window at a time, as it was written."""
 
+import errno
 import pickle
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from monochord.datasets import store
-from monochord.datasets.store import Dataset, open_dataset, window_starts
+from monochord.datasets.store import Dataset, open_dataset, window_starts, write_array
 from monochord.errors import InputError
 from monochord.sessions import read_session
 from monochord.types import Block
@@ -96,3 +99,19 @@ def test_windows_lie_wholly_in_the_sound() -> None:
     assert window_starts(100, 10, 10).tolist() == list(range(0, 91, 10))
     assert window_starts(99, 10, 10)[-1] == 80
     assert window_starts(9, 10, 10).size == 0
+
+
+@pytest.mark.parametrize(
+    "values", [np.zeros((2, 7), np.float32), np.arange(5.0), np.zeros(0), np.array([True, False])]
+)
+def test_arrays_are_written_as_numpy_writes_them(values: NDArray[Any], tmp_path: Path) -> None:
+    write_array(tmp_path / "ours.npy", values)
+    np.save(tmp_path / "theirs.npy", values)
+    assert (tmp_path / "ours.npy").read_bytes() == (tmp_path / "theirs.npy").read_bytes()
+
+
+def test_a_disk_that_is_full_is_told_as_such(tmp_path: Path) -> None:
+    (tmp_path / "full.npy").symlink_to("/dev/full")
+    with pytest.raises(OSError, match=r"full\.npy") as error:
+        write_array(tmp_path / "full.npy", np.zeros(100000))
+    assert error.value.errno == errno.ENOSPC

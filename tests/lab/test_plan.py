@@ -4,7 +4,7 @@ from tests.lab.tiny import session, tiny
 
 from monochord.config import from_tree, to_tree
 from monochord.errors import InputError
-from monochord.lab.plan import Group, Plan, assignments
+from monochord.lab.plan import Delays, Group, Plan, assignments
 
 GRID = Group(name="a", grid=(5, 4), sessions=3, radii=(0.002, 0.004), days=(1, 2), forces=(0.1, 2.0))
 PLAN = Plan(name="p", groups=(GRID, Group(name="b", like="a", sessions=2, lifted=3e-3)))
@@ -57,6 +57,7 @@ def test_a_plan_is_strict_and_goes_through_text() -> None:
         ((Group(name="b", like="c"),), "group 'c'"),
         ((GRID, Group(name="b", like="a"), Group(name="c", like="b")), "a motion of its own"),
         ((Group(name="b", material="glass"),), "material 'glass'"),
+        ((Group(name="b", music="absent.wav"),), "music 'absent.wav'"),
     ],
 )
 def test_plans_that_cannot_be(groups: tuple[Group, ...], line: str) -> None:
@@ -66,8 +67,14 @@ def test_plans_that_cannot_be(groups: tuple[Group, ...], line: str) -> None:
 
 @pytest.mark.parametrize(
     "options", [{"name": "A b"}, {"name": "a", "forces": (2.0, 1.0)}, {"name": "a", "forces": (1.0, 9.0)},
-                {"name": "a", "days": ()}],
+                {"name": "a", "days": ()}, {"name": "a", "grid": (100000, 100000)}],
 )  # fmt: skip
 def test_groups_that_cannot_be(options: dict[str, object]) -> None:
     with pytest.raises(InputError, match="group"):
         Group(**options)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("span", [(0.1, 0.05), (-0.1, 0.1), (0.0, 60.0)])
+def test_delays_that_cannot_be(span: tuple[float, float]) -> None:
+    with pytest.raises(InputError, match="delays of pose"):
+        Delays(pose=span)

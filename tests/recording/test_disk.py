@@ -19,6 +19,7 @@ def test_the_room_left_goes_by_the_pace_so_far(tmp_path: Path) -> None:
     found = space(tmp_path, size=1e6, elapsed=2.0, reserve=0.25 * free)
     assert found.left == pytest.approx(0.75 * free / 5e5, rel=0.05)
     assert space(tmp_path, size=1e6, elapsed=2.0, reserve=2.0 * free).left == 0.0
+    assert space(tmp_path, size=1e3, elapsed=0.3, reserve=0.0).left == float("inf"), "too soon to tell"
 
 
 def test_places_that_will_not_do_are_refused(tmp_path: Path) -> None:

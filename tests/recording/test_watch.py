@@ -74,7 +74,7 @@ def test_events_of_one_kind_are_a_second_apart_and_none_is_forgotten() -> None:
         ("out_of_order", {"feeds": (replace(FEED, health=InstrumentHealth(out_of_order=3)),)}),
         ("reconnect", {"feeds": (replace(FEED, health=InstrumentHealth(reconnects=1)),)}),
         ("fault", {"feeds": (replace(FEED, faulty=4, status=0x80010000),)}),
-        ("slip", {"slipped": 0.012}),
+        ("uncounted", {"slipped": 0.012}),
         ("clock_doubt", {"doubt": -1.0}),
         ("disk_low", {"space": Space(free=1e8, size=1e6, left=599.0)}),
         ("disk_slow", {"held_up": 0.3}),

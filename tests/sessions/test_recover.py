@@ -106,3 +106,19 @@ def test_damage_anywhere_is_told_in_one_line_or_passed_over(tmp_path: Path) -> N
 def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         recover(tmp_path / "a.mcap")
+
+
+def test_what_was_cut_before_it_says_what_it_is_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    make(path, seconds=0.5)
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises(InputError, match="no session"):
+        recover(path)
+    assert path.stat().st_size == 60
+
+
+def test_its_length_is_what_check_tells(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    make(path, seconds=1.0)
+    path.write_bytes(path.read_bytes()[:-3000])
+    assert recover(path).seconds == check(path).seconds

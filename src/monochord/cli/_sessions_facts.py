@@ -76,14 +76,14 @@ def facts_text(facts: Tree) -> str:
         say("simulated", ", ".join(drawn) or "yes")
     say("begun", str(facts["begin"]))
     say("length", f"{facts['seconds']:.2f} s, {facts['ending']}")
-    measured = (
-        f"{audio['channels']} channels at {audio['sample_rate']} Hz ({audio['measured_rate']:.2f} measured)"
-    )
+    channels = f"{audio['channels']} channel{'' if audio['channels'] == 1 else 's'}"
+    measured = f"{channels} at {audio['sample_rate']} Hz ({audio['measured_rate']:.2f} measured)"
     say("audio", f"{measured}; {audio['lost_frames']} frames lost in {audio['gaps']} gaps")
     for stream, each in facts["streams"].items():
         came = "" if each["measured_rate"] is None else f" ({each['measured_rate']:.2f} measured)"
         lost = f"{each['missing']} missing, {each['faulty']} faulty of {each['readings']}"
-        say(stream, f"{' '.join(each['columns'])} at {each['rate']:g} Hz{came}; {lost}")
+        due = f"{each['rate']:g} Hz" if each["rate"] else "no rate told"
+        say(stream, f"{' '.join(each['columns'])} at {due}{came}; {lost}")
     labels = facts["labels"]
     say("labels", f"{' '.join(labels['columns']) or 'none'}; {labels['rows']} rows")
     counted = [f"{count} {kind}" for kind, count in facts["events"].items()]

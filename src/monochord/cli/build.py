@@ -128,7 +128,8 @@ def _lines(result: dict[str, Any]) -> list[str]:
     sources = sorted(set(result["labels"].values()))
     wide = max(len(name) for held in result["parts"].values() for name in [*held, "object"])
     heads = "".join(f"{name:>12}" for name in KINDS)
-    origin = f"{result['windows']} windows of {result['sessions']} session{'' if result['sessions'] == 1 else 's'}, labels {' and '.join(sources)}"
+    count = f"{result['sessions']} session{'' if result['sessions'] == 1 else 's'}"
+    origin = f"{result['windows']} windows of {count}, labels {' and '.join(sources)}"
     lines = [
         f"{result['path']}{kind}: {origin}, {result['counts']['clipped']} windows clipped",
         f"split by {result['split']}, seed {result['seed']}, {result['left_out']} windows in guard gaps",

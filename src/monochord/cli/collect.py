@@ -140,7 +140,8 @@ def _summary(result: dict[str, Any]) -> str:
     )
     pace = result["seconds"] / max(result["wall"], 1e-9)
     return (
-        f"{result['plan']}, simulated: {result['count']} sessions ({result['kept']} kept), "
+        f"{result['plan']}, simulated: {result['count']} session{'' if result['count'] == 1 else 's'} "
+        f"({result['kept']} kept), "
         f"{result['seconds'] / 60:.1f} min, {result['size'] / 1e9:.3f} GB in {result['out']}\n"
         f"windows of 0.1 s: {kinds}\n"
         f"checksum {result['checksum']}\n"

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from rich.console import Console
 
 from monochord.cli._options import amount, first_field, put
 from monochord.config import Tree, load_toml, override
-from monochord.errors import DeviceError
+from monochord.errors import DeviceError, InputError
 from monochord.instruments import INSTRUMENTS
 from monochord.recording import Settings
 from monochord.recording import record as run
@@ -78,9 +78,13 @@ def _tree(options: dict[str, Any]) -> Tree:
     return override(tree, _in_full(options["assignments"], instruments))
 
 
-def _in_full(assignments: Iterable[str], instruments: Iterable[str]) -> list[str]:
+def _in_full(assignments: Sequence[str], instruments: Iterable[str]) -> list[str]:
     """Return assignments, those that begin with an instrument's name put into the table of them."""
     names = set(instruments)
+    for text in assignments:
+        name = text.partition(".")[0].replace("-", "_")
+        if name in INSTRUMENTS.names() and name not in names:
+            raise InputError(f"--set {text}", f"options of what is recorded; add --instrument {name}")
     return [
         f"instruments.{text}" if text.partition(".")[0].replace("-", "_") in names else text
         for text in assignments

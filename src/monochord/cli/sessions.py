@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from monochord.cli._options import amount, refuse_unwritable
 from monochord.cli._sessions_facts import facts_of, facts_text
 from monochord.cli.figure import SUFFIXES
 from monochord.config import override, to_tree
-from monochord.errors import InputError
+from monochord.errors import InputError, MonochordError
 from monochord.exports import EXPORTS, form_of
 from monochord.figures import FIGURES
 from monochord.physics.strings import load_string
@@ -115,7 +116,13 @@ def export(
     monochord sessions export lerobot takes/*.mcap --out set --set fps=30
     """  # noqa: D301
     exporter = EXPORTS.build(form, override({}, assignments))
-    written = exporter.write([read_session(file) for file in files], out)
+    fresh = not out.exists()
+    try:
+        written = exporter.write([read_session(file) for file in files], out)
+    except (OSError, MonochordError):
+        if fresh:  # half an export is none, and would be in the way of the next
+            shutil.rmtree(out, ignore_errors=True)
+        raise
     size = sum(path.stat().st_size for path in written)
     told = {"form": form, "out": str(out), "sessions": len(files), "files": len(written), "bytes": size}
     line = (

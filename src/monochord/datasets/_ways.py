@@ -65,11 +65,16 @@ def _by_object(
 def _held_out(dataset: Dataset, objects: Sequence[str]) -> Flags:
     """Return which sessions are of objects that are held out; refuse a name that none has."""
     names = [each.body for each in dataset.manifest.parts]
+    refuse_strange(names, objects)
+    return np.isin(names, list(objects))
+
+
+def refuse_strange(names: Sequence[str], objects: Sequence[str]) -> None:
+    """Raise `InputError` for an object that is held out and not among the names."""
     there = sorted(set(names))
     for name in objects:
         if name not in there:
             raise InputError(f"held-out object '{name}'", ", ".join(there), did_you_mean(name, there))
-    return np.isin(names, list(objects))
 
 
 def _dealt(

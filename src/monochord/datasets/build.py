@@ -18,7 +18,16 @@ from monochord.datasets.kinds import counts_of, kinds_of
 from monochord.datasets.labels import Columns, Rules, window_labels
 from monochord.datasets.manifest import Manifest, Part, checksum
 from monochord.datasets.measured import Thresholds
-from monochord.datasets.store import TABLE, Dataset, Flags, Indices, open_dataset, window_starts, write_table
+from monochord.datasets.store import (
+    TABLE,
+    Dataset,
+    Flags,
+    Indices,
+    open_dataset,
+    window_starts,
+    write_array,
+    write_table,
+)
 from monochord.datasets.truth import Truth, truth_of
 from monochord.errors import InputError
 from monochord.sessions import AudioTrack, Session, read_session
@@ -44,7 +53,7 @@ class Options:
         "recorded" takes the labels of the session, "measured" those that wrench and pose give; left empty,
         the recorded ones where a session has any.
     force
-        Whether to take a session that its alignment warns of.
+        Whether to take a session that its alignment warns of, or that is damaged.
     skip
         Whether to leave out a session that cannot be used, rather than to build nothing.
     rules
@@ -180,6 +189,8 @@ class _Writer:
         options = self.options
         try:
             session = read_session(path)
+            if not options.force:
+                _refuse_damaged(session)
             truth = truth_of(session, options.labels, options.thresholds, force=options.force)
             rate = self._rate_of(name, session)
         except InputError as error:
@@ -190,7 +201,7 @@ class _Writer:
         size, samples = round(options.window * rate), session.audio.samples
         starts = window_starts(samples.shape[1], size, round(options.hop * rate))
         file = f"audio/{len(self.parts):04d}.npy"
-        np.save(self.folder / file, samples)
+        write_array(self.folder / file, samples)
         number = np.full(len(starts), len(self.parts))
         self.tables.append({"session": number, "start": starts, **_flags(session.audio, starts, size)})
         self.columns.append(_labels(session.audio, truth, starts, size, options.rules))
@@ -255,6 +266,12 @@ class _Writer:
             given = f"session {name} with {form[1]} channels at {form[0]} Hz"
             raise InputError(given, f"{self.form[1]} channels at {self.form[0]} Hz, as those before")
         return form[0]
+
+
+def _refuse_damaged(session: Session) -> None:
+    if session.damaged:
+        given = f"session {session.path.name} (damaged chunks: {session.damaged})"
+        raise InputError(given, "a session as it was written", "leave it out, or take --force")
 
 
 def _flags(audio: AudioTrack, starts: Indices, size: Samples) -> dict[str, Flags]:

@@ -23,13 +23,14 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from monochord.datasets._ways import PARTS, by_group, by_time
+from monochord.datasets._ways import PARTS, by_group, by_time, refuse_strange
 from monochord.datasets.manifest import checksum
 from monochord.datasets.store import Dataset, Indices
 from monochord.errors import InputError, did_you_mean
 from monochord.units import Samples, Seconds
 
 By: TypeAlias = Literal["session", "object", "time", "day"]
+MORE = "record more, or split by time"
 SHARES = (0.7, 0.15, 0.15)
 """Of the windows, by default."""
 
@@ -172,10 +173,7 @@ def split_dataset(
     parts = {name: np.flatnonzero(part_of == number) for number, name in enumerate(PARTS)}
     for name, share in zip(PARTS, fractions, strict=True):
         if share > 0.0 and not parts[name].size:
-            given = f"split by {by} that leaves nothing to {name}"
-            raise InputError(
-                given, f"{np.count_nonzero(fractions)} {by}s or more", "record more, or split by time"
-            )
+            raise InputError(f"split by {by} that leaves nothing to {name}", _least(by), MORE)
     return Split(
         by=by,  # pyright: ignore[reportArgumentType]
         parts=parts,
@@ -210,6 +208,37 @@ def refuse_impossible(
         raise InputError(given, "three of 0 or more that sum to 1, the first above 0")
     if held_out and by not in ("session", "object"):
         raise InputError(f"held-out objects in a split by {by}", "a split by session or object")
+
+
+def refuse_too_few(
+    by: str, objects: Sequence[str], days: Sequence[int | None], held_out: Sequence[str] = ()
+) -> None:
+    """Raise `InputError` where sessions of these objects and days are too few to split so.
+
+    It looks at names alone, before anything is built; `split_dataset` may still find that a part is empty.
+
+    >>> refuse_too_few("object", ["wood", "wood", "steel"], [0, 0, 0], ["steel"])
+    """
+    refuse_strange(objects, held_out)
+    if by == "day" and None in days:
+        raise InputError(
+            "sessions without a day in a split by day", "sessions that tell it", "split by session"
+        )
+    known = [name for name in objects if name not in held_out]
+    enough = {
+        "session": len(known) >= (2 if held_out else 3),
+        "object": len(known) >= 2 and len(set(objects)) >= 2,
+        "day": len(set(days)) >= 3,
+        "time": True,
+    }
+    if not enough[by]:
+        count = {"session": len(objects), "object": len(set(objects)), "day": len(set(days))}[by]
+        raise InputError(f"split by {by} of {count} {by}{'' if count == 1 else 's'}", _least(by), MORE)
+
+
+def _least(by: str) -> str:
+    """Return in words what a split takes."""
+    return {"object": "2 objects or more, in 3 sessions or more"}.get(by, f"3 {by}s or more")
 
 
 def _runs(rows: Indices) -> list[list[int]]:

@@ -136,10 +136,21 @@ def write_table(folder: Path, table: Mapping[str, NDArray[Any]], labels: Mapping
     for name in ("windows", "labels", "valid"):
         (folder / name).mkdir(exist_ok=True)
     for name, kind in TABLE.items():
-        np.save(folder / "windows" / name, table[name].astype(kind))
+        write_array(folder / "windows" / f"{name}.npy", table[name].astype(kind))
     for name, values in labels.items():
-        np.save(folder / "labels" / name, values.astype(np.float64))
-        np.save(folder / "valid" / name, np.isfinite(values))
+        write_array(folder / "labels" / f"{name}.npy", values.astype(np.float64))
+        write_array(folder / "valid" / f"{name}.npy", np.isfinite(values))
+
+
+def write_array(file: Path, values: NDArray[Any]) -> None:
+    """Write an array as `numpy.save` does, but that errors name the file and tell a full disk as such."""
+    values = np.ascontiguousarray(values)
+    try:
+        with file.open("wb") as out:
+            np.lib.format.write_array_header_1_0(out, np.lib.format.header_data_from_array_1_0(values))
+            out.write(values.reshape(-1).view(np.uint8).data)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(file)) from error
 
 
 def window_starts(frames: Samples, window: Samples, hop: Samples) -> Indices:

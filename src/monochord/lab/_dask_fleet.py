@@ -1,6 +1,7 @@
 """Jobs over the workers of a dask cluster: one of this machine's processes, or one that runs somewhere."""
 
 import logging
+import socket
 import tempfile
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -28,6 +29,7 @@ def on_cluster(
     """Do the jobs on the cluster whose scheduler is at `address`."""
     with _quiet():
         try:
+            _answers(address)
             client = _client(address)
         except (OSError, ValueError) as error:
             raise InputError(
@@ -53,6 +55,14 @@ def on_this_machine(
         Client(cluster, set_as_default=False) as client,
     ):
         yield from _results(client, jobs, work)
+
+
+def _answers(address: str) -> None:
+    """Raise `OSError` where nobody listens, since a client that failed complains once more as it goes."""
+    place = address.rpartition("://")[2]
+    host, _, port = place.rpartition(":")
+    with socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER_WITHIN):
+        pass
 
 
 def _client(address: str) -> Any:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 from zlib import crc32
 
@@ -18,7 +19,11 @@ from monochord.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 
 Range: TypeAlias = tuple[float, float]
 Count = Annotated[int, Meta(ge=1, le=100000)]
+MOST = 1_000_000
+"""Touches of a group and radius, which take a month."""
 DAY: Seconds = 86400.0
+LATEST: Seconds = 1.0
+"""How late a stream may come: taps are looked for so far apart."""
 APART: Seconds = 120.0
 """From the begin of one session of a day to that of the next; a session lasts half of it or so."""
 
@@ -92,6 +97,8 @@ class Group:
                 raise InputError(f"group {self.name}: {name} {span}", "0 < least <= most")
         if self.forces[1] > 5.0 or self.speeds[1] > 0.2:
             raise InputError(f"group {self.name}: {self.forces} N, {self.speeds} m/s", "5 N, 0.2 m/s at most")
+        if self.grid[0] * self.grid[1] > MOST:
+            raise InputError(f"group {self.name}: grid {self.grid}", f"{MOST} touches at most")
         if not self.days:
             raise InputError(f"group {self.name} without days", "one day or more")
 
@@ -108,6 +115,12 @@ class Delays:
     audio: Range = (0.0, 0.0)
     wrench: Range = (0.0, 0.0)
     pose: Range = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("audio", "wrench", "pose"):
+            least, most = getattr(self, name)
+            if not 0.0 <= least <= most <= LATEST:
+                raise InputError(f"delays of {name} {(least, most)}", f"0 <= least <= most <= {LATEST:g} s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,7 +179,7 @@ class Plan:
     sensor: str = "prototype"
     build: int | None = None
     epoch: Annotated[int, Meta(ge=0, le=2**31 - 10**8)] = 1_767_225_600
-    sample_rate: int = 44100
+    sample_rate: Annotated[int, Meta(ge=16000, le=192000)] = 44100
     force_rate: Annotated[Hertz, Meta(ge=100.0, le=10000.0)] = 1000.0
     pose_rate: Annotated[Hertz, Meta(ge=10.0, le=1000.0)] = 250.0
     label_rate: Annotated[Hertz, Meta(ge=10.0, le=1000.0)] = 1000.0
@@ -181,6 +194,8 @@ class Plan:
             raise InputError(f"groups {', '.join(names) or 'none'}", "one or more, with names of their own")
         for group in self.groups:
             load_material(group.material)
+            if group.music not in ("", "synthetic") and not Path(group.music).is_file():
+                raise InputError(f"group {group.name}: music '{group.music}'", "synthetic, or a sound file")
             if group.like and self.group(group.like).like:
                 raise InputError(f"group {group.name} like {group.like}", "a group with a motion of its own")
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from monochord.errors import InputError
 from monochord.lab.course import Course, course
 from monochord.lab.gauge import Noise, Touched, mount, wrench_of
 from monochord.lab.music import loop
@@ -218,6 +219,9 @@ def _music(music: str, snr: float, seed: int, sensor: Sensor, sample_rate: int) 
     import soundfile  # noqa: PLC0415  (needs its library)
     import soxr  # noqa: PLC0415
 
-    samples, rate = soundfile.read(Path(music), dtype="float32", always_2d=True)
+    try:
+        samples, rate = soundfile.read(Path(music), dtype="float32", always_2d=True)
+    except (OSError, RuntimeError) as error:
+        raise InputError(f"music {music} ({error})", "synthetic, or a wav or flac file") from error
     mono = soxr.resample(samples.mean(axis=1), rate, sample_rate).astype(np.float32)
     return outside_at(mono, snr, sensor, sample_rate=sample_rate)

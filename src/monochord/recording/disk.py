@@ -13,6 +13,8 @@ from monochord.units import Seconds
 
 THROUGH: Seconds = 1.0
 """From one writing through to the disk to the next."""
+TELLING: Seconds = 1.0
+"""How much of a recording tells how fast it grows."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -38,7 +40,7 @@ def space(folder: Path, *, size: float, elapsed: Seconds, reserve: float) -> Spa
     inf
     """
     free = free_bytes(folder)
-    pace = size / elapsed if elapsed > 0.0 else 0.0
+    pace = size / elapsed if elapsed >= TELLING else 0.0
     return Space(free=free, size=size, left=max(free - reserve, 0.0) / pace if pace else float("inf"))
 
 

@@ -77,11 +77,11 @@ class Watch:
             text = f"audio: the device says that a block of now began {now.doubt:+.3f} s ago"
             yield _about("audio", now.time, "clock_doubt", text, seconds=now.doubt)
         self._doubted = bool(now.doubt)
-        if slipped := rise("slip", now.slipped):
+        if slipped := rise("uncounted", now.slipped):
             text = (
                 f"audio: its times moved by {slipped:+.3f} s against its frames, which nobody counted as lost"
             )
-            yield _about("audio", now.time, "slip", text, seconds=slipped)
+            yield _about("audio", now.time, "uncounted", text, seconds=slipped)
         clipped = sum(level.clipped for level in now.levels)
         if count := rise("clipping", clipped):
             ears = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.clipping)

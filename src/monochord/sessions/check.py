@@ -15,7 +15,7 @@ from monochord.units import Seconds
 DISTURBANCES = (
     "clock_step",
     "clock_doubt",
-    "slip",
+    "uncounted",
     "reconnect",
     "silent",
     "failed",

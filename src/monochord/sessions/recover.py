@@ -8,6 +8,7 @@ from monochord.errors import InputError
 from monochord.sessions import walk
 from monochord.sessions._contents import contents
 from monochord.sessions._ending import ending_after
+from monochord.sessions.reader import read_session
 from monochord.units import Seconds
 
 TORN = 8 << 20
@@ -18,7 +19,7 @@ TORN = 8 << 20
 class Recovery:
     """What became of a session: whether anything had to be done, and what was kept.
 
-    `lost_bytes` were cut away, or lie damaged where they were.
+    `seconds` is the length of the audio. `lost_bytes` were cut away, or lie damaged where they were.
     """
 
     path: Path
@@ -40,13 +41,12 @@ def recover(path: Path) -> Recovery:
     Raises
     ------
     InputError
-        If the file is not there, not MCAP, or cannot be written.
+        If the file is not there, no session, or cannot be written.
     """
+    read_session(path)
     view = walk.mapped(path)
     size = len(view)
     found = contents(view)
-    begin = min((chunk.message_start_time for chunk in found.chunks), default=0)
-    stop = max((chunk.message_end_time for chunk in found.chunks), default=0)
     lost = found.damaged + (0 if found.ended else size - found.end)
     if not found.ended:
         ending = ending_after(found, lost)
@@ -64,10 +64,11 @@ def recover(path: Path) -> Recovery:
                 os.fsync(file.fileno())
         except OSError as error:
             raise InputError(f"file {path} ({error.strerror})", "a file that can be written") from error
+    audio = read_session(path).audio
     return Recovery(
         path=path,
         repaired=not found.ended,
         messages=sum(found.counts.values()),
-        seconds=(stop - begin) * 1e-9,
+        seconds=audio.samples.shape[1] / audio.sample_rate,
         lost_bytes=lost,
     )
