@@ -13,11 +13,11 @@ from tests.lab.tiny import LATE, session, tiny
 
 from monochord.errors import InputError
 from monochord.lab import bench
-from monochord.lab.bench import Outcome, delays, describe, make
+from monochord.lab.bench import Outcome, delays, describe, make, outcome
 from monochord.lab.plan import Assignment, ForceSensor
 from monochord.lab.render import pieces, render
 from monochord.lab.rendering import Rendering
-from monochord.sessions import Session, check, read_session
+from monochord.sessions import Session, SessionClock, SessionWriter, check, read_session
 from monochord.sessions.alignment import align
 
 LOSSY = tiny(force_sensor=ForceSensor(lost=0.01), force_rate=7000.0)
@@ -130,6 +130,14 @@ def test_a_session_that_is_there_is_kept(tmp_path: Path) -> None:
     assert first.path.stat().st_mtime_ns == stamp
     with pytest.raises(InputError, match="another folder"):
         make(session("hold_000", seed=1), tmp_path)
+
+
+def test_a_session_that_ends_too_early_is_told_in_one_line(tmp_path: Path) -> None:
+    told = describe(session("slide_000"))
+    with SessionWriter(tmp_path / "a.mcap", told, SessionClock(epoch_ns=0)) as writer:
+        writer.event(0.1, "drivers", "on")
+    with pytest.raises(InputError, match=r"a\.mcap \(ends too early\): allowed is a whole one"):
+        outcome(tmp_path / "a.mcap")
 
 
 def test_two_that_make_the_same_session_do_not_mind_each_other(

@@ -253,9 +253,11 @@ def made_before(path: Path, told: Description) -> Outcome | None:
 
 
 def outcome(path: Path, *, kept: bool = False) -> Outcome:
-    """Return what a whole session of a plan holds."""
+    """Return what a whole session of a plan holds; raises `InputError` where its end is missing."""
     there = read_session(path)
     switched = {event.text: event.time for event in there.events if event.kind == "drivers"}
+    if set(switched) != {"on", "off"}:
+        raise InputError(f"session {path} (ends too early)", "a whole one", "delete it, and collect it again")
     found = tally(there.labels.time, there.labels.columns, switched["on"], switched["off"])
     with path.open("rb") as file:
         checksum = hashlib.file_digest(file, "sha256").hexdigest()

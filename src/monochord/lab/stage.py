@@ -151,8 +151,9 @@ def play(session: Assignment, folder: Path, stage: Stage | None = None, show: Sh
         raise DeviceError(summary.failure)
     if summary.interrupted:
         raise KeyboardInterrupt
+    found = replace(outcome(part), path=path)
     part.replace(path)
-    return outcome(path)
+    return found
 
 
 def _scripts(
