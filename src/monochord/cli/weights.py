@@ -1,0 +1,59 @@
+"""The verb `weights`: networks that others trained, fetched on request and checked."""
+
+import json
+import sys
+from pathlib import Path
+
+import click
+
+from monochord.encoders.weights import checked_sum, find_weights, load_known
+from monochord.encoders.weights.fetch import describe, fetch
+
+DIR = click.Path(path_type=Path, file_okay=False)
+json_object = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+
+@click.group()
+def weights() -> None:
+    """Fetch and check the weights of frozen networks."""
+
+
+@weights.command()
+@click.argument("name")
+@click.option(
+    "--folder", type=DIR, metavar="DIR", help="Where to put them.  [default: the user's data folder]"
+)
+@json_object
+def get(name: str, *, folder: Path | None, as_json: bool) -> None:
+    """Fetch the weights NAME from where they are published, and check them.
+
+    \b
+    monochord weights get ast
+    """  # noqa: D301
+    known = load_known(name)
+    path = known.usual_path if folder is None else folder / known.file
+    with click.progressbar(length=1000, label=known.file, file=sys.stderr, show_pos=False) as bar:
+        own = fetch(known, path, lambda done, due: bar.update(1000 * done // due - bar.pos if due else 0))
+    _tell(path, own, describe(known, path), as_json=as_json)
+
+
+@weights.command()
+@click.argument("name")
+@click.option(
+    "--path", type=click.Path(), default="", metavar="PATH", help="The file, or the folder it is in."
+)
+@json_object
+def check(name: str, *, path: str, as_json: bool) -> None:
+    """Say which file holds the weights NAME, what its sum is, and whether it is what it should be.
+
+    \b
+    monochord weights check yamnet
+    """  # noqa: D301
+    known = load_known(name)
+    file = find_weights(known, path)
+    _tell(file, checked_sum(known, file), describe(known, file), as_json=as_json)
+
+
+def _tell(path: Path, own: str, what: str, *, as_json: bool) -> None:
+    told = {"path": str(path), "sha256": own, "bytes": path.stat().st_size, "holds": what}
+    click.echo(json.dumps(told) if as_json else f"{path}: {what}\nSHA-256 {own}, {told['bytes']} bytes")

@@ -1,0 +1,123 @@
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from hashlib import sha256
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from monochord.cli import run
+from monochord.cli import weights as verb
+from monochord.encoders.ast.reading import OLD, SINGLE
+from monochord.encoders.ast.tensors import random_weights
+from monochord.encoders.weights import load_known
+
+FILE = "model.safetensors"
+
+
+@pytest.fixture
+def published(tmp_path: Path) -> Path:
+    """A tiny transformer as it would be published."""
+    own = random_weights(seed=0, depth=1, width=64, columns=9).tensors
+    tensors = {theirs: own[ours] for ours, theirs in SINGLE.items()}
+    for part, theirs in OLD.items():
+        for kind in ("weight", "bias"):
+            pieces = np.split(own[f"layers.0.{part}.{kind}"], len(theirs))
+            tensors |= {f"encoder.layer.0.{name}.{kind}": p for name, p in zip(theirs, pieces, strict=True)}
+    (tmp_path / "published").mkdir()
+    save_file(tensors, tmp_path / "published" / FILE)
+    return tmp_path / "published" / FILE
+
+
+@pytest.fixture
+def address(published: Path) -> Iterator[str]:
+    """Where a server on loopback gives it away."""
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, format: str, *args: object) -> None:  # noqa: A002
+            """Keep quiet."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(published.parent)))
+    thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}/{FILE}"
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def from_address(monkeypatch: pytest.MonkeyPatch, address: str) -> None:
+    monkeypatch.setattr(verb, "load_known", lambda name: replace(load_known(name), url=address))
+
+
+def test_get_fetches_checks_and_tells(
+    published: Path,
+    address: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from_address(monkeypatch, address)
+    monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path / "weights"))
+    monkeypatch.delenv("MONOCHORD_AST", raising=False)
+    assert run(["weights", "get", "ast", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["path"] == str(tmp_path / "weights" / "ast" / FILE)
+    assert told["sha256"] == sha256(published.read_bytes()).hexdigest()
+    assert told["bytes"] == published.stat().st_size
+    assert "1 layer(s) of 64" in told["holds"]
+    assert run(["weights", "check", "ast"]) == 0
+    assert told["sha256"] in capsys.readouterr().out
+
+
+def test_get_puts_them_where_it_is_told(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from_address(monkeypatch, address)
+    assert run(["weights", "get", "ast", "--folder", str(tmp_path / "here")]) == 0
+    assert (tmp_path / "here" / FILE).is_file()
+    assert capsys.readouterr().out.startswith(f"{tmp_path / 'here' / FILE}: Audio Spectrogram Transformer")
+
+
+def one_line(capsys: pytest.CaptureFixture[str]) -> str:
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("monochord: ")]
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_without_a_network_get_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from_address(monkeypatch, "http://127.0.0.1:9/model.safetensors")
+    assert run(["weights", "get", "ast", "--folder", str(tmp_path)]) == 2
+    assert "no answer" in (line := one_line(capsys))
+    assert "MONOCHORD_AST" in line
+
+
+def test_check_of_what_is_not_there_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("MONOCHORD_YAMNET", raising=False)
+    monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path))
+    assert run(["weights", "check", "yamnet"]) == 2
+    assert "'monochord weights get yamnet'" in one_line(capsys)
+
+
+@pytest.mark.parametrize("damage", ["cut", "text"])
+def test_check_of_a_damaged_file_is_one_line(
+    published: Path, capsys: pytest.CaptureFixture[str], damage: str
+) -> None:
+    content = published.read_bytes()
+    published.write_bytes(content[:-100] if damage == "cut" else b"not weights at all")
+    assert run(["weights", "check", "ast", "--path", str(published.parent)]) == 2
+    assert "a whole safetensors file" in one_line(capsys)
+
+
+def test_a_name_mistyped_is_answered_with_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["weights", "get", "yamnt"]) == 2
+    assert "did you mean 'yamnet'" in one_line(capsys)
