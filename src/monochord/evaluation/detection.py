@@ -33,7 +33,7 @@ SPEEDS: tuple[tuple[MetresPerSecond, MetresPerSecond], ...] = (
     (0.02, 0.04),
 )
 """Bands of the sliding speed: [low, high)."""
-APART: Seconds = 1e6
+APART: Seconds = 1e5
 """How far trials are set apart to be counted as one run of time."""
 
 
@@ -175,7 +175,7 @@ def _as_events(results: Results, name: str, blank: Detection) -> Detection:
         blank,
         events=len(events),
         found=float(found.mean()) if len(events) else None,
-        delay=tuple(np.quantile(delays[found], [0.5, 0.9]).tolist()) if found.any() else (),
+        delay=tuple(np.quantile(delays[found], [0.5, 0.9]).round(6).tolist()) if found.any() else (),
         quiet=quiet,
         false_alarms=60.0 * false_alarms(events, alarms) / quiet if quiet > 0.0 else None,
     )
