@@ -114,22 +114,22 @@ def window_labels(truth: LabelTrack, begin: Floats, end: Floats, rules: Rules = 
     }
     blank = np.full(len(begin), np.nan)
     touching = np.where(touched > 0.0, 1.0, np.nan)
-    for name in dict.fromkeys((*OF_A_TOUCH[:2], "slip", *truth.columns)):
-        values = truth.columns.get(name)
-        if name == "contact":
+    for column in dict.fromkeys((*OF_A_TOUCH[:2], "slip", *truth.columns)):
+        values = truth.columns.get(column)
+        if column == "contact":
             continue
         if values is None:
-            labels[name] = blank
-        elif name == "slip":
+            labels[column] = blank
+        elif column == "slip":
             sliding = np.where(np.isnan(values), np.nan, (values >= 0.5).astype(np.float64))
             _, part = steps.mean(sliding, touching)
             slip = _decided(part, rules.sliding, rules.still)
-            labels[name] = np.where(is_touch, slip, np.nan)
-        elif name in OF_A_TOUCH:
+            labels[column] = np.where(is_touch, slip, np.nan)
+        elif column in OF_A_TOUCH:
             _, mean = steps.mean(values, touching)
-            labels[name] = np.where(is_touch, mean, np.nan)
+            labels[column] = np.where(is_touch, mean, np.nan)
         else:
-            _, labels[name] = steps.mean(values)
+            _, labels[column] = steps.mean(values)
     labels["force_std"] = blank
     if "force" in truth.columns:
         force = truth.columns["force"]
