@@ -78,6 +78,11 @@ class Session:
         """Whether it was closed, rather than cut off."""
         return bool(self.ending)
 
+    @cached_property
+    def damaged(self) -> int:
+        """How many chunks are damaged; what they held is left out of all that is read."""
+        return sum(not walk.chunk(body).sound for body in self._chunks)
+
     @property
     def streams(self) -> tuple[str, ...]:
         """Names of the streams of readings; labels are none of them."""
