@@ -70,7 +70,7 @@ def test_get_fetches_checks_and_tells(
     assert told["path"] == str(tmp_path / "weights" / "ast" / FILE)
     assert told["sha256"] == sha256(published.read_bytes()).hexdigest()
     assert told["bytes"] == published.stat().st_size
-    assert "1 layer(s) of 64" in told["holds"]
+    assert "depth 1, width 64" in told["holds"]
     assert run(["weights", "check", "ast"]) == 0
     assert told["sha256"] in capsys.readouterr().out
 

@@ -25,7 +25,7 @@ def test_it_says_what_pytorch_says(small: AstWeights, energies: Audio, told: Aud
 
 def test_int8_says_nearly_that(small: AstWeights, energies: Audio, told: Audio) -> None:
     near = OnOnnx(small, frames=100, int8=True)(energies)
-    assert 1e-6 < np.abs(near - told).max() < 0.05
+    assert 1e-6 < np.abs(near - told).max() < 0.1
     for one, other in zip(near, told, strict=True):
         assert one @ other > 0.9999 * np.linalg.norm(one) * np.linalg.norm(other)
 

@@ -34,7 +34,7 @@ def test_a_hugging_face_folder_is_read(file: Path) -> None:
 
 
 def test_it_says_what_a_file_holds(file: Path) -> None:
-    assert describe(file).startswith("Audio Spectrogram Transformer, 2 layer(s) of 128, 101 patch columns, ")
+    assert describe(file).startswith("Audio Spectrogram Transformer, depth 2, width 128, 101 patch columns, ")
 
 
 def test_none_there_says_how_to_get_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,14 +14,17 @@ EPSILON = 1e-12
 OPSET = 20
 """Version of ONNX's operators: the first with Gelu."""
 IR = 10
+LARGEST = 64.0
+"""Of a quantised weight: two products of such with 255 add up within 16 bits, which processors without 8-bit
+dot products saturate at, so that all give the same numbers."""
 
 
 def graph_of(weights: AstWeights, *, frames: int, int8: bool = False) -> bytes:
     """Return the network as an ONNX model: ``patches`` (2, patches, 256) to ``embedding`` (2, 2 width).
 
     The embedding is the mean over all patches, then the maximum, as `OnTorch` has them. In int8 the four
-    large products of each layer are: weights to 8 bits, each output with its own scale; what they are
-    multiplied with to 8 bits with the scale and zero of the moment (dynamic quantisation).
+    large products of each layer are: weights to -64..64, each output with its own scale; what they are
+    multiplied with to 0..255 with the scale and zero of the moment (dynamic quantisation).
 
     Parameters
     ----------
@@ -115,7 +118,7 @@ class _Writer:
         return self._node("Add", [product, self._known(f"{name}.bias")])
 
     def _quantised(self, state: str, name: str, matrix: Audio) -> str:
-        scale = np.maximum(np.abs(matrix).max(axis=0), np.float32(1e-12)) / np.float32(127.0)
+        scale = np.maximum(np.abs(matrix).max(axis=0), np.float32(1e-12)) / np.float32(LARGEST)
         whole = self._number(f"{name}.weight", np.rint(matrix / scale).astype(np.int8))
         zero = self._number(f"{name}.zero", np.zeros(scale.shape, np.int8))
         small = self._node("DynamicQuantizeLinear", [state], count=3)

@@ -69,7 +69,7 @@ def describe(path: Path) -> str:
     numbers = sum(tensor.size for tensor in found.tensors.values())
     columns = (len(found.tensors["positions"]) - 2) // ROWS
     return (
-        f"Audio Spectrogram Transformer, {found.depth} layer(s) of {found.width}, "
+        f"Audio Spectrogram Transformer, depth {found.depth}, width {found.width}, "
         f"{columns} patch columns, {numbers / 1e6:.1f} million numbers"
     )
 
