@@ -1,0 +1,107 @@
+"""What a window costs a frozen encoder, with each backend that is installed here."""
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from monochord.benchmarks._process import one_core
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.errors import DeviceError, InputError, did_you_mean
+from monochord.features import FEATURES
+from monochord.features.base import Extractor
+from monochord.types import Audio, Signal
+from monochord.units import Samples, Seconds
+
+RATE = 44100
+SETTLE = 3
+"""Windows before the clock starts."""
+BASELINE = "log_mel"
+WAYS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    BASELINE: ("log_mel", {}),
+    "ast_torch": ("ast", {"random": True, "backend": "torch"}),
+    "ast_onnx": ("ast", {"random": True, "backend": "onnx"}),
+    "ast_int8": ("ast", {"random": True, "backend": "int8"}),
+    "ast_cuda": ("ast", {"random": True, "backend": "cuda"}),
+    "yamnet": ("yamnet", {}),
+}
+"""Features and their options. Weights at random take as long as any."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Encoders(Benchmark):
+    """Time from a window of two microphones to a feature's row, on one core.
+
+    Every way takes its turn with every window, so that all meet the same machine. The baseline is the log-mel
+    spectrogram, pooled, without a network. The transformer has random weights, which take as long as learned
+    ones. What is not installed or not at hand is left out.
+
+    Parameters
+    ----------
+    windows
+        How many are timed.
+    window
+        Their length in s.
+    ways
+        Which of log_mel, ast_torch, ast_onnx, ast_int8, ast_cuda (a GPU) and yamnet; all, if empty.
+    """
+
+    windows: int = 100
+    window: Seconds = 0.1
+    ways: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.windows < 1:
+            raise InputError(f"{self.windows} windows", "1 or more")
+        if not 0.03 <= self.window <= 1.0:
+            raise InputError(f"window {self.window:g} s", "0.03 to 1 s")
+        for way in self.ways:
+            if way not in WAYS:
+                raise InputError(f"way '{way}'", ", ".join(WAYS), did_you_mean(way, WAYS))
+
+    def run(self) -> Iterator[Row]:
+        """Make every way ready, time them, and yield the rows of each."""
+        size = round(self.window * RATE)
+        rng = np.random.default_rng(0)
+        sounds = 0.1 * rng.standard_normal((SETTLE + self.windows, 1, 2, size), np.float32)
+        with one_core():
+            ready: dict[str, Extractor] = {}
+            for name in {BASELINE: None, **dict.fromkeys(self.ways or WAYS)}:
+                start = time.perf_counter()
+                try:
+                    ready[name] = _extractor(name, size)
+                except (InputError, DeviceError):
+                    continue
+                yield Row(name=f"{name}, to make ready", value=time.perf_counter() - start, unit="s")
+            times: dict[str, list[Seconds]] = {name: [] for name in ready}
+            for sound in sounds:
+                for name, extract in ready.items():
+                    times[name].append(_duration(extract, sound))
+        base = np.median(times[BASELINE][SETTLE:])
+        for name, taken in times.items():
+            told = taken[SETTLE:]
+            for what, value in (("median", np.median(told)), ("p99", np.percentile(told, 99))):
+                yield Row(
+                    name=f"{name}, {what}",
+                    value=float(value),
+                    unit="s",
+                    baseline=f"{BASELINE}, median",
+                    baseline_value=float(base),
+                )
+            pace = float(np.mean(told)) / self.window
+            yield Row(
+                name=f"{name}, wall/audio", value=pace, unit="1", baseline="real time", baseline_value=1.0
+            )
+
+
+def _extractor(name: str, size: Samples) -> Extractor:
+    feature, options = WAYS[name]
+    return FEATURES.build(feature, options).prepare(Signal(sample_rate=RATE, channels=2), size)
+
+
+def _duration(extract: Extractor, sound: Audio) -> Seconds:
+    start = time.perf_counter()
+    extract(sound)
+    return time.perf_counter() - start

@@ -1,0 +1,37 @@
+import pytest
+
+from monochord.benchmarks import BENCHMARKS
+from monochord.errors import InputError
+
+
+def test_every_way_stands_beside_the_spectrogram() -> None:
+    pytest.importorskip("onnxruntime", reason="ONNX Runtime is not installed")
+    pytest.importorskip("onnx", reason="onnx is not installed")
+    options = {"windows": 3, "window": 0.05, "ways": ["ast_int8"]}
+    rows = {row.name: row for row in BENCHMARKS.build("encoders", options).run()}
+    assert len(rows) == 2 * 4
+    assert rows["log_mel, median"].ratio == 1.0
+    slow = rows["ast_int8, median"].ratio
+    assert slow is not None
+    assert slow > 2.0, "a transformer of 12 layers costs more than its spectrogram"
+    assert rows["ast_int8, p99"].value >= rows["ast_int8, median"].value
+    assert rows["ast_int8, wall/audio"].baseline == "real time"
+
+
+def test_what_is_not_there_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MONOCHORD_YAMNET", "/nowhere")
+    rows = BENCHMARKS.build("encoders", {"windows": 2, "ways": ["yamnet"]}).run()
+    assert {row.name.partition(",")[0] for row in rows} == {"log_mel"}
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"windows": 0}, "0 windows: allowed is 1 or more"),
+        ({"window": 0.001}, r"window 0\.001 s: allowed is 0\.03 to 1 s"),
+        ({"ways": ["ast_in8"]}, "did you mean 'ast_int8'"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(options: dict[str, object], match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        BENCHMARKS.build("encoders", options)
