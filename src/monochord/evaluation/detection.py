@@ -157,7 +157,8 @@ def _as_events(results: Results, name: str, blank: Detection) -> Detection:
     """Add what is told as events, over all trials set apart from each other."""
     label, contact = results.label(name), results.label("contact")
     # A window with the begin or the end of an event has no label, but belongs to it.
-    partly = results.label("transition") == 1.0 if name == "contact" else np.isnan(label) & (contact == 1.0)
+    unknown = {"contact": results.label("transition") == 1.0}
+    partly = unknown.get(name, np.isnan(label) & (contact == 1.0))
     watched = results.usable & (np.isfinite(label) | partly)
     if not watched.any():
         return blank

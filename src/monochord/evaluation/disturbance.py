@@ -78,9 +78,11 @@ class Disturbance:
             start = int(stream.integers(len(recording)))
             going_round = np.resize(np.roll(recording.astype(np.float64), -start), size)
             return np.broadcast_to(_unit(going_round), shape)
-        if self.kind in MADE:
-            return np.broadcast_to(MADE[self.kind](stream, size, float(sample_rate)), shape)
-        return NOISES[self.kind](stream, shape, float(sample_rate))
+        made = MADE.get(self.kind)
+        long = _fast(size)  # an awkward length costs a Fourier transform ten times as much
+        if made is not None:
+            return np.broadcast_to(_unit(made(stream, long, float(sample_rate))[:size]), shape)
+        return _unit(NOISES[self.kind](stream, (*shape[:-1], long), float(sample_rate))[..., :size])
 
 
 def disturbances(recordings: Mapping[str, Audio] | None = None) -> tuple[str, ...]:
@@ -92,5 +94,11 @@ def disturbances(recordings: Mapping[str, Audio] | None = None) -> tuple[str, ..
     return tuple(dict.fromkeys([*NOISES, *MADE, *(recordings or {})]))
 
 
+def _fast(size: int) -> int:
+    """Return the next length from `size` on that is a power of two, or that times 5/8, 3/4 or 7/8."""
+    whole = 1 << max(size - 1, 7).bit_length()
+    return min(length for length in (whole * 5 // 8, whole * 3 // 4, whole * 7 // 8, whole) if length >= size)
+
+
 def _unit(sound: Floats) -> Floats:
-    return sound / np.sqrt(np.mean(sound**2))
+    return sound / np.sqrt(np.mean(sound**2, axis=-1, keepdims=True))

@@ -81,7 +81,7 @@ def against_bound(
             duration=part.window,
             sample_rate=sample_rate,
             law=law,
-        )[name == "force"]
+        )[("position", "force").index(name)]
         for place, force in touches
         if 0.0 < place < string.length and force > 0.0
     ]
