@@ -1,0 +1,84 @@
+"""How often contact and slip were told, missed, made up, and not told at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monochord.evaluation.detection import HALF, judged
+from monochord.evaluation.results import CLEAN, Results
+from monochord.figures import _style
+from monochord.figures._results import in_condition, whose
+from monochord.figures.base import Measured
+from monochord.metrics import confusion
+from monochord.types import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+QUESTIONS = {"contact": ("untouched", "touched"), "slip": ("at rest", "sliding")}
+"""What is asked, and what no and yes are called."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Confusion(Measured):
+    """Counts of windows by truth and answer, of contact and of slip; a probability above one half is a yes.
+
+    The shade is the share of the windows of that truth. An estimator that abstained has not told.
+
+    Parameters
+    ----------
+    results
+        The file ``results.npz`` that `monochord evaluate` wrote.
+    condition
+        In which was listened: "clean", or another that the results tell.
+    """
+
+    results: Path
+    condition: str = CLEAN
+
+    def numbers(self) -> dict[str, Any]:
+        """Return counts by truth (no, yes), each by answer (no, yes, not told)."""
+        results = in_condition(self.results, self.condition)
+        told = {"simulated": results.simulated, "estimator": results.estimator, "condition": self.condition}
+        return told | {name: _counts(results, name).astype(int).tolist() for name in QUESTIONS}
+
+    def draw(self) -> Canvas:
+        """Read the results and draw both tables."""
+        results = in_condition(self.results, self.condition)
+        page = _style.canvas(62.0)
+        panels = page.subplots(1, 2)
+        for letter, axes, (name, kinds) in zip("AB", panels, QUESTIONS.items(), strict=True):
+            _draw(axes, _counts(results, name), kinds)
+            _style.dress(axes, letter, name, "told", "truth")
+        page.suptitle(whose(results, self.condition), fontsize=_style.LABEL, color=_style.INK)
+        return page
+
+
+def _counts(results: Results, name: str) -> Floats:
+    """Return counts (2, 3) by truth and answer."""
+    part = results.where(judged(results, name))
+    truth, told = part.label(name) == 1.0, part.estimate(name)
+    silent = np.isnan(told)
+    counts = np.zeros((2, 3))
+    counts[:, 2] = np.count_nonzero(silent & ~truth), np.count_nonzero(silent & truth)
+    if not silent.all():
+        counts[:, :2] = confusion(truth[~silent], told[~silent] > HALF)
+    return counts
+
+
+def _draw(axes: Axes, counts: Floats, kinds: tuple[str, str]) -> None:
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+    axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    for (row, column), count in np.ndenumerate(counts):
+        share = shares[row, column]
+        axes.text(
+            column, row, f"{count:.0f}\n{100.0 * share:.1f} %", ha="center", va="center",
+            fontsize=_style.LABEL, color="white" if share > 0.6 else _style.INK,
+        )  # fmt: skip
+    axes.set_xticks(range(3), [*kinds, "not told"])
+    axes.set_yticks(range(2), kinds)
