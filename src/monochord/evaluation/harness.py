@@ -1,0 +1,200 @@
+"""From a dataset and an estimator to results and a page, with the test kept apart from training."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeAlias
+
+from monochord import realstrings
+from monochord.datasets.audit import audit
+from monochord.datasets.split import Split
+from monochord.datasets.store import Dataset
+from monochord.errors import InputError, did_you_mean
+from monochord.estimators.base import Estimator
+from monochord.evaluation.disturbance import Disturbance, disturbances
+from monochord.evaluation.interference import recorded_interference
+from monochord.evaluation.replay import Course, Progress, replay
+from monochord.evaluation.report import page
+from monochord.evaluation.results import Results, join
+from monochord.evaluation.results_file import write_csv, write_results
+from monochord.evaluation.scorecard import Scorecard
+from monochord.types import Audio
+
+Noises: TypeAlias = tuple[Disturbance, ...]
+SUITE_RATIOS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
+"""In dB, of the noise suite."""
+RESULTS, TABLE, SCORES, PAGE = "results.npz", "results.csv", "scores.json", "report.html"
+"""Files of an evaluation in its folder."""
+RECORDED = {"music": "Kevin_MacLeod", "speech": "198_209"}
+"""Recordings of interference, by the begin of their names."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trained:
+    """What an estimator learned from: checksums of `sessions` by name, and of the `dataset`'s manifest."""
+
+    sessions: Mapping[str, str]
+    dataset: str = ""
+
+
+def evaluate(
+    course: Course,
+    estimator: Estimator,
+    *,
+    name: str,
+    noises: Sequence[Disturbance] = (),
+    notes: Sequence[str] = (),
+    progress: Progress = lambda *_: None,
+) -> Results:
+    """Return what an estimator says of a course as it was recorded, then once more in each of the noises.
+
+    Parameters
+    ----------
+    course
+        What is played.
+    estimator, name
+        Who listens, and what it is called.
+    noises
+        What is added, each in a replay of its own.
+    notes
+        What a reader has to know.
+    progress
+        Told of every session.
+
+    Raises
+    ------
+    InputError
+        If the estimator refuses the signal.
+
+    Examples
+    --------
+    ``examples/evaluate_an_estimator.py`` scores an estimator.
+    """
+    heard = [
+        replay(course, estimator, name=name, disturbance=noise, progress=progress)
+        for noise in (None, *noises)
+    ]
+    return replace(join(heard), notes=tuple(notes))
+
+
+def refuse_trained_on(course: Course, trained: Trained, split: Split | None) -> tuple[str, ...]:
+    """Return what has to be noted of a test; refuse one that holds anything which was trained on.
+
+    A session that was trained on is refused, by its checksum and whatever its name is now. Only with a split
+    by time of the very dataset that was trained on may it be there, since its other stretches were; then a
+    note says so.
+
+    Raises
+    ------
+    InputError
+        If a tested session was trained on.
+    """
+    parts = course.dataset.manifest.parts
+    tested = {parts[at].checksum: parts[at].name for at in course.dataset.session[course.rows].tolist()}
+    both = [name for checksum, name in tested.items() if checksum in set(trained.sessions.values())]
+    if not both:
+        return ()
+    if split is not None and split.by == "time" and split.dataset == trained.dataset:
+        return (f"{len(both)} of the tested sessions were trained on too, other stretches of them",)
+    more = f" and {len(both) - 1} more" if len(both) > 1 else ""
+    given = f"a test on session {both[0]}{more}, which it was trained on"
+    raise InputError(given, "sessions that it has not heard", "take the split that it was trained with")
+
+
+def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[str, ...]:
+    """Return the notes of a split's audit; refuse a split that leaks, or that is another dataset's.
+
+    Of an estimator that has learned nothing the sounds are not compared, since nothing can leak.
+
+    Raises
+    ------
+    InputError
+        Naming the leak.
+    """
+    found = audit(dataset, split, duplicates=learned)
+    strange = [leak for leak in found.leaks if leak.kind == "other dataset"]
+    if learned or strange:
+        found.refuse_leaks()
+    return tuple(found.notes) if learned else ()
+
+
+def room_recordings(music: Audio | None = None) -> dict[str, Audio]:
+    """Return recordings of music and of speech by name, as far as they are at hand, at 44100 Hz.
+
+    Parameters
+    ----------
+    music
+        Sound (n,) that stands in for a recording of music where there is none.
+
+    Examples
+    --------
+    >>> set(room_recordings()) <= {"music", "speech"}
+    True
+    """
+    held = recorded_interference() if realstrings.takes(kind="interference") else {}
+    found = {
+        kind: sound
+        for kind, stem in RECORDED.items()
+        for name, sound in held.items()
+        if name.startswith(stem)
+    }
+    return found if "music" in found or music is None else {**found, "music": music}
+
+
+def noise(text: str, recordings: Mapping[str, Audio], seed: int = 0) -> Disturbance:
+    """Return the noise that a text such as ``white:10`` tells: a kind, and a ratio in dB.
+
+    Raises
+    ------
+    InputError
+        If the text tells none.
+
+    Examples
+    --------
+    >>> noise("white:10", {}).ratio
+    10.0
+    """
+    kind, _, ratio = text.partition(":")
+    known = disturbances(recordings)
+    if kind not in known:
+        raise InputError(f"noise '{text}'", ", ".join(known), did_you_mean(kind, known))
+    try:
+        number = float(ratio)
+    except ValueError as error:
+        raise InputError(f"noise '{text}'", "KIND:DB", f"write {kind}:10") from error
+    return Disturbance(kind=kind, ratio=number, seed=seed, recordings=recordings)
+
+
+def suite(recordings: Mapping[str, Audio], ratios: Sequence[float] = SUITE_RATIOS, seed: int = 0) -> Noises:
+    """Return every kind of noise at every ratio in dB.
+
+    Examples
+    --------
+    >>> len(suite({}, ratios=(10.0,)))
+    6
+    """
+    return tuple(
+        Disturbance(kind=kind, ratio=ratio, seed=seed, recordings=recordings)
+        for kind in disturbances(recordings)
+        for ratio in ratios
+    )
+
+
+def write_folder(folder: Path, results: Results, card: Scorecard) -> None:
+    """Write the results, the table of them, the scores and the page into a folder, which is made.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"folder {folder} ({error.strerror})", "one that can be made") from error
+    write_results(results, folder / RESULTS)
+    write_csv(results, folder / TABLE)
+    scores = json.dumps(card.tree(), indent=1, allow_nan=False)
+    (folder / SCORES).write_text(scores + "\n", encoding="utf-8")
+    (folder / PAGE).write_text(page(card, results), encoding="utf-8")
