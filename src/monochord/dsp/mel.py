@@ -145,9 +145,12 @@ class LogMel:
             raise InputError(given, f"{1e3 * shortest / MEL_RATE:g} ms or more for a mel spectrogram")
         self._size = size
         self._window = np.hanning(FRAME)
-        self._filters = mel_filters(
-            bins, fft_size=FFT_SIZE, sample_rate=MEL_RATE, lowest=LOWEST, highest=0.5 * MEL_RATE
-        ).T.copy()
+        from scipy.sparse import csr_array  # noqa: PLC0415
+
+        # Few of their weights are not zero; and a sparse product's bits do not depend on a number of threads.
+        self._filters = csr_array(
+            mel_filters(bins, fft_size=FFT_SIZE, sample_rate=MEL_RATE, lowest=LOWEST, highest=0.5 * MEL_RATE)
+        )
 
     @property
     def frames(self) -> int:
@@ -158,11 +161,12 @@ class LogMel:
         """Return the log-mel energies (channels, frames, bins) float32 of a signal (channels, size)."""
         if signal.shape[-1] != self._size:
             raise InputError(f"a signal of {signal.shape[-1]} samples", f"{self._size} samples")
-        frames = signal.astype(np.float64)[:, self._indices]
+        frames = np.take(signal.astype(np.float64), self._indices, axis=-1)
         frames -= frames.mean(axis=-1, keepdims=True)
         frames[..., 1:] -= PRE_EMPHASIS * frames[..., :-1]
         frames[..., 0] *= 1.0 - PRE_EMPHASIS
         frames *= self._window
-        spectrum = np.fft.rfft(frames, FFT_SIZE)
-        energy = (spectrum.real**2 + spectrum.imag**2) @ self._filters
-        return np.log(np.maximum(energy, FLOOR)).astype(np.float32)
+        spectrum = np.fft.rfft(frames.reshape(-1, FRAME), FFT_SIZE).T
+        energy = self._filters @ np.ascontiguousarray(spectrum.real**2 + spectrum.imag**2)
+        levels = np.log(np.maximum(energy, FLOOR)).T.astype(np.float32)
+        return levels.reshape(*signal.shape[:-1], self.frames, -1)
