@@ -10,6 +10,7 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -149,3 +150,89 @@ def recording(tmp_path: Path) -> Path:
         both = np.stack([sound, 0.7 * sound], axis=1) + 1e-3 * rng.standard_normal((frames, 2))
     soundfile.write(file, both, RATE, subtype="FLOAT")
     return file
+
+
+TOUCHES_A_SESSION, TUNE, LENGTH = 12, 400.0, 0.2
+LEARNABLE = 16000  # its sample rate, in Hz
+
+
+def sung(number: int) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Return sound, times and labels of two segments that ring as physics has it; seconds of touch and rest.
+
+    Pressing raises the tension, as the day does too, and what hums below; sliding hisses.
+    """
+    rng = np.random.default_rng(number)
+    time = np.arange(200 * TOUCHES_A_SESSION) / 100
+    which, touched = (time / 2.0).astype(int), (time % 2.0 >= 1.0).astype(float)
+    nan = np.where(touched > 0.0, 0.0, np.nan)
+    place = rng.uniform(0.05, 0.15, TOUCHES_A_SESSION)[which]
+    force = rng.uniform(0.1, 2.0, TOUCHES_A_SESSION)[which]
+    slides = (rng.permutation(TOUCHES_A_SESSION) % 2)[which] * touched
+    pull = TUNE * (1.0 + 0.02 * rng.uniform(-1.0, 1.0)) * (1.0 + 0.05 * force * touched)
+    each = LEARNABLE // 100
+    sound: list[np.ndarray] = []
+    for segment in (place, LENGTH - place):
+        pitch = np.repeat(np.where(touched > 0.0, pull * LENGTH / segment, pull), each)
+        tone = 0.1 * np.sin(2.0 * np.pi * np.cumsum(pitch) / LEARNABLE)
+        hum = np.sin(2.0 * np.pi * 220.0 * np.arange(tone.size) / LEARNABLE)
+        tone += np.repeat(0.002 * 10.0 ** (0.5 * force * touched), each) * hum
+        hiss = rng.standard_normal(tone.size) * np.repeat(0.003 + 0.02 * slides, each)
+        sound.append(tone + hiss)
+    labels = {"contact": touched, "position": place + nan, "force": force + nan, "slip": slides + nan}
+    return np.stack(sound).astype(np.float32), time, labels
+
+
+@pytest.fixture(scope="session")
+def learnable(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset of eight sessions from which position, force, contact and slip can be learned in seconds."""
+    from monochord.datasets.build import Options, build_dataset
+    from monochord.datasets.split import split_dataset
+    from monochord.sessions import Description, SessionClock, SessionWriter
+    from monochord.types import Block
+
+    home = tmp_path_factory.mktemp("learnable")
+    files: list[Path] = []
+    for number in range(8):
+        samples, time, labels = sung(number)
+        told = Description(name=f"sung_{number}", sample_rate=LEARNABLE, simulated=True)
+        files.append(home / f"sung_{number}.mcap")
+        with SessionWriter(files[-1], told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+            writer.audio(Block(samples=samples, start=0, adc_time=0.0))
+            writer.labels(time, labels)
+    dataset = build_dataset(files, home / "dataset", Options())
+    split_dataset(dataset, fractions=(0.5, 0.25, 0.25)).write(dataset.path / "split.json")
+    return dataset.path
+
+
+@pytest.fixture
+def made_up_features(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Put the features of ``tests/made_up_features`` beside Monochord's own, for the length of a test."""
+    from monochord import features
+
+    folder = Path(__file__).with_name("made_up_features")
+    monkeypatch.setattr(features, "__path__", [*features.__path__, str(folder)])
+    yield
+    for file in folder.glob("*.py"):
+        sys.modules.pop(f"monochord.features.{file.stem}", None)
+        if hasattr(features, file.stem):
+            delattr(features, file.stem)
+
+
+LESSON: dict[str, Any] = {
+    "title": "a small run for tests",
+    "feature": {"name": "bands"},
+    "context": {"feature": {"name": "bands", "count": 4}},
+    "heads": {
+        "contact": {},
+        "slip": {},
+        "position": {"hidden": [24, 24, 24]},
+        "force": {"hidden": [24, 24, 24]},
+    },
+    "optimiser": {"rate": 5e-3, "decay": 1e-2, "batch": 64, "epochs": 40},
+}
+
+
+@pytest.fixture
+def lesson(learnable: Path, tmp_path: Path) -> dict[str, Any]:
+    """Settings of a training run on `learnable`, as plain values."""
+    return {**LESSON, "dataset": str(learnable), "cache": str(tmp_path / "features")}

@@ -18,15 +18,18 @@ from monochord.cli._options import (
 )
 from monochord.config import Tree, dump_toml, load_toml, override
 from monochord.errors import InputError
+from monochord.estimators import ESTIMATORS
 from monochord.live import Settings, run
+from monochord.perceiver import folder_of
 from monochord.sinks import SINKS
 from monochord.sources import SOURCES
 
 LINES = "jsonl"  # the sink that --json stands for
+LEARNED = "perceiver"  # the estimator that RUN stands for
 
 
 @click.command()
-@click.argument("opened", metavar="[INPUT]", required=False)
+@click.argument("inputs", metavar="[RUN] [INPUT]", nargs=-1)
 @click.option("--source", metavar="NAME", help="Where audio comes from.  [default: jack]")
 @string_options
 @window_options
@@ -38,17 +41,20 @@ LINES = "jsonl"  # the sink that --json stands for
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Settings from a TOML file.")
 @click.option("--set", "assignments", multiple=True, metavar="A.B=C", help="Any setting; the last word.")
 @click.option("--save-config", type=click.Path(path_type=Path), metavar="FILE", help="Save all settings.")
-def live(opened: str | None, **options: Any) -> None:
+def live(inputs: tuple[str, ...], **options: Any) -> None:
     """Show where a sounding string is touched, live.
 
-    INPUT is what the source opens: ports, a device, a file. Settings come from --config, then from the
-    options, then from --set. Control-C or SIGTERM ends the run with its summary.
+    INPUT is what the source opens: ports, a device, a file. RUN is a folder that monochord train made: what
+    was learned there estimates. Settings come from --config, then from the options, then from --set.
+    Control-C or SIGTERM ends the run with its summary.
 
     \b
     monochord live --source jack --length 0.65 --open-frequency 110
     monochord live take.wav --source wav --length 0.65 --open-frequency 110 --json
+    monochord live run session.mcap --source session
     """  # noqa: D301
-    tree = _tree(opened, options)
+    learned, opened = _told_apart(inputs)
+    tree = _tree(opened, options, learned)
     tree = calibrated(override(tree, options["assignments"]), options["calibrate"])
     settings = Settings.read(tree)
     session = settings.session()
@@ -60,7 +66,19 @@ def live(opened: str | None, **options: Any) -> None:
     click.echo("\n".join(summary.lines()), err=options["as_json"])
 
 
-def _tree(opened: str | None, options: dict[str, Any]) -> Tree:
+def _told_apart(inputs: tuple[str, ...]) -> tuple[str | None, str | None]:
+    """Return the folder of a perceiver, and what the source opens, as far as they are given."""
+    learned = [text for text in inputs if folder_of(Path(text))]
+    opened = [text for text in inputs if text not in learned]
+    if len(learned) > 1 or len(opened) > 1:
+        given = f"inputs {', '.join(inputs)}"
+        raise InputError(
+            given, "one RUN at most, and one INPUT at most", "a RUN is what monochord train made"
+        )
+    return next(iter(learned), None), next(iter(opened), None)
+
+
+def _tree(opened: str | None, options: dict[str, Any], learned: str | None = None) -> Tree:
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
     before = tree.get("source", {})
     name = options["source"] or before.get("name", "jack")
@@ -68,6 +86,8 @@ def _tree(opened: str | None, options: dict[str, Any]) -> Tree:
     tree["source"] = {**(before if before.get("name") == name else {}), "name": name}
     if opened is not None:
         put(tree, "source", **{first_field(SOURCES, name): opened})
+    if learned is not None:
+        tree["estimator"] = {"name": LEARNED, first_field(ESTIMATORS, LEARNED): learned}
     put(tree, "estimator", **{key: options[key] for key in ("length", "open_frequency")})
     named = tree.get("estimator", {}).get("name", USUAL_ESTIMATOR)
     put(tree, "estimator", name=options["estimator"] or named)

@@ -16,6 +16,7 @@ class Estimator(ABC):
         Everything slow (tables, filters) happens here, so that the returned function keeps a steady pace;
         what compiles at first use does so in the made-up window that the live loop shows it first.
         It never raises on audio: a window that cannot be used (silence, a gap, samples that are not numbers)
-        gives estimates that are not valid and say why. Equal windows give equal estimates. Options that the
-        signal cannot serve raise `InputError` here.
+        gives estimates that are not valid and say why. Equal streams of windows give equal estimates: one
+        that remembers what it heard forgets it at a window that does not begin after the one before. Options
+        that the signal cannot serve raise `InputError` here.
         """

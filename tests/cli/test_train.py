@@ -1,0 +1,93 @@
+"""`monochord train`, and `monochord live` with what it made."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from monochord.cli import run
+from monochord.config import dump_toml
+
+pytest.importorskip("torch")
+pytestmark = pytest.mark.usefixtures("made_up_features")
+
+
+@pytest.fixture
+def config(lesson: dict[str, Any], tmp_path: Path) -> Path:
+    file = tmp_path / "lesson.toml"
+    file.write_text(dump_toml({**lesson, "optimiser": {"epochs": 3}}), encoding="utf-8")
+    return file
+
+
+def test_it_prints_what_it_came_to_and_goes_on_where_it_was(
+    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "run")
+    assert run(["train", str(config), "--out", out, "--set", "optimiser.epochs=2", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["epochs"], told["simulated"], told["part"]) == (2, True, "validation")
+    assert run(["train", str(config), "--out", out, "--set", "optimiser.epochs=2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"{out}, simulated: feature bands beside the reference bands, 2 epochs"
+    assert [line.split()[0] for line in lines[2:]] == ["contact", "slip", "position", "force"]
+    assert "the mean label" in lines[4]
+
+
+def test_other_settings_in_the_same_folder_are_refused(
+    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "run")
+    assert run(["train", str(config), "--out", out]) == 0
+    assert run(["train", str(config), "--out", out, "--set", "seed=1"]) == 2
+    assert "a run with other settings" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["papr"], "configuration 'papr': allowed is paper, small or FILE.toml; did you mean 'paper'?"),
+        (["no_such.toml"], "configuration no_such.toml (No such file or directory)"),
+        (["CONFIG", "--dataset", "nowhere"], "dataset /"),
+        (["CONFIG", "--set", "heads.contact.hiden=3"], "did you mean 'hidden'?"),
+        (["CONFIG", "--set", "feature.name=band"], "did you mean 'bands'?"),
+        (["CONFIG", "--set", "sensor=protoype"], "did you mean 'prototype'?"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    arguments: list[str], line: str, config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [str(config) if word == "CONFIG" else word for word in arguments]
+    assert run(["train", *given, "--out", str(tmp_path / "run")]) == 2
+    told = capsys.readouterr().err
+    assert line in told
+    assert told.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_live_takes_a_run_for_its_estimator(
+    config: Path, learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, session = str(tmp_path / "run"), str(learnable.parent / "sung_0.mcap")
+    assert run(["train", str(config), "--out", out]) == 0
+    capsys.readouterr()
+    assert run(["live", out, session, "--source", "session", "--seconds", "3", "--json"]) == 0
+    first = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert {"contact", "slip", "position", "force"} <= first.keys() | first.get("estimates", {}).keys()
+    assert run(["live", session, "--source", "session", out, "--seconds", "2", "--sink", "terminal"]) == 0
+    assert "truth" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("extra", [["--length", "0.2"], ["--estimator", "closed-form"]])
+def test_options_of_another_estimator_are_refused_beside_a_run(
+    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], extra: list[str]
+) -> None:
+    out = str(tmp_path / "run")
+    assert run(["train", str(config), "--out", out]) == 0
+    assert run(["live", out, "--source", "twin", *extra]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_two_inputs_that_are_no_run_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["live", "one.wav", "two.wav", "--source", "wav"]) == 2
+    assert "one RUN at most, and one INPUT at most" in capsys.readouterr().err

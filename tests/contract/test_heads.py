@@ -1,0 +1,46 @@
+"""What every head promises: a task that training and prediction can carry out."""
+
+import math
+
+import pytest
+
+from monochord.config import from_tree, to_tree
+from monochord.errors import InputError
+from monochord.heads import HEADS
+from monochord.heads.base import CONTACT, Task
+
+TASKS = {name: HEADS.build(name).task() for name in HEADS.names()}
+each_task = pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
+
+
+def test_exactly_one_head_tells_whether_something_touches() -> None:
+    assert [name for name, task in TASKS.items() if task.label == CONTACT] == ["contact"]
+
+
+@each_task
+def test_what_tells_of_touching_needs_no_touch_and_no_reference(task: Task) -> None:
+    assert (task.label == CONTACT) == (not task.touched)
+    if task.label == CONTACT:
+        assert not task.context
+
+
+@each_task
+def test_a_chance_has_no_unit_and_one_output(task: Task) -> None:
+    assert task.is_chance == (task.loss == "logistic")
+    if task.is_chance:
+        assert (task.unit, task.outputs) == ("", 1)
+    else:
+        assert task.unit
+        assert 0.0 < task.limit < math.inf
+
+
+@each_task
+def test_it_survives_being_written_down(task: Task) -> None:
+    assert from_tree(Task, to_tree(task)) == task
+
+
+@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("options", [{"hidden": [0]}, {"hidden": [99999]}, {"weight": 0.0}, {"weight": -1.0}])
+def test_options_that_make_no_sense_are_refused_in_a_line(name: str, options: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=r": allowed is "):
+        HEADS.build(name, options).task()

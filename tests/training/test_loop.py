@@ -1,0 +1,110 @@
+"""The loop learns, stops, and goes on after a kill as if there had been none."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.heads.base import Task
+from monochord.perceiver.definition import Definition, FeatureRecord, HeadRecord
+from monochord.training.checkpoint import Checkpoint
+from monochord.training.examples import Examples
+from monochord.training.loop import Plan, fit
+from monochord.training.settings import OptimiserSettings
+
+pytest.importorskip("torch")
+TASKS = {
+    "contact": Task(label="contact", loss="logistic", touched=False, context=False),
+    "force": Task(label="force", unit="N", loss="laplace", hidden=(16, 16)),
+}
+COLUMNS = tuple("abcde")
+SCALER = {"scaler.mean": np.zeros(5, np.float32), "scaler.scale": np.ones(5, np.float32)}
+
+
+def plan(**options: float) -> Plan:
+    definition = Definition(
+        sample_rate=8000,
+        channels=2,
+        window=800,
+        hop=800,
+        feature=FeatureRecord(name="made", options={}, columns=COLUMNS),
+        heads={name: HeadRecord(task=task, scale=0.5) for name, task in TASKS.items()},
+    )
+    usual = {"rate": 0.01, "batch": 32, "epochs": 12, **options}
+    return Plan(definition=definition, optimiser=OptimiserSettings(**usual), drop=0.1, seed=5)  # pyright: ignore[reportArgumentType]
+
+
+def examples(seed: int, count: int = 256, copies: int = 2) -> Examples:
+    """Contact is where the first column is above 0; force is the product of two others, in contact."""
+    rng = np.random.default_rng(seed)
+    row = rng.normal(size=(count, 5)).astype(np.float32)
+    base = np.stack([row, *(row + 0.01 * rng.normal(size=row.shape) for _ in range(copies - 1))]).astype(
+        np.float32
+    )
+    contact = (row[:, 0] > 0.0).astype(float)
+    return Examples(
+        rows=np.arange(count),
+        base=base,
+        context=np.zeros((copies, count, 0), np.float32),
+        labels={"contact": contact, "force": contact * np.prod(row[:, 1:3], axis=1, dtype=np.float64)},
+        masks={"contact": np.ones(count, bool), "force": contact == 1.0},
+    )
+
+
+class KilledError(Exception):
+    """As a kill would end it, but for the process."""
+
+
+def after(epochs: int) -> Callable[[Checkpoint], None]:
+    def told(state: Checkpoint) -> None:
+        if state.epoch == epochs:
+            raise KilledError
+
+    return told
+
+
+def test_it_learns_what_there_is_to_learn(tmp_path: Path) -> None:
+    state = fit(plan(epochs=40), SCALER, examples(0, 1024), examples(1), tmp_path / "a")
+    assert state.history[0]["contact"] > 3.0 * state.score["contact"]
+    assert state.score["force"] < 0.3 * np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
+
+
+@pytest.mark.parametrize("at", [1, 5, 11])
+def test_a_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path, at: int) -> None:
+    train, validation = examples(0), examples(1)
+    whole = fit(plan(), SCALER, train, validation, tmp_path / "whole")
+    with pytest.raises(KilledError):
+        fit(plan(), SCALER, train, validation, tmp_path / "cut", after(at))
+    cut = fit(plan(), SCALER, train, validation, tmp_path / "cut")
+    assert (cut.history, cut.score, cut.at) == (whole.history, whole.score, whole.at)
+    for name, array in whole.best.items():
+        np.testing.assert_array_equal(cut.best[name], array)
+    assert (tmp_path / "cut").read_bytes() == (tmp_path / "whole").read_bytes()
+
+
+def test_each_head_keeps_the_weights_of_its_own_best_epoch(tmp_path: Path) -> None:
+    kept: dict[int, Checkpoint] = {}
+    state = fit(plan(), SCALER, examples(0), examples(1), tmp_path / "a", lambda s: kept.update({s.epoch: s}))
+    for name, epoch in state.at.items():
+        assert (
+            state.score[name] == min(line[name] for line in state.history) == state.history[epoch - 1][name]
+        )
+        for key, array in kept[epoch].weights.items():
+            if key.startswith(name):
+                np.testing.assert_array_equal(state.best[key], array)
+
+
+def test_it_ends_when_nothing_becomes_better(tmp_path: Path) -> None:
+    nothing = examples(0, 64)
+    nothing.labels["contact"][:] = np.arange(64) % 2  # which nothing tells
+    state = fit(plan(epochs=400, patience=3, rate=0.05), SCALER, nothing, examples(1), tmp_path / "a")
+    assert state.epoch == max(state.at.values()) + 3 < 400
+
+
+def test_a_run_that_is_done_stays_as_it_is(tmp_path: Path) -> None:
+    train, validation = examples(0), examples(1)
+    fit(plan(), SCALER, train, validation, tmp_path / "a")
+    before = (tmp_path / "a").read_bytes()
+    fit(plan(), SCALER, train, validation, tmp_path / "a")
+    assert (tmp_path / "a").read_bytes() == before
