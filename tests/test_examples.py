@@ -86,3 +86,16 @@ def test_build_a_dataset() -> None:
     loudest, quietest = (int(number) for number in re.findall(r"\d+", noise))
     assert 5 <= loudest < 8
     assert 22 < quietest <= 25
+
+
+def test_train_a_perceiver() -> None:
+    pytest.importorskip("torch")
+    head, contact, _, position, force, test = output("train_a_perceiver.py").splitlines()
+    assert head == "simulated, on validation:"
+    assert float(re.findall(r"[\d.]+", contact)[0]) > 95.0
+    for line, share in ((position, 0.5), (force, 1.0)):
+        error, mean = (float(number) for number in re.findall(r"(?:error|label:) ([\d.]+)", line))
+        assert 0.0 < error < share * mean
+    off, count = (float(number) for number in re.findall(r"[\d.]+", test))
+    assert off < 15.0
+    assert count >= 10

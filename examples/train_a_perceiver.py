@@ -1,0 +1,55 @@
+"""Collect two simulated sessions, train a perceiver on them, and hear a stretch of one as a stream.
+
+Run it: python examples/train_a_perceiver.py
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from monochord.datasets.build import build_dataset
+from monochord.datasets.split import split_dataset
+from monochord.lab.bench import make
+from monochord.lab.plan import assignments
+from monochord.lab.plans import load_plan
+from monochord.perceiver import load
+from monochord.training.replay import window_of
+from monochord.training.scores import lines
+from monochord.training.settings import Settings
+from monochord.training.train import train
+from monochord.types import Signal
+
+
+def main() -> None:
+    """Print what the validation part says of the perceiver, and how far off it is on the test part."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
+        dataset = build_dataset(sessions, folder / "dataset")
+        split = split_dataset(dataset, by="time", seed=1)
+        split.write(dataset.path / "split.json")
+        few = {"hidden": [32, 32, 32]}
+        settings = Settings.read(
+            {
+                "dataset": str(dataset.path),
+                "feature": {"name": "log_mel"},
+                "context": {"on": False},
+                "heads": {"contact": {}, "slip": {}, "position": few, "force": few},
+                "optimiser": {"rate": 3e-3, "decay": 1e-2, "batch": 64, "epochs": 40},
+            }
+        )
+        result = train(settings, folder / "run")
+        print("simulated, on validation:", *lines(result.scores, settings.tasks()), sep="\n")
+
+        listening = load(folder / "run").open(Signal(sample_rate=44100, channels=2))
+        off: list[float] = []
+        for row in split.test.tolist():
+            told = listening.predict(window_of(dataset, row))["position"]
+            if told.valid and dataset.label("contact")[row] == 1.0:
+                off.append(told.value - float(dataset.label("position")[row]))
+        print(f"test: {1e3 * np.mean(np.abs(off)):.1f} mm mean error in {len(off)} windows with a touch")
+
+
+if __name__ == "__main__":
+    main()
