@@ -106,10 +106,11 @@ def test_the_suite_has_every_kind_at_every_ratio_with_music_where_there_is_some(
 def test_a_folder_holds_results_table_scores_and_page(oracle: Oracle, tmp_path: Path) -> None:
     results = oracle(spread=1.0)
     card = scorecard(results, draws=20)
-    write_folder(tmp_path / "a" / "b", results, card)
+    write_folder(tmp_path / "a" / "b", results, card, lambda file: {f"{file.stat().st_size} bytes": "<svg/>"})
     found = tmp_path / "a" / "b"
     assert {path.name for path in found.iterdir()} == {RESULTS, TABLE, SCORES, PAGE}
     assert len(read_results(found / RESULTS)) == len(results)
+    assert f'alt="{(found / RESULTS).stat().st_size} bytes"' in (found / PAGE).read_text()
     assert json.loads((found / SCORES).read_text())["estimator"] == "oracle"
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="folder"):

@@ -1,6 +1,7 @@
 """The page says what the scorecard says, loads nothing, and does not hide that a sound is simulated."""
 
 import re
+from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -24,12 +25,10 @@ class Tags(HTMLParser):
         self.open: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        assert not {"src", "href"} & {name for name, _ in attrs}
-        if tag != "meta":
+        for name, value in attrs:
+            assert name not in ("src", "href") or str(value).startswith("data:image/svg+xml;base64,")
+        if tag not in ("meta", "img"):
             self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        pass
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -48,7 +47,7 @@ def _told(oracle: Oracle) -> Results:
 
 def text_of(results: Results) -> str:
     card = scorecard(results, string=load_sensor("prototype").string, force_floor={"take0": 0.012}, draws=20)
-    return page(card, results)
+    return page(card, {"a line": "<svg/>"})
 
 
 def test_it_is_one_whole_page_that_loads_nothing(told: Results) -> None:
@@ -57,7 +56,7 @@ def test_it_is_one_whole_page_that_loads_nothing(told: Results) -> None:
     tags.feed(text)
     assert tags.open == []
     assert "http" not in text
-    assert text.count("<svg") == 4 + 4 + 3
+    assert b64encode(b"<svg/>").decode() in text
 
 
 def test_it_says_that_sound_is_simulated_only_where_it_is(told: Results) -> None:

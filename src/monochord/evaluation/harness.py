@@ -1,7 +1,7 @@
 """From a dataset and an estimator to results and a page, with the test kept apart from training."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -181,8 +181,12 @@ def suite(recordings: Mapping[str, Audio], ratios: Sequence[float] = SUITE_RATIO
     )
 
 
-def write_folder(folder: Path, results: Results, card: Scorecard) -> None:
+def write_folder(
+    folder: Path, results: Results, card: Scorecard, draw: Callable[[Path], Mapping[str, str]] = lambda _: {}
+) -> None:
     """Write the results, the table of them, the scores and the page into a folder, which is made.
+
+    `draw` gives from the file of results the pictures of the page, SVG by what they show.
 
     Raises
     ------
@@ -197,4 +201,4 @@ def write_folder(folder: Path, results: Results, card: Scorecard) -> None:
     write_csv(results, folder / TABLE)
     scores = json.dumps(card.tree(), indent=1, allow_nan=False)
     (folder / SCORES).write_text(scores + "\n", encoding="utf-8")
-    (folder / PAGE).write_text(page(card, results), encoding="utf-8")
+    (folder / PAGE).write_text(page(card, draw(folder / RESULTS)), encoding="utf-8")

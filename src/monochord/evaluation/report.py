@@ -1,15 +1,15 @@
 """An evaluation as one page for people: HTML with everything in it, its tables beside the paper's figures."""
 
+from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from itertools import chain
 
 from monochord.evaluation.detection import Detection
-from monochord.evaluation.drawings import SHOWN, curves, error_map_drawn, scatter
 from monochord.evaluation.paper import reported
 from monochord.evaluation.regression import NEAR, Regression, Score
-from monochord.evaluation.results import CLEAN, Results
-from monochord.evaluation.scorecard import Row, Scorecard, conditions_of
+from monochord.evaluation.results import CLEAN
+from monochord.evaluation.scorecard import Row, Scorecard
 from monochord.metrics import normal_coverage
 
 STYLE = """
@@ -18,10 +18,11 @@ table { border-collapse: collapse; margin: 1em 0; font-variant-numeric: tabular-
 th, td { padding: 0.2em 0.7em; text-align: right; border-bottom: 1px solid #ddd }
 th:first-child, td:first-child, th.word, td.word { text-align: left }
 td.reference { color: #777; font-style: italic } small { color: #777 }
-.point { fill: #0072b2; fill-opacity: 0.35 }
 .simulated { background: #d55e00; color: white; padding: 0.1em 0.5em; border-radius: 0.2em }
-.drawing { margin: 0.5em; border: 1px solid #eee } code { background: #f4f4f4 }
+.drawing { max-width: 100% } code { background: #f4f4f4 }
 """
+SHOWN: Mapping[str, tuple[float, str]] = {"position": (1e3, "mm"), "force": (1.0, "N")}
+"""How a quantity is shown: factor and unit."""
 NOTHING = "-"
 TOLD = ("contact", "slip", *NEAR)
 """Estimates whose abstentions are shown."""
@@ -36,15 +37,15 @@ pretrained Audio Spectrogram Transformer: a reference, measured on other sound.
 """
 
 
-def page(card: Scorecard, results: Results) -> str:
+def page(card: Scorecard, drawings: Mapping[str, str]) -> str:
     """Return the report as the text of one HTML file that loads nothing.
 
     Parameters
     ----------
     card
         What the results tell.
-    results
-        What it was made of, for the scatters.
+    drawings
+        Pictures as the text of SVG files, by what they show.
 
     Examples
     --------
@@ -62,7 +63,7 @@ def page(card: Scorecard, results: Results) -> str:
         f"<h1>{escape(title)}{mark}</h1><p>{escape(about)}</p>",
         *(f"<p><strong>Note:</strong> {escape(note)}</p>" for note in card.notes),
         *_regressions(card),
-        *_drawings(card, results),
+        *_drawings(drawings),
         *_detections(card),
         *_apart(card),
         *_trust(card),
@@ -106,43 +107,12 @@ def _regression(row: Row, quantity: str) -> list[str]:
     ]
 
 
-def _drawings(card: Scorecard, results: Results) -> Iterator[str]:
-    yield "<h2>Where it is wrong</h2><p>"
-    heard = results.of_trials("condition")
-    for condition in conditions_of(results)[:2]:
-        part = results.where(heard == condition)
-        for quantity in NEAR:
-            yield scatter(part, quantity, f"{quantity}, {condition}")
-    for told in card.maps:
-        if told.condition in conditions_of(results)[:2]:
-            yield error_map_drawn(told)
-    yield "</p>"
-    added = dict.fromkeys((trial.noise, trial.ratio) for trial in results.trials if trial.ratio is not None)
-    if len({ratio for _, ratio in added}) > 1:
-        yield f"<h2>In noise</h2><p>{''.join(_in_noise(card, [*added]))}</p>"
-
-
-def _in_noise(card: Scorecard, added: Sequence[tuple[str, float | None]]) -> Iterator[str]:
-    """Yield curves over the ratio: shares that are near enough, and the accuracy of contact."""
-    bodies = list(dict.fromkeys(row.object for row in card.table))
-    body = bodies[-1]  # all objects, where there are several
-    for quantity in NEAR:
-        lines: dict[str, list[tuple[float, float]]] = {}
-        for noise, ratio in added:
-            row = card.row(body, f"{noise} {ratio:g} dB")
-            told: Regression | None = getattr(row, quantity) if row else None
-            if ratio is not None and told is not None and told.within.value is not None:
-                lines.setdefault(noise, []).append((ratio, 100.0 * told.within.value))
-        factor, unit = SHOWN[quantity]
-        title = f"{quantity} within {factor * NEAR[quantity]:g} {unit}, {body}"
-        yield curves(lines, title, ("signal to noise (dB)", "windows (%)"))
-    lines = {}
-    for noise, ratio in added:
-        found = card.contact.get(body, {}).get(f"{noise} {ratio:g} dB")
-        if ratio is not None and found is not None and found.accuracy.value is not None:
-            lines.setdefault(noise, []).append((ratio, 100.0 * found.accuracy.value))
-    if lines:
-        yield curves(lines, f"contact, {body}", ("signal to noise (dB)", "told right (%)"))
+def _drawings(drawings: Mapping[str, str]) -> Iterator[str]:
+    if drawings:
+        yield "<h2>Drawn</h2>"
+    for title, svg in drawings.items():
+        data = b64encode(svg.encode()).decode("ascii")
+        yield f'<p><img class="drawing" alt="{escape(title)}" src="data:image/svg+xml;base64,{data}"></p>'
 
 
 def _detections(card: Scorecard) -> Iterator[str]:
