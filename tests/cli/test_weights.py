@@ -121,3 +121,35 @@ def test_check_of_a_damaged_file_is_one_line(
 def test_a_name_mistyped_is_answered_with_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["weights", "get", "yamnt"]) == 2
     assert "did you mean 'yamnet'" in one_line(capsys)
+
+
+def test_export_writes_an_onnx_file_and_says_of_which_weights(
+    published: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("onnx", reason="onnx is not installed")
+    out = tmp_path / "ast.onnx"
+    assert run(["weights", "export", "ast", "--path", str(published), "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["sha256"] == sha256(published.read_bytes()).hexdigest()
+    assert told["bytes"] == out.stat().st_size > 0.9 * published.stat().st_size
+
+
+@pytest.mark.parametrize(
+    ("arguments", "match"),
+    [
+        (["yamnet", "--out", "x.onnx"], "weights 'yamnet' as an ONNX file: allowed is ast"),
+        (["ast", "--out", "x.onx"], "did you mean '.onnx'"),
+        (["ast", "--out", "x.onnx", "--frames", "3"], "3 frames: allowed is 16 frames or more"),
+    ],
+)
+def test_an_export_that_cannot_be_is_one_line(
+    published: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    match: str,
+) -> None:
+    monkeypatch.chdir(published.parent)
+    assert run(["weights", "export", *arguments, "--path", "."]) == 2
+    assert match in one_line(capsys)
+    assert not (published.parent / "x.onnx").exists()

@@ -2,20 +2,23 @@
 
 import json
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import click
 
-from monochord.encoders.weights import checked_sum, find_weights, load_known
+from monochord.cli._options import refuse_unwritable
+from monochord.encoders.weights import checked_sum, find_weights, load_known, weight_names
 from monochord.encoders.weights.fetch import describe, fetch
+from monochord.errors import InputError
 
-DIR = click.Path(path_type=Path, file_okay=False)
+DIR, FILE = click.Path(path_type=Path, file_okay=False), click.Path(path_type=Path)
 json_object = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
 @click.group()
 def weights() -> None:
-    """Fetch and check the weights of frozen networks."""
+    """Fetch, check and convert the weights of frozen networks."""
 
 
 @weights.command()
@@ -52,6 +55,31 @@ def check(name: str, *, path: str, as_json: bool) -> None:
     known = load_known(name)
     file = find_weights(known, path)
     _tell(file, checked_sum(known, file), describe(known, file), as_json=as_json)
+
+
+@weights.command()
+@click.argument("name")
+@click.option(
+    "--path", type=click.Path(), default="", metavar="PATH", help="The file, or the folder it is in."
+)
+@click.option("--out", type=FILE, required=True, metavar="FILE.onnx", help="To write.")
+@click.option("--frames", type=int, default=100, show_default=True, help="Frames of a spectrogram.")
+@click.option("--int8", is_flag=True, help="Quantise the large products to 8 bits.")
+@json_object
+def export(name: str, *, path: str, out: Path, frames: int, int8: bool, as_json: bool) -> None:
+    """Write the network of the weights NAME as an ONNX file, for other programs.
+
+    \b
+    monochord weights export ast --out ast.onnx --int8
+    """  # noqa: D301
+    known = load_known(name)
+    if not known.exporter:
+        allowed = ", ".join(other for other in weight_names() if load_known(other).exporter)
+        raise InputError(f"weights '{name}' as an ONNX file", allowed)
+    refuse_unwritable(out, (".onnx",))
+    file = find_weights(known, path)
+    import_module(known.exporter).export(str(file), out, frames=frames, int8=int8)
+    _tell(out, checked_sum(known, file), f"{known.title}, {'int8' if int8 else 'float32'}", as_json=as_json)
 
 
 def _tell(path: Path, own: str, what: str, *, as_json: bool) -> None:

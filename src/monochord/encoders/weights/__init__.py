@@ -23,7 +23,8 @@ class KnownWeights:
 
     `url` is where they are published and `file` what they are called there. `sha256` is their sum, empty
     where it is not known in advance. `reader` is the module whose ``describe`` reads them and says in a few
-    words what they hold, empty where the sum says enough.
+    words what they hold, empty where the sum says enough; `exporter` the one whose ``export`` writes their
+    network as an ONNX file, empty where there is none.
     """
 
     name: str
@@ -34,6 +35,7 @@ class KnownWeights:
     file: str
     sha256: str = ""
     reader: str = ""
+    exporter: str = ""
     notes: str = ""
 
     @property
