@@ -103,20 +103,20 @@ class Ast(Feature):
 class _Embedded(Extractor):
     def __init__(self, spectrogram: Spectrogram, frames: int, embed: Embed, weights: AstWeights) -> None:
         self._spectrogram, self._frames, self._embed = spectrogram, frames, embed
-        self._label, self._width = weights.label, weights.width
+        self._columns = tuple(
+            f"{weights.label} mic {microphone + 1} {how} {number + 1}"
+            for microphone in range(spectrogram.channels)
+            for how in ("mean", "max")
+            for number in range(weights.width)
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
-        return tuple(
-            f"{self._label} mic {microphone + 1} {how} {number + 1}"
-            for microphone in range(self._spectrogram.channels)
-            for how in ("mean", "max")
-            for number in range(self._width)
-        )
+        return self._columns
 
     def __call__(self, windows: Audio) -> Audio:
         self._spectrogram.refuse_other(windows)
-        rows = np.empty((windows.shape[0], self._spectrogram.channels * 2 * self._width), np.float32)
+        rows = np.empty((windows.shape[0], len(self._columns)), np.float32)
         for row, window in zip(rows, windows, strict=True):
             energies = self._spectrogram(window)
             short = self._frames - energies.shape[1]

@@ -43,20 +43,21 @@ class LogMel(Feature):
 
 class _Pooled(Extractor):
     def __init__(self, spectrogram: Spectrogram, bins: int) -> None:
-        self._spectrogram, self._bins = spectrogram, bins
+        self._spectrogram = spectrogram
+        self._columns = tuple(
+            f"mic {microphone + 1} {how} of band {band + 1}"
+            for microphone in range(spectrogram.channels)
+            for how in ("mean", "max")
+            for band in range(bins)
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
-        return tuple(
-            f"mic {microphone + 1} {how} of band {band + 1}"
-            for microphone in range(self._spectrogram.channels)
-            for how in ("mean", "max")
-            for band in range(self._bins)
-        )
+        return self._columns
 
     def __call__(self, windows: Audio) -> Audio:
         self._spectrogram.refuse_other(windows)
-        rows = np.empty((windows.shape[0], len(self.columns)), np.float32)
+        rows = np.empty((windows.shape[0], len(self._columns)), np.float32)
         for row, window in zip(rows, windows, strict=True):
             energies = self._spectrogram(window)
             row[:] = np.concatenate([energies.mean(axis=1), energies.max(axis=1)], axis=1).ravel()
