@@ -99,3 +99,13 @@ def test_train_a_perceiver() -> None:
     off, count = (float(number) for number in re.findall(r"[\d.]+", test))
     assert off < 15.0
     assert count >= 10
+
+
+def test_evaluate_an_estimator() -> None:
+    head, *rows = output("evaluate_an_estimator.py").splitlines()
+    assert head.split()[0] == "simulated"
+    assert [row.split()[0] for row in rows] == ["clean", "hum", "white"]
+    for row in rows:
+        answered, error = re.findall(r"([\d.]+)% +([\d.]+) mm", row)[0]
+        assert float(answered) > 60.0
+        assert float(error) < 1.0

@@ -96,8 +96,11 @@ def test_noise_is_read_from_text() -> None:
 
 def test_the_suite_has_every_kind_at_every_ratio_with_music_where_there_is_some() -> None:
     music = np.ones(100, np.float32)
-    recordings = room_recordings(music)
+    recordings = room_recordings(music=music)
     assert "music" in recordings
+    assert len(room_recordings(22050, music)["music"]) == pytest.approx(
+        len(recordings["music"]) / 2, rel=0.01
+    )
     noises = suite(recordings, ratios=(0.0, 20.0))
     kinds = {"white", "pink", "hum", "band", "motor", "speech", "music"}
     assert {(each.kind, each.ratio) for each in noises} == {(kind, r) for kind in kinds for r in (0.0, 20.0)}

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+
 from monochord import realstrings
 from monochord.datasets.audit import audit
 from monochord.datasets.split import Split
@@ -13,7 +15,7 @@ from monochord.datasets.store import Dataset
 from monochord.errors import InputError, did_you_mean
 from monochord.estimators.base import Estimator
 from monochord.evaluation.disturbance import Disturbance, disturbances
-from monochord.evaluation.interference import recorded_interference
+from monochord.evaluation.interference import RATE, recorded_interference
 from monochord.evaluation.replay import Course, Progress, replay
 from monochord.evaluation.report import page
 from monochord.evaluation.results import Results, join
@@ -119,13 +121,15 @@ def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[st
     return tuple(found.notes) if learned else ()
 
 
-def room_recordings(music: Audio | None = None) -> dict[str, Audio]:
-    """Return recordings of music and of speech by name, as far as they are at hand, at 44100 Hz.
+def room_recordings(sample_rate: int = RATE, music: Audio | None = None) -> dict[str, Audio]:
+    """Return recordings of music and of speech by name, as far as they are at hand.
 
     Parameters
     ----------
+    sample_rate
+        In Hz, that they are wanted at.
     music
-        Sound (n,) that stands in for a recording of music where there is none.
+        Sound (n,) at 44100 Hz that stands in for a recording of music where there is none.
 
     Examples
     --------
@@ -133,13 +137,20 @@ def room_recordings(music: Audio | None = None) -> dict[str, Audio]:
     True
     """
     held = recorded_interference() if realstrings.takes(kind="interference") else {}
-    found = {
+    found = {} if music is None else {"music": music}
+    found |= {
         kind: sound
         for kind, stem in RECORDED.items()
         for name, sound in held.items()
         if name.startswith(stem)
     }
-    return found if "music" in found or music is None else {**found, "music": music}
+    return {kind: _resampled(sound, sample_rate) for kind, sound in found.items()}
+
+
+def _resampled(sound: Audio, sample_rate: int) -> Audio:
+    import soxr  # noqa: PLC0415
+
+    return sound if sample_rate == RATE else np.asarray(soxr.resample(sound, RATE, sample_rate), np.float32)
 
 
 def noise(text: str, recordings: Mapping[str, Audio], seed: int = 0) -> Disturbance:

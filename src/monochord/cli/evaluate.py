@@ -1,0 +1,242 @@
+"""The verb `evaluate`: test sessions through an estimator, and what it is worth."""
+
+import json
+import sys
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import click
+import numpy as np
+
+from monochord.cli._drawings import drawings
+from monochord.cli.build import SPLIT_FILE
+from monochord.config import Tree, load_toml, override
+from monochord.datasets.build import Options, build_dataset, find_sessions
+from monochord.datasets.split import Split
+from monochord.datasets.store import Dataset, open_dataset
+from monochord.errors import InputError
+from monochord.estimators import ESTIMATORS
+from monochord.estimators.base import Estimator
+from monochord.evaluation.detection import Detection
+from monochord.evaluation.harness import (
+    Trained,
+    audited,
+    noise,
+    refuse_trained_on,
+    room_recordings,
+    suite,
+    write_folder,
+)
+from monochord.evaluation.harness import evaluate as evaluated
+from monochord.evaluation.limits import force_floor
+from monochord.evaluation.paper_rows import keep_rows, paper_rows
+from monochord.evaluation.regression import Regression
+from monochord.evaluation.replay import Course, Progress
+from monochord.evaluation.scorecard import Scorecard, scorecard
+from monochord.perceiver import load
+from monochord.perceiver.definition import Definition
+from monochord.physics.sensors import load_sensor
+from monochord.sessions import read_session
+from monochord.types import StringParams
+from monochord.units import Newtons
+
+CONFIG = "config.toml"
+"""Settings of a run, in its folder."""
+LEARNED, PHYSICS = "perceiver", "closed_form"
+PARTS = ("test", "validation")
+
+
+@click.command()
+@click.argument("run", required=False, type=click.Path(path_type=Path))
+@click.option("--dataset", type=click.Path(path_type=Path), metavar="DIR", help="[default: that of RUN]")
+@click.option(
+    "--split", type=click.Path(path_type=Path), metavar="FILE", help="[default: that of RUN, or of DIR]"
+)
+@click.option("--part", type=click.Choice(PARTS), default="test", show_default=True, help="Of the split.")
+@click.option("--sessions", multiple=True, metavar="FILES", help="Sessions to test on instead; repeatable.")
+@click.option("--estimator", metavar="NAME", help=f"Who is tested, without RUN.  [default: {PHYSICS}]")
+@click.option("--set", "assignments", multiple=True, metavar="A=B", help="An option of the estimator.")
+@click.option("--sensor", metavar="PRESET", help="Whose string the estimator is told.")
+@click.option("--noise", "noises", multiple=True, metavar="KIND:DB", help="Once more with noise; repeatable.")
+@click.option("--suite", "all_noises", is_flag=True, help="Every kind of noise, at 0 to 25 dB.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the noise.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results and a page there.")
+@click.option(
+    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep the paper's rows in FILE."
+)
+@click.option("--feature", metavar="NAME", help="What the rows are called.  [default: the feature]")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def evaluate(run: Path | None, **options: Any) -> None:
+    """Test what RUN learned, or an estimator of NAME, on sessions that it has not heard.
+
+    Every test session is played window by window, as live. A split that leaks is refused, and so is a session
+    that RUN was trained on. RUN is a folder that monochord train made.
+
+    \b
+    monochord evaluate run --out report --noise music:10
+    monochord evaluate run --sessions monday/*.mcap
+    monochord evaluate --estimator closed_form --dataset dataset --sensor prototype --suite
+    """  # noqa: D301
+    with ExitStack() as stack:
+        told = _Told.of(run)
+        course, split, floors, notes = _course(stack, told, options)
+        estimator, name = _estimator(run, options)
+        if told.definition is not None:
+            trained = Trained(sessions=told.definition.sessions, dataset=told.definition.dataset)
+            notes += refuse_trained_on(course, trained, split)
+        rate = course.dataset.manifest.sample_rate
+        recordings = room_recordings(rate, _music()) if options["noises"] or options["all_noises"] else {}
+        chosen = [noise(text, recordings, options["seed"]) for text in options["noises"]]
+        chosen += suite(recordings, seed=options["seed"]) if options["all_noises"] else ()
+        progress = stack.enter_context(_shown())
+        results = evaluated(course, estimator, name=name, noises=chosen, notes=notes, progress=progress)
+        card = scorecard(results, string=course.string, force_floor=floors)
+        if options["out"] is not None:
+            write_folder(options["out"], results, card, lambda file: drawings(file, results))
+    if options["rows"] is not None:
+        feature = told.definition.feature.name if told.definition else name
+        keep_rows(options["rows"], paper_rows(card, options["feature"] or feature))
+    click.echo(json.dumps(card.tree(), allow_nan=False) if options["as_json"] else "\n".join(_lines(card)))
+
+
+class _Told:
+    """What a run's folder tells, or nothing without one."""
+
+    def __init__(self, definition: Definition | None, config: Tree) -> None:
+        self.definition, self.config = definition, config
+
+    @classmethod
+    def of(cls, run: Path | None) -> "_Told":
+        if run is None:
+            return cls(None, {})
+        config = load_toml(run / CONFIG) if (run / CONFIG).is_file() else {}
+        return cls(load(run).definition, config)
+
+    def path(self, name: str) -> Path | None:
+        """Return a path that the settings of the run name."""
+        return Path(self.config[name]) if self.config.get(name) else None
+
+
+def _estimator(run: Path | None, options: dict[str, Any]) -> tuple[Estimator, str]:
+    name = options["estimator"]
+    if run is not None and name is not None:
+        raise InputError(f"run {run} beside --estimator {name}", "one of both")
+    table: Tree = {} if run is None else {"path": str(run)}
+    name = (LEARNED if run is not None else name or PHYSICS).replace("-", "_")
+    return ESTIMATORS.build(name, override(table, options["assignments"])), name
+
+
+def _course(
+    stack: ExitStack, told: _Told, options: dict[str, Any]
+) -> tuple[Course, Split | None, dict[str, Newtons], tuple[str, ...]]:
+    """Return what is played, its split, the floors of its force sensors, and what has to be noted."""
+    string = load_sensor(options["sensor"]).string if options["sensor"] else None
+    if string is None and told.definition is not None:
+        string = told.definition.string
+    if options["sessions"]:
+        if options["dataset"] is not None:
+            raise InputError("--sessions beside --dataset", "one of both")
+        dataset, floors, own = _of_sessions(stack, options["sessions"], told)
+        return Course(dataset=dataset, rows=np.arange(len(dataset)), string=string or own), None, floors, ()
+    folder = options["dataset"] or told.path("dataset")
+    if folder is None:
+        raise InputError("no sessions to test on", "--dataset DIR or --sessions FILES", "name some")
+    dataset = open_dataset(folder)
+    own_split = told.path("split") if options["dataset"] is None else None
+    split = Split.read(options["split"] or own_split or folder / SPLIT_FILE)
+    notes = audited(dataset, split, learned=told.definition is not None)
+    if options["part"] != PARTS[0]:
+        notes += (f"the {options['part']} part, by which choices were made, and no test",)
+    return Course(dataset=dataset, rows=split.parts[options["part"]], string=string), split, {}, notes
+
+
+def _of_sessions(
+    stack: ExitStack, names: Sequence[str], told: _Told
+) -> tuple[Dataset, dict[str, Newtons], StringParams | None]:
+    """Return the dataset of sessions, the floors of their force sensors, and the string that they tell."""
+    files = find_sessions(names)
+    window = 0.1 if told.definition is None else told.definition.window / told.definition.sample_rate
+    hop = 0.1 if told.definition is None else told.definition.hop / told.definition.sample_rate
+    folder = Path(stack.enter_context(TemporaryDirectory(prefix="monochord-"))) / "dataset"
+    with _shown() as progress:
+        dataset = build_dataset(files, folder, Options(window=window, hop=hop), progress)
+    floors: dict[str, Newtons] = {}
+    strings: list[StringParams | None] = []
+    for path in files:
+        session = read_session(path)
+        strings.append(session.description.string)
+        floor = force_floor(session, window)
+        if floor is not None:
+            floors[path.stem] = floor
+    alike = all(string == strings[0] for string in strings)
+    return dataset, floors, strings[0] if alike else None
+
+
+def _lines(card: Scorecard) -> list[str]:
+    kind = ", simulated" if card.simulated else ""
+    counted = f"{card.windows} windows of {card.sessions} sessions"
+    wide = max([len(row.object) for row in card.table] + [6])
+    held = max([len(row.condition) for row in card.table] + [9])
+    lines = [f"{card.estimator}{kind}: {counted}", *(f"note: {note}" for note in card.notes)]
+    lines.append(
+        f"  {'object':<{wide}}  {'condition':<{held}}{'windows':>9}{'told':>8}"
+        f"{'error':>10}{'<= 5 mm':>9}{'r':>7}{'error':>10}{'<= 0.2 N':>9}{'r':>7}"
+        f"{'contact':>9}{'slip area':>11}"
+    )
+    for row in card.table:
+        if row.state != "touched":
+            continue
+        contact = card.contact.get(row.object, {}).get(row.condition)
+        slip = card.slip.get(row.object, {}).get(row.condition)
+        lines.append(
+            f"  {row.object:<{wide}}  {row.condition:<{held}}{row.position.windows:>9}"
+            f"{_share(row.position.answered):>8}{_told(row.position, 1e3, 'mm')}{_told(row.force, 1.0, 'N')}"
+            f"{_accuracy(contact):>9}{_area(slip):>11}"
+        )
+    return lines
+
+
+def _told(told: Regression, factor: float, unit: str) -> str:
+    error = "-" if told.mae.value is None else f"{factor * told.mae.value:.3g} {unit}"
+    r = "-" if told.r.value is None else f"{told.r.value:.3f}"
+    return f"{error:>10}{_share(told.within.value):>9}{r:>7}"
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{100.0 * value:.1f} %"
+
+
+def _accuracy(told: Detection | None) -> str:
+    return _share(told.accuracy.value if told else None)
+
+
+def _area(told: Detection | None) -> str:
+    return "-" if told is None or told.area.value is None else f"{told.area.value:.4f}"
+
+
+def _music() -> Any:
+    """Return synthetic music, for where there is no recording of any."""
+    from monochord.lab.music import loop  # noqa: PLC0415
+
+    return loop(0)
+
+
+@contextmanager
+def _shown() -> Generator[Progress]:
+    """Give what is told of the progress: a bar, where there is a terminal to show it."""
+    if not sys.stderr.isatty():
+        yield lambda *_: None
+        return
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import Progress as Bar  # noqa: PLC0415
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("sessions", total=None)
+
+        def told(name: str, done: int, of: int) -> None:
+            bar.update(task, description=name, completed=done, total=of)
+
+        yield told
