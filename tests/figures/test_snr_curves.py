@@ -35,6 +35,11 @@ def test_curves_are_the_scores_at_each_ratio(write: Write) -> None:
     assert page.get_suptitle() == "simulated: made up"
 
 
+def test_what_is_never_told_is_said_to_be(write: Write) -> None:
+    panels = SnrCurves(results=write(quiet=("slip",))).draw().axes
+    assert [[text.get_text() for text in axes.texts] for axes in panels] == [[], [], [], ["not told"]]
+
+
 def test_intervals_hold_their_value(write: Write) -> None:
     told = SnrCurves(results=write(), draws=20).numbers()["curves"]
     assert [(one["noise"], one["ratio"]) for one in told[:3]] == [

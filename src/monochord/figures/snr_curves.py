@@ -67,7 +67,8 @@ class SnrCurves(Measured):
         for letter, axes, (name, (label, factor)) in zip("ABCD", panels, PANELS.items(), strict=True):
             low = letter in "CD"
             _style.dress(axes, letter, "", "ratio of signal to noise (dB)" if low else "", label)
-            _draw(axes, told, name, factor)
+            if not _draw(axes, told, name, factor):
+                axes.text(0.5, 0.5, "not told", transform=axes.transAxes, ha="center", color=_style.PALE)
             if name in ("position", "force"):
                 axes.set_ylim(bottom=0.0)
             else:
@@ -105,7 +106,8 @@ def _plain(score: Score, answered: float | None) -> dict[str, float | None]:
     return {"value": score.value, "low": score.low, "high": score.high, "answered": answered}
 
 
-def _draw(axes: Axes, told: list[dict[str, Any]], name: str, factor: float) -> None:
+def _draw(axes: Axes, told: list[dict[str, Any]], name: str, factor: float) -> bool:
+    """Draw one panel; return whether there was anything to draw."""
     noises = list(dict.fromkeys(one["noise"] for one in told if one["ratio"] is not None))
     for number, noise in enumerate(noises):
         points = [
@@ -128,3 +130,4 @@ def _draw(axes: Axes, told: list[dict[str, Any]], name: str, factor: float) -> N
     for one in told:
         if one["noise"] == CLEAN and one[name]["value"] is not None:
             axes.axhline(factor * one[name]["value"], color=_style.INK, lw=0.8, ls=_style.THEORY, label=CLEAN)
+    return any(one[name]["value"] is not None for one in told)
