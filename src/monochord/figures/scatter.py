@@ -26,8 +26,8 @@ class Scatter(Measured):
     """Estimates of position and force over the truth, a point a touched window, a colour an object.
 
     Dashed lines are as far off as the paper allows: 5 mm and 0.2 N. The errors in each panel are of all
-    windows that were answered, and the share that is near enough is of all that were to be. What was told beyond
-    the truth's own range is drawn at its edge.
+    windows that were answered, and the share that is near enough is of all that were to be. What was told
+    beyond the truth's own range is drawn at its edge.
 
     Parameters
     ----------
