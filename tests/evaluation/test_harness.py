@@ -86,6 +86,18 @@ def test_each_noise_is_a_replay_of_its_own(dataset: Dataset) -> None:
     assert results.notes == ("a note",)
 
 
+def test_what_was_recorded_in_noise_gets_none_on_top(dataset: Dataset) -> None:
+    rows = np.array([10, dataset.manifest.parts[1].first])
+    told = replace(course(dataset, rows), room={"slide*": "radio"})
+    physics = ClosedForm(tension_law="geometric")
+    results = evaluate(told, physics, name="closed_form", noises=[noise("hum:10", {})])
+    heard = [(trial.session, trial.condition) for trial in results.trials]
+    assert heard == [("hold_000", "clean"), ("slide_000", "radio"), ("hold_000", "hum 10 dB")]
+    nowhere = replace(told, room={"*": "radio"})
+    results = evaluate(nowhere, physics, name="closed_form", noises=[noise("hum:10", {})])
+    assert {trial.condition for trial in results.trials} == {"radio"}
+
+
 def test_noise_is_read_from_text() -> None:
     assert (noise("hum:5.5", {}).kind, noise("hum:5.5", {}).ratio) == ("hum", 5.5)
     with pytest.raises(InputError, match=r"noise 'hmu:5'.*did you mean 'hum'"):

@@ -51,6 +51,8 @@ def evaluate(
 ) -> Results:
     """Return what an estimator says of a course as it was recorded, then once more in each of the noises.
 
+    Sessions that were recorded with something sounding in the room get no noise on top.
+
     Parameters
     ----------
     course
@@ -73,9 +75,10 @@ def evaluate(
     --------
     ``examples/evaluate_an_estimator.py`` scores an estimator.
     """
-    heard = [
-        replay(course, estimator, name=name, disturbance=noise, progress=progress)
-        for noise in (None, *noises)
+    quiet = course.in_quiet
+    heard = [replay(course, estimator, name=name, progress=progress)]
+    heard += [
+        replay(quiet, estimator, name=name, disturbance=noise, progress=progress) for noise in noises if quiet
     ]
     return replace(join(heard), notes=tuple(notes))
 

@@ -1,7 +1,7 @@
 """Test sessions played again, window by window, through an estimator, as live inference would hear them."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Any, TypeAlias
 
@@ -45,6 +45,18 @@ class Course:
         """What an estimator is prepared for."""
         told = self.dataset.manifest
         return Signal(sample_rate=told.sample_rate, channels=told.channels, string=self.string)
+
+    @property
+    def in_quiet(self) -> "Course | None":
+        """The part of it in which nothing was sounding in the room; None where there is none."""
+        parts = self.dataset.manifest.parts
+        quiet = np.array([not self.heard_in(part.name) for part in parts])
+        rows = self.rows[quiet[self.dataset.session[self.rows]]]
+        return replace(self, rows=rows) if len(rows) else None
+
+    def heard_in(self, session: str) -> str:
+        """Return what was sounding in the room in a session, empty for nothing."""
+        return next((noise for pattern, noise in self.room.items() if fnmatchcase(session, pattern)), "")
 
 
 def replay(
@@ -165,11 +177,10 @@ def _windows(dataset: Dataset, session: int, audio: Audio, last: int) -> Iterato
 
 def _trial(course: Course, session: int, disturbance: Disturbance | None) -> Trial:
     part = course.dataset.manifest.parts[session]
-    room = _first(noise for pattern, noise in course.room.items() if fnmatchcase(part.name, pattern))
     return Trial(
         session=part.name,
         object=part.body,
-        noise=room if disturbance is None else disturbance.kind,
+        noise=course.heard_in(part.name) if disturbance is None else disturbance.kind,
         ratio=None if disturbance is None else disturbance.ratio,
         radius=part.radius,
         day=part.day,
@@ -177,7 +188,3 @@ def _trial(course: Course, session: int, disturbance: Disturbance | None) -> Tri
         simulated=part.simulated,
         checksum=part.checksum,
     )
-
-
-def _first(names: Iterable[str]) -> str:
-    return next(iter(names), "")
