@@ -1,8 +1,8 @@
 """Weights that others trained: one TOML file each says what they are; none of them is part of Monochord.
 
-They are looked for in what is named, then in what the variable of their name says (MONOCHORD_AST), then in
-``shared/weights`` beside the checkout, then where `monochord weights get` puts them: below the folder that
-MONOCHORD_WEIGHTS names, else the user's data folder.
+They are looked for in what is named, then in what the variable of their name says (MONOCHORD_AST), then where
+`monochord weights get` puts them: below the folder that MONOCHORD_WEIGHTS names, else in ``shared/weights``
+beside the checkout, else the user's data folder.
 """
 
 import os
@@ -102,13 +102,17 @@ def find_weights(known: KnownWeights, given: str = "") -> Path:
         If they are not there, with the way to get them.
     """
     named = given or os.environ.get(known.variable, "")
-    beside = Path(__file__).resolve().parents[5] / "shared" / "weights" / known.file
-    path = Path(named) if named else beside if beside.is_file() else known.usual_path
+    path = Path(named) if named else _beside(known) or known.usual_path
     path = path / known.file if path.is_dir() else path
     if not path.is_file():
         remedy = f"fetch them with 'monochord weights get {known.name}', or name the file in {known.variable}"
         raise InputError(f"weights {path} (not there)", known.file, remedy)
     return path
+
+
+def _beside(known: KnownWeights) -> Path | None:
+    path = Path(__file__).resolve().parents[5] / "shared" / "weights" / known.file
+    return path if path.is_file() and not os.environ.get("MONOCHORD_WEIGHTS") else None
 
 
 def checked_sum(known: KnownWeights, path: Path) -> str:
