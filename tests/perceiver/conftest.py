@@ -9,6 +9,7 @@ from monochord.features import FEATURES
 from monochord.heads import HEADS
 from monochord.perceiver import Definition, Perceiver
 from monochord.perceiver.definition import FeatureRecord, HeadRecord, Reference
+from monochord.perceiver.probe import probed
 from monochord.types import Signal, Window
 
 Sound = Callable[..., Window]
@@ -43,10 +44,17 @@ def drawn(made_up_features: None) -> Perceiver:
         name: rng.normal(size=shape, scale=shape[-1] ** -0.5).astype(np.float32)
         for name, shape in definition.shapes().items()
     }
-    weights["contact.0.weight"] *= 8.0  # some windows are untouched, some are not
-    weights["scaler.scale"], weights["context.scale"] = (
-        np.full_like(weights[name], 5.0) for name in ("scaler.scale", "context.scale")
-    )
+    for part in ("scaler", "context"):
+        weights[f"{part}.mean"][:], weights[f"{part}.scale"][:] = 0.0, 5.0
+    for part, count in (("scaler", 24), ("context", 4)):
+        extractor = FEATURES.build("bands", {"count": count}).prepare(SIGNAL, SIZE)
+        weights[f"{part}.probe"] = probed(extractor, 2, SIZE)
+    # So that some windows are untouched and some are not.
+    extractor = FEATURES.build("bands", {"count": 24}).prepare(SIGNAL, SIZE)
+    rows = extractor(np.stack([made(k).samples for k in range(20)])) / 5.0
+    logits = rows @ weights["contact.0.weight"][0]
+    weights["contact.0.weight"] *= np.float32(3.0 / logits.std())
+    weights["contact.0.bias"][0] = -3.0 * np.median(logits) / logits.std()
     return Perceiver(definition=definition, weights=weights)
 
 

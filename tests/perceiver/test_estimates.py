@@ -56,6 +56,13 @@ def test_too_much_doubt_is_an_abstention(drawn: Perceiver) -> None:
     assert told["contact"].valid
 
 
+def test_so_many_windows_make_only_so_sure(drawn: Perceiver) -> None:
+    record = drawn.definition.heads["slip"]
+    known = dataclasses.replace(record, calibration=Calibration(windows=98))
+    assert probability(Answer(value=1e3), known) == pytest.approx(0.99)
+    assert probability(Answer(value=-1e3), known) == pytest.approx(0.01)
+
+
 @pytest.mark.parametrize("logit", [-1e9, 1e9])
 def test_an_extreme_logit_is_a_probability(drawn: Perceiver, logit: float) -> None:
     chance = probability(Answer(value=logit), drawn.definition.heads["slip"])

@@ -58,7 +58,11 @@ def test_a_gap_or_silence_is_an_abstention_and_forgets_nothing(
         memory, _ = prepared.perceive(memory, sound(k))
     silent = dataclasses.replace(sound(5), samples=np.zeros((2, 800), np.float32))
     broken = dataclasses.replace(sound(5), samples=np.full((2, 800), np.nan, np.float32))
+    told = dataclasses.replace(drawn.definition, quietest=1e-3)
+    prepared = dataclasses.replace(prepared, definition=told)
+    faint = dataclasses.replace(sound(5), samples=5e-3 * sound(5).samples)
     for window, why in (
+        (faint, "silence"),
         (sound(5, has_gap=True), "gap"),
         (silent, "silence"),
         (broken, "samples that are not numbers"),

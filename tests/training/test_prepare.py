@@ -14,6 +14,7 @@ from monochord.training.prepare import (
     examples_of,
     material,
     noises_of,
+    quietest,
     read_split,
     scaled_heads,
     scaling,
@@ -76,6 +77,12 @@ def test_the_reference_in_noise_is_noisy(lesson: dict[str, Any]) -> None:
     seen = examples_of(source, part, "train", noises_of(settings, 16000))
     known = seen.context[0, :, -1] > 0.0
     assert (seen.context[1, known, :-1] != seen.context[0, known, :-1]).mean() > 0.7
+
+
+def test_what_is_far_below_all_that_was_trained_on_is_silence(lesson: dict[str, Any]) -> None:
+    _, source, part = made(lesson)
+    levels = np.sqrt(np.mean(source.dataset.batch(part).astype(float) ** 2, axis=(1, 2)))
+    assert quietest(source.dataset, part) == pytest.approx(0.5 * levels.min(), rel=0.02)
 
 
 def test_a_stream_is_all_that_can_be_heard_of_a_part(lesson: dict[str, Any]) -> None:

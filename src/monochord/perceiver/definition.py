@@ -82,7 +82,8 @@ class Definition:
     """All of a perceiver that is no array.
 
     `window` and `hop` are those of the training data, in frames. `clip` bounds the scaled columns, so that a
-    strange window is no stranger than that. `string` is the string as the sensor's design states it.
+    strange window is no stranger than that; one whose root mean square is below `quietest` is silence: the
+    drivers do not drive the string. `string` is the string as the sensor's design states it.
     `sessions` are the checksums of the sessions that it was trained and calibrated on, by name; `dataset` is
     that of their dataset. `weights` is the sha256 of the file of weights.
     """
@@ -97,6 +98,7 @@ class Definition:
     reference: Reference | None = None
     heads: dict[str, HeadRecord]
     clip: float = 8.0
+    quietest: float = 0.0
     string: StringParams | None = None
     simulated: bool = False
     dataset: str = ""
@@ -128,13 +130,21 @@ class Definition:
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the names and shapes of all weights.
 
-        Scaling comes first, then each head's layers in the order in which they are applied, each with a
-        matrix (outputs, inputs) and a bias (outputs,).
+        Scaling comes first, with what the features answer to made-up windows, then each head's layers in the
+        order in which they are applied, each with a matrix (outputs, inputs) and a bias (outputs,).
         """
         base, context = self.widths
-        found: dict[str, tuple[int, ...]] = {"scaler.mean": (base,), "scaler.scale": (base,)}
+        found: dict[str, tuple[int, ...]] = {
+            "scaler.mean": (base,),
+            "scaler.scale": (base,),
+            "scaler.probe": (3, base),
+        }
         if context:
-            found |= {"context.mean": (context,), "context.scale": (context,)}
+            found |= {
+                "context.mean": (context,),
+                "context.scale": (context,),
+                "context.probe": (3, context - 1),
+            }
         for name, record in self.heads.items():
             units = (self.inputs(name), *record.task.hidden, record.task.outputs)
             for number, (inputs, outputs) in enumerate(pairwise(units)):

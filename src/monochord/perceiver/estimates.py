@@ -19,12 +19,16 @@ SPREADS: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 def probability(answer: Answer, record: HeadRecord) -> float:
     """Return the calibrated probability of a yes.
 
+    After n windows of calibration it is never nearer to 0 or 1 than 1 / (n + 2), the rule of succession: so
+    many windows without an error say no more.
+
     >>> from monochord.heads.base import Task
     >>> round(probability(Answer(value=0.0), HeadRecord(task=Task(label="slip", loss="logistic"))), 3)
     0.5
     """
     logit = answer.value / record.calibration.factor
-    return 1.0 / (1.0 + math.exp(-min(max(logit, -MOST_LOGIT), MOST_LOGIT)))
+    most = math.log(record.calibration.windows + 1.0) if record.calibration.windows else MOST_LOGIT
+    return 1.0 / (1.0 + math.exp(-min(max(logit, -most), most)))
 
 
 def amount(answer: Answer, record: HeadRecord) -> tuple[float, float]:

@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from monochord.closed_form.usable import why_unusable
 from monochord.errors import InputError
 from monochord.features import FEATURES
@@ -12,6 +14,7 @@ from monochord.perceiver.context import Memory, context_row, step
 from monochord.perceiver.definition import Definition, FeatureRecord
 from monochord.perceiver.estimates import abstentions, estimates, probability
 from monochord.perceiver.network import Answer, Network
+from monochord.perceiver.probe import probed, refuse_another
 from monochord.types import Audio, Estimates, Signal, StringParams, Window
 from monochord.units import Samples
 
@@ -48,10 +51,19 @@ class Perceiver:
         own = dataclasses.replace(signal, string=told.string)
         return Prepared(
             definition=told,
-            feature=extractor(told.feature, own, told.window),
-            reference=extractor(told.reference.feature, own, told.window) if told.reference else None,
+            feature=self._extractor(told.feature, own, "scaler"),
+            reference=self._extractor(told.reference.feature, own, "context") if told.reference else None,
             network=Network.of(told, self.weights),
         )
+
+    def _extractor(self, record: FeatureRecord, own: Signal, part: str) -> Extractor:
+        """Return a feature made ready, having made sure that it is what it was in training."""
+        told = self.definition
+        found = extractor(record, own, told.window)
+        kept = self.weights[f"{part}.probe"]
+        scale = self.weights[f"{part}.scale"][: kept.shape[1]]
+        refuse_another(record.name, probed(found, told.channels, told.window), kept, scale)
+        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +81,7 @@ class Prepared:
         A window is read against the reference of the windows before it. One that cannot be used leaves the
         memory as it is and has no answers.
         """
-        if window.has_gap or why_unusable(window) in UNUSABLE:
+        if self.why_not(window):
             return memory, {}
         told, network = self.definition, self.network
         samples = window.samples[None]
@@ -98,12 +110,21 @@ class Prepared:
             raise InputError(given, f"{self.definition.window} frames", remedy)
         memory, found = self.answers(memory, window)
         if not found:
-            return memory, abstentions(self.definition, why_unusable(window) or "gap")
+            return memory, abstentions(self.definition, self.why_not(window))
         return memory, estimates(self.definition, found)
 
+    def why_not(self, window: Window) -> str:
+        """Return why a window cannot be used, or an empty string."""
+        why = why_unusable(window)
+        if why in UNUSABLE:
+            return why
+        samples = window.samples
+        power = float(np.vdot(samples, samples)) / samples.size
+        return "silence" if power < self.definition.quietest**2 else ""
 
-UNUSABLE = ("silence", "samples that are not numbers")
-"""What a perceiver cannot use beside gaps; it was trained on clipped windows as on others."""
+
+UNUSABLE = ("gap", "silence", "samples that are not numbers")
+"""What a perceiver cannot use; it was trained on clipped windows as on others."""
 
 
 class Listening:

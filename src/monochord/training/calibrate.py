@@ -10,7 +10,7 @@ from monochord.metrics import brier_score, calibration_error, coverage, normal_c
 from monochord.perceiver.definition import Calibration
 from monochord.types import Floats
 
-FACTORS = np.exp(np.linspace(math.log(0.2), math.log(20.0), 401))
+FACTORS = np.exp(np.linspace(math.log(0.5), math.log(20.0), 401))
 """Temperatures that are tried; bounded, since chances that are told without error have none that is best."""
 SIGMAS = (1.0, 1.645, 1.96)
 

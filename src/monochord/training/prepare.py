@@ -14,6 +14,7 @@ from monochord.errors import InputError
 from monochord.features import FEATURES
 from monochord.heads.base import Task
 from monochord.perceiver.definition import Definition, FeatureRecord, HeadRecord
+from monochord.perceiver.probe import probed
 from monochord.physics.sensors import load_sensor
 from monochord.training.examples import Examples, assembled, believed, chosen, folded
 from monochord.training.rows import Noise, Rows, Told
@@ -156,6 +157,23 @@ def _mean_and_scale(rows: Audio) -> tuple[Audio, Audio]:
     mean = rows.mean(axis=0, dtype=np.float64)
     deviation = rows.std(axis=0, dtype=np.float64)
     return mean.astype(np.float32), np.where(deviation > FLAT, deviation, 1.0).astype(np.float32)
+
+
+def probes(source: Material) -> dict[str, Audio]:
+    """Return what the features answer to made-up windows, as the arrays of a perceiver."""
+    told = source.definition
+    found = {"scaler.probe": probed(source.feature.extractor, told.channels, told.window)}
+    if source.reference is not None:
+        found["context.probe"] = probed(source.reference.extractor, told.channels, told.window)
+    return found
+
+
+def quietest(dataset: Dataset, rows: Indices) -> float:
+    """Return half the root mean square that all but a thousandth of the windows (n,) reach."""
+    levels = [
+        float(np.sqrt(np.mean(np.square(dataset.window(row), dtype=np.float64)))) for row in rows.tolist()
+    ]
+    return 0.5 * float(np.quantile(levels, 0.001))
 
 
 def noises_of(settings: Settings, sample_rate: int) -> tuple[Noise, ...]:

@@ -23,6 +23,8 @@ from monochord.training.prepare import (
     examples_of,
     material,
     noises_of,
+    probes,
+    quietest,
     read_split,
     scaled_heads,
     scaling,
@@ -79,6 +81,7 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
     seen = examples_of(source, split.train, "train", noises, told)
     judged = examples_of(source, split.validation, "validation", told=told)
     definition, scaler = scaled_heads(source.definition, seen), scaling(seen)
+    definition = dataclasses.replace(definition, quietest=quietest(dataset, seen.rows))
     plan = Plan(
         definition=definition, optimiser=settings.optimiser, drop=settings.context.drop, seed=settings.seed
     )
@@ -88,7 +91,7 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
         told("epochs", state.epoch, settings.optimiser.epochs)
 
     state = fit(plan, scaler, seen, judged, out / CHECKPOINT, shown)
-    learned = Perceiver(definition=definition, weights={**scaler, **state.best})
+    learned = Perceiver(definition=definition, weights={**scaler, **probes(source), **state.best})
     stream = stream_of(dataset, split.validation)
     perceiver, scores = calibrated(learned, source, stream, told)
     perceiver = save(perceiver, out / INSIDE_A_RUN)
