@@ -25,7 +25,7 @@ class Extractor(ABC):
 
 
 class Feature(ABC):
-    """Options of a feature, as a frozen keyword-only dataclass; they and its name define it, for caches too."""
+    """Options of a feature, a frozen keyword-only dataclass; they and its name define it, for caches too."""
 
     @abstractmethod
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
