@@ -37,6 +37,13 @@ def test_it_says_what_a_file_holds(file: Path) -> None:
     assert describe(file).startswith("Audio Spectrogram Transformer, depth 2, width 128, 101 patch columns, ")
 
 
+def test_half_precision_is_read(published: dict[str, Audio], small: AstWeights, tmp_path: Path) -> None:
+    save_file({name: t.astype(np.float16) for name, t in published.items()}, tmp_path / "model.safetensors")
+    read = read_weights(str(tmp_path))
+    assert read.tensors["cls"].dtype == np.float32
+    assert np.abs(read.tensors["cls"] - small.tensors["cls"]).max() < 1e-4
+
+
 def test_none_there_says_how_to_get_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MONOCHORD_AST", raising=False)
     monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path))
