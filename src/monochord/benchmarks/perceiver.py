@@ -1,0 +1,124 @@
+"""What a window costs a perceiver: feature, untouched reference and four heads."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from monochord.benchmarks._process import one_core
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.config import to_tree
+from monochord.errors import InputError
+from monochord.estimators import ESTIMATORS
+from monochord.features import FEATURES
+from monochord.heads import HEADS
+from monochord.perceiver import Definition, Perceiver, load
+from monochord.perceiver.definition import FeatureRecord, HeadRecord, Reference
+from monochord.perceiver.probe import probed
+from monochord.physics.sensors import load_sensor
+from monochord.sources import SOURCES
+from monochord.types import Prepared, Signal, Window
+from monochord.units import Seconds
+from monochord.windows import windows
+
+SETTLE = 20
+"""Windows before the clock starts."""
+HOP: Seconds = 0.02
+BASELINE = "closed form"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PerceiverBenchmark(Benchmark):
+    """Time from a window to contact, slip, position and force, on one core, beside the closed form's.
+
+    Both take their turn with every window of the twin's sound, touched and untouched. Without a `path` the
+    weights are drawn at random, which take as long as learned ones.
+
+    Parameters
+    ----------
+    path
+        Folder of a perceiver or of a training run.
+    feature, reference
+        Names of the features of the one that is drawn.
+    count
+        How many windows are timed.
+    """
+
+    path: str = ""
+    feature: str = "fft_harmonic"
+    reference: str = "untouched"
+    count: int = 1000
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise InputError(f"{self.count} windows", "1 or more")
+
+    def run(self) -> Iterator[Row]:
+        """Make both ready, time them window by window, and yield median, p99 and largest of each."""
+        told = load(self.path).definition if self.path else None
+        length = told.window / told.sample_rate if told else 0.1
+        with SOURCES.build("twin", {"speed": 0.0, "seed": 1}).open() as stream, one_core():
+            signal = stream.signal
+            size = round(length * signal.sample_rate)
+            ways: dict[str, Prepared] = {
+                BASELINE: ESTIMATORS.build("closed_form").prepare(signal, size),
+                "perceiver": self._perceiver(signal, size).open(signal).predict,
+            }
+            times: dict[str, list[Seconds]] = {name: [] for name in ways}
+            hop = round(HOP * signal.sample_rate)
+            heard = windows(stream, size=size, hop=hop, sample_rate=signal.sample_rate)
+            for window in islice(heard, SETTLE + self.count):
+                for name, estimate in ways.items():
+                    times[name].append(_duration(estimate, window))
+        baseline = np.array(times[BASELINE][SETTLE:])
+        taken = np.array(times["perceiver"][SETTLE:])
+        for what, share in (("median", 0.5), ("p99", 0.99), ("largest", 1.0)):
+            yield Row(
+                name=f"perceiver, {what}",
+                value=float(np.quantile(taken, share)),
+                unit="s",
+                baseline=f"{BASELINE}, {what}",
+                baseline_value=float(np.quantile(baseline, share)),
+            )
+
+    def _perceiver(self, signal: Signal, size: int) -> Perceiver:
+        return load(self.path) if self.path else drawn(self.feature, self.reference, signal, size)
+
+
+def drawn(feature: str, reference: str, signal: Signal, size: int) -> Perceiver:
+    """Return a perceiver of the usual heads whose weights are random; its answers mean nothing."""
+    own = Signal(sample_rate=signal.sample_rate, channels=2, string=load_sensor("prototype").string)
+    made = {name: FEATURES.build(name) for name in (feature, reference)}
+    ready = {name: each.prepare(own, size) for name, each in made.items()}
+    records = {
+        name: FeatureRecord(name=name, options=to_tree(made[name]), columns=ready[name].columns)
+        for name in made
+    }
+    definition = Definition(
+        title="weights drawn at random",
+        sample_rate=own.sample_rate,
+        channels=2,
+        window=size,
+        hop=size,
+        feature=records[feature],
+        reference=Reference(feature=records[reference]),
+        heads={name: HeadRecord(task=HEADS.build(name).task()) for name in HEADS.names()},
+        string=own.string,
+        simulated=True,
+    )
+    rng = np.random.default_rng(0)
+    weights = {
+        name: 0.1 * rng.standard_normal(shape, np.float32) for name, shape in definition.shapes().items()
+    }
+    for part, name in (("scaler", feature), ("context", reference)):
+        weights[f"{part}.scale"][:] = 1.0
+        weights[f"{part}.probe"] = probed(ready[name], 2, size)
+    return Perceiver(definition=definition, weights=weights)
+
+
+def _duration(estimate: Prepared, window: Window) -> Seconds:
+    start = time.perf_counter()
+    estimate(window)
+    return time.perf_counter() - start
