@@ -46,17 +46,22 @@ def own_name() -> Generator[str]:
 
 @dataclass
 class JackServer:
-    """A jackd of ours: dummy driver, synchronous, so that it loses no frame of its own."""
+    """A jackd of ours: dummy driver, synchronous, so that it loses no frame of its own.
+
+    It runs in real time where that is allowed, and keeps its time then on a busy machine too.
+    """
 
     name: str
     period: int = 512
     rate: int = RATE
+    real_time: bool = True
     process: "subprocess.Popen[bytes] | None" = None
 
     def start(self) -> None:
         from monochord.realtime.client import JackClient
 
-        options = ["-n", self.name, "-S", "-r", "-d", "dummy", "-r", str(self.rate), "-p", str(self.period)]
+        pace = ["-S", "-R" if self.real_time else "-r"]
+        options = ["-n", self.name, *pace, "-d", "dummy", "-r", str(self.rate), "-p", str(self.period)]
         quiet = subprocess.DEVNULL
         self.process = subprocess.Popen(["jackd", *options], stdin=quiet, stdout=quiet, stderr=quiet)
         deadline = time.monotonic() + 20.0

@@ -31,7 +31,7 @@ def test_a_plan_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     file = tmp_path / "mine.toml"
     file.write_text('[[groups]]\nname = "one"\ngrid = [1, 1]\nhold = 0.2\n', encoding="utf-8")
     assert cli.run(["collect", str(file), "--out", str(tmp_path), "--seed", "3"]) == 0
-    assert "mine, simulated: 1 sessions" in capsys.readouterr().out
+    assert "mine, simulated: 1 session (" in capsys.readouterr().out
     assert read_session(tmp_path / "one_000.mcap").description.seed == 3
 
 

@@ -248,3 +248,13 @@ def test_a_stream_whose_rate_is_not_known_is_told_so(tmp_path: Path, capsys: Cap
     said = capsys.readouterr().out
     assert "1 channel at 44100 Hz" in said
     assert "x y z qx qy qz qw at no rate told; 0 missing" in said
+
+
+def test_damage_that_no_repair_helps_is_told(tmp_path: Path, capsys: Capture) -> None:
+    path = write(tmp_path / "a.mcap")
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    assert run(["sessions", "recover", str(path)]) == 0
+    assert "are damaged, which nothing brings back" in capsys.readouterr().out
+    assert path.read_bytes() == content

@@ -16,6 +16,8 @@ def test_without_a_server_there_is_one_line_and_no_other(capfd: pytest.CaptureFi
 
 
 def test_it_tells_what_the_server_is(jack_server: Any) -> None:
+    jack_server.real_time = False
+    jack_server.restart()
     client = JackClient("test", jack_server.name)
     assert client.name == "test"
     assert (client.sample_rate, client.period, client.realtime) == (44100, 512, False)

@@ -90,7 +90,9 @@ def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
 
     def told(file: Path) -> tuple[bool, dict[str, Any], str]:
         done = repair(file)
-        if not done.repaired:
+        if not done.repaired and done.lost_bytes:
+            line = f"{file}: has its ending; {done.lost_bytes} bytes are damaged, which nothing brings back"
+        elif not done.repaired:
             line = f"{file}: whole, nothing to do ({done.seconds:.1f} s)"
         else:
             lost = f"{done.lost_bytes} bytes of unfinished or damaged records lost"
