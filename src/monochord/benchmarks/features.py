@@ -1,0 +1,99 @@
+"""What a window costs a feature that is worked out by physics, alone and in a batch."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from monochord.benchmarks._process import one_core
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.errors import InputError
+from monochord.features import FEATURES
+from monochord.physics.sensors import load_sensor
+from monochord.sources import SOURCES
+from monochord.types import Audio, Floats, Signal
+from monochord.units import Seconds
+from monochord.windows import windows
+
+SETTLE = 20
+"""Windows before the clock starts."""
+HOP: Seconds = 0.01
+"""What a stream of windows is taken to be apart, for real time."""
+BASELINE = "plain transform"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeaturesBenchmark(Benchmark):
+    """Time from a window of two microphones to a feature's row, on one core, and rows a second in a batch.
+
+    The sound is the twin's, touched and untouched. Every feature takes its turn with every window. The
+    baseline is the plain Fourier transform of the same window, which all of them begin with, and for batches
+    real time: a window every 10 ms.
+
+    Parameters
+    ----------
+    names
+        Which features.
+    count
+        How many windows are timed.
+    window
+        Their length in s.
+    """
+
+    names: tuple[str, ...] = ("fft_harmonic", "closed_form", "untouched")
+    count: int = 1000
+    window: Seconds = 0.1
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise InputError(f"{self.count} windows", "1 or more")
+        if not 0.02 <= self.window <= 1.0:
+            raise InputError(f"window {self.window:g} s", "0.02 to 1 s")
+
+    def run(self) -> Iterator[Row]:
+        """Make every feature ready, time them, and yield the rows of each."""
+        sounds, rate = self._sounds()
+        own = Signal(sample_rate=rate, channels=2, string=load_sensor("prototype").string)
+        made: dict[str, Callable[[Audio], Audio]] = {
+            name: FEATURES.build(name).prepare(own, sounds.shape[2]) for name in self.names
+        }
+        with one_core():
+            alone: dict[str, list[Seconds]] = {name: [] for name in (BASELINE, *made)}
+            for k in range(len(sounds)):
+                alone[BASELINE].append(_duration(np.fft.rfft, sounds[k]))
+                for name, extract in made.items():
+                    alone[name].append(_duration(extract, sounds[k : k + 1]))
+            batch = {name: _duration(extract, sounds[SETTLE:]) for name, extract in made.items()}
+        base = float(np.median(alone[BASELINE][SETTLE:]))
+        for name in made:
+            taken: Floats = np.array(alone[name][SETTLE:])
+            for what, share in (("p50", 0.50), ("p95", 0.95), ("p99", 0.99)):
+                yield Row(
+                    name=f"{name}, {what}",
+                    value=float(np.quantile(taken, share)),
+                    unit="s",
+                    baseline=f"{BASELINE}, p50",
+                    baseline_value=base,
+                )
+            yield Row(
+                name=f"{name}, rows in a batch",
+                value=self.count / batch[name],
+                unit="1/s",
+                baseline="real time, a window every 10 ms",
+                baseline_value=1.0 / HOP,
+            )
+
+    def _sounds(self) -> tuple[Audio, int]:
+        with SOURCES.build("twin", {"speed": 0.0, "seed": 1}).open() as stream:
+            rate = stream.signal.sample_rate
+            size, hop = round(self.window * rate), round(2.0 * HOP * rate)
+            heard = windows(stream, size=size, hop=hop, sample_rate=rate)
+            return np.stack([window.samples for window in islice(heard, SETTLE + self.count)]), rate
+
+
+def _duration(work: Callable[[Audio], object], sound: Audio) -> Seconds:
+    start = time.perf_counter()
+    work(sound)
+    return time.perf_counter() - start

@@ -1,0 +1,33 @@
+"""The benchmark of features by physics."""
+
+import pytest
+
+from monochord.benchmarks import BENCHMARKS
+from monochord.errors import InputError
+
+
+def test_every_feature_stands_beside_the_plain_transform_and_real_time() -> None:
+    names = ["fft_harmonic", "closed_form"]
+    rows = {row.name: row for row in BENCHMARKS.build("features", {"names": names, "count": 60}).run()}
+    assert len(rows) == 2 * 4
+    for name in names:
+        p50, p95, p99 = (rows[f"{name}, {share}"] for share in ("p50", "p95", "p99"))
+        assert 0.0 < p50.value <= p95.value <= p99.value
+        assert p50.ratio is not None
+        assert 1.0 < p50.ratio < 40.0
+        pace = rows[f"{name}, rows in a batch"].ratio
+        assert pace is not None
+        assert pace > 2.0
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"count": 0}, "0 windows: allowed is 1 or more"),
+        ({"window": 0.001}, "window 0.001 s: allowed is 0.02 to 1 s"),
+        ({"names": ["fft_harmonics"], "count": 1}, "did you mean 'fft_harmonic'"),
+    ],
+)
+def test_what_cannot_be_is_refused(options: dict[str, object], match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        list(BENCHMARKS.build("features", options).run())
