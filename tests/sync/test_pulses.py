@@ -34,6 +34,13 @@ def test_pulses_are_found_to_a_sampling_interval(rate: float, peak: float) -> No
     assert taps.spacing == pytest.approx(1.0 / rate)
 
 
+def test_a_sensor_that_repeated_itself_for_long_before_has_its_noise_told() -> None:
+    time = readings(1000.0, 9.0)
+    noise = 0.011 * np.random.default_rng(1).standard_normal(time.size)
+    force = pulses(time, 5.5, 5.8, 6.2) + np.where(time < 4.5, 0.004, noise)
+    assert len(taps_of_force(time, force)) == 3
+
+
 def test_a_bias_and_its_drift_do_not_matter() -> None:
     time = readings(1000.0, 40.0)
     force = pulses(time, 3.0, 3.5, 36.0) - 12.0 + 0.002 * time

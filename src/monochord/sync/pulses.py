@@ -194,7 +194,10 @@ def _refuse_unordered(time: Floats, values: Floats) -> Seconds:
 
 
 def _level(force: Floats, size: int) -> tuple[Floats, float]:
-    """Return the level of no touch (n,) and the standard deviation of the noise about it."""
+    """Return the level of no touch (n,) and the standard deviation of the noise about it.
+
+    A sensor that repeats a reading, as before it begins, tells nothing of its noise then.
+    """
     blocks = force[: force.size // size * size].reshape(-1, size)
     middle = np.median(blocks, axis=1)
     spread = 1.4826 * np.median(np.abs(blocks - middle[:, None]), axis=1)
@@ -203,7 +206,8 @@ def _level(force: Floats, size: int) -> tuple[Floats, float]:
     parts = np.array_split(np.arange(len(middle)), far)
     quiet = np.array([np.quantile(middle[part], 0.2) for part in parts])
     centre = np.array([size * (part.mean() + 0.5) for part in parts])
-    return np.interp(np.arange(force.size), centre, quiet), float(np.quantile(spread, 0.3))
+    noise = np.quantile(spread[spread > 0.0], 0.3) if spread.any() else 0.0
+    return np.interp(np.arange(force.size), centre, quiet), float(noise)
 
 
 def _runs(time: Floats, on: np.ndarray, gap: Seconds) -> list[tuple[int, int]]:
