@@ -126,6 +126,8 @@ def test_a_run_is_tested_on_what_it_has_not_heard(
     assert card["estimator"] == "perceiver"
     (told,) = [row for row in card["table"] if row["state"] == "touched"]
     assert told["position"]["r"]["value"] > 0.9
+    assert run(["evaluate", str(folder), "--part", "validation"]) == 0
+    assert "and no test" in capsys.readouterr().out
     heard, unheard = (
         open_dataset(learnable).manifest.parts[open_dataset(learnable).session[part[0]]].name
         for part in (split.train, split.test)

@@ -84,7 +84,7 @@ def evaluate(run: Path | None, **options: Any) -> None:
         told = _Told.of(run)
         course, split, floors, notes = _course(stack, told, options)
         estimator, name = _estimator(run, options)
-        if told.definition is not None:
+        if told.definition is not None and not (split and options["part"] != PARTS[0]):
             trained = Trained(sessions=told.definition.sessions, dataset=told.definition.dataset)
             notes += refuse_trained_on(course, trained, split)
         rate = course.dataset.manifest.sample_rate
