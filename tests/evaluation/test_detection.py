@@ -91,4 +91,21 @@ def test_sliding_is_told_by_speed_beside_all_rest(oracle: Oracle) -> None:
     assert np.nanmax(speed(results)) == 0.01
     bands = by_speed(results)
     assert list(bands) == ["0.01 to 0.02"]
-    assert bands["0.01 to 0.02"].windows == 6 * 140
+    (told,) = bands.values()
+    assert (told.windows, told.found.value, told.area.value) == (6 * 70, 1.0, 1.0)
+    assert by_speed(replace(results, value={})) == {}
+
+
+def test_a_speed_that_is_missed_is_told_apart(oracle: Oracle) -> None:
+    results = oracle()
+    slow = (np.arange(len(results)) // 20 % 4 == 1) & (results.label("slip") == 1.0)
+    across = np.where(slow, 0.001, results.label("slip_across"))
+    truth = {**results.truth, "slip_across": across}
+    missed = replace(results, truth=truth, value={"slip": np.where(slow, 0.1, results.estimate("slip"))})
+    bands = by_speed(missed, draws=0)
+    assert [band.found.value for band in bands.values()] == [0.0, 1.0]
+    silent = by_speed(
+        replace(missed, value={"slip": np.where(slow, np.nan, results.estimate("slip"))}), draws=0
+    )
+    assert [band.found.value for band in silent.values()] == [0.0, 1.0]
+    assert [band.area.value for band in silent.values()] == [None, 1.0]

@@ -63,6 +63,18 @@ class Detection:
     false_alarms: float | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Band:
+    """How well one band of speeds is told: of its sliding `windows` the share `found`, abstentions not.
+
+    `area` is under the curve of these against all windows at rest, as far as they were answered.
+    """
+
+    windows: int
+    found: Score = NONE
+    area: Score = NONE
+
+
 def judged(results: Results, name: str) -> Rows:
     """Return the rows (n,) whose answer is known: recorded whole, with a label of 0 or 1."""
     return results.usable & np.isfinite(results.label(name))
@@ -119,7 +131,7 @@ def detection(results: Results, name: str, rows: Rows | None = None, *, draws: i
     )
 
 
-def by_speed(results: Results, *, draws: int = DRAWS) -> dict[str, Detection]:
+def by_speed(results: Results, *, draws: int = DRAWS) -> dict[str, Band]:
     """Return how well sliding is told from rest, by bands of its speed in m/s; empty bands are left out.
 
     Each band's sliding windows stand beside all windows at rest.
@@ -128,13 +140,24 @@ def by_speed(results: Results, *, draws: int = DRAWS) -> dict[str, Detection]:
     --------
     ``monochord evaluate`` prints what this tells.
     """
-    fast, slip = speed(results), results.label("slip")
-    told: dict[str, Detection] = {}
+    part = results.where(judged(results, "slip"))
+    if "slip" not in results.value or not len(part):
+        return {}
+    fast, slides, told = speed(part), part.label("slip") == 1.0, part.estimate("slip")
+    found: dict[str, Band] = {}
     for low, high in SPEEDS:
-        within = (slip == 1.0) & (fast >= low) & (fast < high)
-        if within.any():
-            told[f"{low:g} to {high:g}"] = detection(results, "slip", within | (slip == 0.0), draws=draws)
-    return told
+        within = slides & (fast >= low) & (fast < high)
+        if not within.any():
+            continue
+        beside = (within | ~slides) & np.isfinite(told)
+        band, both = part.where(within), part.where(beside)
+        right = band.estimate("slip") > HALF
+        found[f"{low:g} to {high:g}"] = Band(
+            windows=len(band),
+            found=score_of(lambda at, right=right: float(right[at].mean()), blocks_of(band)[0], draws),
+            area=area(slides[beside], told[beside], blocks_of(both)[0], draws),
+        )
+    return found
 
 
 def speed(results: Results) -> Floats:

@@ -128,14 +128,21 @@ def _detections(card: Scorecard) -> Iterator[str]:
         told = any(each.answered is not None for several in held.values() for each in several.values())
         yield _table(["object", "condition", *head], rows, words=2) if told else "<p>Not estimated.</p>"
     rows = [
-        [_speeds(band), condition, *_detection(told)]
+        [
+            _speeds(band),
+            condition,
+            str(told.windows),
+            _score(told.found, 100.0, ".1f", " %"),
+            _score(told.area, 1.0, ".4f"),
+        ]
         for condition, bands in card.slip_by_speed.items()
         for band, told in bands.items()
-        if told.answered is not None
     ]
     if rows:
-        yield "<h3>Slip by speed, beside all windows at rest</h3>"
-        yield _table(["speed (mm/s)", "condition", *head], rows, words=2)
+        yield "<h3>Slip by speed</h3><p>Sliding windows of each speed, beside all windows at rest.</p>"
+        yield _table(
+            ["speed (mm/s)", "condition", "windows", "told as sliding", "area under curve"], rows, words=2
+        )
 
 
 def _detection(told: Detection) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.config import Tree, to_tree
-from monochord.evaluation.detection import Detection, by_speed, detection
+from monochord.evaluation.detection import Band, Detection, by_speed, detection
 from monochord.evaluation.limits import Bound, against_bound
 from monochord.evaluation.regression import DRAWS, Regression, Rows, regression, scored
 from monochord.evaluation.results import CLEAN, Results
@@ -70,7 +70,7 @@ class Scorecard:
     table: tuple[Row, ...]
     contact: Mapping[str, Mapping[str, Detection]]
     slip: Mapping[str, Mapping[str, Detection]]
-    slip_by_speed: Mapping[str, Mapping[str, Detection]]
+    slip_by_speed: Mapping[str, Mapping[str, Band]]
     by: Mapping[str, Mapping[str, Mapping[str, Regression]]]
     maps: tuple[ErrorMap, ...]
     bounds: Mapping[str, Mapping[str, Bound]]
