@@ -13,12 +13,19 @@ from monochord.cli import run
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split, split_dataset
 from monochord.datasets.store import open_dataset
+from monochord.estimators.perceiver import PerceiverEstimator
 from monochord.evaluation.results_file import read_results
 from monochord.lab.bench import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
+from monochord.live import Session as LiveSession
+from monochord.live import run as live
+from monochord.live.settings import WindowSettings
+from monochord.sinks.base import Listener, Moment
+from monochord.sources.session import SessionSource
 from monochord.training.settings import Settings
 from monochord.training.train import train
+from monochord.types import Estimates
 
 PHYSICS = ("--set", "tension_law=geometric")
 
@@ -114,6 +121,31 @@ def learned(lesson: dict[str, Any], out: Path) -> Path:
     return out
 
 
+class Heard(Listener):
+    """Keeps what was estimated live."""
+
+    def __init__(self) -> None:
+        self.told: list[Estimates] = []
+
+    def write(self, moment: Moment) -> None:
+        self.told.append(moment.prediction.estimates)
+
+
+def assert_live_says_the_same(folder: Path, learnable: Path, out: Path) -> None:
+    """Assert that a session's results are those that the live loop gives of it, to the bit."""
+    assert run(["evaluate", str(folder), "--out", str(out)]) == 0
+    results, heard = read_results(out / "results.npz"), Heard()
+    name = results.trials[0].session
+    source = SessionSource(path=learnable.parent / f"{name}.mcap", block=700)
+    window = WindowSettings(length=results.window, hop=results.hop)
+    live(LiveSession(source=source, estimator=PerceiverEstimator(path=folder), sinks=(heard,), window=window))
+    part = results.where(results.trial == 0)
+    assert len(heard.told) == len(part)
+    for estimate in ("contact", "slip", "position", "force"):
+        np.testing.assert_array_equal(part.estimate(estimate), [told[estimate].value for told in heard.told])
+        np.testing.assert_array_equal(part.std[estimate], [told[estimate].std for told in heard.told])
+
+
 @pytest.mark.usefixtures("made_up_features")
 def test_a_run_is_tested_on_what_it_has_not_heard(
     lesson: dict[str, Any], learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -126,6 +158,7 @@ def test_a_run_is_tested_on_what_it_has_not_heard(
     assert card["estimator"] == "perceiver"
     (told,) = [row for row in card["table"] if row["state"] == "touched"]
     assert told["position"]["r"]["value"] > 0.9
+    assert_live_says_the_same(folder, learnable, tmp_path / "out")
     assert run(["evaluate", str(folder), "--part", "validation"]) == 0
     assert "and no test" in capsys.readouterr().out
     heard, unheard = (
