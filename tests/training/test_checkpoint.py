@@ -12,6 +12,7 @@ from monochord.training.checkpoint import Checkpoint
 def checkpoint(epoch: int = 3) -> Checkpoint:
     return Checkpoint(
         epoch=epoch,
+        data="ab12",
         weights={"contact.0.weight": np.arange(4, dtype=np.float32)[None]},
         moments={"0/step": np.array(7.0, np.float32)},
         best={"contact.0.weight": np.ones((1, 4), np.float32)},

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.errors import InputError
 from monochord.heads.base import Task
 from monochord.perceiver.definition import Definition, FeatureRecord, HeadRecord
 from monochord.training.checkpoint import Checkpoint
@@ -108,3 +109,11 @@ def test_a_run_that_is_done_stays_as_it_is(tmp_path: Path) -> None:
     before = (tmp_path / "a").read_bytes()
     fit(plan(), SCALER, train, validation, tmp_path / "a")
     assert (tmp_path / "a").read_bytes() == before
+
+
+def test_it_does_not_go_on_with_other_data(tmp_path: Path) -> None:
+    fit(plan(epochs=1), SCALER, examples(0), examples(1), tmp_path / "a")
+    other = {**SCALER, "scaler.mean": np.ones(5, np.float32)}
+    for data in ((SCALER, examples(2), examples(1)), (other, examples(0), examples(1))):
+        with pytest.raises(InputError, match="of other windows or another feature: allowed is one of these"):
+            fit(plan(epochs=2), *data, tmp_path / "a")

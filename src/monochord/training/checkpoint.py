@@ -19,13 +19,14 @@ Line = dict[str, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checkpoint:
-    """`epoch` epochs are done; `history` has a line for each.
+    """`epoch` epochs are done, on data that have the checksum `data`; `history` has a line for each.
 
     `weights` and the optimiser's `moments` are as they stand; `best` are each head's at its best, and `score`
     and `at` tell how good that is and after which epoch.
     """
 
     epoch: int
+    data: str
     weights: dict[str, Audio]
     moments: dict[str, Audio]
     best: dict[str, Audio]
@@ -43,7 +44,13 @@ class Checkpoint:
             for part, held in parts.items()
             for name, array in held.items()
         }
-        state = {"epoch": self.epoch, "score": self.score, "at": self.at, "history": self.history}
+        state = {
+            "epoch": self.epoch,
+            "data": self.data,
+            "score": self.score,
+            "at": self.at,
+            "history": self.history,
+        }
         part = file.with_name(f".{file.name}.part")
         with part.open("wb") as stream:
             stream.write(save(tensors, metadata={"state": json.dumps(state)}))

@@ -1,5 +1,6 @@
 """The training loop, readable top to bottom."""
 
+import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from monochord.errors import InputError
 from monochord.heads.base import Task
 from monochord.perceiver.definition import Definition
 from monochord.perceiver.network import scaled
@@ -54,6 +56,11 @@ def fit(
         For the checkpoint.
     told
         Is shown each.
+
+    Raises
+    ------
+    InputError
+        If `file` is damaged, or the checkpoint of a training on other data.
     """
     torch = torch_library()
     threads = torch.get_num_threads()
@@ -76,9 +83,13 @@ def _fit(
     seen, judged = (_Tensors(plan.definition, scaler, each) for each in (train, validation))
     weights = initial(plan.definition, plan.seed)
     optimiser = torch.optim.AdamW(list(weights.values()), lr=options.rate, weight_decay=options.decay)
+    data = _checksum(scaler, train, validation)
     state = Checkpoint.read(file) or Checkpoint(
-        epoch=0, weights=arrays(weights), moments={}, best=arrays(weights), score={}, at={}
+        epoch=0, data=data, weights=arrays(weights), moments={}, best=arrays(weights), score={}, at={}
     )
+    if state.data != data:
+        given = f"checkpoint {file} of other windows or another feature"
+        raise InputError(given, "one of these", "name another --out, or remove that run")
     _restore(weights, optimiser, state)
     while state.epoch < options.epochs and not _is_over(state, options):
         epoch = state.epoch
@@ -108,6 +119,18 @@ def _fit(
 
 def _tasks(definition: Definition) -> dict[str, Task]:
     return {name: record.task for name, record in definition.heads.items()}
+
+
+def _checksum(scaler: Mapping[str, Audio], train: Examples, validation: Examples) -> str:
+    """Return the sha256 of what tells one training from another: windows, labels, and how features scale."""
+    told = hashlib.sha256()
+    for examples in (train, validation):
+        told.update(np.ascontiguousarray(examples.rows, np.int64).tobytes())
+        for name in sorted(examples.labels):
+            told.update(np.ascontiguousarray(examples.labels[name], np.float64).tobytes())
+    for name in sorted(scaler):
+        told.update(np.ascontiguousarray(scaler[name]).tobytes())
+    return told.hexdigest()
 
 
 def _is_over(state: Checkpoint, options: OptimiserSettings) -> bool:
@@ -141,6 +164,7 @@ def _next(
     }
     return Checkpoint(
         epoch=epoch,
+        data=state.data,
         weights=now,
         moments=moments,
         best=best,

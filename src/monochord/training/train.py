@@ -108,6 +108,7 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
             "best_epochs": state.at,
             "windows": {"train": len(seen.rows), "validation": len(judged.rows)},
             "dataset": perceiver.definition.dataset,
+            "data": state.data,
             "versions": perceiver.definition.versions,
         },
     )
