@@ -131,10 +131,9 @@ class Heard(Listener):
         self.told.append(moment.prediction.estimates)
 
 
-def assert_live_says_the_same(folder: Path, learnable: Path, out: Path) -> None:
+def assert_live_says_the_same(folder: Path, learnable: Path, file: Path) -> None:
     """Assert that a session's results are those that the live loop gives of it, to the bit."""
-    assert run(["evaluate", str(folder), "--out", str(out)]) == 0
-    results, heard = read_results(out / "results.npz"), Heard()
+    results, heard = read_results(file), Heard()
     name = results.trials[0].session
     source = SessionSource(path=learnable.parent / f"{name}.mcap", block=700)
     window = WindowSettings(length=results.window, hop=results.hop)
@@ -151,14 +150,14 @@ def test_a_run_is_tested_on_what_it_has_not_heard(
     lesson: dict[str, Any], learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = learned(lesson, tmp_path / "run")
-    assert run(["evaluate", str(folder), "--json"]) == 0
+    assert run(["evaluate", str(folder), "--out", str(tmp_path / "out"), "--json"]) == 0
     card = json.loads(capsys.readouterr().out)
     split = Split.read(learnable / "split.json")
     assert card["windows"] == len(split.test)
     assert card["estimator"] == "perceiver"
     (told,) = [row for row in card["table"] if row["state"] == "touched"]
     assert told["position"]["r"]["value"] > 0.9
-    assert_live_says_the_same(folder, learnable, tmp_path / "out")
+    assert_live_says_the_same(folder, learnable, tmp_path / "out" / "results.npz")
     assert run(["evaluate", str(folder), "--part", "validation"]) == 0
     assert "and no test" in capsys.readouterr().out
     heard, unheard = (

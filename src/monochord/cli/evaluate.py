@@ -28,6 +28,7 @@ from monochord.evaluation.harness import (
     refuse_trained_on,
     room_recordings,
     suite,
+    wants_recordings,
     write_folder,
 )
 from monochord.evaluation.harness import evaluate as evaluated
@@ -88,7 +89,8 @@ def evaluate(run: Path | None, **options: Any) -> None:
             trained = Trained(sessions=told.definition.sessions, dataset=told.definition.dataset)
             notes += refuse_trained_on(course, trained, split)
         rate = course.dataset.manifest.sample_rate
-        recordings = room_recordings(rate, _music()) if options["noises"] or options["all_noises"] else {}
+        recorded = options["all_noises"] or wants_recordings(options["noises"])
+        recordings = room_recordings(rate, _music()) if recorded else {}
         chosen = [noise(text, recordings, options["seed"]) for text in options["noises"]]
         chosen += suite(recordings, seed=options["seed"]) if options["all_noises"] else ()
         progress = stack.enter_context(_shown())

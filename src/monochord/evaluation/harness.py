@@ -124,6 +124,15 @@ def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[st
     return tuple(found.notes) if learned else ()
 
 
+def wants_recordings(texts: Sequence[str]) -> bool:
+    """Return whether any of the noises that texts tell is recorded, where recordings are at hand.
+
+    >>> wants_recordings(["white:10", "music:5"])
+    True
+    """
+    return any(text.partition(":")[0] in RECORDED for text in texts)
+
+
 def room_recordings(sample_rate: int = RATE, music: Audio | None = None) -> dict[str, Audio]:
     """Return recordings of music and of speech by name, as far as they are at hand.
 
@@ -170,7 +179,7 @@ def noise(text: str, recordings: Mapping[str, Audio], seed: int = 0) -> Disturba
     10.0
     """
     kind, _, ratio = text.partition(":")
-    known = disturbances(recordings)
+    known = dict.fromkeys([*disturbances(recordings), *RECORDED])
     if kind not in known:
         raise InputError(f"noise '{text}'", ", ".join(known), did_you_mean(kind, known))
     try:
