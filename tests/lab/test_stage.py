@@ -23,7 +23,8 @@ PLAN = {
 }
 
 
-ATTEMPTS = 4
+ATTEMPTS = 5
+STEADY = 3e-4  # what is looked for, to half a millisecond, asks for a server that keeps its time better
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Assignment, Path, 
         path = tmp_path_factory.mktemp("stage") / "hold.mcap"
         with own_server() as server:
             summary = perform(session, path, Stage(server=server.name, domain=77))
-        if read_session(path).audio.unevenness < 1e-3:
+        if read_session(path).audio.unevenness < STEADY:
             return session, path, summary
     pytest.fail(f"this machine is too busy for a JACK server; {ATTEMPTS} of its runs lost periods")
 

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -251,3 +251,15 @@ def test_it_runs_before_others_where_it_may_and_goes_back(make_job: Any) -> None
     record(make_job(seconds=0.2), lambda _now, _notices: seen.append(os.getpriority(os.PRIO_PROCESS, 0)))
     assert os.getpriority(os.PRIO_PROCESS, 0) == before
     assert max(seen) <= (-11 if os.geteuid() == 0 else before)
+
+
+def test_it_ends_when_somebody_says_that_it_is_enough(make_job: Any) -> None:
+    begun = list[float]()
+
+    def enough(now: float) -> bool:
+        begun.append(now)
+        return now - begun[0] >= 0.5
+
+    summary, _ = recorded(replace(make_job(), enough=enough))
+    assert summary.stopped == "the time is over"
+    assert 0.5 <= summary.seconds < 2.5

@@ -115,7 +115,8 @@ def perform(
             },
             about=_About(session),
             diary=labels.diary,
-            seconds=LEAD + sound.seconds + max(late.values()) + TAIL,
+            # From when it really began: a busy machine may take its time until then.
+            enough=lambda now: labels.over(now - max(late.values()) - TAIL),
         )
 
         def shown(now: Progress, notices: Sequence[Notice]) -> None:
@@ -262,6 +263,7 @@ class _LabelsFeed(Instrument, Connection):
 
     def __init__(self, sound: Rendering, late: Seconds) -> None:
         self.begin: Seconds | None = None
+        self._seconds = sound.seconds
         self._names = tuple(sound.labels)
         self._time = sound.label_time + late
         self._values = np.stack([sound.labels[name] for name in self._names], axis=1)
@@ -299,6 +301,10 @@ class _LabelsFeed(Instrument, Connection):
                 status=np.zeros(none.size, np.uint32),
             )
         ]
+
+    def over(self, time: Seconds) -> bool:
+        """Return whether all is played, and was so at a time."""
+        return self.begin is not None and time >= self.begin + self._seconds
 
     def diary(self, now: Seconds) -> list[Notice]:
         """Return the events that have happened since the last call."""

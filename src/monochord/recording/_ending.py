@@ -57,7 +57,7 @@ class Ending:
             self.full(disk_errors[0])
         elif now.space.free < self._job.disk.stop:
             self.full(None)
-        elif max(now.elapsed, audio) >= self._job.seconds:
+        elif max(now.elapsed, audio) >= self._job.seconds or self._job.enough(now.time):
             self.reason = "the time is over"
         if self.reason:
             self._since = time.monotonic()

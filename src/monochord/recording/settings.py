@@ -88,7 +88,8 @@ class Job:
     """A recording, ready to start: where it goes, built plug-ins, what it is of, and when to end.
 
     `instruments` are by name. `room` is how many bytes may wait in memory for a slow disk. `diary` is asked
-    at each writing, with the monotonic time, what else has happened that the session is to tell.
+    at each writing, with the monotonic time, what else has happened that the session is to tell; `enough`,
+    likewise, whether it may end, beside `seconds`.
     """
 
     path: Path
@@ -99,6 +100,7 @@ class Job:
     seconds: Seconds = math.inf
     room: int = 1 << 25
     diary: Callable[[Seconds], Sequence[Notice]] = lambda _now: ()
+    enough: Callable[[Seconds], bool] = lambda _now: False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
