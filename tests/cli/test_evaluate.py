@@ -155,6 +155,8 @@ def test_a_run_is_tested_on_what_it_has_not_heard(
     split = Split.read(learnable / "split.json")
     assert card["windows"] == len(split.test)
     assert card["estimator"] == "perceiver"
+    assert card["options"]["feature"]["name"] == card["options"]["reference"] == "bands"
+    assert card["notes"] == []
     (told,) = [row for row in card["table"] if row["state"] == "touched"]
     assert told["position"]["r"]["value"] > 0.9
     assert_live_says_the_same(folder, learnable, tmp_path / "out" / "results.npz")

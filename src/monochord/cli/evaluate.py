@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,6 +13,7 @@ import click
 import numpy as np
 
 from monochord.cli._drawings import drawings
+from monochord.cli._scorecard_lines import lines
 from monochord.cli.build import SPLIT_FILE
 from monochord.config import Tree, load_toml, override
 from monochord.datasets.build import Options, build_dataset, find_sessions
@@ -20,7 +22,6 @@ from monochord.datasets.store import Dataset, open_dataset
 from monochord.errors import InputError
 from monochord.estimators import ESTIMATORS
 from monochord.estimators.base import Estimator
-from monochord.evaluation.detection import Detection
 from monochord.evaluation.harness import (
     Trained,
     audited,
@@ -34,9 +35,8 @@ from monochord.evaluation.harness import (
 from monochord.evaluation.harness import evaluate as evaluated
 from monochord.evaluation.limits import force_floor
 from monochord.evaluation.paper_rows import keep_rows, paper_rows
-from monochord.evaluation.regression import Regression
 from monochord.evaluation.replay import Course, Progress
-from monochord.evaluation.scorecard import Scorecard, scorecard
+from monochord.evaluation.scorecard import scorecard
 from monochord.perceiver import load
 from monochord.perceiver.definition import Definition
 from monochord.physics.sensors import load_sensor
@@ -48,6 +48,8 @@ CONFIG = "config.toml"
 """Settings of a run, in its folder."""
 LEARNED, PHYSICS = "perceiver", "closed_form"
 PARTS = ("test", "validation")
+RANDOM = "random"
+"""What the columns of a feature with random weights begin with."""
 
 
 @click.command()
@@ -94,14 +96,16 @@ def evaluate(run: Path | None, **options: Any) -> None:
         chosen = [noise(text, recordings, options["seed"]) for text in options["noises"]]
         chosen += suite(recordings, seed=options["seed"]) if options["all_noises"] else ()
         progress = stack.enter_context(_shown())
+        notes += told.notes
         results = evaluated(course, estimator, name=name, noises=chosen, notes=notes, progress=progress)
+        results = replace(results, options={**results.options, **told.about})
         card = scorecard(results, string=course.string, force_floor=floors)
         if options["out"] is not None:
             write_folder(options["out"], results, card, lambda file: drawings(file, results))
     if options["rows"] is not None:
         feature = told.definition.feature.name if told.definition else name
         keep_rows(options["rows"], paper_rows(card, options["feature"] or feature))
-    click.echo(json.dumps(card.tree(), allow_nan=False) if options["as_json"] else "\n".join(_lines(card)))
+    click.echo(json.dumps(card.tree(), allow_nan=False) if options["as_json"] else "\n".join(lines(card)))
 
 
 class _Told:
@@ -116,6 +120,29 @@ class _Told:
             return cls(None, {})
         config = load_toml(run / CONFIG) if (run / CONFIG).is_file() else {}
         return cls(load(run).definition, config)
+
+    @property
+    def about(self) -> Tree:
+        """What a perceiver was made of, for who reads the results."""
+        told = self.definition
+        if told is None:
+            return {}
+        return {
+            "feature": {"name": told.feature.name, **told.feature.options},
+            "reference": told.reference.feature.name if told.reference else "",
+            "heads": list(told.heads),
+            "weights": told.weights,
+            "trained_on_sessions": len(told.sessions),
+        }
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of a perceiver has to be known before its scores are."""
+        if self.definition is None:
+            return ()
+        drawn = any(column.startswith(RANDOM) for column in self.definition.feature.columns)
+        name = self.definition.feature.name
+        return (f"the weights of the feature {name} are random, nothing was learned there",) if drawn else ()
 
     def path(self, name: str) -> Path | None:
         """Return a path that the settings of the run name."""
@@ -175,48 +202,6 @@ def _of_sessions(
             floors[path.stem] = floor
     alike = all(string == strings[0] for string in strings)
     return dataset, floors, strings[0] if alike else None
-
-
-def _lines(card: Scorecard) -> list[str]:
-    kind = ", simulated" if card.simulated else ""
-    counted = f"{card.windows} windows of {card.sessions} sessions"
-    wide = max([len(row.object) for row in card.table] + [6])
-    held = max([len(row.condition) for row in card.table] + [9])
-    lines = [f"{card.estimator}{kind}: {counted}", *(f"note: {note}" for note in card.notes)]
-    lines.append(
-        f"  {'object':<{wide}}  {'condition':<{held}}{'windows':>9}{'told':>8}"
-        f"{'error':>10}{'<= 5 mm':>9}{'r':>7}{'error':>10}{'<= 0.2 N':>9}{'r':>7}"
-        f"{'contact':>9}{'slip area':>11}"
-    )
-    for row in card.table:
-        if row.state != "touched":
-            continue
-        contact = card.contact.get(row.object, {}).get(row.condition)
-        slip = card.slip.get(row.object, {}).get(row.condition)
-        lines.append(
-            f"  {row.object:<{wide}}  {row.condition:<{held}}{row.position.windows:>9}"
-            f"{_share(row.position.answered):>8}{_told(row.position, 1e3, 'mm')}{_told(row.force, 1.0, 'N')}"
-            f"{_accuracy(contact):>9}{_area(slip):>11}"
-        )
-    return lines
-
-
-def _told(told: Regression, factor: float, unit: str) -> str:
-    error = "-" if told.mae.value is None else f"{factor * told.mae.value:.3g} {unit}"
-    r = "-" if told.r.value is None else f"{told.r.value:.3f}"
-    return f"{error:>10}{_share(told.within.value):>9}{r:>7}"
-
-
-def _share(value: float | None) -> str:
-    return "-" if value is None else f"{100.0 * value:.1f} %"
-
-
-def _accuracy(told: Detection | None) -> str:
-    return _share(told.accuracy.value if told else None)
-
-
-def _area(told: Detection | None) -> str:
-    return "-" if told is None or told.area.value is None else f"{told.area.value:.4f}"
 
 
 def _music() -> Any:
