@@ -8,8 +8,8 @@ import numpy as np
 
 from monochord.dsp.noise import pink
 from monochord.errors import InputError
-from monochord.metrics.ranking import Groups, area_interval, area_under_curve
 from monochord.evaluation.slip_features import filled_gaps, rumble
+from monochord.metrics.ranking import Groups, area_interval, area_under_curve
 from monochord.physics.materials import Material
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Scene, Sensor, advance, begin, hold
