@@ -70,7 +70,7 @@ class FftHarmonic(Feature):
     - **difference** (75): microphone 1 less microphone 2, in the logarithm, at the same places: level and
       side of 24 harmonics of three series, growth of 16 of the segments; and the 11 of the channel.
     - **ratio** (75): of amplitudes, how alike both microphones hear each of 24 harmonics, 2 Re(A B*) /
-      (|A|^2 + |B|^2), which is 1 where they hear the same and -1 where one hears it upside down; of 16
+      (A A* + B B*), which is 1 where they hear the same and -1 where one hears it upside down; of 16
       harmonics of the segments the level over the loudest of its series. Of frequencies, place = f2 / (f1 +
       f2) = x / L as of a clamp, told once as such and once by how near it is to 24 points along the string
       (1 at the point, 0 at the next). And 10 more of both: the open frequency f1 f2 / (f1 + f2), and the
