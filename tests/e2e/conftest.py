@@ -52,6 +52,7 @@ class Recorder:
             self.process.send_signal(number)
         self.printed, self.shown = self.process.communicate(timeout=60)
         assert "Traceback" not in self.shown
+        assert self.printed, self.shown
         return json.loads(self.printed)
 
 

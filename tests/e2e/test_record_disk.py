@@ -105,8 +105,7 @@ def test_a_limit_on_the_size_of_files_ends_it_cleanly(
     start_recorder: Callable[..., Any], fast: list[str]
 ) -> None:
     limit = 6_000_000
-    recorder = start_recorder(
-        *fast, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-    )
+    recorder = start_recorder(*fast)
+    resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (limit, limit))
     ended_full(recorder)
     assert 0.3 * limit < recorder.out.stat().st_size <= limit
