@@ -39,6 +39,7 @@ def poll(connection: Connection) -> Readings:
 
 def test_a_pose_is_read_with_all_that_is_said(port: int, robot: socket.socket) -> None:
     with PoseUdp(address=str(port)).open() as connection:
+        time.sleep(0.1)  # a kernel that stamped no datagrams before takes a moment to begin
         before = time.monotonic()
         say(robot, stamp=1.5, orientation=[0, 0, 0, 2], sequence=7)
         after = time.monotonic()
