@@ -33,8 +33,8 @@ def test_the_take_is_one_that_the_estimator_answers(rows: dict[str, tuple[float,
 
 def test_memory_is_flat(rows: dict[str, tuple[float, float | None]]) -> None:
     assert rows["resident at the end"][0] > 10.0
-    assert rows["memory growth"][0] < 5.0, "what other tests leave to be given back is no growth"
-    assert rows["pace of the memory run"][0] == pytest.approx(15.0, rel=0.5), "a busy machine is slower"
+    assert abs(rows["memory growth"][0]) < 5.0
+    assert rows["pace of the memory run"][0] == pytest.approx(20.0, rel=0.25)
 
 
 def test_memory_can_be_left_out() -> None:
