@@ -46,7 +46,7 @@ def test_a_pose_is_read_with_all_that_is_said(port: int, robot: socket.socket) -
         got = poll(connection)
     assert got.values.tolist() == [[0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]]
     assert (got.sequence.tolist(), got.device_time.tolist()) == ([7], [1_500_000_000])
-    assert before - 5e-3 <= got.time[0] <= after + 5e-3  # the kernel's time, not the poll's
+    assert before - 1e-3 <= got.time[0] <= after + 1e-3  # the kernel's time, not the poll's
 
 
 def test_the_position_alone_will_do(port: int, robot: socket.socket) -> None:
