@@ -16,7 +16,7 @@ from monochord.physics.strings import load_string
 
 @pytest.fixture(scope="module")
 def rows() -> dict[str, tuple[float, float | None]]:
-    return {row.name: (row.value, row.ratio) for row in Live(seconds=3.0, minutes=0.2).run()}
+    return {row.name: (row.value, row.ratio) for row in Live(seconds=3.0, minutes=1.0).run()}
 
 
 def test_latency_is_compared_with_the_autocorrelation(rows: dict[str, tuple[float, float | None]]) -> None:

@@ -84,11 +84,10 @@ class Live(Benchmark):
 
     def _memory(self, path: Path) -> Iterator[Row]:
         memory = _Memory(settled=min(60.0, 6.0 * self.minutes))
-        begin = time.monotonic()
         seconds = 60.0 * self.minutes
         summary = _whole(run(self._session(self._take(path, self.speed, seconds), seconds, memory)))
-        now, pace = resident(), seconds / (time.monotonic() - begin)
-        yield _row("pace of the memory run", pace, "x real time", "asked for", self.speed)
+        now = resident()
+        yield _row("pace of the memory run", memory.pace, "x real time", "asked for", self.speed)
         yield _row("windows of the memory run", summary.windows, "1")
         yield _row("skipped in the memory run", summary.skipped, "1")
         settled = f"resident after {memory.settled:g} s of audio"
@@ -134,15 +133,29 @@ class _Autocorrelation(Listener):
 
 
 class _Memory(Listener):
-    """Reads the resident memory once, when the loop has settled."""
+    """Reads the resident memory once, when the loop has settled, and times the windows.
+
+    The pace is that of the windows: how long the program takes to start is no part of it.
+    """
 
     def __init__(self, settled: Seconds) -> None:
         self.settled = settled
         self.megabytes = math.nan
+        self._first: tuple[Seconds, Seconds] | None = None  # a window's time in the audio, and on the clock
+        self._last: tuple[Seconds, Seconds] = (0.0, 0.0)
 
     def write(self, moment: Moment) -> None:
+        self._last = moment.prediction.time, time.monotonic()
+        self._first = self._first or self._last
         if math.isnan(self.megabytes) and moment.prediction.time >= self.settled:
             self.megabytes = resident()
+
+    @property
+    def pace(self) -> float:
+        """Seconds of audio in a second, from the first window to the last."""
+        if self._first is None or self._last == self._first:
+            return math.nan
+        return (self._last[0] - self._first[0]) / (self._last[1] - self._first[1])
 
 
 def _row(
