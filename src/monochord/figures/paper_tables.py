@@ -1,0 +1,127 @@
+"""The paper's two tables as a picture: what each feature comes to on each object, beside the paper's own."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from monochord.errors import InputError, did_you_mean
+from monochord.evaluation.paper import NOISE, PAPER, reported
+from monochord.evaluation.paper_rows import Row
+from monochord.evaluation.results import CLEAN
+from monochord.figures import _style
+from monochord.figures._results import COLOURS
+from monochord.figures.base import Measured
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+PANELS = {
+    "position": ("position_mae_mm", "error of x (mm)", 1e3),
+    "force": ("force_mae_n", "error of F (N)", 1.0),
+}
+"""The column of each panel, its label, and the factor from SI."""
+MARKS = "osD"
+"""One for each round of colours."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperTables(Measured):
+    """Mean absolute errors of position and force by feature and object; lines are the paper's sensor.
+
+    Full marks are without added noise, pale ones in `noise`.
+
+    Parameters
+    ----------
+    rows
+        The file that `monochord ablate --rows` or `monochord evaluate --rows` wrote.
+    noise
+        The condition that is drawn beside the clean one; empty for none.
+    """
+
+    rows: Path
+    noise: str = "music 10 dB"
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the errors that are drawn, by quantity, condition, feature and object."""
+        rows = self._read()
+        return {
+            quantity: {
+                condition: {
+                    feature: {row["object"]: row[column] for row in _of(rows, feature, condition)}
+                    for feature in dict.fromkeys(row["feature"] for row in rows)
+                }
+                for condition in self._conditions()
+            }
+            for quantity, (column, _, _) in PANELS.items()
+        }
+
+    def draw(self) -> Canvas:
+        """Draw both quantities, a group of marks for each object."""
+        from matplotlib.ticker import LogLocator, NullLocator  # noqa: PLC0415
+
+        rows = self._read()
+        bodies = [body for body in PAPER["position"] if any(row["object"] == body for row in rows)]
+        bodies = bodies or list(dict.fromkeys(row["object"] for row in rows))
+        page = _style.canvas(85.0)
+        panels = page.subplots(1, 2)
+        for letter, axes, quantity in zip("AB", panels, PANELS, strict=True):
+            column, label, factor = PANELS[quantity]
+            _style.dress(axes, letter, "", "", label)
+            self._marks(axes, rows, bodies, column)
+            self._papers(axes, quantity, bodies, factor)
+            axes.set_yscale("log")
+            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.yaxis.set_major_formatter("{x:g}")
+            axes.yaxis.set_minor_locator(NullLocator())
+            axes.set_xticks(range(len(bodies)), [body.replace("_", " ") for body in bodies])
+        kind = "simulated" if all(row["simulated"] for row in rows) else "features by object"
+        page.suptitle(f"{kind}; full: clean, pale: {self.noise or 'none'}", fontsize=_style.LABEL)
+        _style.key(page, *panels)
+        return page
+
+    def _conditions(self) -> list[str]:
+        return [CLEAN, *filter(None, [self.noise])]
+
+    def _read(self) -> list[Row]:
+        try:
+            rows: list[Row] = json.loads(Path(self.rows).read_text(encoding="utf-8"))
+            held = {row["condition"] for row in rows}
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            given = f"rows {self.rows} (absent or damaged)"
+            raise InputError(given, "a file that monochord ablate --rows wrote") from error
+        if self.noise and self.noise not in held:
+            raise InputError(f"noise '{self.noise}'", ", ".join(sorted(held)), did_you_mean(self.noise, held))
+        return rows
+
+    def _marks(self, axes: Axes, rows: list[Row], bodies: list[str], column: str) -> None:
+        features = list(dict.fromkeys(row["feature"] for row in rows))
+        for number, feature in enumerate(features):
+            aside = 0.7 * ((number + 0.5) / len(features) - 0.5)
+            for condition in self._conditions():
+                held = {row["object"]: row[column] for row in _of(rows, feature, condition)}
+                at = [place for place, body in enumerate(bodies) if held.get(body) is not None]
+                clean = condition == CLEAN
+                axes.plot(
+                    [place + aside + (0.0 if clean else 0.03) for place in at], [held[bodies[place]] for place in at], ls="",
+                    marker=MARKS[number // len(COLOURS) % len(MARKS)], ms=4.0, mec="none",
+                    color=COLOURS[number % len(COLOURS)], alpha=1.0 if clean else 0.35,
+                    label=feature if clean else None,
+                )  # fmt: skip
+
+    def _papers(self, axes: Axes, quantity: str, bodies: list[str], factor: float) -> None:
+        for condition, dash in zip(self._conditions(), ("-", _style.THEORY), strict=False):
+            told = [(place, reported(quantity, body, condition)) for place, body in enumerate(bodies)]
+            held = [(place, factor * one.mae) for place, one in told if one is not None]
+            if held:
+                places, errors = zip(*held, strict=True)
+                label = "the paper's sensor (real)" if condition == CLEAN else f"the same, {NOISE}"
+                begins, ends = [place - 0.42 for place in places], [place + 0.42 for place in places]
+                axes.hlines(errors, begins, ends, lw=1.0, color=_style.INK, ls=dash, label=label)
+
+
+def _of(rows: list[Row], feature: str, condition: str) -> list[Row]:
+    return [row for row in rows if (row["feature"], row["condition"]) == (feature, condition)]
