@@ -105,8 +105,9 @@ class PaperTables(Measured):
                 held = {row["object"]: row[column] for row in _of(rows, feature, condition)}
                 at = [place for place, body in enumerate(bodies) if held.get(body) is not None]
                 clean = condition == CLEAN
+                across = [place + aside + (0.0 if clean else 0.03) for place in at]
                 axes.plot(
-                    [place + aside + (0.0 if clean else 0.03) for place in at], [held[bodies[place]] for place in at], ls="",
+                    across, [held[bodies[place]] for place in at], ls="",
                     marker=MARKS[number // len(COLOURS) % len(MARKS)], ms=4.0, mec="none",
                     color=COLOURS[number % len(COLOURS)], alpha=1.0 if clean else 0.35,
                     label=feature if clean else None,
