@@ -63,6 +63,16 @@ def test_a_table_by_part_and_object(
     assert len(open_dataset(out)) == 320
 
 
+def test_sessions_are_held_out_by_a_pattern(
+    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run(["build", str(sessions), "--out", str(out), "--held-out", "take[01]"]) == 0
+    assert capsys.readouterr().out.splitlines()[-2].split()[:3] == ["test", "steel", "80"]
+    split = json.loads((out / "split.json").read_text())
+    assert (split["held_out"], split["groups"]["test"]) == (["take[01]"], ["take0", "take1"])
+
+
 def test_json_is_one_object(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pattern = str(sessions / "take[012].mcap")
     assert run(["build", pattern, "--out", str(tmp_path / "out"), "--hop", "0.05", "--json"]) == 0
@@ -122,6 +132,8 @@ def test_a_session_that_cannot_be_used_is_told_in_one_line(
         (["--split", "time", "--held-out", "wood"], "a split by session or object"),
         (["--split", "day"], "without a day"),
         (["--held-out", "wod"], "did you mean 'wood'?"),
+        (["--held-out", "tame*"], "did you mean 'take*'?"),
+        (["--held-out", "take[1-3]"], "3 sessions or more"),
         (["--labels", "guessed"], "'recorded', 'measured'"),
         (["--labels", "measured"], "without wrench and pose"),
         (["--hop", "-1"], "a number above 0"),

@@ -81,7 +81,7 @@ def test_sessions_days_and_objects_that_are_in_two_parts(make: Make) -> None:
     objects = split_of(dataset, rows_of(dataset, 0), rows_of(dataset, 1), by="object")
     assert kinds_found(dataset, objects) == {"shared object": 120}
     assert kinds_found(dataset, replace(objects, by="session")) == {}
-    assert kinds_found(dataset, replace(objects, by="session", held_out=("wood",))) == {"shared object": 120}
+    assert kinds_found(dataset, replace(objects, by="session", held_out=("wood",))) == {"held out": 120}
 
 
 def test_validation_may_share_the_objects_of_the_training(make: Make) -> None:

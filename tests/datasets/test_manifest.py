@@ -1,6 +1,7 @@
 """A manifest is read as it was written, and anything else is refused."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,16 @@ def test_it_tells_what_a_reader_needs_without_monochord(several: Dataset) -> Non
     assert told["versions"]["monochord"]
     assert {part["labels"] for part in told["parts"]} == {"recorded"}
     assert str(several.path.parent) not in (several.path / FILE).read_text()
+
+
+def test_it_tells_whether_there_was_music_and_an_older_one_does_not(
+    make: Callable[..., Dataset], tmp_path: Path
+) -> None:
+    told = {"a": {"more": {"music": "synthetic"}}, "b": {"more": {"music": ""}}, "c": {}}
+    dataset = make(told)
+    assert [part.music for part in dataset.manifest.parts] == ["synthetic", "", None]
+    dataset.manifest.write(tmp_path)
+    assert Manifest.read(tmp_path) == dataset.manifest
 
 
 def test_checksums_are_those_of_the_session_files(several: Dataset) -> None:

@@ -1,6 +1,7 @@
 """Splits keep apart what they say, come near their shares, and can be made again."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,31 @@ def test_sessions_of_known_objects_may_stand_beside_held_out_ones_in_the_test(se
     assert audit(several, split, duplicates=False).clean
 
 
+def test_sessions_are_held_out_by_patterns_of_their_names(several: Dataset) -> None:
+    split = split_dataset(several, held_out=["wood", "take[01]"], seed=5)
+    again = split_dataset(several, held_out=["wood", "take[01]"], seed=5)
+    assert all((split.parts[name] == again.parts[name]).all() for name in PARTS)
+    apart = {part.name for part in several.manifest.parts if part.body == "wood"} | {"take0", "take1"}
+    assert set(split.groups["test"]) > apart
+    assert not apart & {*split.groups["train"], *split.groups["validation"]}
+    assert audit(several, split, duplicates=False).clean
+    claimed = replace(split, held_out=(*split.held_out, split.groups["train"][0] + "*"))
+    (leak,) = audit(several, claimed, duplicates=False).leaks
+    assert (leak.kind, leak.parts, leak.where) == (
+        "held out",
+        ("train",),
+        f"session {split.groups['train'][0]}",
+    )
+
+
+def test_folders_before_names_do_not_hide_what_is_held_out(make: Callable[..., Dataset]) -> None:
+    told = {"take_0": {}, "take_1": {}, "take_2": {}, "music_0": {"folder": "one"}}
+    dataset = make(told)
+    parts = tuple(replace(part, name=f"monday/{part.name}") for part in dataset.manifest.parts)
+    moved = replace(dataset, manifest=replace(dataset.manifest, parts=parts))
+    assert "monday/music_0" in split_dataset(moved, held_out=["music*"]).groups["test"]
+
+
 def test_a_split_by_time_keeps_its_guard_and_tears_no_touch(several: Dataset) -> None:
     split = split_dataset(several, by="time", guard=0.5)
     size = several.manifest.window
@@ -93,6 +119,10 @@ def test_shuffled_windows_are_refused_and_the_line_says_why(several: Dataset, by
         ({"by": "object", "held_out": ["wod"]}, "did you mean 'wood'"),
         ({"by": "object", "held_out": ["wood", "metal", "plastic"]}, "leaves nothing to train"),
         ({"by": "day", "held_out": ["wood"]}, "a split by session or object"),
+        ({"by": "object", "held_out": ["take*"]}, "allowed is a split by session"),
+        ({"held_out": ["tak"]}, r"did you mean 'take\*'"),
+        ({"held_out": ["teke*"]}, r"of which there is none: .* did you mean 'take\*'"),
+        ({"held_out": ["music_???"]}, r"allowed is a pattern such as take\*$"),
         ({"by": "time", "guard": 0.01}, "a window and a hop, 0.2 s, or more"),
     ],
 )
@@ -156,6 +186,7 @@ def test_too_few_sessions_are_refused_by_their_names_alone(
 
 
 def test_what_can_be_split_is_not_refused() -> None:
+    refuse_too_few("session", ["a", "a", "b"], [0, 0, 0], ["take*"], ["x_0", "x_1", "take_2"])
     refuse_too_few("session", ["a", "a", "b"], [0, 0, 0], ["b"])
     refuse_too_few("object", ["a", "b", "b"], [0, 0, 0])
     refuse_too_few("day", ["a", "a", "a"], [0, 1, 2])

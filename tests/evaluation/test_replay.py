@@ -108,8 +108,23 @@ def test_noise_is_heard_and_named_and_the_dataset_stays_as_it_is(dataset: Datase
     np.testing.assert_array_equal(dataset.window(100), before)
 
 
-def test_what_was_in_the_room_is_told_by_the_sessions_name(dataset: Dataset) -> None:
-    told = replace(course(dataset, np.array([0])), room={"hold*": "radio"})
+def told_music(dataset: Dataset, music: str | None) -> Dataset:
+    parts = tuple(replace(part, music=music) for part in dataset.manifest.parts)
+    return replace(dataset, manifest=replace(dataset.manifest, parts=parts))
+
+
+def test_a_session_tells_whether_there_was_music_in_the_room(dataset: Dataset) -> None:
+    assert {part.music for part in dataset.manifest.parts} == {""}
+    first = np.array([0])
+    loud = course(told_music(dataset, "synthetic"), first)
+    assert replay(loud, Counting(), name="counting").trials[0].condition == "music"
+    assert loud.in_quiet is None
+    quiet = replace(course(dataset, first), room={"hold*": "radio"})
+    assert replay(quiet, Counting(), name="counting").trials[0].condition == "clean"
+
+
+def test_of_sessions_that_do_not_tell_the_name_does(dataset: Dataset) -> None:
+    told = replace(course(told_music(dataset, None), np.array([0])), room={"hold*": "radio"})
     assert replay(told, Counting(), name="counting").trials[0].condition == "radio"
 
 

@@ -11,7 +11,14 @@ import click
 
 from monochord.cli._options import amount
 from monochord.datasets.audit import audit as audit_split
-from monochord.datasets.build import Labelling, Options, Progress, build_dataset, find_sessions
+from monochord.datasets.build import (
+    Labelling,
+    Options,
+    Progress,
+    build_dataset,
+    find_sessions,
+    named_sessions,
+)
 from monochord.datasets.kinds import KINDS, table_of
 from monochord.datasets.split import PARTS, Split, refuse_impossible, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
@@ -42,7 +49,12 @@ SPLIT_FILE = "split.json"
     metavar="WAY",
     help="By session, object, time or day.  [default: session; time with fewer than 3 sessions]",
 )
-@click.option("--held-out", multiple=True, metavar="OBJECT", help="For the test alone; repeatable.")
+@click.option(
+    "--held-out",
+    multiple=True,
+    metavar="NAME",
+    help="For the test alone: an object, or sessions by a pattern such as 'music*'; repeatable.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the split.")
 @click.option("--force", is_flag=True, help="Take sessions whose streams are not on one clock too.")
 @click.option("--skip", is_flag=True, help="Leave out sessions that cannot be used.")
@@ -67,7 +79,7 @@ def build(
     another.
 
     \b
-    monochord build sessions --out dataset --held-out wood --held-out metal_tube
+    monochord build sessions --out dataset --held-out wood --held-out 'music*'
     """  # noqa: D301
     files = find_sessions(sessions)
     _refuse_split(by or _usual(len(files)), files, held_out)
@@ -98,12 +110,13 @@ def _usual(count: int) -> str:
 def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> None:
     """Refuse a split that cannot be, before all is built in vain."""
     refuse_impossible(by, held_out=held_out)
-    told: list[Description] = []
-    for file in files:
+    told: dict[str, Description] = {}
+    for name, file in named_sessions(files).items():
         with suppress(InputError):  # told of when it is built
-            told.append(read_session(file).description)
+            told[name] = read_session(file).description
     if told:
-        refuse_too_few(by, [one.material or one.object for one in told], [one.day for one in told], held_out)
+        objects = [one.material or one.object for one in told.values()]
+        refuse_too_few(by, objects, [one.day for one in told.values()], held_out, list(told))
 
 
 def _result(dataset: Dataset, split: Split, out: Path) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """The ways to deal the windows of a dataset out to parts; `monochord.datasets.split` tells of each."""
 
 from collections.abc import Sequence
+from fnmatch import fnmatchcase
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,8 @@ from monochord.errors import InputError, did_you_mean
 from monochord.units import Samples
 
 PARTS = ("train", "validation", "test")
+SHOWN = 12
+"""How many patterns an error names."""
 REACH = 0.45
 """How far a cut in time may be moved to an untouched window, as a share of the shorter stretch beside it."""
 
@@ -62,19 +65,60 @@ def _by_object(
     return names, part
 
 
-def _held_out(dataset: Dataset, objects: Sequence[str]) -> Flags:
-    """Return which sessions are of objects that are held out; refuse a name that none has."""
-    names = [each.body for each in dataset.manifest.parts]
-    refuse_strange(names, objects)
-    return np.isin(names, list(objects))
+def _held_out(dataset: Dataset, held_out: Sequence[str]) -> Flags:
+    """Return which sessions are held out, by their object or their name; refuse what means none."""
+    objects = [each.body for each in dataset.manifest.parts]
+    names = [each.name for each in dataset.manifest.parts]
+    refuse_strange(objects, held_out, names)
+    return np.array(
+        [is_held_out(body, name, held_out) for body, name in zip(objects, names, strict=True)], bool
+    )
 
 
-def refuse_strange(names: Sequence[str], objects: Sequence[str]) -> None:
-    """Raise `InputError` for an object that is held out and not among the names."""
-    there = sorted(set(names))
-    for name in objects:
-        if name not in there:
-            raise InputError(f"held-out object '{name}'", ", ".join(there), did_you_mean(name, there))
+def is_pattern(name: str) -> bool:
+    """Return whether what is held out is a pattern of sessions' names, rather than an object.
+
+    >>> is_pattern("music*"), is_pattern("wood")
+    (True, False)
+    """
+    return any(sign in name for sign in "*?[")
+
+
+def is_held_out(body: str, session: str, held_out: Sequence[str]) -> bool:
+    """Return whether a session of an object is held out; a folder before its name need not be told.
+
+    >>> is_held_out("plastic", "monday/music_000", ["wood", "music*"])
+    True
+    """
+    names = (session, session.rpartition("/")[2])
+    return body in held_out or any(
+        fnmatchcase(name, pattern) for pattern in held_out if is_pattern(pattern) for name in names
+    )
+
+
+def refuse_strange(objects: Sequence[str], held_out: Sequence[str], sessions: Sequence[str] = ()) -> None:
+    """Raise `InputError` for what is held out and is no object, nor a pattern of a session's name."""
+    there, groups = sorted(set(objects)), sorted({name.rstrip("0123456789_") for name in sessions})
+    for name in held_out:
+        if not is_pattern(name):
+            if name not in there:
+                allowed = f"{', '.join(filter(None, there)) or 'none'}, or a pattern of sessions' names"
+                raise InputError(f"held-out object '{name}'", allowed, _meant(name, there, groups))
+        elif not any(is_held_out("", session, [name]) for session in sessions):
+            stem = name.translate({ord(sign): None for sign in "*?[]"})
+            given = f"held-out sessions '{name}', of which there is none"
+            raise InputError(given, _few(groups), _meant(stem, there, groups))
+
+
+def _meant(name: str, objects: Sequence[str], groups: Sequence[str]) -> str:
+    """Return what may have been meant: an object, or a pattern of names that begin alike."""
+    return did_you_mean(name, objects) or did_you_mean(name, groups).replace("'?", "*'?")
+
+
+def _few(names: Sequence[str]) -> str:
+    """Return what names begin with, as patterns, not all if there are many."""
+    more = " and others" if len(names) > SHOWN else ""
+    return "a pattern such as " + ", ".join(f"{name}*" for name in names[:SHOWN]) + more
 
 
 def _dealt(

@@ -11,6 +11,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from monochord.datasets._ways import is_held_out
 from monochord.datasets.duplicates import find_duplicates
 from monochord.datasets.manifest import FILE, Part, checksum
 from monochord.datasets.split import Split
@@ -27,15 +28,15 @@ Kind: TypeAlias = Literal[
     "shared session",
     "shared day",
     "shared object",
+    "held out",
     "same checksum",
     "near duplicate",
 ]
 """What leaks: see `audit`."""
-OBJECT: tuple[Kind, ...] = ("shared object",)
 CLAIMS: dict[str, tuple[Kind, ...]] = {
     "session": ("shared session",),
     "day": ("shared session", "shared day"),
-    "object": ("shared session", *OBJECT),
+    "object": ("shared session", "shared object"),
     "time": (),
 }
 """What the parts of a split may not share, by what it was made by."""
@@ -93,6 +94,7 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     - **guard gap**: windows of two parts are closer than a window and a hop, or than the split says.
     - **shared session**, **shared day**, **shared object**: where the split claims to keep them apart. A
       split by session or day keeps sessions apart, one by object the test's objects and all sessions.
+    - **held out**: a session that the split holds out, by its object or its name, is not in the test alone.
     - **same checksum**: two sessions of the same bytes, or of the same samples, in different parts.
     - **near duplicate**: two sessions with the same sound, shifted, scaled or with noise added; see
       `monochord.datasets.duplicates` for what is found and what is not.
@@ -119,7 +121,7 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     if strange:
         return Audit(leaks=strange)
     held = _held(dataset, split)
-    leaks = [*_windows(split), *_close(dataset, split), *_claims(dataset, split)]
+    leaks = [*_windows(split), *_close(dataset, split), *_claims(dataset, split), *_kept(dataset, split)]
     pairs = list(_apart(dataset, held))
     leaks += _checksums(dataset, held, pairs)
     known = {leak.where for leak in leaks if leak.kind == "same checksum"}
@@ -189,7 +191,7 @@ def _distances(dataset: Dataset, mine: Indices, theirs: Indices) -> Indices:
 
 def _claims(dataset: Dataset, split: Split) -> Iterator[Leak]:
     """Yield sessions, days and objects in two parts that the split keeps apart by its own account."""
-    for what in dict.fromkeys((*CLAIMS[split.by], *(OBJECT if split.held_out else ()))):
+    for what in CLAIMS[split.by]:
         names = np.array([_named(part, what) for part in dataset.manifest.parts])
         held = {part: names[dataset.session[rows]] for part, rows in split.parts.items()}
         for one, other in combinations(split.parts, 2):
@@ -197,12 +199,21 @@ def _claims(dataset: Dataset, split: Split) -> Iterator[Leak]:
                 continue
             shared = np.intersect1d(held[one], held[other])
             shared = shared[shared != ""]
-            if what == "shared object" and split.by != "object":
-                shared = shared[np.isin(shared, split.held_out)]
             if shared.size:
                 many = min(int(np.isin(held[each], shared).sum()) for each in (one, other))
                 where = _some(what.removeprefix("shared "), shared.tolist())
                 yield Leak(kind=what, parts=(one, other), where=where, many=many)
+
+
+def _kept(dataset: Dataset, split: Split) -> Iterator[Leak]:
+    """Yield what is held out for the test and is in another part."""
+    parts = dataset.manifest.parts
+    apart = np.array([is_held_out(part.body, part.name, split.held_out) for part in parts], bool)
+    for name, rows in split.parts.items():
+        held = dataset.session[rows][apart[dataset.session[rows]]]
+        if name != "test" and held.size:
+            where = _some("session", [parts[number].name for number in np.unique(held).tolist()])
+            yield Leak(kind="held out", parts=(name,), where=where, many=held.size)
 
 
 def _named(part: Part, what: Kind) -> str:

@@ -138,7 +138,7 @@ def build_dataset(
         raise InputError(
             f"folder {out.absolute().parent}, which is not there", "one that is", "make it first"
         )
-    files = _named(sessions)
+    files = named_sessions(sessions)
     part = out.with_name(f".{out.name}.part-{os.getpid()}")
     part.mkdir()
     try:
@@ -155,8 +155,14 @@ def build_dataset(
     return open_dataset(out)
 
 
-def _named(sessions: Sequence[Path]) -> dict[str, Path]:
-    """Return the files by the names of their sessions, sorted; where names clash, folders are put before."""
+def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
+    """Return the files by the names of their sessions, sorted; where names clash, folders are put before.
+
+    Raises `InputError` for two of one name in folders of one name.
+
+    >>> list(named_sessions([Path("b/take.mcap"), Path("a/take.mcap"), Path("a/other.mcap")]))
+    ['a/take', 'b/take', 'other']
+    """
     plain = [(path.stem, path) for path in sessions]
     stems = [name for name, _ in plain]
     named = [
@@ -224,6 +230,7 @@ class _Writer:
                 radius=told.radius,
                 day=told.day,
                 build=told.build,
+                music=told.more.get("music"),
                 complete=session.complete,
                 late=late.offsets[0].value if late and late.offsets[0].known else None,
                 flags=truth.alignment.flags,

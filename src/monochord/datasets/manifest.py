@@ -24,7 +24,8 @@ class Part:
     (2, `frames`) below the dataset and `audio_checksum` the sha256 of the samples alone. It has `windows`
     rows of the table, from row `first` on. `labels` says where they come from: "recorded" or "measured".
     `late` is by how much its sound was late at its begin, in s, where taps told, and `flags` are what its
-    alignment was warned of, where it was taken all the same.
+    alignment was warned of, where it was taken all the same. `music` is what sounded in the room, empty for
+    nothing, and None where nobody told.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Part:
     radius: Metres | None = None
     day: int | None = None
     build: int | None = None
+    music: str | None = None
     complete: bool = True
     late: Seconds | None = None
     flags: tuple[str, ...] = ()

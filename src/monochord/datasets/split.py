@@ -4,7 +4,7 @@ Neighbouring windows hear the same touch, and overlapping ones the same samples.
 out:
 
 - **session**: whole sessions, each kind (object; mostly static, sliding or untouched) by the same shares.
-  Objects that are held out are in the test alone, beside sessions of the others.
+  What is held out, objects or patterns of sessions' names, is in the test alone, beside other sessions.
 - **object**: objects that are held out are in the test alone. With `held_out` those, else as many as come to
   the share asked for. The sessions of the other objects are dealt to training and validation.
 - **day**: whole days.
@@ -23,7 +23,14 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from monochord.datasets._ways import PARTS, by_group, by_time, refuse_strange
+from monochord.datasets._ways import (
+    PARTS,
+    by_group,
+    by_time,
+    is_held_out,
+    is_pattern,
+    refuse_strange,
+)
 from monochord.datasets.manifest import checksum
 from monochord.datasets.store import Dataset, Indices
 from monochord.errors import InputError, did_you_mean
@@ -138,8 +145,9 @@ def split_dataset(
     seed
         Of what is drawn; equal seeds give equal splits.
     held_out
-        Names of objects for the test alone, where `by` is "session" or "object". By session, the other
-        objects' sessions are dealt to all parts, so that the test holds known and unknown ones.
+        Names of objects for the test alone, where `by` is "session" or "object". By session, patterns of
+        sessions' names too, such as ``music*``; the other sessions are dealt to all parts, so that the test
+        holds known and unknown ones.
     guard
         Least distance of the samples of two parts in s, where `by` is "time"; by default, and at least, a
         window and a hop.
@@ -208,23 +216,31 @@ def refuse_impossible(
         raise InputError(given, "three of 0 or more that sum to 1, the first above 0")
     if held_out and by not in ("session", "object"):
         raise InputError(f"held-out objects in a split by {by}", "a split by session or object")
+    patterns = [name for name in held_out if is_pattern(name)]
+    if patterns and by != "session":
+        raise InputError(f"held-out sessions '{patterns[0]}' in a split by {by}", "a split by session")
 
 
 def refuse_too_few(
-    by: str, objects: Sequence[str], days: Sequence[int | None], held_out: Sequence[str] = ()
+    by: str,
+    objects: Sequence[str],
+    days: Sequence[int | None],
+    held_out: Sequence[str] = (),
+    names: Sequence[str] = (),
 ) -> None:
-    """Raise `InputError` where sessions of these objects and days are too few to split so.
+    """Raise `InputError` where sessions of these objects, days and names are too few to split so.
 
     It looks at names alone, before anything is built; `split_dataset` may still find that a part is empty.
 
     >>> refuse_too_few("object", ["wood", "wood", "steel"], [0, 0, 0], ["steel"])
     """
-    refuse_strange(objects, held_out)
+    names = names or [""] * len(objects)
+    refuse_strange(objects, held_out, names)
     if by == "day" and None in days:
         raise InputError(
             "sessions without a day in a split by day", "sessions that tell it", "split by session"
         )
-    known = [name for name in objects if name not in held_out]
+    known = [body for body, name in zip(objects, names, strict=True) if not is_held_out(body, name, held_out)]
     enough = {
         "session": len(known) >= (2 if held_out else 3),
         "object": len(known) >= 2 and len(set(objects)) >= 2,

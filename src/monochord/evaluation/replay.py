@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.config import to_tree
+from monochord.datasets.manifest import Part
 from monochord.datasets.store import Dataset, Indices
 from monochord.errors import InputError
 from monochord.estimators.base import Estimator
@@ -18,8 +19,9 @@ from monochord.types import Audio, Estimates, Floats, Signal, StringParams, Wind
 
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Is told what is played, how many sessions are done, and how many there are."""
-IN_THE_ROOM: Mapping[str, str] = {"music*": "music"}
-"""What was sounding in the room, by the pattern of the sessions' names."""
+MUSIC = "music"
+IN_THE_ROOM: Mapping[str, str] = {"music*": MUSIC}
+"""What was sounding in the room, by the pattern of names, of sessions that do not tell themselves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +30,8 @@ class Course:
 
     Every session that has one is played from its begin, so that an estimator that remembers has heard what it
     would have heard; windows that are no rows are estimated, but not kept. `string` is the one of the sensor,
-    where an estimator wants to know. `room` tells what was sounding in the room by pattern of session name.
+    where an estimator wants to know. `room` tells what was sounding in the room by pattern of session name,
+    for sessions that do not tell whether there was music.
     """
 
     dataset: Dataset
@@ -50,13 +53,15 @@ class Course:
     def in_quiet(self) -> "Course | None":
         """The part of it in which nothing was sounding in the room; None where there is none."""
         parts = self.dataset.manifest.parts
-        quiet = np.array([not self.heard_in(part.name) for part in parts])
+        quiet = np.array([not self.heard_in(part) for part in parts])
         rows = self.rows[quiet[self.dataset.session[self.rows]]]
         return replace(self, rows=rows) if len(rows) else None
 
-    def heard_in(self, session: str) -> str:
+    def heard_in(self, part: Part) -> str:
         """Return what was sounding in the room in a session, empty for nothing."""
-        return next((noise for pattern, noise in self.room.items() if fnmatchcase(session, pattern)), "")
+        if part.music is not None:
+            return MUSIC if part.music else ""
+        return next((noise for pattern, noise in self.room.items() if fnmatchcase(part.name, pattern)), "")
 
 
 def replay(
@@ -180,7 +185,7 @@ def _trial(course: Course, session: int, disturbance: Disturbance | None) -> Tri
     return Trial(
         session=part.name,
         object=part.body,
-        noise=course.heard_in(part.name) if disturbance is None else disturbance.kind,
+        noise=course.heard_in(part) if disturbance is None else disturbance.kind,
         ratio=None if disturbance is None else disturbance.ratio,
         radius=part.radius,
         day=part.day,
