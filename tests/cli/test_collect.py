@@ -35,9 +35,20 @@ def test_a_plan_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert read_session(tmp_path / "one_000.mcap").description.seed == 3
 
 
+def test_the_same_plan_with_one_driver(tmp_path: Path) -> None:
+    asked = ["collect", "small", "--only", "hold", "--out", str(tmp_path), "--workers", "1"]
+    assert cli.run([*asked, "--set", "sensor=prototype_one_driver"]) == 0
+    told = read_session(tmp_path / "hold_000.mcap").description
+    assert told.sensor["name"] == "prototype_one_driver"
+    assert told.sensor["drivers"][1]["limit"] == 0.0
+    assert cli.run(asked) == 2  # not this session of this plan
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
+        (["small", "--set", "senser=long"], "did you mean 'sensor'"),
+        (["small", "--set", "sensor=prototipe"], "did you mean 'prototype'"),
         (["smal"], "did you mean 'small'"),
         (["small", "--only", "slid"], "did you mean 'slide'"),
         (["small", "--workers", "0"], "workers"),

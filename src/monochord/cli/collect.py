@@ -29,19 +29,23 @@ from monochord.lab.tally import Tally
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of all that is drawn."
 )
+@click.option("--set", "assignments", multiple=True, metavar="A=B", help="What differs from the plan.")
 @click.option("--only", default="", metavar="NAME", help="One session or one group of the plan.")
 @click.option("--real-time", is_flag=True, help="Through JACK, UDP and DDS, each part a process.")
 @click.option("--server", default="", metavar="NAME", help="The JACK server, with --real-time.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def collect(plan: str, *, out: Path, seed: int, only: str, as_json: bool, **how: Any) -> None:
+def collect(
+    plan: str, *, out: Path, seed: int, assignments: Sequence[str], only: str, as_json: bool, **how: Any
+) -> None:
     """Make the sessions of PLAN, a preset's name or a TOML file, on the virtual bench.
 
     Sessions that are there already are kept: after an interruption the same command goes on.
 
     \b
     monochord collect small --out sessions
+    monochord collect small --out sessions-one-driver --set sensor=prototype_one_driver
     """  # noqa: D301
-    told = load_plan(plan)
+    told = load_plan(plan, assignments)
     sessions = chosen(told, seed=seed, only=only)
     start = time.monotonic()
     done = sorted(_made(sessions, out, **how), key=lambda outcome: outcome.name)

@@ -4,6 +4,7 @@ import shutil
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from monochord.errors import InputError
@@ -37,6 +38,23 @@ def test_drivers_stand_outside_the_range_one_at_each_end(name: str) -> None:
 
 def test_the_named_presets_are_there() -> None:
     assert {"prototype", "long", "gauge_012", "gauge_013"} <= set(sensor_names())
+
+
+def test_with_one_driver_off_its_segment_falls_silent_and_the_other_does_not() -> None:
+    usual, one = load_sensor("prototype"), load_sensor("prototype_one_driver")
+    assert one.drivers[0] == usual.drivers[0]
+    assert (one.drivers[1].limit, one.string, one.pickups) == (0.0, usual.string, usual.pickups)
+    scene = Scene(
+        touches=(hold(0.09, 1.0, load_material("plastic")),), pluck=Pluck(position=0.04, height=1e-4)
+    )
+    far: list[float] = []
+    for sensor in (usual, one):
+        _, twin = advance(begin(sensor, scene), 44100)
+        take, _ = advance(twin, 22050)
+        first, second = np.sqrt(np.mean(take.microphones.astype(float) ** 2, axis=1)).tolist()
+        assert 0.1 < first < 0.5
+        far.append(second)
+    assert far[1] < 0.5 * far[0]
 
 
 def test_prototype_has_the_papers_range_and_the_string_of_its_name() -> None:

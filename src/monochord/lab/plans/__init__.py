@@ -1,6 +1,8 @@
 """Plans as data: what to collect, one TOML file each, found by its name."""
 
-from monochord.config import from_tree, load_toml
+from collections.abc import Sequence
+
+from monochord.config import from_tree, load_toml, override
 from monochord.lab.plan import Plan
 from monochord.physics.presets import preset_names, preset_path
 
@@ -16,13 +18,15 @@ def plan_names() -> list[str]:
     return preset_names(__name__)
 
 
-def load_plan(name: str) -> Plan:
+def load_plan(name: str, assignments: Sequence[str] = ()) -> Plan:
     """Return a preset by its name, or read one from a file of your own.
 
     Parameters
     ----------
     name
         A name from `plan_names`, or the path of a TOML file laid out as the presets are.
+    assignments
+        What differs, such as ``sensor=prototype_one_driver``.
 
     Raises
     ------
@@ -35,4 +39,4 @@ def load_plan(name: str) -> Plan:
     ['hold', 'slide']
     """
     path = preset_path(__name__, "plan", name)
-    return from_tree(Plan, {"name": path.stem, **load_toml(path)}, f"plan {path.stem}")
+    return from_tree(Plan, {"name": path.stem, **override(load_toml(path), assignments)}, f"plan {path.stem}")
