@@ -1,21 +1,27 @@
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from monochord.live import Score
+from monochord.live.score import steady
 from monochord.sinks.base import Moment
 from monochord.types import Estimate, Prediction, Signal, StreamHealth, Window
 
-WINDOW = Window(samples=np.zeros((2, 10), np.float32), start=0, sample_rate=44100)
+WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
+UNITS = {"position": "m", "force": "N"}
 
 
-def moment(position: float | None, truth: dict[str, float]) -> Moment:
-    estimate = (
-        Estimate.abstain("m", "silence") if position is None else Estimate(value=position, std=0.0, unit="m")
-    )
+def moment(told: dict[str, tuple[float, float] | None], truth: dict[str, float], time: float = 0.0) -> Moment:
+    estimates = {
+        name: Estimate.abstain(UNITS.get(name, ""), "silence")
+        if pair is None
+        else Estimate(value=pair[0], std=pair[1], unit=UNITS.get(name, ""))
+        for name, pair in told.items()
+    }
     return Moment(
-        prediction=Prediction(start=0, time=0.0, estimates={"position": estimate}),
+        prediction=Prediction(start=0, time=time, estimates=estimates),
         window=WINDOW,
         health=StreamHealth(),
         truth=truth,
@@ -28,15 +34,15 @@ def test_settled_windows_with_a_touch_count() -> None:
     touch = {"contact": 1.0, "position": 0.2, "settled": 1.0}
     with score.open(Signal(sample_rate=44100, channels=2)) as writer:
         for position in (0.201, 0.197, 0.2, 0.21):
-            writer.write(moment(position, touch))
-        writer.write(moment(None, touch))
-        writer.write(moment(0.5, {**touch, "settled": 0.0}))
-        writer.write(moment(0.5, {"contact": 0.0}))
-        writer.write(moment(0.5, {}))
+            writer.write(moment({"position": (position, 0.0)}, touch))
+        writer.write(moment({"position": None}, touch))
+        writer.write(moment({"position": (0.5, 0.0)}, {**touch, "settled": 0.0}, 1.0))
+        writer.write(moment({"position": (0.5, 0.0)}, {"contact": 0.0}, 2.0))
+        writer.write(moment({"position": (0.5, 0.0)}, {}, 3.0))
     assert score.median_error() == pytest.approx(0.002)
-    assert score.abstained == 1
-    assert score.tree() == {"median_error": pytest.approx(0.002), "answered": 4, "abstained": 1}
-    assert score.lines() == [
+    tree = score.tree()
+    assert (tree["median_error"], tree["answered"], tree["abstained"]) == (pytest.approx(0.002), 4, 1)
+    assert score.lines()[:2] == [
         "settled windows with a touch: 4 answered, 1 abstained",
         "position error against truth: median 2.00 mm, 75.0 % within 5 mm",
     ]
@@ -44,7 +50,61 @@ def test_settled_windows_with_a_touch_count() -> None:
 
 def test_nothing_to_score() -> None:
     score = Score()
-    score.write(moment(None, {"contact": 1.0, "position": 0.2}))
+    score.write(moment({"position": None}, {"contact": 1.0, "position": 0.2}))
     assert math.isnan(score.median_error())
     assert score.tree()["median_error"] is None
-    assert score.lines() == ["settled windows with a touch: 0 answered, 1 abstained"]
+    assert score.lines() == [
+        "settled windows with a touch: 0 answered, 1 abstained",
+        "position no answer in 1 windows",
+    ]
+    assert Score().tree() == {"median_error": None, "answered": 0, "abstained": 0}
+    assert Score().lines() == ["settled windows with a touch: 0 answered, 0 abstained"]
+
+
+def told(truth: dict[str, float], **wrong: Any) -> dict[str, tuple[float, float] | None]:
+    """Return estimates that are the truth, but for some."""
+    perfect: dict[str, tuple[float, float] | None] = {"contact": (truth["contact"], 0.0)}
+    for name in ("position", "force", "slip"):
+        perfect[name] = (truth[name], 0.01) if truth["contact"] else None
+    return perfect | wrong
+
+
+def session(score: Score, **wrong: Any) -> Score:
+    """Play a second each of nothing, a touch at rest and one that slides, a window every 50 ms."""
+    for k in range(60):
+        truth = {"contact": float(k >= 20), "settled": 1.0}
+        if k >= 20:
+            truth |= {"position": 0.1, "force": 1.0, "slip": float(k >= 40)}
+        score.write(moment(told(truth, **(wrong if k >= 20 else {})), truth, 0.05 * k))
+    return score
+
+
+def test_a_perfect_estimator_has_a_perfect_score() -> None:
+    tree = session(Score()).tree()
+    # The windows beside the begin of the touch, and of the slide, are neither.
+    assert (tree["contact_windows"], tree["position_windows"], tree["slip_windows"]) == (58, 39, 37)
+    for name in ("contact_accuracy", "contact_area", "slip_accuracy", "slip_area"):
+        assert tree[name] == 1.0
+    for name in ("position_within_5mm", "force_within_0.2n", "position_coverage", "force_coverage"):
+        assert tree[name] == 1.0
+    assert (tree["position_mae"], tree["force_mae"]) == (0.0, 0.0)
+
+
+def test_errors_and_abstentions_are_told() -> None:
+    score = session(Score(), position=(0.106, 0.002), force=None, slip=(0.9, 0.3), contact=(0.4, 0.5))
+    lines = score.lines()
+    silent = "0.0 % of 39 windows abstained"
+    assert lines == [
+        "contact  32.8 % right of 58 windows, area under the curve 1.000",
+        f"position mean error 6.00 mm, 0.0 % within 5 mm, 0.0 % within one standard error; {silent}",
+        "force    no answer in 39 windows",
+        "slip     51.4 % right of 37 windows, area under the curve 0.500",
+    ]
+    assert score.tree()["force_mae"] is None
+
+
+def test_a_label_that_changes_nearby_or_is_not_known_is_not_steady() -> None:
+    label = np.array([0.0, 0.0, 1.0, 1.0, math.nan, math.nan, 1.0])
+    found = steady(np.arange(0.0, 0.7, 0.1), label, 0.04)
+    assert found.tolist() == [True, True, True, True, False, False, True]
+    assert steady(np.zeros(0), np.zeros(0), 1.0).tolist() == []

@@ -225,3 +225,79 @@ def test_standard_error_on_request(capsys: pytest.CaptureFixture[str]) -> None:
     captured = capsys.readouterr()
     assert captured.out == ""
     assert "227.5 mm" in captured.err
+
+
+def learned(**told: tuple[float, float] | str) -> Moment:
+    """Return a moment of what a perceiver tells; a text is a reason for telling nothing."""
+    units = {"position": "m", "force": "N"}
+    estimates = {
+        name: Estimate.abstain(units.get(name, ""), pair)
+        if isinstance(pair, str)
+        else Estimate(value=pair[0], std=pair[1], unit=units.get(name, ""))
+        for name, pair in told.items()
+    }
+    shown = moment(0)
+    return dataclasses.replace(shown, prediction=dataclasses.replace(shown.prediction, estimates=estimates))
+
+
+def rows_of(shown: Moment, columns: int) -> dict[str, str]:
+    """Return the rows of the estimates by their first word."""
+    lines = _view.frame(shown, SIGNAL, 0.2, Histogram().percentiles(), columns, 24)
+    assert len(lines) < 24
+    plain = [line.plain for line in lines]
+    names = ("contact", "position", "force", "slip")
+    found = {name: line for line in plain for name in names if line.split()[:1] == [name]}
+    assert all(len(line) <= columns for line in found.values())
+    return found
+
+
+TOUCH = {"contact": 1.0, "position": 0.15, "force": 0.5, "slip": 0.0}
+
+
+@pytest.mark.parametrize("columns", [60, 80, 110])
+def test_each_estimate_lies_on_its_track_beside_the_truth(columns: int) -> None:
+    told = {"contact": (0.998, 0.04), "slip": (0.03, 0.17), "position": (0.1, 0.02), "force": (0.5, 0.001)}
+    shown = dataclasses.replace(learned(**told), truth=TOUCH)
+    rows = rows_of(shown, columns)
+    assert [*rows] == ["contact", "position", "force", "slip"]
+    for name, words in {
+        "contact": "touched  99.8 %",
+        "position": "100.0 mm  ± 20.0 mm",
+        "force": "0.50 N",
+        "slip": "rests  97 %",
+    }.items():
+        assert words in rows[name]
+    assert "truth  150.0 mm" in rows["position"]
+    assert "truth     rests" in rows["slip"]
+    if columns < 72:
+        return  # figures go before pictures
+    track = re.search(r"[─━●◆◉]{8,}", rows["position"])
+    assert track
+    cells = track[0]
+    assert cells.index("●") == pytest.approx(0.5 * (len(cells) - 1), abs=0.6)
+    assert cells.index("◆") == pytest.approx(0.75 * (len(cells) - 1), abs=0.6)
+    assert cells.count("━") + 1 == pytest.approx(0.2 * len(cells), abs=1.6)
+    assert "◉" in rows["force"]
+    assert "●" not in rows["force"]
+
+
+def test_an_abstention_is_said_in_words_with_the_truth_on_its_track() -> None:
+    told = {"contact": (0.02, 0.1), "slip": "no contact", "position": "too unsure", "force": "no contact"}
+    rows = rows_of(dataclasses.replace(learned(**told), truth=TOUCH), 80)
+    assert "untouched  98 %" in rows["contact"]
+    assert "--  too unsure" in rows["position"]
+    assert "◆" in rows["position"]
+    assert "●" not in rows["position"]
+    free = rows_of(dataclasses.replace(learned(**told), truth={"contact": 0.0}), 80)
+    assert "truth untouched" in free["contact"]
+    assert "truth" not in free["force"]
+    assert "◆" not in free["force"]
+    nothing_known = rows_of(learned(**told), 80)
+    assert not any("truth" in row or "◆" in row for row in nothing_known.values())
+
+
+def test_no_certainty_is_made_of_a_probability(capsys: pytest.CaptureFixture[str]) -> None:
+    with Terminal(plain=True).open(SIGNAL) as writer:
+        writer.write(learned(contact=(0.99996, 0.006), slip=(0.4, 0.5), force="too unsure"))
+    line = capsys.readouterr().out
+    assert "touched (99.9 %), no force (too unsure), rests (60 %)" in line

@@ -20,7 +20,7 @@ class PerceiverEstimator(Estimator):
     Parameters
     ----------
     path
-        Folder of a perceiver, or of the training run that made it.
+        Folder of a perceiver or of the training run that made it, or the name of one that comes along: demo.
     """
 
     path: Path

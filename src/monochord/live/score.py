@@ -1,49 +1,175 @@
 """The error of a run against what its source knows to be true."""
 
-import statistics
 from array import array
+from collections.abc import Mapping
 
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord import metrics
 from monochord.sinks.base import Listener, Moment
-from monochord.units import Metres
+from monochord.types import Floats
+from monochord.units import Metres, Seconds
+
+CHANCES = ("contact", "slip")
+AMOUNTS: Mapping[str, tuple[float, str, float, str]] = {
+    "position": (5e-3, "5mm", 1e3, "mm"),
+    "force": (0.2, "0.2n", 1.0, "N"),
+}
+"""By name of an estimate what counts as near, its name, the scale in which it is shown, and its unit."""
+TINY: Seconds = 1e-6
 
 
 class Score(Listener):
-    """A sink that keeps the position error of every settled window with a touch.
+    """A sink that keeps truth and estimates of every window, for runs that end: 14 numbers a window.
 
-    A window counts where the truth has a contact at a known position and does not say that it is unsettled.
-    The errors take 8 bytes a window: this is for runs that end.
+    Windows in which a touch or a slide begins or ends are neither one nor the other, and do not count. Of
+    the rest `contact` and `slip` (a slide or rest, where something touches) are right where their
+    probability is on the side of the truth; position and force have a mean error wherever something touches,
+    sliding or not. An abstention is no error, and is not right either.
     """
 
     def __init__(self) -> None:
-        self.errors = array("d")
-        self.abstained = 0
+        names = (*CHANCES, *AMOUNTS)
+        self._truth = {name: array("d") for name in ("time", "settled", *names)}
+        self._told = {name: (array("d"), array("d")) for name in names}
+        self._named: set[str] = set()
+        self._window: Seconds = 0.0
 
     def write(self, moment: Moment) -> None:
-        """Keep the error of one window."""
-        truth = moment.truth
-        if not truth.get("contact") or not truth.get("settled", 1.0) or "position" not in truth:
-            return
-        position = moment.prediction.estimate("position")
-        if position.valid:
-            self.errors.append(position.value - truth["position"])
-        else:
-            self.abstained += 1
+        """Keep one window."""
+        prediction, truth = moment.prediction, moment.truth
+        self._window = moment.window.duration
+        self._named |= prediction.estimates.keys() & self._told.keys()
+        known = {"time": prediction.time, "settled": 1.0, **truth}
+        for name, column in self._truth.items():
+            column.append(known.get(name, np.nan))
+        for name, columns in self._told.items():
+            estimate = prediction.estimate(name)
+            for column, value in zip(columns, (estimate.value, estimate.std), strict=True):
+                column.append(value if estimate.valid else np.nan)
 
     def median_error(self) -> Metres:
-        """Return the median size of the error; NaN where no window counted."""
-        return statistics.median(map(abs, self.errors)) if self.errors else float("nan")
+        """Return the median size of the position error of settled windows; NaN where none counted."""
+        errors = self._settled()
+        answered = errors[np.isfinite(errors)]
+        return float(np.median(np.abs(answered))) if len(answered) else float("nan")
 
     def tree(self) -> dict[str, float | int | None]:
-        """Return the score as plain values, in metres; the median is None where no window counted."""
-        median = self.median_error() if self.errors else None
-        return {"median_error": median, "answered": len(self.errors), "abstained": self.abstained}
+        """Return the score as plain values in SI units; None where no window counted."""
+        settled = self._settled()
+        answered = int(np.isfinite(settled).sum())
+        found: dict[str, float | int | None] = {
+            "median_error": self.median_error() if answered else None,
+            "answered": answered,
+            "abstained": len(settled) - answered,
+        }
+        whole, touched, known = self._whole()
+        if "contact" in self._named:
+            found |= {"contact_windows": int(whole.sum()), **self._chance("contact", whole)}
+        for name, (near, within, _, _) in AMOUNTS.items():
+            if name in self._named:
+                found |= self._amount(name, touched & np.isfinite(self._label(name)), near, within)
+        if "slip" in self._named:
+            found |= {"slip_windows": int(known.sum()), **self._chance("slip", known)}
+        return found
 
     def lines(self) -> list[str]:
         """Return the score as lines of text."""
-        answered = len(self.errors)
-        counted = f"settled windows with a touch: {answered} answered, {self.abstained} abstained"
-        if not answered:
+        tree = self.tree()
+        told = [line for name in ("contact", *AMOUNTS, "slip") for line in _line(name, tree)]
+        return told if "slip" in self._named else [*self._settled_lines(), *told]
+
+    def _settled_lines(self) -> list[str]:
+        """Return the score of settled windows, for who knows of no sliding: it wants a sound at rest."""
+        errors = self._settled()
+        answered = np.abs(errors[np.isfinite(errors)])
+        silent = len(errors) - len(answered)
+        counted = f"settled windows with a touch: {len(answered)} answered, {silent} abstained"
+        if not len(answered):
             return [counted]
-        within = sum(abs(e) <= 5e-3 for e in self.errors) / answered
-        error = f"median {1e3 * self.median_error():.2f} mm, {100 * within:.1f} % within 5 mm"
-        return [counted, f"position error against truth: {error}"]
+        near = float((answered <= AMOUNTS["position"][0]).mean())
+        median = f"median {1e3 * self.median_error():.2f} mm, {_share(near)} within 5 mm"
+        return [counted, f"position error against truth: {median}"]
+
+    def _label(self, name: str) -> Floats:
+        return np.array(self._truth[name])
+
+    def _settled(self) -> Floats:
+        """Return the position error of every settled window with a touch, NaN where there is no answer."""
+        position = self._label("position")
+        rows = (self._label("contact") > 0.0) & (self._label("settled") > 0.0) & np.isfinite(position)
+        return (np.array(self._told["position"][0]) - position)[rows]
+
+    def _whole(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which windows are wholly touched or free, wholly touched, and wholly sliding or at rest."""
+        time, contact, slip = self._label("time"), self._label("contact"), self._label("slip")
+        whole = steady(time, contact, 0.5 * self._window)
+        touched = whole & (contact > 0.0)
+        return whole, touched, touched & steady(time, slip, 0.5 * self._window)
+
+    def _chance(self, name: str, rows: NDArray[np.bool_]) -> dict[str, float | None]:
+        """Return the share that is right, and the area under the curve where there are both kinds."""
+        truth, told = self._label(name)[rows] > 0.0, np.array(self._told[name][0])[rows]
+        said = np.isfinite(told)
+        right = float((((told >= 0.5) == truth) & said).mean()) if truth.size else None
+        yes, no = (told[said & (truth == kind)] for kind in (True, False))
+        area = metrics.area_under_curve(yes, no) if len(yes) and len(no) else None
+        return {f"{name}_accuracy": right, f"{name}_area": area}
+
+    def _amount(
+        self, name: str, rows: NDArray[np.bool_], near: float, within: str
+    ) -> dict[str, float | int | None]:
+        truth, (value, std) = self._label(name)[rows], (np.array(c)[rows] for c in self._told[name])
+        said = np.isfinite(value)
+        sure = said & np.isfinite(std)
+        error = np.abs(value - truth)
+        right = float((error[said] <= near).sum()) / truth.size if said.any() else None
+        return {
+            f"{name}_windows": truth.size,
+            f"{name}_answered": int(said.sum()),
+            f"{name}_mae": float(error[said].mean()) if said.any() else None,
+            f"{name}_within_{within}": right,
+            f"{name}_coverage": float((error <= std)[sure].mean()) if sure.any() else None,
+        }
+
+
+def steady(time: Floats, label: Floats, reach: Seconds) -> NDArray[np.bool_]:
+    """Return which rows (n,) have a label that is known and the same wherever `time` is within `reach`.
+
+    A window is wholly touched where its neighbours, up to half a window away, are touched for the most part.
+
+    >>> steady(np.arange(5.0), np.array([0.0, 0.0, 0.0, 1.0, np.nan]), 1.0).tolist()
+    [True, True, False, False, False]
+    """
+    if not len(time):
+        return np.zeros(0, np.bool_)
+    changed = np.cumsum(np.diff(label, prepend=label[:1]) != 0.0)
+    first = np.searchsorted(time, time - reach - TINY)
+    last = np.searchsorted(time, time + reach + TINY, side="right") - 1
+    return (changed[first] == changed[last]) & np.isfinite(label)
+
+
+def _line(name: str, tree: Mapping[str, float | int | None]) -> list[str]:
+    """Return the line of one quantity, none where no window counted."""
+    counted = tree.get(f"{name}_windows")
+    if not counted:
+        return []
+    if name in CHANCES:
+        right, area = tree[f"{name}_accuracy"], tree[f"{name}_area"]
+        told = "" if area is None else f", area under the curve {area:.3f}"
+        return [f"{name:<9}{_share(right)} right of {counted} windows{told}"]
+    near, within, scale, unit = AMOUNTS[name]
+    error = tree[f"{name}_mae"]
+    if error is None:
+        return [f"{name:<9}no answer in {counted} windows"]
+    silent = 1.0 - (tree[f"{name}_answered"] or 0) / counted
+    covered = tree[f"{name}_coverage"]
+    doubt = "" if covered is None else f", {_share(covered)} within one standard error"
+    found = f"mean error {scale * error:.2f} {unit}, {_share(tree[f'{name}_within_{within}'])} within"
+    silence = f"{_share(silent)} of {counted} windows abstained"
+    return [f"{name:<9}{found} {scale * near:g} {unit}{doubt}; {silence}"]
+
+
+def _share(share: float | None) -> str:
+    return "-" if share is None else f"{100.0 * share:.1f} %"

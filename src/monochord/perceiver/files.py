@@ -5,7 +5,8 @@
     perceiver.json           the definition: feature, heads, calibration, where it comes from
     weights.safetensors      the arrays, whose sha256 stands in the text
 
-There is no pickle in it, so that reading one runs nobody's code.
+There is no pickle in it, so that reading one runs nobody's code. Some come with Monochord, and are loaded by
+their names (`monochord.perceiver.bundled`).
 """
 
 import dataclasses
@@ -19,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from monochord.config import from_tree, to_tree
-from monochord.errors import InputError
+from monochord.errors import InputError, did_you_mean
+from monochord.perceiver.bundled import bundled_folder, bundled_names
 from monochord.perceiver.definition import FORMAT, Definition
 from monochord.perceiver.perceiver import Perceiver
 from monochord.types import Audio
@@ -31,13 +33,16 @@ AGAIN = "copy the folder again, or train again"
 
 
 def folder_of(path: Path) -> Path | None:
-    """Return the folder of the perceiver that a path means, its own or that of a run; None if there is none.
+    """Return the folder of the perceiver that a path means, None if there is none.
+
+    A path is that of a perceiver, that of a training run, or, where nothing stands there, the name of a
+    perceiver that comes with Monochord.
 
     >>> folder_of(Path("no-such-run")) is None
     True
     """
     found = (folder for folder in (path, path / INSIDE_A_RUN) if (folder / TEXT).is_file())
-    return next(found, None)
+    return next(found, None if path.exists() else bundled_folder(str(path)))
 
 
 def save(perceiver: Perceiver, folder: Path) -> Perceiver:
@@ -60,17 +65,24 @@ def save(perceiver: Perceiver, folder: Path) -> Perceiver:
 
 
 def load(path: Path | str) -> Perceiver:
-    """Return the perceiver in a folder, or in that of a training run.
+    """Return the perceiver in a folder or in that of a training run, or one that comes along by its name.
 
     Raises
     ------
     InputError
         If there is none, or anything of it is damaged, has another checksum, or is of another format.
+
+    Examples
+    --------
+    >>> load("demo").definition.simulated
+    True
     """
     folder = folder_of(Path(path))
     if folder is None:
-        given = f"perceiver {path} (there is no {TEXT} in it)"
-        raise InputError(given, "a folder that monochord train made")
+        names = bundled_names()
+        given = f"perceiver {path} ({f'there is no {TEXT} in it' if Path(path).exists() else 'not there'})"
+        allowed = f"a folder that monochord train made, or {', '.join(names)}"
+        raise InputError(given, allowed, did_you_mean(str(path), names))
     told = _definition(folder / TEXT)
     file = folder / WEIGHTS
     try:

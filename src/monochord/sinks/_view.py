@@ -6,16 +6,16 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from rich.text import Text
 
-from monochord.sinks import _string
+from monochord.sinks import _string, _tracks
+from monochord.sinks._tracks import FAINT, LABEL, WARN
 from monochord.sinks.base import Moment
 from monochord.timing import Percentiles
 from monochord.types import Audio, Estimate, Signal, Truth
 from monochord.units import Metres, decibels
 
-LABEL, FAINT, WARN = "grey62", "grey42", "bold orange1"
 FLOOR = -60.0  # decibels at the left end of a level meter
 EIGHTHS = " ▏▎▍▌▋▊▉"
-FIRST = ("position", "force", "frequency")  # what a person looks for first; the rest follows as it comes
+FIRST = ("contact", "position", "force", "slip", "frequency")  # what a person looks for first
 
 
 def frame(
@@ -38,21 +38,24 @@ def frame(
     )
     meters = [_meter(k + 1, rms, peak, columns) for k, (rms, peak) in enumerate(loudness)]
     foot = [Text(), *meters, Text(), _latency(latency), _health(moment)]
-    head = [_title(moment, signal, columns), Text(), *(Text.assemble("  ", line) for line in picture), Text()]
+    names = moment.prediction.estimates
+    learned = any(name in names for name in _tracks.WORDS)
+    between = _tracks.legend(truth) if learned else Text()
+    head = [
+        _title(moment, signal, columns),
+        Text(),
+        *(Text.assemble("  ", line) for line in picture),
+        between,
+    ]
     room = max(rows - 1 - len(head) - len(foot), 1)
-    middle = list(_estimates(moment))[:room]
+    middle = list(_estimates(moment, length, columns))[:room]
     return [*head, *middle, *foot]
 
 
 def plain(moment: Moment, latency: Percentiles) -> str:
     """Return one line without any drawing, for a log or a pipe."""
     health = moment.health
-    said = ", ".join(
-        f"{name} {quantity(e.value, e.unit)} +- {quantity(e.std, e.unit)}"
-        if e.valid
-        else f"no {name} ({e.why_not})"
-        for name, e in _ordered(moment.prediction.estimates.items())
-    )
+    said = ", ".join(_said(name, e) for name, e in _ordered(moment.prediction.estimates.items()))
     rms = " / ".join(f"{levels(channel)[0]:.0f}" for channel in moment.window.samples)
     p99 = f"{1e3 * latency.p99:.2f}"
     known = f"; {_truth_in_words(moment.truth)}" if moment.truth else ""
@@ -98,29 +101,55 @@ def _ordered(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, Estim
     return sorted(estimates, key=lambda item: FIRST.index(item[0]) if item[0] in FIRST else len(FIRST))
 
 
-def _estimates(moment: Moment) -> Iterator[Text]:
+def _said(name: str, estimate: Estimate) -> str:
+    if not estimate.valid:
+        return f"no {name} ({estimate.why_not})"
+    if name in _tracks.WORDS:
+        word, share = _tracks.chance_in_words(name, estimate.value)
+        return f"{word} ({share})"
+    return f"{name} {quantity(estimate.value, estimate.unit)} +- {quantity(estimate.std, estimate.unit)}"
+
+
+def _estimates(moment: Moment, length: Metres, columns: int) -> Iterator[Text]:
     for name, estimate in _ordered(moment.prediction.estimates.items()):
-        line = Text.assemble((f"  {name.replace('_', ' '):<13}", LABEL))
-        if estimate.valid:
+        line = Text.assemble((f"  {name.replace('_', ' '):<12}", LABEL))
+        if not estimate.valid:
+            line.append(f"{'--':>10}", FAINT)
+            line.append(f"  {estimate.why_not}", WARN if estimate.why_not not in QUIETLY else FAINT)
+        elif name in _tracks.WORDS:
+            word, share = _tracks.chance_in_words(name, estimate.value)
+            line.append(f"{word:>10}", "bold").append(f"  {share:<11}", LABEL)
+        else:
             style = _string.TOUCH if name == "position" else "bold"
             line.append(f"{quantity(estimate.value, estimate.unit):>10}", style)
             spread = quantity(estimate.std, estimate.unit) if math.isfinite(estimate.std) else "?"
             line.append(f"  ± {spread:<9}", LABEL)
-        else:
-            line.append(f"{'--':>10}", FAINT)
-            line.append(f"  {estimate.why_not}", WARN if name == "position" else FAINT)
-        yield line + _beside(name, estimate, moment.truth)
+        yield _beside(line, name, estimate, moment.truth, length, columns)
 
 
-def _beside(name: str, estimate: Estimate, truth: Truth) -> Text:
-    """Return the truth beside an estimate, where the source knows it."""
-    if name not in truth or not truth.get("contact", 1.0) or not math.isfinite(truth[name]):
-        return Text()
-    line = Text(f"   truth {quantity(truth[name], estimate.unit):>9}", _string.TRUTH)
-    if estimate.valid:
-        off = estimate.value - truth[name]
-        line.append(f"   off by {'+' if off >= 0 else '-'}{quantity(abs(off), estimate.unit)}", LABEL)
-    return line
+QUIETLY = ("no contact", "not estimated")
+"""Reasons for an abstention that are no trouble."""
+FIGURES = 37
+"""Columns before a track."""
+
+
+def _beside(line: Text, name: str, estimate: Estimate, truth: Truth, length: Metres, columns: int) -> Text:
+    """Return a row with its track, and the truth in figures, where there are any."""
+    true, scale = _tracks.known(name, truth), _tracks.scale_of(name, length)
+    words = ""
+    if true is not None:
+        words = _tracks.WORDS[name][true >= 0.5] if name in _tracks.WORDS else quantity(true, estimate.unit)
+    named = columns >= _tracks.ROOMY
+    width = min(columns - FIGURES - (11 if named else 0) - (18 if truth else 2), 48)
+    if scale is not None and width >= LEAST_TRACK:
+        line.append(" " * (FIGURES - len(line)))
+        ends = (f"{scale.left:>2} ", f" {scale.right:<7}") if named else ("", "")
+        line.append(ends[0], FAINT).append(_tracks.track(scale, estimate, true, width)).append(ends[1], FAINT)
+    return line.append(f"  truth {words:>9}", _string.TRUTH) if words else line
+
+
+LEAST_TRACK = 8
+"""Cells of a track that can still be read."""
 
 
 def _caption(truth: Truth) -> str:

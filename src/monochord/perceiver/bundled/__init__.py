@@ -1,0 +1,31 @@
+"""Perceivers that come with Monochord, one folder each, found by its name.
+
+How each was made stands in its ``SOURCES.md``.
+"""
+
+from importlib.resources import files
+from pathlib import Path
+
+
+def bundled_names() -> list[str]:
+    """Return the names of the perceivers that come along, sorted.
+
+    Examples
+    --------
+    >>> bundled_names()
+    ['demo']
+    """
+    found = (Path(str(entry)) for entry in files(__name__).iterdir())
+    return sorted(path.name for path in found if (path / "perceiver.json").is_file())
+
+
+def bundled_folder(name: str) -> Path | None:
+    """Return the folder of a perceiver that comes along, None if there is none of this name.
+
+    Examples
+    --------
+    >>> bundled_folder("demo").name, bundled_folder("demos") is None
+    ('demo', True)
+    """
+    key = name.replace("-", "_")
+    return Path(str(files(__name__) / key)) if key in bundled_names() else None
