@@ -174,3 +174,38 @@ def test_a_reader_that_leaves_ends_it_quietly(take: Take) -> None:
     assert process.wait(20) == 1
     process.stderr.close()
     assert b"Traceback" not in err
+
+
+def test_what_was_learned_hears_the_twin_beside_the_truth(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--source", "twin", "--set", "source.speed=0", "--set", "source.build=1", "--seconds", "3"]
+    assert run(["live", "demo", *options, "--hop", "0.05", "--json"]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    both = [line for line in lines if line["valid"] and line.get("true_contact")]
+    assert len(both) > 10
+    for line in both:
+        assert abs(line["position"] - line["true_position"]) < 5e-3
+        assert line["force_std"] > 0.0
+        assert 0.0 <= line["slip"] <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("inputs", "words"),
+    [
+        (
+            ["demmo", "prototype"],
+            "perceiver demmo (not there): allowed is a folder that monochord train made",
+        ),
+        (["demmo", "prototype"], "did you mean 'demo'"),
+        (["demo", "demo"], "inputs demo, demo: allowed is one RUN at most"),
+        (["demo", "long"], "a string of 0.65 m for a perceiver: allowed is 0.2 m"),
+        (["demo", "--window", "0.2"], "windows of 8820 frames for a perceiver"),
+    ],
+)
+def test_what_was_not_learned_is_one_line(
+    inputs: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["live", *inputs, "--source", "twin"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert words in captured.err

@@ -301,3 +301,14 @@ def test_no_certainty_is_made_of_a_probability(capsys: pytest.CaptureFixture[str
         writer.write(learned(contact=(0.99996, 0.006), slip=(0.4, 0.5), force="too unsure"))
     line = capsys.readouterr().out
     assert "touched (99.9 %), no force (too unsure), rests (60 %)" in line
+
+
+def test_a_low_terminal_has_no_blanks_and_all_four() -> None:
+    told = {"contact": (0.998, 0.04), "slip": (0.03, 0.17), "position": (0.1, 0.02), "force": (0.5, 0.001)}
+    for height, legend in ((20, True), (19, False), (24, True)):
+        lines = _view.frame(learned(**told), SIGNAL, 0.2, Histogram().percentiles(), 80, height)
+        plain = [line.plain.split()[:1] for line in lines]
+        assert len(lines) < height
+        assert all([name] in plain for name in ("contact", "position", "force", "slip", "mic", "stream"))
+        assert (["●"] in plain) == legend
+        assert any(not line.plain for line in lines) == (height == 24)

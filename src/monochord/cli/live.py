@@ -20,7 +20,7 @@ from monochord.config import Tree, dump_toml, load_toml, override
 from monochord.errors import InputError
 from monochord.estimators import ESTIMATORS
 from monochord.live import Settings, run
-from monochord.perceiver import folder_of
+from monochord.perceiver import folder_of, load
 from monochord.sinks import SINKS
 from monochord.sources import SOURCES
 
@@ -44,14 +44,15 @@ LEARNED = "perceiver"  # the estimator that RUN stands for
 def live(inputs: tuple[str, ...], **options: Any) -> None:
     """Show where a sounding string is touched, live.
 
-    INPUT is what the source opens: ports, a device, a file. RUN is a folder that monochord train made: what
-    was learned there estimates. Settings come from --config, then from the options, then from --set.
-    Control-C or SIGTERM ends the run with its summary.
+    INPUT is what the source opens: ports, a device, a file. RUN is a folder that monochord train made, or
+    demo, which comes along: what was learned there estimates. Settings come from --config, then from the
+    options, then from --set. Control-C or SIGTERM ends the run with its summary.
 
     \b
     monochord live --source jack --length 0.65 --open-frequency 110
     monochord live take.wav --source wav --length 0.65 --open-frequency 110 --json
     monochord live run session.mcap --source session
+    monochord live demo --source twin
     """  # noqa: D301
     learned, opened = _told_apart(inputs)
     tree = _tree(opened, options, learned)
@@ -70,11 +71,11 @@ def _told_apart(inputs: tuple[str, ...]) -> tuple[str | None, str | None]:
     """Return the folder of a perceiver, and what the source opens, as far as they are given."""
     learned = [text for text in inputs if folder_of(Path(text))]
     opened = [text for text in inputs if text not in learned]
+    if len(inputs) == 2 and not learned:
+        load(inputs[0])  # says why it is no RUN
     if len(learned) > 1 or len(opened) > 1:
-        given = f"inputs {', '.join(inputs)}"
-        raise InputError(
-            given, "one RUN at most, and one INPUT at most", "a RUN is what monochord train made"
-        )
+        given, remedy = f"inputs {', '.join(inputs)}", "a RUN is what monochord train made, or demo"
+        raise InputError(given, "one RUN at most, and one INPUT at most", remedy)
     return next(iter(learned), None), next(iter(opened), None)
 
 

@@ -37,19 +37,14 @@ def frame(
         _caption(truth),
     )
     meters = [_meter(k + 1, rms, peak, columns) for k, (rms, peak) in enumerate(loudness)]
+    learned = any(name in moment.prediction.estimates for name in _tracks.WORDS)
+    middle = [*_estimates(moment, length, columns), *([_tracks.legend(truth)] if learned else [])]
     foot = [Text(), *meters, Text(), _latency(latency), _health(moment)]
-    names = moment.prediction.estimates
-    learned = any(name in names for name in _tracks.WORDS)
-    between = _tracks.legend(truth) if learned else Text()
-    head = [
-        _title(moment, signal, columns),
-        Text(),
-        *(Text.assemble("  ", line) for line in picture),
-        between,
-    ]
+    head = [_title(moment, signal, columns), Text(), *(Text.assemble("  ", line) for line in picture), Text()]
+    if rows - 1 - len(head) - len(foot) < min(len(middle), len(FIRST)):
+        head, foot = ([line for line in part if line.plain] for part in (head, foot))
     room = max(rows - 1 - len(head) - len(foot), 1)
-    middle = list(_estimates(moment, length, columns))[:room]
-    return [*head, *middle, *foot]
+    return [*head, *middle[:room], *foot]
 
 
 def plain(moment: Moment, latency: Percentiles) -> str:
@@ -103,7 +98,9 @@ def _ordered(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, Estim
 
 def _said(name: str, estimate: Estimate) -> str:
     if not estimate.valid:
-        return f"no {name} ({estimate.why_not})"
+        # "no contact" would be an answer.
+        silent = f"{name} not told" if name in _tracks.WORDS else f"no {name}"
+        return f"{silent} ({estimate.why_not})"
     if name in _tracks.WORDS:
         word, share = _tracks.chance_in_words(name, estimate.value)
         return f"{word} ({share})"

@@ -1,0 +1,55 @@
+"""What `monochord live` writes of a session is what `monochord evaluate` scores of it, to the last bit."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.cli import run
+from monochord.evaluation.results_file import read_results
+
+PLAN = """
+sensor = "prototype"
+build = 1
+[[groups]]
+name = "slide"
+protocol = "slide"
+grid = [2, 1]
+forces = [0.3, 1.4]
+hold = 0.5
+strokes = 2
+days = [10]
+"""
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sessions")
+    (folder / "plan.toml").write_text(PLAN, encoding="utf-8")
+    assert run(["collect", str(folder / "plan.toml"), "--out", str(folder)]) == 0
+    (file,) = folder.glob("*.mcap")
+    return file
+
+
+@pytest.mark.parametrize("options", [["demo"], ["--estimator", "closed_form"]])
+def test_every_estimate_is_the_same(
+    options: list[str], session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["evaluate", *options, "--sessions", str(session), "--out", str(tmp_path / "report")]) == 0
+    results = read_results(tmp_path / "report" / "results.npz")
+    capsys.readouterr()
+    assert run(["live", *options, str(session), "--source", "session", "--hop", "0.1", "--json"]) == 0
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    said = {round(line["time"] * 44100): line for line in told}
+    starts = np.rint(results.start * 44100).astype(int).tolist()
+    assert len(starts) > 50
+    assert {*starts} <= said.keys()
+    assert {"contact", "position", "force"} <= results.value.keys()
+    for name in results.value:
+        for columns, key in ((results.value, name), (results.std, f"{name}_std")):
+            found = np.array([said[start][key] for start in starts], dtype=float)
+            np.testing.assert_array_equal(columns[name], found, strict=True)
+    assert np.isfinite(results.value["position"]).sum() > 10
+    reasons = [results.reasons[number] for number in results.why["position"].tolist()]
+    assert reasons == [said[start]["why_not"] for start in starts]
