@@ -1,5 +1,6 @@
 """The learned estimator: live, it says bit for bit what is said of the dataset's windows."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -62,8 +63,6 @@ def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, block: int) 
 
 
 def from_sinks(live: Any, sink: Listener) -> Any:
-    import dataclasses
-
     return dataclasses.replace(live, sinks=(sink,))
 
 
@@ -73,6 +72,13 @@ def test_windows_of_another_length_are_refused_before_any_comes(trained: Path) -
         InputError, match=r"windows of 400 frames .* 1600 frames at 16000 Hz; take --window 0.1"
     ):
         estimator.prepare(SIGNAL, 400)
+
+
+def test_sound_at_another_rate_is_refused_by_its_rate_and_not_by_its_window(trained: Path) -> None:
+    estimator = from_tree(PerceiverEstimator, {"path": str(trained)})
+    signal = dataclasses.replace(SIGNAL, sample_rate=48000)
+    with pytest.raises(InputError, match=r"sound at 48000 Hz for a perceiver: allowed is 16000 Hz"):
+        estimator.prepare(signal, 4800)
 
 
 def test_a_folder_without_a_perceiver_is_refused(tmp_path: Path) -> None:
@@ -89,6 +95,7 @@ def test_prediction_needs_no_torch(trained: Path, learnable: Path) -> None:
 import sys
 from monochord import features
 features.__path__.append({str(made_up)!r})
+import dataclasses
 from pathlib import Path
 from monochord.datasets.store import open_dataset
 from monochord.perceiver import load

@@ -87,7 +87,10 @@ def test_each_noise_is_a_replay_of_its_own(dataset: Dataset) -> None:
 
 
 def test_what_was_recorded_in_noise_gets_none_on_top(dataset: Dataset) -> None:
-    rows = np.array([10, dataset.manifest.parts[1].first])
+    labelled = [np.flatnonzero(dataset.valid["contact"] & (dataset.session == part)) for part in (0, 1)]
+    rows = np.array([each[0] for each in labelled])
+    silent = tuple(replace(part, music=None) for part in dataset.manifest.parts)
+    dataset = replace(dataset, manifest=replace(dataset.manifest, parts=silent))
     told = replace(course(dataset, rows), room={"slide*": "radio"})
     physics = ClosedForm(tension_law="geometric")
     results = evaluate(told, physics, name="closed_form", noises=[noise("hum:10", {})])
@@ -130,3 +133,25 @@ def test_a_folder_holds_results_table_scores_and_page(oracle: Oracle, tmp_path: 
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="folder"):
         write_folder(tmp_path / "file" / "below", results, card)
+
+
+def relabelled(dataset: Dataset, value: float, *names: str) -> Dataset:
+    """Return a dataset in which some labels are one value, still marked as they were."""
+    labels = {name: np.full(len(dataset), value) for name in names}
+    return replace(dataset, labels={**dataset.labels, **labels})
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_label_that_is_no_number_where_it_counts_is_refused(dataset: Dataset, value: float) -> None:
+    count = int(dataset.valid["force"].sum())
+    line = rf"label 'force' that is no number in {count} windows .*: allowed is numbers; build the dataset"
+    with pytest.raises(InputError, match=line):
+        evaluate(course(relabelled(dataset, value, "force")), ClosedForm(), name="closed_form")
+
+
+def test_windows_without_a_label_are_refused(dataset: Dataset) -> None:
+    names = ("contact", "position", "force", "slip")
+    bare = relabelled(dataset, np.nan, *names)
+    bare = replace(bare, valid={**bare.valid, **{name: np.zeros(len(dataset), np.bool_) for name in names}})
+    with pytest.raises(InputError, match=r"\d+ windows to evaluate without a known label: allowed is some"):
+        evaluate(course(bare), ClosedForm(), name="closed_form")

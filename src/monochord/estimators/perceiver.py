@@ -28,9 +28,9 @@ class PerceiverEstimator(Estimator):
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Load it and make it ready for such a signal."""
         perceiver = load(self.path)
-        told = perceiver.definition
+        listening, told = perceiver.open(signal), perceiver.definition
         if size != told.window:
             given = f"windows of {size} frames for a perceiver"
             remedy = f"take --window {told.window / told.sample_rate:g}"
             raise InputError(given, f"{told.window} frames at {told.sample_rate} Hz", remedy)
-        return perceiver.open(signal).predict
+        return listening.predict

@@ -28,6 +28,8 @@ SUITE_RATIOS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 """In dB, of the noise suite."""
 RESULTS, TABLE, SCORES, PAGE = "results.npz", "results.csv", "scores.json", "report.html"
 """Files of an evaluation in its folder."""
+LABELS = ("contact", "position", "force", "slip")
+"""By which an estimator is scored."""
 RECORDED = {"music": "Kevin_MacLeod", "speech": "198_209"}
 """Recordings of interference, by the begin of their names."""
 
@@ -69,18 +71,36 @@ def evaluate(
     Raises
     ------
     InputError
-        If the estimator refuses the signal.
+        If the estimator refuses the signal, or there is nothing to score it by: no label of the windows is
+        known, or one that is marked valid is no number.
 
     Examples
     --------
     ``examples/evaluate_an_estimator.py`` scores an estimator.
     """
+    _refuse_labels(course)
     quiet = course.in_quiet
     heard = [replay(course, estimator, name=name, progress=progress)]
     heard += [
         replay(quiet, estimator, name=name, disturbance=noise, progress=progress) for noise in noises if quiet
     ]
     return replace(join(heard), notes=tuple(notes))
+
+
+def _refuse_labels(course: Course) -> None:
+    dataset, rows, known = course.dataset, course.rows, 0
+    for name in LABELS:
+        if name not in dataset.manifest.columns:
+            continue
+        values, valid = dataset.labels[name][rows], np.asarray(dataset.valid[name][rows])
+        strange = int((~np.isfinite(values[valid])).sum())
+        if strange:
+            given = f"label '{name}' that is no number in {strange} windows where it is marked valid"
+            raise InputError(given, "numbers", "build the dataset again")
+        known += int(valid.sum())
+    if rows.size and not known:
+        given = f"{rows.size} windows to evaluate without a known label"
+        raise InputError(given, f"some with {', '.join(LABELS)}", "take sessions that have labels")
 
 
 def refuse_trained_on(course: Course, trained: Trained, split: Split | None) -> tuple[str, ...]:
