@@ -55,11 +55,14 @@ format: install ## Put the code in the house format and fix what the linter can
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
+# Tests that look at the clock run by themselves, the others on all cores; both run, whatever comes of the first.
 test: install ros ## Every test but the slow ones
-	$(BIN)/pytest -m "not slow"
+	@status=0; $(BIN)/pytest -n auto --dist loadfile -m "not slow and not real_time" || status=1; \
+	$(BIN)/pytest -m "not slow and real_time" || status=1; exit $$status
 
 test-all: install ros ## Every test
-	$(BIN)/pytest
+	@status=0; $(BIN)/pytest -n auto --dist loadfile -m "not real_time" || status=1; \
+	$(BIN)/pytest -m real_time || status=1; exit $$status
 
 bench: install ## Every benchmark, each beside its baseline
 	$(BIN)/monochord bench

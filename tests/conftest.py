@@ -24,8 +24,24 @@ from monochord.errors import DeviceError
 settings.register_profile("monochord", deadline=None)
 settings.load_profile("monochord")
 
+REAL_TIME = (
+    "benchmarks", "dds", "e2e", "instruments", "live", "realtime", "recording", "sources",
+    "cli/test_bench.py", "cli/test_collect.py", "cli/test_demo.py", "cli/test_live.py", "cli/test_locate.py",
+    "cli/test_record.py", "lab/test_fleet.py", "lab/test_net_ft_device.py", "lab/test_player.py",
+    "lab/test_pose_publisher.py", "lab/test_stage.py", "test_interruption.py", "test_timing.py",
+)  # fmt: skip
+"""Tests that look at the clock, play or record: they run one at a time, with nothing beside them."""
+
 RATE = 44100
 SERVERS = 4  # JACK's registry has room for eight on a machine
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that run in real time."""
+    alone = [Path(__file__).parent / name for name in REAL_TIME]
+    for item in items:
+        if any(item.path.is_relative_to(place) for place in alone):
+            item.add_marker("real_time")
 
 
 @contextmanager
