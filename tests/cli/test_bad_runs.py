@@ -1,0 +1,245 @@
+"""Whatever is wrong with a run or its data: one line on stderr with status 2, and nothing is written."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import load as unpacked
+from safetensors.numpy import save as packed
+
+from monochord.cli import run
+from monochord.config import from_tree, load_toml
+from monochord.datasets.build import build_dataset
+from monochord.datasets.split import Split, split_dataset
+from monochord.datasets.store import open_dataset
+from monochord.lab.bench import make
+from monochord.lab.plan import Plan, assignments
+from monochord.perceiver.bundled import bundled_folder
+
+Damage = Callable[[Path], None]
+PLAN = """
+name = "tiny"
+sensor = "prototype"
+build = 1
+sample_rate = {rate}
+[[groups]]
+name = "slide"
+protocol = "slide"
+grid = [2, 1]
+forces = [0.3, 1.4]
+hold = 0.5
+strokes = 2
+days = [10]
+"""
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a session at 44.1 kHz and one at 48 kHz, and a dataset of the first."""
+    folder = tmp_path_factory.mktemp("home")
+    for rate in (44100, 48000):
+        (folder / "plan.toml").write_text(PLAN.format(rate=rate), encoding="utf-8")
+        plan = from_tree(Plan, load_toml(folder / "plan.toml"))
+        make(assignments(plan)[0], folder).path.rename(folder / f"{rate}.mcap")
+    dataset = build_dataset([folder / "44100.mcap"], folder / "dataset")
+    split_dataset(dataset, by="time", fractions=(0.5, 0.25, 0.25)).write(dataset.path / "split.json")
+    return folder
+
+
+def weights(change: Callable[[bytes], bytes]) -> Damage:
+    def damage(folder: Path) -> None:
+        file = folder / "weights.safetensors"
+        file.write_bytes(change(file.read_bytes()))
+
+    return damage
+
+
+def told(**values: Any) -> Damage:
+    """Change what the text says, weights and their sum as they were."""
+
+    def damage(folder: Path) -> None:
+        file = folder / "perceiver.json"
+        file.write_text(json.dumps(json.loads(file.read_text(encoding="utf-8")) | values), encoding="utf-8")
+
+    return damage
+
+
+def columns(change: Callable[[list[str]], list[str]]) -> Damage:
+    def damage(folder: Path) -> None:
+        feature = json.loads((folder / "perceiver.json").read_text(encoding="utf-8"))["feature"]
+        told(feature=feature | {"columns": change(feature["columns"])})(folder)
+
+    return damage
+
+
+def not_numbers(folder: Path) -> None:
+    file = folder / "weights.safetensors"
+    arrays = {name: array.copy() for name, array in unpacked(file.read_bytes()).items()}
+    arrays["force.0.bias"][:] = np.nan
+    file.write_bytes(packed(arrays))
+    told(weights=hashlib.sha256(file.read_bytes()).hexdigest())(folder)
+
+
+def without(name: str) -> Damage:
+    return lambda folder: (folder / name).unlink()
+
+
+RUNS: dict[str, tuple[Damage, str]] = {
+    "weights cut off": (weights(lambda blob: blob[:-1000]), "weights.safetensors with sha256"),
+    "no bytes": (weights(lambda _: b""), "weights.safetensors with sha256"),
+    "a bit flipped": (weights(lambda blob: blob[:9000] + bytes([blob[9000] ^ 1]) + blob[9001:]), "sha256"),
+    "another sum": (told(weights="0" * 64), "allowed is 000000000000..., as perceiver.json says"),
+    "no numbers": (not_numbers, "force.0.bias is not finite"),
+    "fewer columns": (columns(lambda names: names[:-1]), "scaler.mean is float32 (300,): allowed is"),
+    "another column": (columns(lambda names: ["hue", *names[1:]]), "'hue' where there is"),
+    "another feature": (told(feature={"name": "fft", "options": {}, "columns": []}), "float32 (300,)"),
+    "another rate": (told(sample_rate=48000), "sound at 44100 Hz for a perceiver: allowed is 48000 Hz"),
+    "another format": (told(format=99), "of another format: allowed is format 1"),
+    "no heads": (told(heads={}), "heads (none): allowed is one that learns the label contact"),
+    "no text": (without("perceiver.json"), "there is no perceiver.json in it"),
+    "no weights": (without("weights.safetensors"), "weights.safetensors (No such file"),
+}
+
+
+def one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert run(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert captured.err.startswith("monochord: ")
+    assert words in captured.err
+
+
+@pytest.mark.parametrize("verb", ["live", "evaluate"])
+@pytest.mark.parametrize("case", RUNS)
+def test_a_damaged_run_is_refused(
+    case: str, verb: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    damage, words = RUNS[case]
+    bundled = bundled_folder("demo")
+    assert bundled is not None
+    shutil.copytree(bundled, tmp_path / "run" / "perceiver")
+    damage(tmp_path / "run" / "perceiver")
+    session, out = str(home / "44100.mcap"), tmp_path / "out"
+    more = {
+        "live": [session, "--source", "session", "--sink", f"jsonl={out}"],
+        "evaluate": ["--sessions", session, "--out", str(out)],
+    }
+    one_line([verb, str(tmp_path / "run"), *more[verb]], words, capsys)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("verb", ["live", "evaluate"])
+def test_a_session_at_another_rate_is_refused_by_its_rate(
+    verb: str, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = str(home / "48000.mcap")
+    more = {"live": [session, "--source", "session"], "evaluate": ["--sessions", session]}
+    words = "sound at 48000 Hz for a perceiver: allowed is 44100 Hz, as it was trained"
+    one_line([verb, "demo", *more[verb]], words, capsys)
+
+
+def emptied(part: str) -> Damage:
+    def damage(folder: Path) -> None:
+        split = Split.read(folder / "split.json")
+        replace(split, parts={**split.parts, part: np.zeros(0, np.int64)}).write(folder / "split.json")
+
+    return damage
+
+
+def labelled(name: str, value: float, *, valid: bool | None = None) -> Damage:
+    def damage(folder: Path) -> None:
+        for kind, filled in (("labels", value), ("valid", valid)):
+            file = folder / kind / f"{name}.npy"
+            if filled is not None:
+                np.save(file, np.full_like(np.load(file), filled))
+
+    return damage
+
+
+def both(*damages: Damage) -> Damage:
+    def damage(folder: Path) -> None:
+        for each in damages:
+            each(folder)
+
+    return damage
+
+
+NAN = float("nan")
+UNTOUCHED = both(
+    labelled("contact", 0.0, valid=True),
+    *(labelled(name, NAN, valid=False) for name in ("position", "force", "slip")),
+)
+DATASETS: dict[str, tuple[Damage, str]] = {
+    "nothing to train on": (emptied("train"), "a split that leaves nothing to train"),
+    "nothing to choose by": (emptied("validation"), "a split that leaves nothing to validation"),
+    "no position": (
+        labelled("position", NAN, valid=False),
+        "part 'train' without windows for the head 'position'",
+    ),
+    "no force": (labelled("force", NAN, valid=False), "part 'train' without windows for the head 'force'"),
+    "no slip": (labelled("slip", NAN, valid=False), "part 'train' without windows of yes and of no for the"),
+    "NaN in labels": (labelled("force", NAN), "label 'force' that is no number in "),
+    "infinite labels": (labelled("position", np.inf), "label 'position' that is no number in "),
+    "no contact": (UNTOUCHED, "part 'train' without windows of yes and of no for the head 'contact'"),
+    "one kind of slip": (labelled("slip", 0.0), "of yes and of no for the head 'slip': allowed is some of"),
+    "a column lost": (lambda folder: (folder / "labels" / "force.npy").unlink(), "force.npy (absent or dam"),
+}
+
+
+@pytest.mark.parametrize("case", DATASETS)
+def test_data_that_cannot_teach_is_refused_before_anything_is_written(
+    case: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("torch")
+    damage, words = DATASETS[case]
+    shutil.copytree(home / "dataset", tmp_path / "dataset")
+    damage(tmp_path / "dataset")
+    asked = ["train", "small", "--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "run")]
+    one_line(asked, words, capsys)
+    assert not (tmp_path / "run").exists()
+
+
+def all_to_test(folder: Path) -> None:
+    split, count = Split.read(folder / "split.json"), len(open_dataset(folder))
+    none = np.zeros(0, np.int64)
+    parts = {"train": none, "validation": none, "test": np.arange(count)}
+    replace(split, parts=parts).write(folder / "split.json")
+
+
+EVERY_LABEL = ("contact", "position", "force", "slip")
+UNTESTED: dict[str, tuple[Damage, str]] = {
+    "nothing to test": (emptied("test"), "no windows to evaluate"),
+    "NaN in labels": (both(all_to_test, labelled("force", NAN)), "label 'force' that is no number in "),
+    "no labels": (both(*(labelled(name, NAN, valid=False) for name in EVERY_LABEL)), "without a known label"),
+}
+
+
+@pytest.mark.parametrize("case", UNTESTED)
+def test_data_that_cannot_test_is_refused(
+    case: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    damage, words = UNTESTED[case]
+    shutil.copytree(home / "dataset", tmp_path / "dataset")
+    damage(tmp_path / "dataset")
+    one_line(["evaluate", "demo", "--dataset", str(tmp_path / "dataset")], words, capsys)
+
+
+@pytest.mark.parametrize("out", ["{session}", "{session}/below"])
+@pytest.mark.parametrize("verb", ["train", "evaluate"])
+def test_a_folder_that_cannot_be_made_is_one_line(
+    verb: str, out: str, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("torch")
+    session = home / "44100.mcap"
+    size = session.stat().st_size
+    more = {"train": ["small", "--dataset", str(home / "dataset")], "evaluate": ["--sessions", str(session)]}
+    one_line([verb, *more[verb], "--out", out.format(session=session)], "44100.mcap", capsys)
+    assert session.stat().st_size == size
