@@ -23,31 +23,85 @@ set = ["heads.force.hidden=[8, 8, 8]"]
 """
 
 
+@pytest.fixture(name="home", scope="module")
+def _home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the sessions of the plan small, and their dataset, split by time."""
+    home = tmp_path_factory.mktemp("home")
+    sessions = [make(session, home).path for session in assignments(load_plan("small"))]
+    dataset = build_dataset(sessions, home / "dataset")
+    split_dataset(dataset, by="time").write(dataset.path / "split.json")
+    return home
+
+
 @pytest.mark.slow
 def test_variations_are_trained_judged_and_compared(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("torch")
-    sessions = [make(session, tmp_path).path for session in assignments(load_plan("small"))]
-    dataset = build_dataset(sessions, tmp_path / "dataset")
-    split_dataset(dataset, by="time").write(dataset.path / "split.json")
     grid, out = tmp_path / "grid.toml", tmp_path / "out"
-    grid.write_text(GRID.format(home=tmp_path, epochs=2))
-    assert run(["ablate", str(grid), "--out", str(out)]) == 0
+    grid.write_text(GRID.format(home=home, epochs=2))
+    assert run(["ablate", str(grid), "--out", str(out), "--workers", "2"]) == 0
     told = capsys.readouterr()
     assert "What the reference buys, simulated, on validation" in told.out
     assert [line.split()[0] for line in told.out.splitlines()[2:]] == ["whole", "smaller"]
     assert "whole: training" in told.err
     assert (out / "smaller" / "report" / "report.html").is_file()
-    assert run(["ablate", str(grid), "--out", str(out), "--json"]) == 0
+    rows = tmp_path / "rows.json"
+    assert run(["ablate", str(grid), "--out", str(out), "--rows", str(rows), "--json"]) == 0
     again = capsys.readouterr()
     assert "training" not in again.err
     assert [row["variation"] for row in json.loads(again.out)["rows"]] == ["whole", "smaller"]
-    grid.write_text(GRID.format(home=tmp_path, epochs=3))
+    kept = {(row["feature"], row["part"], row["simulated"]) for row in json.loads(rows.read_text())}
+    assert kept == {("log_mel", "validation", True), ("log_mel, smaller", "validation", True)}
+    assert run(["ablate", str(grid), "--out", str(out), "--part", "test", "--noise", "white:0"]) == 0
+    tested = capsys.readouterr()
+    assert "training" not in tested.err
+    assert "smaller: evaluation" in tested.err
+    assert "on test" in tested.out
+    grid.write_text(GRID.format(home=home, epochs=3))
     assert run(["ablate", str(grid), "--out", str(out)]) == 2
     assert "a variation of another grid" in capsys.readouterr().err
 
 
-def test_no_grid_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["ablate", str(tmp_path / "none.toml")]) == 2
-    assert "none.toml" in capsys.readouterr().err
+def test_one_that_fails_ends_with_a_line_and_status_1(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = [
+        "--dataset",
+        str(home / "dataset"),
+        "--out",
+        str(tmp_path),
+        "--rows",
+        str(tmp_path / "rows.json"),
+    ]
+    asked += ["--sessions", str(home), "--only", "closed_form", "--only", "no_noise"]
+    odd = ["--set", "variations.no_noise.set=['noise.copys=0']", "--set", "set=['feature.name=log_mel']"]
+    physics = "variations.closed_form={estimator='closed_form', estimator_set=['tension_law=geometric']}"
+    assert run(["ablate", "parts", *asked, *odd, "--set", physics]) == 1
+    told = capsys.readouterr()
+    assert [line.split()[0] for line in told.out.splitlines()[2:]] == ["closed_form"]
+    assert told.err.splitlines()[-1].startswith(
+        "monochord: 1 of 2 variations failed: variation no_noise, train: "
+    )
+    assert "did you mean 'copies'" in told.err
+    assert {row["feature"] for row in json.loads((tmp_path / "rows.json").read_text())} == {"closed_form"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["none.toml"], "none.toml"),
+        (["feature"], "did you mean 'features'"),
+        (["parts", "--only", "hole"], "did you mean 'whole'"),
+        (["parts", "--dataset", "nowhere"], "allowed is a folder that monochord build made"),
+        (["parts", "--set", "variations.half.shere=0.5"], "did you mean 'share'"),
+        (["parts", "--part", "train"], "'validation', 'test'"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
+) -> None:
+    assert run(["ablate", *arguments, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert line in error
+    assert error.count("\n") == 1

@@ -15,6 +15,7 @@ NAMES = {
     "feature",
     "object",
     "condition",
+    "part",
     "position_mae_mm",
     "position_within_5mm",
     "position_r",

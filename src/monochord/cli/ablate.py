@@ -6,31 +6,67 @@ from typing import Any
 
 import click
 
-from monochord.evaluation.ablation import Grid, compared
+from monochord.evaluation.ablation import Ablation, compared
 from monochord.evaluation.ablation import ablate as ablated
+from monochord.evaluation.grid import Grid
+from monochord.evaluation.grids import load_grid
+from monochord.evaluation.paper_rows import keep_rows
 
 
 @click.command()
-@click.argument("grid", type=click.Path(path_type=Path))
+@click.argument("grid")
+@click.option("--dataset", type=click.Path(), metavar="DIR", help="What monochord build made.")
+@click.option("--sessions", multiple=True, metavar="FILES", help="What it was built of; repeatable.")
+@click.option("--part", type=click.Choice(["validation", "test"]), help="What is judged on.")
+@click.option("--noise", multiple=True, metavar="KIND:DB", help="Judged with noise too; repeatable.")
+@click.option("--set", "assignments", multiple=True, metavar="A.B=C", help="Any value of the grid.")
+@click.option("--only", multiple=True, metavar="NAME", help="One variation; repeatable.")
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("ablation"), show_default=True, help="Folder."
 )
+@click.option(
+    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep the paper's rows in FILE."
+)
+@click.option(
+    "--workers", type=click.IntRange(min=1), default=1, show_default=True, metavar="N", help="At a time."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def ablate(grid: Path, *, out: Path, as_json: bool) -> None:
-    """Train and evaluate every variation of GRID, a TOML file, and compare them.
+def ablate(
+    grid: str,
+    *,
+    out: Path,
+    rows: Path | None,
+    only: tuple[str, ...],
+    workers: int,
+    assignments: tuple[str, ...],
+    as_json: bool,
+    **differs: Any,
+) -> None:
+    """Train and evaluate every variation of GRID, a preset's name or a TOML file, and compare them.
 
-    After an interruption, or with more variations, the same command goes on.
+    Options stand in place of what the grid says. After an interruption, or with more variations, the same
+    command goes on. A variation that fails is told, and the others go on; then the status is 1.
 
     \b
-    monochord ablate grid.toml --out ablation
+    monochord ablate parts --dataset dataset --sessions sessions --out ablation
+    monochord ablate features --dataset dataset --sessions sessions --rows rows.json --workers 2
     """  # noqa: D301
-    chosen = Grid.read(grid)
-    scores = ablated(chosen, out, lambda name, what: click.echo(f"{name}: {what}", err=True))
-    rows = compared(scores)
-    if as_json:
-        click.echo(json.dumps({"title": chosen.title, "part": chosen.part, "rows": rows}, allow_nan=False))
-    else:
-        click.echo("\n".join(_lines(chosen, rows)))
+    tree = {name: value for name, value in differs.items() if value}
+    chosen = load_grid(grid, tree, assignments)
+    found = ablated(chosen.only(only) if only else chosen, out, _tell, workers=workers)
+    if rows is not None and found.rows:
+        keep_rows(rows, [row for each in found.rows.values() for row in each])
+    click.echo(_json(chosen, found) if as_json else "\n".join(_lines(chosen, compared(found.scores))))
+    found.refuse_failed()
+
+
+def _tell(name: str, what: str) -> None:
+    click.echo(f"{name}: {what}", err=True)
+
+
+def _json(grid: Grid, found: Ablation) -> str:
+    tree = {"title": grid.title, "part": grid.part, "rows": compared(found.scores), "failed": found.failed}
+    return json.dumps(tree, allow_nan=False)
 
 
 def _lines(grid: Grid, rows: list[dict[str, Any]]) -> list[str]:

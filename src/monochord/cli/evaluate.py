@@ -34,7 +34,7 @@ from monochord.evaluation.harness import (
 )
 from monochord.evaluation.harness import evaluate as evaluated
 from monochord.evaluation.limits import force_floor
-from monochord.evaluation.paper_rows import keep_rows, paper_rows
+from monochord.evaluation.paper_rows import keep_rows, labelled, paper_rows
 from monochord.evaluation.replay import Course, Progress
 from monochord.evaluation.scorecard import scorecard
 from monochord.perceiver import load
@@ -103,8 +103,9 @@ def evaluate(run: Path | None, **options: Any) -> None:
         if options["out"] is not None:
             write_folder(options["out"], results, card, lambda file: drawings(file, results))
     if options["rows"] is not None:
-        feature = told.definition.feature.name if told.definition else name
-        keep_rows(options["rows"], paper_rows(card, options["feature"] or feature))
+        feature = options["feature"] or (told.definition.feature.name if told.definition else name)
+        rows = paper_rows(card, labelled(feature, drawn=told.is_drawn), options["part"])
+        keep_rows(options["rows"], rows)
     click.echo(json.dumps(card.tree(), allow_nan=False) if options["as_json"] else "\n".join(lines(card)))
 
 
@@ -140,9 +141,15 @@ class _Told:
         """What of a perceiver has to be known before its scores are."""
         if self.definition is None:
             return ()
-        drawn = any(column.startswith(RANDOM) for column in self.definition.feature.columns)
         name = self.definition.feature.name
-        return (f"the weights of the feature {name} are random, nothing was learned there",) if drawn else ()
+        line = f"the weights of the feature {name} are random, nothing was learned there"
+        return (line,) if self.is_drawn else ()
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether the feature's weights are random."""
+        told = self.definition
+        return told is not None and any(column.startswith(RANDOM) for column in told.feature.columns)
 
     def path(self, name: str) -> Path | None:
         """Return a path that the settings of the run name."""

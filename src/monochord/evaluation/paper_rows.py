@@ -13,10 +13,21 @@ from monochord.evaluation.regression import Score
 from monochord.evaluation.scorecard import Scorecard
 
 Row = dict[str, Any]
+RANDOM_WEIGHTS = " random weights"
+"""What the name of a feature ends with whose network learned nothing."""
 
 
-def paper_rows(card: Scorecard, feature: str) -> list[Row]:
-    """Return the rows of a scorecard under the name of a feature.
+def labelled(feature: str, *, drawn: bool) -> str:
+    """Return the name of a feature for its rows, which says so where its weights were `drawn` at random.
+
+    >>> labelled("ast", drawn=True), labelled("log_mel", drawn=False)
+    ('ast random weights', 'log_mel')
+    """
+    return feature.removesuffix(RANDOM_WEIGHTS) + (RANDOM_WEIGHTS if drawn else "")
+
+
+def paper_rows(card: Scorecard, feature: str, part: str = "test") -> list[Row]:
+    """Return the rows of a scorecard under the name of a feature, with the part of the split they are of.
 
     Examples
     --------
@@ -33,6 +44,7 @@ def paper_rows(card: Scorecard, feature: str) -> list[Row]:
                 "feature": feature,
                 "object": row.object,
                 "condition": row.condition,
+                "part": part,
                 "position_mae_mm": _rounded(row.position.mae, 1e3),
                 "position_within_5mm": _rounded(row.position.within),
                 "position_r": _rounded(row.position.r),
