@@ -22,6 +22,7 @@ from monochord.evaluation.harness import (
     evaluate,
     noise,
     refuse_trained_on,
+    refuse_unwritable,
     room_recordings,
     suite,
     write_folder,
@@ -155,3 +156,14 @@ def test_windows_without_a_label_are_refused(dataset: Dataset) -> None:
     bare = replace(bare, valid={**bare.valid, **{name: np.zeros(len(dataset), np.bool_) for name in names}})
     with pytest.raises(InputError, match=r"\d+ windows to evaluate without a known label: allowed is some"):
         evaluate(course(bare), ClosedForm(), name="closed_form")
+
+
+def test_a_folder_that_cannot_be_made_is_refused_and_one_that_can_is_not_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("precious")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(InputError, match=r"folder .*file.*: allowed is one that can be made"):
+            refuse_unwritable(folder)
+    assert (tmp_path / "file").read_text() == "precious"
+    refuse_unwritable(tmp_path / "new" / "report")
+    refuse_unwritable(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -27,6 +27,7 @@ from monochord.evaluation.harness import (
     audited,
     noise,
     refuse_trained_on,
+    refuse_unwritable,
     room_recordings,
     suite,
     wants_recordings,
@@ -87,6 +88,8 @@ def evaluate(run: Path | None, **options: Any) -> None:
         told = _Told.of(run)
         course, split, floors, notes = _course(stack, told, options)
         estimator, name = _estimator(run, options)
+        if options["out"] is not None:
+            refuse_unwritable(options["out"])
         if told.definition is not None and not (split and options["part"] != PARTS[0]):
             trained = Trained(sessions=told.definition.sessions, dataset=told.definition.dataset)
             notes += refuse_trained_on(course, trained, split)

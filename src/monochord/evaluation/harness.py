@@ -224,6 +224,27 @@ def suite(recordings: Mapping[str, Audio], ratios: Sequence[float] = SUITE_RATIO
     )
 
 
+def refuse_unwritable(folder: Path) -> None:
+    """Refuse a folder that cannot be made, before anything is played in vain; nothing is left of the trial.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made, or is a file.
+    """
+    made: list[Path] = []
+    try:
+        for each in (*reversed(folder.parents), folder):
+            if not each.is_dir():
+                each.mkdir()
+                made.append(each)
+    except OSError as error:
+        raise InputError(f"folder {folder} ({error.strerror})", "one that can be made") from error
+    finally:
+        for each in reversed(made):
+            each.rmdir()
+
+
 def write_folder(
     folder: Path, results: Results, card: Scorecard, draw: Callable[[Path], Mapping[str, str]] = lambda _: {}
 ) -> None:
