@@ -7,8 +7,11 @@ import pytest
 
 from monochord.config import load_toml
 from monochord.errors import InputError
+from monochord.features import FEATURES
+from monochord.features.base import Feature
 from monochord.perceiver import folder_of, load
 from monochord.perceiver.bundled import bundled_folder, bundled_names
+from monochord.perceiver.definition import FeatureRecord
 from monochord.physics.sensors import load_sensor
 from monochord.training.configs import config_path
 from monochord.training.settings import Settings
@@ -32,12 +35,17 @@ def test_it_is_small_and_says_how_it_was_made(name: str) -> None:
     assert load(name).definition.simulated
 
 
+def built(record: FeatureRecord) -> Feature:
+    """Return a feature with its options, those that came later at their defaults."""
+    return FEATURES.build(record.name, record.options)
+
+
 @pytest.mark.parametrize("name", bundled_names())
 def test_it_is_what_its_configuration_asks_for(name: str) -> None:
     told = load(name).definition
     settings = Settings.read(load_toml(config_path(name)))
     assert told.title == settings.title, AGAIN
-    assert (told.feature.name, told.feature.options) == settings.feature_named(), AGAIN
+    assert built(told.feature) == FEATURES.build(*settings.feature_named()), AGAIN
     assert {head: record.task for head, record in told.heads.items()} == settings.tasks(), AGAIN
     assert told.string == load_sensor(settings.sensor).string, AGAIN
     assert told.window == 4410, AGAIN
@@ -45,8 +53,7 @@ def test_it_is_what_its_configuration_asks_for(name: str) -> None:
     rule = settings.context.rule()
     for field in ("below", "keep", "every", "settle", "guard"):
         assert getattr(told.reference, field) == getattr(rule, field), AGAIN
-    assert told.reference.feature.name == rule.feature.name, AGAIN
-    assert told.reference.feature.options == rule.feature.options, AGAIN
+    assert built(told.reference.feature) == built(rule.feature), AGAIN
 
 
 @pytest.mark.parametrize("name", bundled_names())
