@@ -1,13 +1,20 @@
 """One microphone is heard, and nothing of the other."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+from tests.conftest import LEARNABLE
 
 from monochord.errors import InputError
+from monochord.estimators.perceiver import PerceiverEstimator
 from monochord.features import FEATURES
 from monochord.features.base import Extractor
 from monochord.physics.strings import load_string
-from monochord.types import Signal
+from monochord.training.settings import Settings
+from monochord.training.train import train
+from monochord.types import Estimates, Signal, Window
 
 RATE, SIZE = 44100, 4410
 SIGNAL = Signal(sample_rate=RATE, channels=2, string=load_string("prototype").string)
@@ -59,3 +66,22 @@ def test_what_cannot_be_is_a_line() -> None:
         FEATURES.build("one_microphone", {"feature": {}}).prepare(SIGNAL, SIZE)
     with pytest.raises(InputError, match="microphone"):
         FEATURES.build("one_microphone", {"microphone": 3})
+
+
+@pytest.mark.usefixtures("made_up_features")
+def test_a_perceiver_of_one_microphone_hears_that_one_live(lesson: dict[str, Any], tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    alone = {"name": "one_microphone", "microphone": 2}
+    lesson["feature"] = {**alone, "feature": {"name": "bands"}}
+    lesson["context"] = {"feature": {**alone, "feature": {"name": "bands", "count": 4}}}
+    lesson["optimiser"] = {**lesson["optimiser"], "epochs": 2}
+    train(Settings.read(lesson), tmp_path / "run")
+    noise = np.random.default_rng(0).normal(size=(2, 1600)).astype(np.float32)
+    other = noise * np.array([[3.0], [1.0]], np.float32)
+    told: list[Estimates] = []
+    for samples in (0.1 * noise, 0.1 * other):
+        window = Window(samples=samples, start=0, sample_rate=LEARNABLE)
+        signal = Signal(sample_rate=LEARNABLE, channels=2)
+        told.append(PerceiverEstimator(path=tmp_path / "run").prepare(signal, 1600)(window))
+    assert told[0] == told[1]
+    assert told[0]["contact"].valid

@@ -47,7 +47,8 @@ class Children:
             self._running.add(child)
         with child:
             out, err = child.communicate()
-        self._running.discard(child)
+        with self._lock:
+            self._running.discard(child)
         if child.returncode:
             line = (err.strip().splitlines() or ["no reason given"])[-1].removeprefix("monochord: ")
             raise AblationError(f"variation {name}, {arguments[0]}: {line}")
