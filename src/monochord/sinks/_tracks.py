@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 
 import numpy as np
 from rich.text import Text
@@ -75,7 +77,10 @@ def track(scale: Scale, estimate: Estimate, truth: float | None, width: int) -> 
     if estimate.valid:
         cell = scale.at(estimate.value, width)
         cells[cell], styles[cell] = (BOTH if cells[cell] == TRUE else ESTIMATED), TOUCH
-    return Text.assemble(*zip(cells, styles, strict=True))
+    line = Text()
+    for style, alike in groupby(zip(cells, styles, strict=True), key=itemgetter(1)):
+        line.append("".join(cell for cell, _ in alike), style)
+    return line
 
 
 def known(name: str, truth: Truth) -> float | None:
