@@ -61,6 +61,7 @@ def test_the_view_ends_with_the_error_against_truth(capsys: pytest.CaptureFixtur
         "latency",
         "All of this is simulated, sound and training alike",
         "It learned from this sensor on days 1 to 7, never on day 10.",
+        "takes most of them for sliding",
     ):
         assert words in out
 

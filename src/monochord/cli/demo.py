@@ -94,7 +94,8 @@ def _of_the_learned(source: dict[str, Any]) -> list[str]:
         )
     touched = f"Of what touches it here, it never met {', '.join(strange)}." if strange else ""
     first = f"All of this is simulated, sound and training alike; the perceiver is '{BUNDLED}'."
-    return [line for line in (first, heard, touched) if line]
+    rolling = "Some objects roll. None did where it learned, and it takes most of them for sliding."
+    return [line for line in (first, heard, touched, rolling) if line]
 
 
 def _of_the_physics(score: Score) -> list[str]:
