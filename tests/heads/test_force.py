@@ -20,3 +20,7 @@ def test_as_in_the_paper_it_states_one_error_for_all() -> None:
 def test_a_limit_below_zero_is_refused() -> None:
     with pytest.raises(InputError, match="limit -1 of a standard error: allowed is a number above 0"):
         Force(limit=-1.0).task()
+
+
+def test_it_may_see_some_columns_only() -> None:
+    assert Force(columns=("open", "near *")).task().columns == ("open", "near *")

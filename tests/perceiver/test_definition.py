@@ -34,3 +34,25 @@ def test_one_head_must_tell_of_contact(drawn: Perceiver) -> None:
         InputError, match=r"^heads force, position, slip: allowed is one that learns the label"
     ):
         dataclasses.replace(drawn.definition, heads=heads)
+
+
+def seeing(drawn: Perceiver, *columns: str) -> Definition:
+    heads = dict(drawn.definition.heads)
+    task = dataclasses.replace(heads["force"].task, columns=columns)
+    heads["force"] = dataclasses.replace(heads["force"], task=task)
+    return dataclasses.replace(drawn.definition, heads=heads)
+
+
+def test_a_head_may_see_some_columns_only(drawn: Perceiver) -> None:
+    columns = drawn.definition.feature.columns
+    told = seeing(drawn, columns[3], columns[7])
+    assert told.seen("force") == (3, 7)
+    assert told.seen("position") == tuple(range(50))
+    assert told.shapes()["force.0.weight"] == (128, 2 + 11)
+    assert seeing(drawn, "*").seen("force") == tuple(range(50))
+    assert from_tree(Definition, to_tree(told)) == told
+
+
+def test_columns_that_are_not_there_are_refused(drawn: Perceiver) -> None:
+    with pytest.raises(InputError, match="columns 'pitch' for the head 'force': allowed is those of bands"):
+        seeing(drawn, "pitch").shapes()

@@ -1,5 +1,7 @@
 """The heads as arithmetic, beside torch."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -38,3 +40,19 @@ def test_a_reference_that_is_absent_is_zeros(drawn: Perceiver) -> None:
     assert network.scaled_context(row).any()
     row[-1] = 0.0
     assert not network.scaled_context(row).any()
+
+
+def test_what_a_head_does_not_see_does_not_matter(drawn: Perceiver) -> None:
+    told = drawn.definition
+    task = dataclasses.replace(told.heads["force"].task, columns=told.feature.columns[10:20])
+    heads = {**told.heads, "force": dataclasses.replace(told.heads["force"], task=task)}
+    told = dataclasses.replace(told, heads=heads)
+    weights = {**drawn.weights, "force.0.weight": drawn.weights["force.0.weight"][:, 10 : 20 + 11]}
+    network = Network.of(told, weights)
+    rng = np.random.default_rng(1)
+    base, context = rng.normal(size=50).astype(np.float32), rng.normal(size=11).astype(np.float32)
+    one = network.answer("force", base, context)
+    base[:10], base[20:] = 0.0, 5.0
+    assert network.answer("force", base, context) == one
+    base[12] += 1.0
+    assert network.answer("force", base, context) != one

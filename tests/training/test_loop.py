@@ -1,5 +1,6 @@
 """The loop learns, stops, and goes on after a kill as if there had been none."""
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -117,3 +118,17 @@ def test_it_does_not_go_on_with_other_data(tmp_path: Path) -> None:
     for data in ((SCALER, examples(2), examples(1)), (other, examples(0), examples(1))):
         with pytest.raises(InputError, match="of other windows or another feature: allowed is one of these"):
             fit(plan(epochs=2), *data, tmp_path / "a")
+
+
+@pytest.mark.parametrize(("columns", "least", "most"), [(("b", "c"), 0.0, 0.5), (("a", "d", "e"), 0.5, 2.0)])
+def test_a_head_learns_from_the_columns_that_it_sees(
+    tmp_path: Path, columns: tuple[str, ...], least: float, most: float
+) -> None:
+    usual = plan(epochs=40)
+    task = dataclasses.replace(TASKS["force"], columns=columns)
+    heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=0.5)}
+    told = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
+    state = fit(told, SCALER, examples(0, 1024), examples(1), tmp_path / "a")
+    assert state.weights["force.0.weight"].shape == (16, len(columns))
+    usual_size = np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
+    assert least < state.score["force"] / usual_size < most

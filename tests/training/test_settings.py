@@ -43,6 +43,11 @@ def test_relative_paths_are_written_in_full(monkeypatch: pytest.MonkeyPatch, tmp
         ({"optimiser": {"rate": 0.0}}, "optimiser.rate 0 with decay .* above 0"),
         ({"optimiser": {"epochs": 0}}, "optimiser.epochs 0: allowed is 1 or more"),
         ({"noise": {"copies": -1}}, "noise.copies -1: allowed is 0 to 100"),
+        ({"objects": {"copies": 101}}, "objects.copies 101: allowed is 0 to 100"),
+        (
+            {"objects": {"give": [2.0, 1.0]}},
+            "objects.give 2 to 1: allowed is shares above 0, the least first",
+        ),
         ({"context": {"drop": 1.5}}, "context.drop 1.5: allowed is 0 to 1"),
     ],
 )

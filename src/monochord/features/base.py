@@ -2,7 +2,8 @@
 
 from abc import ABC, abstractmethod
 
-from monochord.types import Audio, Signal
+from monochord.errors import InputError
+from monochord.types import Audio, Floats, Signal
 from monochord.units import Samples
 
 
@@ -22,6 +23,27 @@ class Extractor(ABC):
     @abstractmethod
     def __call__(self, windows: Audio) -> Audio:
         """Return the rows (n, columns) float32 of windows (n, channels, samples) float32."""
+
+    def as_if(self, rows: Audio, force: Floats, share: Floats) -> Audio:
+        """Return the rows (n, columns) that other objects would have given, for training; few features can.
+
+        Parameters
+        ----------
+        rows
+            Of windows that were heard, (n, columns).
+        force
+            Of the touch in each, in N, (n,); 0 where nothing touches or it is not known, and the row stays.
+        share
+            How far the other object gives way, as a share of how far that one does, (n,), above 0.
+
+        Raises
+        ------
+        InputError
+            If the feature does not tell how far an object gives way.
+        """
+        del rows, force, share
+        given = f"feature '{type(self).__module__.rpartition('.')[2]}' for objects that give way otherwise"
+        raise InputError(given, "fft_harmonic with tones", "set objects.copies = 0")
 
 
 class Feature(ABC):

@@ -4,8 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monochord.errors import InputError
 from monochord.features._ear import Ear, Heard
 from monochord.features._harmonics import GROWTH, HARMONICS, LEVEL, LIKENESS, SIDE, harmonics, wholes
+from monochord.features._tones import COLUMNS as TONES
+from monochord.features._tones import LEAST_FORCE, as_if, given, tones
 from monochord.features.base import Extractor, Feature
 from monochord.types import Audio, Floats, Signal
 from monochord.units import Samples
@@ -40,6 +43,8 @@ OF_BOTH = (
     "share 2",
 )
 SERIES = ("segment 1", "segment 2", "string")
+KEPT = slice(1, 3)
+"""Harmonics whose timbre is told beside combination tones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +83,21 @@ class FftHarmonic(Feature):
       reading's lead over the best other place, and over the untouched string; its score; the share of lines
       it leaves over; the shares of the two lines' power that microphone 1 hears.
 
+    With `tones`, 12 numbers on combination tones of both lines (`monochord.features._tones`) stand in the
+    ratio group, in place of the timbre of all but the second and the third harmonic. They tell how far the
+    object gives way, which the frequencies alone mix up with the tension.
+
+    Parameters
+    ----------
+    tones
+        Whether combination tones are told.
+    own
+        With `tones`: share of its own end's force that a microphone hears, above a half.
+    gain
+        With `tones`: full scale a newton of a microphone. Both are the prototype's design by default.
+
+    Notes
+    -----
     Sources: a split string's frequencies, Yi, Xing, Manchester and Fazeli, Sound of Touch; stiff partials,
     Fletcher (1964); frequency and growth of a line, Auger and Flandrin (1995). The rest is our own.
 
@@ -90,17 +110,25 @@ class FftHarmonic(Feature):
     ((1, 300), 'mic 1 own 1 level')
     """
 
+    tones: bool = False
+    own: float = 0.85
+    gain: float = 2.0
+
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Return the extractor, compiled, for two channels of a known string."""
-        extractor = _Extractor(Ear.of(signal, size))
+        if not (0.5 < self.own <= 1.0 and 0.0 < self.gain < np.inf):
+            given = f"own {self.own:g}, gain {self.gain:g}"
+            raise InputError(given, "own above 0.5 and up to 1, a gain above 0")
+        extractor = _Extractor(Ear.of(signal, size), self)
         extractor(np.zeros((1, 2, size), np.float32))
         return extractor
 
 
 class _Extractor(Extractor):
-    def __init__(self, ear: Ear) -> None:
-        self._ear = ear
-        self._columns = tuple(_columns())
+    def __init__(self, ear: Ear, options: FftHarmonic) -> None:
+        self._ear, self._options = ear, options
+        self._columns = tuple(_columns(tones=options.tones))
+        self._told = np.flatnonzero([name.startswith("ratio tone ") for name in self._columns])
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -128,6 +156,7 @@ class _Extractor(Extractor):
             each[0, :2, :, GROWTH] - each[1, :2, :, GROWTH],
         )
         timbre = own[..., LEVEL] - own[..., LEVEL].max(axis=1, keepdims=True)
+        shown = timbre[:, KEPT] if self._options.tones else timbre
         points = np.arange(PLACES) / (PLACES - 1.0)
         near = np.maximum(1.0 - (PLACES - 1.0) * np.abs(place - points), 0.0) * touched
         return np.concatenate(
@@ -139,11 +168,32 @@ class _Extractor(Extractor):
                 *(values.ravel() for values in difference),
                 channel[0] - channel[1],
                 each[0, ..., LIKENESS].ravel(),
-                timbre.ravel(),
+                shown.ravel(),
+                self._tones(heard) if self._options.tones else np.zeros(0),
                 near,
                 self._both(heard),
             )
         )
+
+    def as_if(self, rows: Audio, force: Floats, share: Floats) -> Audio:
+        """Return rows as they would be if objects gave way by other amounts: tones and frequency follow."""
+        if not self._options.tones:
+            return super().as_if(rows, force, share)
+        found, ear = rows.copy(), self._ear
+        touched = np.flatnonzero(force > 0.0)
+        told, pressed, by = rows[touched][:, self._told], force[touched], share[touched]
+        longer = given(told, pressed) * np.maximum(pressed, LEAST_FORCE) ** (-1.0 / 3.0) * (by - 1.0)
+        # A thousandth of a metre of each of two segments, in thousandths of the length.
+        found[touched, self._columns.index("ratio open")] -= (2.0 * longer / ear.length).astype(np.float32)
+        found[touched[:, np.newaxis], self._told] = as_if(told, pressed, by)
+        return found
+
+    def _tones(self, heard: Heard) -> Floats:
+        ear, reading, options = self._ear, heard.reading, self._options
+        held = (reading.line_1, reading.line_2, reading.position)
+        string = (ear.length, ear.nominal, ear.beta, ear.string.tension)
+        ears = (options.own, options.gain)
+        return tones(heard.plain, heard.power, ear.size, ear.spacing, held, string, ears)
 
     def _places(self, heard: Heard) -> Floats:
         """Return where the harmonics of the three series are looked for, (3, `HARMONICS`) in Hz."""
@@ -176,7 +226,7 @@ class _Extractor(Extractor):
         )
 
 
-def _columns() -> list[str]:
+def _columns(*, tones: bool) -> list[str]:
     numbers = range(1, HARMONICS + 1)
     both = [f"{series} {n}" for series in SERIES for n in numbers]
     names: list[str] = []
@@ -187,7 +237,10 @@ def _columns() -> list[str]:
         names += [f"{mic} {what}" for what in (*each, *OF_A_CHANNEL)]
     difference = [f"{one} level" for one in both] + [f"{one} side" for one in both]
     difference += [f"{one} growth" for one in both[: 2 * HARMONICS]]
-    ratio = [f"{one} likeness" for one in both] + [f"{one} timbre" for one in both[: 2 * HARMONICS]]
+    ratio = [f"{one} likeness" for one in both]
+    shown = range(HARMONICS)[KEPT] if tones else range(HARMONICS)
+    ratio += [f"{series} {n + 1} timbre" for series in SERIES[:2] for n in shown]
+    ratio += [f"tone {what}" for what in TONES] if tones else []
     ratio += [f"near {point}" for point in range(1, PLACES + 1)]
     names += [f"difference {what}" for what in (*difference, *OF_A_CHANNEL)]
     return names + [f"ratio {what}" for what in (*ratio, *OF_BOTH)]

@@ -32,6 +32,8 @@ class Task:
         abstains without.
     context
         Whether it sees the untouched reference beside the window's own feature.
+    columns
+        Names of the feature's columns that it sees, with * for any letters; all if there are none.
     hidden
         Units of each hidden layer, ReLU; none for a linear head.
     weight
@@ -45,6 +47,7 @@ class Task:
     loss: Loss
     touched: bool = True
     context: bool = True
+    columns: tuple[str, ...] = ()
     hidden: tuple[int, ...] = ()
     weight: float = 1.0
     limit: float = math.inf

@@ -19,6 +19,9 @@ class Force(Head):
         Units of each hidden layer.
     loss
         "square" as in the paper; "gauss" and "laplace" state for each window how sure they are.
+    columns
+        Names of the feature's columns that it sees, with * for any letters; all if there are none. One that
+        does not hear the object's timbre cannot take it for the force.
     limit
         Largest standard error in N that is stated; with a larger one it abstains.
     """
@@ -26,10 +29,17 @@ class Force(Head):
     weight: float = 1.0
     hidden: tuple[int, ...] = (128, 128, 128)
     loss: Literal["square", "gauss", "laplace"] = "laplace"
+    columns: tuple[str, ...] = ()
     limit: Newtons = 1.0
 
     def task(self) -> Task:
         """Return an amount in N."""
         return Task(
-            label="force", unit="N", loss=self.loss, hidden=self.hidden, weight=self.weight, limit=self.limit
+            label="force",
+            unit="N",
+            loss=self.loss,
+            columns=self.columns,
+            hidden=self.hidden,
+            weight=self.weight,
+            limit=self.limit,
         )

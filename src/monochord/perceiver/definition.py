@@ -1,6 +1,7 @@
 """What a perceiver is, but for the numbers that it learned: the text that stands beside its weights."""
 
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from itertools import pairwise
 from typing import Any
 
@@ -122,10 +123,28 @@ class Definition:
         kept = self.reference
         return len(self.feature.columns), len(kept.feature.columns) + 1 if kept else 0
 
+    def seen(self, name: str) -> tuple[int, ...]:
+        """Return the numbers of the feature's columns that a head sees.
+
+        Raises
+        ------
+        InputError
+            If a pattern of the head's columns fits none.
+        """
+        columns, patterns = self.feature.columns, self.heads[name].task.columns
+        for pattern in patterns:
+            if not any(fnmatchcase(column, pattern) for column in columns):
+                given = f"columns '{pattern}' for the head '{name}'"
+                raise InputError(given, f"those of {self.feature.name}, such as '{columns[0]}'")
+        return tuple(
+            number
+            for number, column in enumerate(columns)
+            if not patterns or any(fnmatchcase(column, pattern) for pattern in patterns)
+        )
+
     def inputs(self, name: str) -> int:
-        """Return how many columns a head sees."""
-        base, context = self.widths
-        return base + (context if self.heads[name].task.context else 0)
+        """Return how many columns a head sees, of the feature and of the reference."""
+        return len(self.seen(name)) + (self.widths[1] if self.heads[name].task.context else 0)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the names and shapes of all weights.

@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.perceiver.definition import Definition
 from monochord.types import Audio
 
+Indices = NDArray[np.int64]
 Layers = tuple[tuple[Audio, Audio], ...]
 
 
@@ -32,6 +34,7 @@ class Network:
     clip: float
     layers: Mapping[str, Layers]
     context: Mapping[str, bool]
+    seen: Mapping[str, Indices | None]
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
@@ -50,6 +53,10 @@ class Network:
                 for name, record in definition.heads.items()
             },
             context={name: record.task.context for name, record in definition.heads.items()},
+            seen={
+                name: np.array(definition.seen(name)) if record.task.columns else None
+                for name, record in definition.heads.items()
+            },
         )
 
     def scaled(self, row: Audio) -> Audio:
@@ -65,7 +72,9 @@ class Network:
 
     def answer(self, name: str, base: Audio, context: Audio) -> Answer:
         """Return what a head says of a scaled feature and a scaled reference."""
-        row = np.concatenate([base, context]) if self.context[name] and context.size else base
+        seen = self.seen[name]
+        row = base if seen is None else base[seen]
+        row = np.concatenate([row, context]) if self.context[name] and context.size else row
         layers = self.layers[name]
         for weight, bias in layers[:-1]:
             row = np.maximum(weight @ row + bias, np.float32(0.0))

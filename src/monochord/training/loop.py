@@ -175,21 +175,23 @@ def _next(
 
 
 def _scores(definition: Definition, examples: "_Tensors", weights: Mapping[str, Any]) -> dict[str, float]:
-    """Return by head how far off it is on clean windows: log loss of a chance, mean error of an amount."""
+    """Return by head how far off it is on all copies: log loss of a chance, mean error of an amount."""
     torch, found = torch_library(), dict[str, float]()
     tasks = _tasks(definition)
     everything = torch.arange(examples.count)
     with torch.no_grad():
-        clean = torch.zeros(examples.count, dtype=torch.long)
         shown = torch.ones(examples.count, dtype=torch.bool)
-        answers = examples.answers(tasks, weights, everything, clean, shown)
-        for name, record in definition.heads.items():
-            label, mask = examples.labels[name], examples.masks[name]
-            if record.task.is_chance:
-                found[name] = float(head_loss(record.task, answers[name], label, mask))
-            else:
-                off = (answers[name][:, 0] - label).abs()
-                found[name] = float((off * mask).sum() / mask.sum()) * record.scale
+        for copy in range(examples.copies):
+            which = torch.full((examples.count,), copy)
+            answers = examples.answers(tasks, weights, everything, which, shown)
+            for name, record in definition.heads.items():
+                label, mask = examples.labels[name], examples.masks[name]
+                if record.task.is_chance:
+                    off = float(head_loss(record.task, answers[name], label, mask))
+                else:
+                    miss = (answers[name][:, 0] - label).abs()
+                    off = float((miss * mask).sum() / mask.sum()) * record.scale
+                found[name] = found.get(name, 0.0) + off / examples.copies
     return found
 
 
@@ -206,6 +208,10 @@ class _Tensors:
             context = scaled(examples.context, scaler["context.mean"], scaler["context.scale"], clip)
             context *= examples.context[..., -1:]
             self.context = torch.from_numpy(context)
+        self.seen = {
+            name: torch.tensor(definition.seen(name)) if record.task.columns else None
+            for name, record in definition.heads.items()
+        }
         self.copies, self.count = examples.base.shape[:2]
         self.labels: dict[str, Any] = {}
         self.masks: dict[str, Any] = {}
@@ -219,11 +225,12 @@ class _Tensors:
     ) -> dict[str, Any]:
         """Return what each head answers for windows, of the copies named, with the reference if shown."""
         base = self.base[copies, some]
-        whole = base
-        if self.context is not None:
-            context = self.context[copies, some] * shown[:, None]
-            whole = torch_library().cat([base, context], dim=1)
-        return {
-            name: forward(name, task, weights, whole if task.context else base)
-            for name, task in tasks.items()
-        }
+        context = self.context[copies, some] * shown[:, None] if self.context is not None else None
+        found: dict[str, Any] = {}
+        for name, task in tasks.items():
+            seen = self.seen[name]
+            row = base if seen is None else base[:, seen]
+            if task.context and context is not None:
+                row = torch_library().cat([row, context], dim=1)
+            found[name] = forward(name, task, weights, row)
+        return found

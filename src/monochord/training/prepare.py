@@ -12,7 +12,7 @@ from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, Indices
 from monochord.errors import InputError
 from monochord.features import FEATURES
-from monochord.heads.base import Task
+from monochord.heads.base import CONTACT, Task
 from monochord.perceiver.definition import Definition, FeatureRecord, HeadRecord
 from monochord.perceiver.probe import probed
 from monochord.physics.sensors import load_sensor
@@ -120,6 +120,32 @@ def examples_of(
         whole = folded(dataset, stream, contact, rule, kept)
         context.append(whole[np.searchsorted(stream, rows)])
     return assembled(dataset, rows, source.tasks, base, context)
+
+
+def with_objects(source: Material, examples: Examples, settings: Settings) -> Examples:
+    """Return examples with copies, after all others, as objects would have given them that were never heard.
+
+    Raises
+    ------
+    InputError
+        If the feature cannot tell how far an object gives way, or the dataset has no label of force.
+    """
+    dataset, options = source.dataset, settings.objects
+    if not options.copies:
+        return examples
+    label, valid = dataset.label("force")[examples.rows], dataset.valid["force"][examples.rows]
+    force = np.where(valid & (dataset.label(CONTACT)[examples.rows] == 1.0), label, 0.0)
+    random = np.random.default_rng(settings.seed)
+    base, context = [examples.base], [examples.context]
+    for _ in range(options.copies):
+        give = np.exp(random.uniform(*np.log(options.give), size=(len(examples.base), len(force))))
+        made = [
+            source.feature.extractor.as_if(row, force, share)
+            for row, share in zip(examples.base, give, strict=True)
+        ]
+        base.append(np.stack(made))
+        context.append(examples.context)
+    return dataclasses.replace(examples, base=np.concatenate(base), context=np.concatenate(context))
 
 
 def scaling(train: Examples) -> dict[str, Audio]:

@@ -1,5 +1,6 @@
 """What a person configures of a training run."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -85,6 +86,26 @@ class NoiseSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectSettings:
+    """Objects that were never touched: `copies` of each training window, noisy ones too; 0 adds none.
+
+    Each is the window's row as an object would have given it that gives way by another amount, between the
+    two shares `give` of what the real one does, drawn evenly in the logarithm. The feature must be able to
+    tell: `fft_harmonic` with `tones` is.
+    """
+
+    copies: int = 0
+    give: tuple[float, float] = (0.05, 2.0)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.copies <= 100:
+            raise InputError(f"objects.copies {self.copies}", "0 to 100")
+        if not 0.0 < self.give[0] <= self.give[1] < math.inf:
+            given = f"objects.give {self.give[0]:g} to {self.give[1]:g}"
+            raise InputError(given, "shares above 0, the least first")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OptimiserSettings:
     """How the weights are found: AdamW, its rate falling to zero by half a cosine over all epochs.
 
@@ -133,6 +154,8 @@ class Settings:
         Options by name of each head that is trained.
     noise
         What is added to training windows.
+    objects
+        What is made of training windows for objects that were never touched.
     optimiser
         How the weights are found.
     cache
@@ -150,6 +173,7 @@ class Settings:
         default_factory=lambda: dict[str, dict[str, Any]]((name, {}) for name in USUAL_HEADS)
     )
     noise: NoiseSettings = NoiseSettings()
+    objects: ObjectSettings = ObjectSettings()
     optimiser: OptimiserSettings = OptimiserSettings()
     cache: Path | None = None
 

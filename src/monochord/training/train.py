@@ -29,6 +29,7 @@ from monochord.training.prepare import (
     scaled_heads,
     scaling,
     stream_of,
+    with_objects,
 )
 from monochord.training.replay import replay
 from monochord.training.rows import Told
@@ -78,8 +79,8 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
         chosen(dataset, split.parts[name], source.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())
     noises = noises_of(settings, dataset.manifest.sample_rate)
-    seen = examples_of(source, split.train, "train", noises, told)
-    judged = examples_of(source, split.validation, "validation", told=told)
+    seen = with_objects(source, examples_of(source, split.train, "train", noises, told), settings)
+    judged = with_objects(source, examples_of(source, split.validation, "validation", told=told), settings)
     definition, scaler = scaled_heads(source.definition, seen), scaling(seen)
     definition = dataclasses.replace(definition, quietest=quietest(dataset, seen.rows))
     plan = Plan(
