@@ -68,6 +68,7 @@ def test_the_test_part_of_a_dataset_in_quiet_and_in_noise(
     drawn = re.findall('<img class="drawing" alt="([^"]*)"', (out / "report.html").read_text())
     assert drawn == ["scatter, clean", "error map, clean", "confusion, clean"]
     assert [row["condition"] for row in json.loads(rows.read_text())] == ["clean", "white -20 dB"]
+    assert "## Force, white -20 dB" in rows.with_suffix(".md").read_text()
 
 
 def test_the_validation_part_is_no_test(home: Path, capsys: pytest.CaptureFixture[str]) -> None:

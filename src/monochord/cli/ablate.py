@@ -6,11 +6,11 @@ from typing import Any
 
 import click
 
+from monochord.cli._kept_rows import keep
 from monochord.evaluation.ablation import Ablation, compared
 from monochord.evaluation.ablation import ablate as ablated
 from monochord.evaluation.grid import Grid
 from monochord.evaluation.grids import load_grid
-from monochord.evaluation.paper_rows import keep_rows
 
 
 @click.command()
@@ -55,7 +55,7 @@ def ablate(
     chosen = load_grid(grid, tree, assignments)
     found = ablated(chosen.only(only) if only else chosen, out, _tell, workers=workers)
     if rows is not None and found.rows:
-        keep_rows(rows, [row for each in found.rows.values() for row in each])
+        keep(rows, [row for each in found.rows.values() for row in each])
     click.echo(_json(chosen, found) if as_json else "\n".join(_lines(chosen, compared(found.scores))))
     found.refuse_failed()
 

@@ -13,6 +13,7 @@ import click
 import numpy as np
 
 from monochord.cli._drawings import drawings
+from monochord.cli._kept_rows import keep
 from monochord.cli._scorecard_lines import lines
 from monochord.cli.build import SPLIT_FILE
 from monochord.config import Tree, load_toml, override
@@ -35,7 +36,7 @@ from monochord.evaluation.harness import (
 )
 from monochord.evaluation.harness import evaluate as evaluated
 from monochord.evaluation.limits import force_floor
-from monochord.evaluation.paper_rows import keep_rows, labelled, paper_rows
+from monochord.evaluation.paper_rows import labelled, paper_rows
 from monochord.evaluation.replay import Course, Progress
 from monochord.evaluation.scorecard import scorecard
 from monochord.perceiver import load
@@ -108,7 +109,7 @@ def evaluate(run: Path | None, **options: Any) -> None:
     if options["rows"] is not None:
         feature = options["feature"] or (told.definition.feature.name if told.definition else name)
         rows = paper_rows(card, labelled(feature, drawn=told.is_drawn), options["part"])
-        keep_rows(options["rows"], rows)
+        keep(options["rows"], rows)
     click.echo(json.dumps(card.tree(), allow_nan=False) if options["as_json"] else "\n".join(lines(card)))
 
 

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 from monochord.config import Tree, to_tree
 from monochord.datasets.build import Options, build_dataset, find_sessions
+from monochord.datasets.manifest import FILE, checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.errors import InputError
@@ -21,7 +22,7 @@ Told: TypeAlias = Callable[[str, str], None]
 """Is told the name of a variation, and what is being done with it."""
 DONE = "variation.json"
 """What a variation was made by, its scores and its rows, in its folder: written last."""
-ROWS = "rows.json"
+ROWS, SPLIT = "rows.json", "split.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,8 +48,8 @@ class Job:
         grid, variation = self.grid, self.variation
         named = ("sensor",) if variation.estimator else ("sensor", "config", "set", "seed")
         tree = {name: to_tree(grid)[name] for name in named}
-        tree["dataset"] = str(grid.dataset.absolute())
-        tree["split"] = None if grid.split is None else str(grid.split.absolute())
+        tree["dataset"] = checksum(grid.dataset / FILE)
+        tree["split"] = checksum(grid.split or grid.dataset / SPLIT)
         own = to_tree(replace(variation, feature="", sessions=self._sessions if variation.is_built else ()))
         return json.loads(json.dumps({"grid": tree, "variation": own}))
 
@@ -82,7 +83,7 @@ class Job:
         AblationError
             If they cannot be made.
         """
-        variation, own = self.variation, (self.home / "split.json").absolute()
+        variation, own = self.variation, (self.home / SPLIT).absolute()
         if not variation.is_built and variation.share == 1.0:
             return replace(self, material=(base.path, split))
         try:

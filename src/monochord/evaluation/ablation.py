@@ -16,7 +16,7 @@ from monochord.config import Tree
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.evaluation._children import AblationError, Children
-from monochord.evaluation._job import DONE, Job, Told
+from monochord.evaluation._job import DONE, SPLIT, Job, Told
 from monochord.evaluation.grid import WHOLE, Grid
 from monochord.evaluation.paper_rows import RANDOM_WEIGHTS, Row, labelled
 from monochord.interruption import Interruption, interruption
@@ -75,7 +75,7 @@ def ablate(grid: Grid, out: Path, told: Told = lambda *_: None, *, workers: int 
     ``monochord ablate parts --dataset dataset --out ablation`` does so.
     """
     base = open_dataset(grid.dataset)
-    split = (grid.split or base.path / "split.json").absolute()
+    split = (grid.split or base.path / SPLIT).absolute()
     Split.read(split)
     children, found = Children(), Ablation()
     jobs = [

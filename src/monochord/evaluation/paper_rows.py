@@ -14,7 +14,7 @@ from monochord.evaluation.scorecard import Scorecard
 
 Row = dict[str, Any]
 RANDOM_WEIGHTS = " random weights"
-"""What the name of a feature ends with whose network learned nothing."""
+"""What the name of a feature holds whose network learned nothing."""
 
 
 def labelled(feature: str, *, drawn: bool) -> str:
@@ -23,7 +23,7 @@ def labelled(feature: str, *, drawn: bool) -> str:
     >>> labelled("ast", drawn=True), labelled("log_mel", drawn=False)
     ('ast random weights', 'log_mel')
     """
-    return feature.removesuffix(RANDOM_WEIGHTS) + (RANDOM_WEIGHTS if drawn else "")
+    return feature if not drawn or RANDOM_WEIGHTS in feature else feature + RANDOM_WEIGHTS
 
 
 def paper_rows(card: Scorecard, feature: str, part: str = "test") -> list[Row]:
