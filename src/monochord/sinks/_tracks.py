@@ -95,4 +95,7 @@ def legend(truth: Truth) -> Text:
     """Return what the marks of a track mean."""
     line = Text.assemble(("  ", ""), (ESTIMATED, TOUCH), (" estimate  ", FAINT), ("━", BAND))
     line.append(" one standard error to each side", FAINT)
-    return line.append("  ").append(TRUE, TRUTH).append(" truth", FAINT) if truth else line
+    if truth:
+        line.append("  ").append(TRUE, TRUTH).append(" truth  ", FAINT)
+        line.append(BOTH, TOUCH).append(" both", FAINT)
+    return line
