@@ -31,7 +31,18 @@ def test_features_are_compared_with_and_without_the_reference() -> None:
     assert (grid.part, grid.noise) == ("test", ("music:10",))
     assert WHOLE not in grid.compared
     names = {name.removesuffix("_alone") for name in grid.compared}
-    assert names == {"closed_form", "fft_harmonic", "log_mel", "yamnet", "ast_random"}
+    assert names == {
+        "closed_form",
+        "fft_harmonic",
+        "fft_harmonic_sparse",
+        "log_mel",
+        "yamnet",
+        "ast_random",
+    }
+    thin = {name for name, variation in grid.compared.items() if variation.hop is not None}
+    assert thin == {
+        name for name in grid.compared if name.startswith(("yamnet", "ast", "fft_harmonic_sparse"))
+    }
     for name, variation in grid.compared.items():
         assert ("context.on=false" in variation.set) == name.endswith("_alone")
         assert variation.feature.endswith("without reference") == name.endswith("_alone")
