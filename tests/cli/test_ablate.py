@@ -75,15 +75,20 @@ def test_one_that_fails_ends_with_a_line_and_status_1(
         str(tmp_path / "rows.json"),
     ]
     asked += ["--sessions", str(home), "--only", "closed_form", "--only", "no_noise"]
-    odd = ["--set", "variations.no_noise.set=['noise.copys=0']", "--set", "set=['feature.name=log_mel']"]
+    odd = [
+        "--set",
+        "variations.no_noise.set=['cache=/dev/null/none']",
+        "--set",
+        "set=['feature.name=log_mel']",
+    ]
     physics = "variations.closed_form={estimator='closed_form', estimator_set=['tension_law=geometric']}"
     assert run(["ablate", "parts", *asked, *odd, "--set", physics]) == 1
     told = capsys.readouterr()
     assert [line.split()[0] for line in told.out.splitlines()[2:]] == ["closed_form"]
     assert told.err.splitlines()[-1].startswith(
-        "monochord: 1 of 2 variations failed: variation no_noise, train: "
+        "monochord: 1 of 2 variations failed (no_noise); variation no_noise, train: "
     )
-    assert "did you mean 'copies'" in told.err
+    assert "/dev/null/none" in told.err
     assert {row["feature"] for row in json.loads((tmp_path / "rows.json").read_text())} == {"closed_form"}
 
 
@@ -95,6 +100,7 @@ def test_one_that_fails_ends_with_a_line_and_status_1(
         (["parts", "--only", "hole"], "did you mean 'whole'"),
         (["parts", "--dataset", "nowhere"], "allowed is a folder that monochord build made"),
         (["parts", "--set", "variations.half.shere=0.5"], "did you mean 'share'"),
+        (["parts", "--set", "config=papr"], "did you mean 'paper'"),
         (["parts", "--part", "train"], "'validation', 'test'"),
     ],
 )
@@ -105,3 +111,21 @@ def test_what_cannot_be_is_one_line(
     error = capsys.readouterr().err
     assert line in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--only", "one_driver"], "variation one_driver: sessions 'sessions-one-driver'"),
+        (["--set", "set=['noise.copys=0']"], "variation whole: option 'noise.copys'"),
+    ],
+)
+def test_what_no_variation_can_be_made_of_is_refused_before_the_first(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
+) -> None:
+    out = tmp_path / "out"
+    assert run(["ablate", "parts", "--dataset", str(home / "dataset"), "--out", str(out), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert line in error
+    assert error.count("\n") == 1
+    assert not out.exists()

@@ -7,10 +7,16 @@ from typing import Any
 import click
 
 from monochord.cli._kept_rows import keep
+from monochord.config import load_toml, override
+from monochord.datasets.build import find_sessions
+from monochord.datasets.store import open_dataset
+from monochord.errors import InputError
 from monochord.evaluation.ablation import Ablation, compared
 from monochord.evaluation.ablation import ablate as ablated
 from monochord.evaluation.grid import Grid
 from monochord.evaluation.grids import load_grid
+from monochord.training.configs import config_path
+from monochord.training.settings import Settings
 
 
 @click.command()
@@ -53,11 +59,27 @@ def ablate(
     """  # noqa: D301
     tree = {name: value for name, value in differs.items() if value}
     chosen = load_grid(grid, tree, assignments)
-    found = ablated(chosen.only(only) if only else chosen, out, _tell, workers=workers)
+    chosen = chosen.only(only) if only else chosen
+    _refuse_impossible(chosen)
+    found = ablated(chosen, out, _tell, workers=workers)
     if rows is not None and found.rows:
         keep(rows, [row for each in found.rows.values() for row in each])
     click.echo(_json(chosen, found) if as_json else "\n".join(_lines(chosen, compared(found.scores))))
     found.refuse_failed()
+
+
+def _refuse_impossible(grid: Grid) -> None:
+    """Refuse settings and sessions that no variation can be made of, before all the others are made."""
+    config = load_toml(config_path(grid.config))
+    open_dataset(grid.dataset)
+    for name, variation in grid.compared.items():
+        try:
+            if not variation.estimator:
+                Settings.read(override(config, [*grid.set, *variation.set])).resolved()
+            if variation.is_built:
+                find_sessions(variation.sessions or grid.sessions)
+        except InputError as error:
+            raise InputError(f"variation {name}: {error.given}", error.allowed, error.remedy) from error
 
 
 def _tell(name: str, what: str) -> None:

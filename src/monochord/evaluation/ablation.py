@@ -40,8 +40,9 @@ class Ablation:
         """Raise `AblationError`, in one line, if anything failed."""
         if self.failed:
             count = len(self.failed) + len(self.scores)
-            lines = "; ".join(self.failed.values())
-            raise AblationError(f"{len(self.failed)} of {count} variations failed: {lines}")
+            first = next(iter(self.failed.values()))
+            names = ", ".join(self.failed)
+            raise AblationError(f"{len(self.failed)} of {count} variations failed ({names}); {first}")
 
 
 def ablate(grid: Grid, out: Path, told: Told = lambda *_: None, *, workers: int = 1) -> Ablation:
