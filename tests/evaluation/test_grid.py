@@ -34,6 +34,7 @@ def test_a_name_that_would_be_another_folder_is_refused(name: str) -> None:
     ("differs", "line"),
     [
         ({"share": 0.0}, "share 0 of the training sessions"),
+        ({"estimator": "closed_form", "config": "tones"}, "beside the estimator closed_form"),
         ({"estimator": "closed_form", "share": 0.5}, "beside the estimator closed_form"),
         ({"estimator": "closed_form", "set": ("context.on=false",)}, "beside the estimator closed_form"),
         ({"estimator_set": ("tension_law=geometric",)}, "estimator_set without an estimator"),

@@ -70,11 +70,12 @@ def ablate(
 
 def _refuse_impossible(grid: Grid) -> None:
     """Refuse settings and sessions that no variation can be made of, before all the others are made."""
-    config = load_toml(config_path(grid.config))
+    config_path(grid.config)
     open_dataset(grid.dataset)
     for name, variation in grid.compared.items():
         try:
             if not variation.estimator:
+                config = load_toml(config_path(variation.config or grid.config))
                 Settings.read(override(config, [*grid.set, *variation.set])).resolved()
             if variation.is_built:
                 find_sessions(variation.sessions or grid.sessions)

@@ -105,7 +105,8 @@ class Job:
             judge = [str(self.home / "run")]
             if not self.held:
                 told(self.name, "training")
-                self.children.run(self.name, "train", self.grid.config, *self._settings(), "--json")
+                config = self.variation.config or self.grid.config
+                self.children.run(self.name, "train", config, *self._settings(), "--json")
         told(self.name, "evaluation")
         rows = self.home / ROWS
         rows.unlink(missing_ok=True)

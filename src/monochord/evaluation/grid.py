@@ -20,6 +20,8 @@ class Variation:
 
     Parameters
     ----------
+    config
+        The training's settings, a preset's name or a file; those of the grid where it is left out.
     set
         Settings of the training, such as ``context.on=false``.
     window, hop
@@ -36,6 +38,7 @@ class Variation:
         that is another name.
     """
 
+    config: str = ""
     set: tuple[str, ...] = ()
     window: Seconds | None = None
     hop: Seconds | None = None
@@ -48,7 +51,7 @@ class Variation:
     def __post_init__(self) -> None:
         if not 0.0 < self.share <= 1.0:
             raise InputError(f"share {self.share:g} of the training sessions", "above 0, up to 1")
-        if self.estimator and (self.set or self.share < 1.0):
+        if self.estimator and (self.config or self.set or self.share < 1.0):
             given = f"settings of a training beside the estimator {self.estimator}"
             raise InputError(given, "one of both", "options of an estimator stand in estimator_set")
         if self.estimator_set and not self.estimator:
