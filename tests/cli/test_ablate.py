@@ -117,7 +117,7 @@ def test_what_cannot_be_is_one_line(
     ("arguments", "line"),
     [
         (["--only", "one_driver"], "variation one_driver: sessions 'sessions-one-driver'"),
-        (["--set", "variations.half.config=tnes"], "variation half: configuration 'tnes'"),
+        (["--only", "half", "--set", "variations.half.config=tnes"], "variation half: configuration 'tnes'"),
         (["--set", "set=['noise.copys=0']"], "variation whole: option 'noise.copys'"),
     ],
 )
