@@ -95,7 +95,7 @@ class ObjectSettings:
     """
 
     copies: int = 0
-    give: tuple[float, float] = (0.05, 2.0)
+    give: tuple[float, float] = (0.05, 4.0)
 
     def __post_init__(self) -> None:
         if not 0 <= self.copies <= 100:
