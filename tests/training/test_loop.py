@@ -132,3 +132,12 @@ def test_a_head_learns_from_the_columns_that_it_sees(
     assert state.weights["force.0.weight"].shape == (16, len(columns))
     usual_size = np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
     assert least < state.score["force"] / usual_size < most
+
+
+def test_weights_decay_in_heads_with_hidden_layers_alone(tmp_path: Path) -> None:
+    free, held = (
+        fit(plan(epochs=3, decay=decay), SCALER, examples(0), examples(1), tmp_path / name).weights
+        for name, decay in (("free", 0.0), ("held", 20.0))
+    )
+    np.testing.assert_array_equal(held["contact.0.weight"], free["contact.0.weight"])
+    assert np.abs(held["force.1.weight"]).sum() < 0.5 * np.abs(free["force.1.weight"]).sum()

@@ -82,7 +82,10 @@ def _fit(
     torch, tasks, options = torch_library(), _tasks(plan.definition), plan.optimiser
     seen, judged = (_Tensors(plan.definition, scaler, each) for each in (train, validation))
     weights = initial(plan.definition, plan.seed)
-    optimiser = torch.optim.AdamW(list(weights.values()), lr=options.rate, weight_decay=options.decay)
+    decayed = [key for key in weights if key.endswith("weight") and tasks[key.partition(".")[0]].hidden]
+    free = [tensor for key, tensor in weights.items() if key not in decayed]
+    groups = [{"params": [weights[key] for key in decayed]}, {"params": free, "weight_decay": 0.0}]
+    optimiser = torch.optim.AdamW(groups, lr=options.rate, weight_decay=options.decay)
     data = _checksum(scaler, train, validation)
     state = Checkpoint.read(file) or Checkpoint(
         epoch=0, data=data, weights=arrays(weights), moments={}, best=arrays(weights), score={}, at={}

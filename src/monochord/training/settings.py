@@ -109,9 +109,10 @@ class ObjectSettings:
 class OptimiserSettings:
     """How the weights are found: AdamW, its rate falling to zero by half a cosine over all epochs.
 
-    `rate` is its first rate, `decay` its weight decay, `batch` the windows a step. Training ends after
-    `epochs`, or when no head has become better on validation for `patience` of them. Each head keeps the
-    weights of its own best epoch. `threads` are torch's: the result depends on their number, if hardly.
+    `rate` is its first rate, `decay` the weight decay of heads with hidden layers (their biases and linear
+    heads have none), `batch` the windows a step. Training ends after `epochs`, or when no head has become
+    better on validation for `patience` of them. Each head keeps the weights of its own best epoch. `threads`
+    are torch's: the result depends on their number, if hardly.
     """
 
     rate: float = 1e-3
