@@ -13,13 +13,14 @@ from monochord.evaluation.scorecard import Row, Scorecard
 from monochord.metrics import normal_coverage
 
 STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 70em; margin: 2em auto; padding: 0 1em }
+body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 78em; margin: 2em auto; padding: 0 1em }
 table { border-collapse: collapse; margin: 1em 0; font-variant-numeric: tabular-nums }
-th, td { padding: 0.2em 0.7em; text-align: right; border-bottom: 1px solid #ddd }
+th, td { padding: 0.2em 0.6em; text-align: right; border-bottom: 1px solid #ddd }
+td { white-space: nowrap }
 th:first-child, td:first-child, th.word, td.word { text-align: left }
 td.reference { color: #777; font-style: italic } small { color: #777 }
 .simulated { background: #d55e00; color: white; padding: 0.1em 0.5em; border-radius: 0.2em }
-.drawing { max-width: 100% } code { background: #f4f4f4 }
+.drawing { width: 100%; max-width: 62em } code { background: #f4f4f4 }
 """
 SHOWN: Mapping[str, tuple[float, str]] = {"position": (1e3, "mm"), "force": (1.0, "N")}
 """How a quantity is shown: factor and unit."""
@@ -54,7 +55,7 @@ def page(card: Scorecard, drawings: Mapping[str, str]) -> str:
     mark = ' <span class="simulated">simulated</span>' if card.simulated else ""
     about = (
         f"{card.windows} windows of {1e3 * card.window:g} ms, {1e3 * card.hop:g} ms apart, "
-        f"of {card.sessions} sessions."
+        f"of {card.sessions} session{'' if card.sessions == 1 else 's'}."
     )
     title = f"Evaluation of {card.estimator}"
     parts = [
