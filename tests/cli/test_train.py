@@ -34,6 +34,29 @@ def test_it_prints_what_it_came_to_and_goes_on_where_it_was(
     assert "the mean label" in lines[4]
 
 
+def test_it_draws_how_it_learned_and_equal_runs_have_equal_pictures(
+    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pictures: list[bytes] = []
+    for out in (tmp_path / "one", tmp_path / "two", tmp_path / "two"):
+        assert run(["train", str(config), "--out", str(out)]) == 0
+        pictures.append((out / "learning.svg").read_bytes())
+    assert pictures[0].lstrip().startswith(b"<?xml")
+    assert pictures[0] == pictures[1] == pictures[2]
+    capsys.readouterr()
+    out = tmp_path / "one"
+    given = ["figure", "learning", "--set", f"run={out}", "--out", str(tmp_path / "a.png"), "--json"]
+    assert run(given) == 0
+    told = json.loads(capsys.readouterr().out)["numbers"]
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert (told["simulated"], told["epochs"]) == (True, [1, 2, 3])
+    assert {name: head["best_epoch"] for name, head in told["heads"].items()} == metrics["best_epochs"]
+    assert run(["figure", "learning", "--set", f"run={tmp_path}", "--out", str(tmp_path / "b.png")]) == 2
+    told = capsys.readouterr().err
+    assert "no config.toml in it" in told
+    assert told.count("\n") == 1
+
+
 def test_other_settings_in_the_same_folder_are_refused(
     config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,6 +27,11 @@ def test_all_of_it_is_written_down_and_read_again(lesson: dict[str, Any]) -> Non
 
 
 @pytest.mark.usefixtures("made_up_features")
+def test_a_board_makes_no_other_run(lesson: dict[str, Any]) -> None:
+    assert Settings.read({**lesson, "board": True}).resolved() == Settings.read(lesson).resolved()
+
+
+@pytest.mark.usefixtures("made_up_features")
 def test_relative_paths_are_written_in_full(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     tree = Settings.read(

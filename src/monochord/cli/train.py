@@ -10,12 +10,16 @@ from typing import Any
 import click
 
 from monochord.config import load_toml, override
+from monochord.figures import FIGURES
 from monochord.training.configs import config_path
 from monochord.training.rows import Told
 from monochord.training.scores import lines
 from monochord.training.settings import Settings
 from monochord.training.train import Result
 from monochord.training.train import train as trained
+
+LEARNING = "learning"
+"""The figure that is drawn into the folder of a run, under its own name."""
 
 
 @click.command()
@@ -31,8 +35,8 @@ def train(
 ) -> None:
     """Train a perceiver by CONFIG, a preset's name or a TOML file.
 
-    The folder of the run holds its settings, its history, the perceiver and what that is worth on
-    validation. After an interruption the same command goes on.
+    The folder of the run holds its settings, its history, also drawn, the perceiver and what that is worth
+    on validation. After an interruption the same command goes on.
 
     \b
     monochord train small --dataset dataset --out run
@@ -44,7 +48,17 @@ def train(
     settings = Settings.read(override(tree, assignments))
     with _shown() as told:
         result = trained(settings, out, told)
+    _draw(out)
     click.echo(json.dumps(_tree(result)) if as_json else "\n".join(_lines(result)))
+
+
+def _draw(out: Path) -> None:
+    """Draw how a run learned into its folder; equal histories give equal bytes."""
+    import matplotlib as mpl  # noqa: PLC0415
+
+    with mpl.rc_context({"svg.hashsalt": LEARNING}):
+        drawn = FIGURES.build(LEARNING, {"run": str(out)}).draw()
+        drawn.savefig(out / f"{LEARNING}.svg", metadata={"Date": None})
 
 
 def _tree(result: Result) -> dict[str, Any]:

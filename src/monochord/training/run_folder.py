@@ -7,6 +7,8 @@
     history.csv              a line for each epoch
     perceiver/               what was learned, calibrated
     metrics.json             how good it is on validation; written last, so that it marks a run that is done
+    board/                   TensorBoard's events, where they were asked for
+    learning.svg             the history drawn, by ``monochord train`` when a run is done
 """
 
 import csv
@@ -22,7 +24,7 @@ from monochord.errors import InputError
 from monochord.training.checkpoint import Line
 
 CONFIG, METRICS, HISTORY = "config.toml", "metrics.json", "history.csv"
-CHECKPOINT = "checkpoint.safetensors"
+CHECKPOINT, BOARD = "checkpoint.safetensors", "board"
 
 
 def claim(out: Path, resolved: Tree) -> None:

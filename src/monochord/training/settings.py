@@ -161,6 +161,9 @@ class Settings:
         How the weights are found.
     cache
         Folder for features that were computed; by default ``features`` in the dataset's folder.
+    board
+        Also write TensorBoard events into ``board`` in the run's folder. Nothing that is learned depends on
+        it, so that it is no part of what `resolved` tells, and a run that has begun may go on with it.
     """
 
     title: str = ""
@@ -177,6 +180,7 @@ class Settings:
     objects: ObjectSettings = ObjectSettings()
     optimiser: OptimiserSettings = OptimiserSettings()
     cache: Path | None = None
+    board: bool = False
 
     @classmethod
     def read(cls, tree: Mapping[str, Any]) -> "Settings":
@@ -198,9 +202,10 @@ class Settings:
         return named(FEATURES, self.feature)
 
     def resolved(self) -> Tree:
-        """Return every option with its value, defaults too, and paths in full: what is saved with a run."""
+        """Return every option that makes a run, defaults too, and paths in full: what is saved with it."""
         name, options = self.feature_named()
         tree = to_tree(self)
+        del tree["board"]
         tree["dataset"] = str(self.dataset.absolute())
         tree |= {key: str(path.absolute()) for key in ("split", "cache") if (path := getattr(self, key))}
         tree["feature"] = {"name": name, **options}

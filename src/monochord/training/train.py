@@ -14,6 +14,7 @@ from monochord.perceiver.files import INSIDE_A_RUN, save
 from monochord.perceiver.network import Answer
 from monochord.perceiver.perceiver import Perceiver
 from monochord.training._torch import torch_library
+from monochord.training.board import board, summary_writer
 from monochord.training.calibrate import calibrated_amount, calibrated_chance
 from monochord.training.checkpoint import Checkpoint
 from monochord.training.examples import chosen, masks_of
@@ -33,7 +34,7 @@ from monochord.training.prepare import (
 )
 from monochord.training.replay import replay
 from monochord.training.rows import Told
-from monochord.training.run_folder import CHECKPOINT, claim, write_history, write_metrics
+from monochord.training.run_folder import BOARD, CHECKPOINT, claim, write_history, write_metrics
 from monochord.training.scores import Numbers, amount_scores, chance_scores
 from monochord.training.settings import Settings
 from monochord.types import Floats, Signal
@@ -65,13 +66,15 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
     ------
     InputError
         If a setting, the dataset or the split cannot be used, `out` holds something else, or torch is not
-        installed.
+        installed, or TensorBoard where it is asked for.
 
     Examples
     --------
     ``examples/train_a_perceiver.py`` does so with two simulated sessions.
     """
     torch_library()
+    if settings.board:
+        summary_writer()
     dataset = open_dataset(settings.dataset)
     split = read_split(settings, dataset)
     source = material(settings, dataset, split)
@@ -87,11 +90,15 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
         definition=definition, optimiser=settings.optimiser, drop=settings.context.drop, seed=settings.seed
     )
 
-    def shown(state: Checkpoint) -> None:
-        write_history(out, state.history)
-        told("epochs", state.epoch, settings.optimiser.epochs)
+    with board(out / BOARD if settings.board else None) as show:
 
-    state = fit(plan, scaler, seen, judged, out / CHECKPOINT, shown)
+        def shown(state: Checkpoint) -> None:
+            write_history(out, state.history)
+            show(state.history)
+            told("epochs", state.epoch, settings.optimiser.epochs)
+
+        state = fit(plan, scaler, seen, judged, out / CHECKPOINT, shown)
+        shown(state)  # a kill between a checkpoint and this would leave out its epoch
     learned = Perceiver(definition=definition, weights={**scaler, **probes(source), **state.best})
     stream = stream_of(dataset, split.validation)
     perceiver, scores = calibrated(learned, source, stream, told)

@@ -1,0 +1,181 @@
+"""How a training run learned: its loss, and each head's miss on validation, epoch by epoch."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from string import ascii_uppercase
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monochord.config import load_toml
+from monochord.errors import InputError
+from monochord.figures import _style
+from monochord.figures.base import Measured
+from monochord.heads import HEADS
+from monochord.training.run_folder import CONFIG, HISTORY, METRICS
+from monochord.types import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+COLUMNS = 3
+SHOWN = {"m": (1e3, "mm")}
+"""How an amount is shown, by its unit: factor and unit; others as they are."""
+FAR = 3.0
+"""Largest over smallest value from which a curve is drawn logarithmically."""
+BEST, MEAN = "best epoch, whose weights are kept", "the mean label"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Learning(Measured):
+    """Joint loss and each head's miss on validation over the epochs of a run, done or under way.
+
+    The miss of an amount is its mean absolute error, that of a chance its log loss. A dot marks the epoch
+    whose weights a head keeps. The dashed line is what is missed by whoever always says the mean label, which
+    is known once the run is done: the mean label of the training for an amount, the share of windows that are
+    a yes for a chance. Misses are of all rows by which the epoch was chosen, made-up objects too.
+
+    Parameters
+    ----------
+    run
+        Folder that `monochord train` wrote.
+    """
+
+    run: Path
+
+    def numbers(self) -> dict[str, Any]:
+        """Return epochs and joint loss (n,), and by head its miss (n,), best epoch and the mean label's."""
+        history, metrics = _history(Path(self.run)), _metrics(Path(self.run))
+        epochs = history.pop("epoch").astype(int)
+        loss, units = history.pop("loss"), _units(Path(self.run), list(history))
+        heads: dict[str, Any] = {}
+        for name, miss in history.items():
+            best = int(np.nanargmin(miss)) if np.isfinite(miss).any() else None
+            heads[name] = {
+                "unit": units[name],
+                "miss": _plain(miss),
+                "best_epoch": None if best is None else int(epochs[best]),
+                "best": None if best is None else float(miss[best]),
+                "mean_label": _mean_label(metrics.get("heads", {}).get(name, {})),
+            }
+        told = {"simulated": metrics.get("simulated"), "done": bool(metrics), **_named(Path(self.run))}
+        return told | {"epochs": epochs.tolist(), "loss": _plain(loss), "heads": heads}
+
+    def draw(self) -> Canvas:
+        """Read the run and draw a panel for the loss and one for each head."""
+        told = self.numbers()
+        heads: dict[str, Any] = told["heads"]
+        rows = math.ceil((1 + len(heads)) / COLUMNS)
+        page = _style.canvas(14.0 + 48.0 * rows)
+        panels = page.subplots(rows, COLUMNS, sharex=True, squeeze=False).ravel()
+        for axes in panels[1 + len(heads) :]:
+            axes.set_visible(False)
+        shown = panels[: 1 + len(heads)]
+        loss = np.array(told["loss"], np.float64)
+        _draw(shown[0], told["epochs"], loss)
+        _style.dress(shown[0], "A", "all heads, training", "epoch", "joint loss")
+        for letter, axes, (name, head) in zip(ascii_uppercase[1:], shown[1:], heads.items(), strict=False):
+            _draw_head(axes, letter, name, told["epochs"], head)
+        kind = {True: "simulated: ", False: "", None: "under way, not told yet whether simulated: "}
+        title = f"{kind[told['simulated']]}{told['feature']}. {told['title']}".rstrip(". ")
+        page.suptitle(title, fontsize=_style.LABEL, color=_style.INK)
+        _style.key(page, *shown)
+        return page
+
+
+def _draw_head(axes: Axes, letter: str, name: str, epochs: list[int], head: dict[str, Any]) -> None:
+    factor, unit = SHOWN.get(head["unit"], (1.0, head["unit"]))
+    title = name.replace("_", " ")
+    if head["mean_label"] is not None:
+        axes.axhline(factor * head["mean_label"], color=_style.PALE, lw=0.8, ls=_style.THEORY, label=MEAN)
+    _draw(axes, epochs, factor * np.array(head["miss"], np.float64))
+    if head["best"] is not None:
+        at, best = head["best_epoch"], factor * head["best"]
+        title += f", best {best:.3g} {unit}".rstrip()
+        axes.plot([at], [best], ls="", marker="o", ms=4.0, color=_style.SEGMENTS[1], label=BEST)
+    _style.dress(axes, letter, title, "epoch", f"mean error ({unit})" if unit else "log loss")
+
+
+def _draw(axes: Axes, epochs: list[int], values: Floats) -> None:
+    """Draw a curve over epochs, logarithmic where it is above zero throughout and falls far."""
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter  # noqa: PLC0415
+
+    axes.plot(epochs, values, color=_style.SEGMENTS[0], lw=1.1, marker="." if len(epochs) == 1 else "")
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True))
+    axes.tick_params(labelbottom=True)
+    told = values[np.isfinite(values)]
+    if not told.size or told.min() <= 0.0 or told.max() < FAR * told.min():
+        return
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
+    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _history(run: Path) -> dict[str, Floats]:
+    """Return the columns (n,) of a run's history, by name."""
+    file = run / HISTORY
+    if not (run / CONFIG).is_file():
+        raise InputError(f"run {run} (no {CONFIG} in it)", "a folder that monochord train made")
+    try:
+        with file.open(encoding="utf-8", newline="") as stream:
+            names, *lines = list(csv.reader(stream))
+        table = np.array(lines, np.float64)
+        columns = dict(zip(names, table.T, strict=True))
+    except FileNotFoundError as error:
+        raise InputError(f"run {run} (no epoch done yet)", "one with an epoch or more") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"history {file} (damaged)", "a table as monochord train writes it") from error
+    if not {"epoch", "loss"} <= columns.keys() or not table.size:
+        raise InputError(f"history {file} (damaged)", "a table as monochord train writes it")
+    return columns
+
+
+def _metrics(run: Path) -> dict[str, Any]:
+    """Return what a run came to; nothing where it is under way."""
+    file = run / METRICS
+    if not file.is_file():
+        return {}
+    try:
+        return dict(json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(f"metrics {file} (damaged)", "what monochord train wrote") from error
+
+
+def _units(run: Path, names: list[str]) -> dict[str, str]:
+    """Return the unit of each head, from the settings; empty for a chance."""
+    options = load_toml(run / CONFIG).get("heads", {})
+    return {name: HEADS.build(name, options.get(name, {})).task().unit for name in names}
+
+
+def _named(run: Path) -> dict[str, str]:
+    """Return the run's title and its feature, as the settings tell them."""
+    settings = load_toml(run / CONFIG)
+    feature = settings.get("feature", {})
+    name = str(feature.get("name", "")).replace("_", " ")
+    name += ", random weights" if feature.get("random") is True else ""
+    return {"title": str(settings.get("title", "")), "feature": name}
+
+
+def _mean_label(scores: dict[str, Any]) -> float | None:
+    """Return what is missed by whoever always says the mean label, from a head's scores.
+
+    For a chance this is the entropy of the share of the more frequent answer.
+    """
+    if "baseline_mae" in scores:
+        return float(scores["baseline_mae"])
+    if "baseline_accuracy" not in scores:
+        return None
+    share = float(scores["baseline_accuracy"])
+    return -sum(part * math.log(part) for part in (share, 1.0 - share) if part > 0.0)
+
+
+def _plain(values: Floats) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in values]

@@ -1,0 +1,122 @@
+"""The panels show a run's history, and mark in it what was kept and what the mean label would miss."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.config import dump_toml
+from monochord.errors import InputError
+from monochord.figures.learning import BEST, MEAN, Learning
+from monochord.training.run_folder import write_history, write_metrics
+
+Run = Callable[..., Path]
+FORCE = [0.8, 0.1, 0.3, 0.1]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Run:
+    """Write a run of four epochs with a chance and two amounts; the best of force is epoch 2."""
+
+    def made(*, done: bool = True, simulated: bool = True, **feature: Any) -> Path:
+        tree = {"title": "made up", "feature": {"name": "fft_harmonic", **feature}, "heads": {"slip": {}}}
+        (tmp_path / "config.toml").write_text(dump_toml(tree), encoding="utf-8")
+        history = [
+            {
+                "epoch": number,
+                "loss": 1.0 - 0.5 * number,
+                "slip": 1.0 / number,
+                "position": 1e-3,
+                "force": off,
+            }
+            for number, off in enumerate(FORCE, start=1)
+        ]
+        write_history(tmp_path, history)
+        if done:
+            heads = {
+                "slip": {"baseline_accuracy": 0.75},
+                "position": {"baseline_mae": 0.024},
+                "force": {"baseline_mae": 0.4},
+            }
+            write_metrics(tmp_path, {"simulated": simulated, "heads": heads})
+        return tmp_path
+
+    return made
+
+
+def labelled(axes: Any, label: object) -> tuple[list[float], list[float]]:
+    (line,) = (line for line in axes.lines if line.get_label() == label)
+    return np.asarray(line.get_xdata()).tolist(), np.asarray(line.get_ydata()).tolist()
+
+
+def test_each_panel_shows_its_column_of_the_history(write: Run) -> None:
+    page = Learning(run=write()).draw()
+    loss, slip, position, force = (axes for axes in page.axes if axes.get_visible())
+    assert labelled(loss, loss.lines[0].get_label()) == ([1, 2, 3, 4], [0.5, 0.0, -0.5, -1.0])
+    assert loss.get_yscale() == "linear"
+    assert (slip.get_ylabel(), slip.get_yscale()) == ("log loss", "log")
+    assert (position.get_ylabel(), position.get_yscale()) == ("mean error (mm)", "linear")
+    assert (force.get_ylabel(), force.get_yscale()) == ("mean error (N)", "log")
+    assert page.get_suptitle() == "simulated: fft harmonic. made up"
+
+
+def test_the_best_epoch_and_the_mean_label_are_marked(write: Run) -> None:
+    _, slip, position, force = Learning(run=write()).draw().axes[:4]
+    assert labelled(force, BEST) == ([2], [0.1])
+    assert labelled(force, MEAN)[1] == [0.4, 0.4]
+    assert labelled(slip, BEST) == ([4], [0.25])
+    assert labelled(position, MEAN)[1] == pytest.approx([24.0, 24.0])
+    assert labelled(slip, MEAN)[1][0] == pytest.approx(-0.75 * math.log(0.75) - 0.25 * math.log(0.25))
+
+
+def test_a_run_under_way_has_no_mean_label_yet(write: Run) -> None:
+    figure = Learning(run=write(done=False, random=True))
+    page = figure.draw()
+    assert all(line.get_label() != MEAN for axes in page.axes for line in axes.lines)
+    assert page.get_suptitle().startswith("under way, not told yet whether simulated: fft harmonic, random w")
+    told = figure.numbers()
+    assert (told["done"], told["simulated"]) == (False, None)
+
+
+def test_what_is_not_simulated_is_not_called_so(write: Run) -> None:
+    assert Learning(run=write(simulated=False)).draw().get_suptitle() == "fft harmonic. made up"
+
+
+def test_its_numbers_are_json_even_where_a_miss_is_none(write: Run) -> None:
+    run = write()
+    table = (run / "history.csv").read_text().replace("0.3\n", "nan\n")
+    (run / "history.csv").write_text(table)
+    told = json.loads(json.dumps(Learning(run=run).numbers(), allow_nan=False))
+    assert told["epochs"] == [1, 2, 3, 4]
+    assert told["heads"]["force"] == {
+        "unit": "N", "miss": [0.8, 0.1, None, 0.1], "best_epoch": 2, "best": 0.1, "mean_label": 0.4,
+    }  # fmt: skip
+    assert Learning(run=run).draw().axes
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "line"),
+    [
+        ("config.toml", None, r"run .* \(no config.toml in it\): allowed is a folder that monochord train"),
+        ("history.csv", None, r"run .* \(no epoch done yet\)"),
+        ("history.csv", "epoch,loss\n", r"history .*history\.csv \(damaged\)"),
+        ("history.csv", "", r"history .*history\.csv \(damaged\)"),
+        ("history.csv", "epoch,loss\n1,high\n", r"history .*history\.csv \(damaged\)"),
+        ("history.csv", "epoch,force\n1,0.1\n", r"history .*history\.csv \(damaged\)"),
+        ("metrics.json", "{", r"metrics .*metrics\.json \(damaged\)"),
+        ("metrics.json", "[1]", r"metrics .*metrics\.json \(damaged\)"),
+    ],
+)
+def test_what_is_no_run_is_refused_in_a_line(write: Run, name: str, text: str | None, line: str) -> None:
+    run = write()
+    if text is None:
+        (run / name).unlink()
+    else:
+        (run / name).write_text(text)
+    with pytest.raises(InputError, match=line) as told:
+        Learning(run=run).draw()
+    assert "\n" not in str(told.value)
