@@ -39,6 +39,8 @@ def test_it_draws_how_it_learned_and_equal_runs_have_equal_pictures(
 ) -> None:
     pictures: list[bytes] = []
     for out in (tmp_path / "one", tmp_path / "two", tmp_path / "two"):
+        if (history := out / "history.csv").is_file():  # as a kill right after a checkpoint leaves it
+            history.write_text("".join(history.read_text().splitlines(keepends=True)[:-1]))
         assert run(["train", str(config), "--out", str(out)]) == 0
         pictures.append((out / "learning.svg").read_bytes())
     assert pictures[0].lstrip().startswith(b"<?xml")
