@@ -35,6 +35,7 @@ $(INSTALLED): pyproject.toml | system $(BIN)/python
 	@$(BIN)/monochord bench bound --set windows=1 >/dev/null
 	@$(BIN)/monochord simulate appendix --json >/dev/null
 	@$(BIN)/monochord demo --seconds 1 --json >/dev/null
+	@$(BIN)/monochord demo --estimator closed_form --seconds 1 --json >/dev/null
 	@touch $@
 
 $(DOCS_INSTALLED): pyproject.toml | $(INSTALLED)
@@ -79,7 +80,7 @@ docs: system $(DOCS_INSTALLED) ## The documentation, into docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
-demo: install ## A driven string, touched and located live; needs no hardware
+demo: install ## A driven string, touched: contact, place, force and slip told live; needs no hardware
 	$(BIN)/monochord demo
 
 clean: ## Remove what these commands made, the virtual environment included

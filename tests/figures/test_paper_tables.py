@@ -63,3 +63,12 @@ def test_a_file_of_something_else_is_refused(tmp_path: Path) -> None:
     (tmp_path / "rows.json").write_text("[1]")
     with pytest.raises(InputError, match="absent or damaged"):
         PaperTables(rows=tmp_path / "rows.json").draw()
+
+
+def test_features_are_those_that_were_asked_for(rows: Path) -> None:
+    position = PaperTables(rows=rows, features=("two",)).draw().axes[0]
+    assert {line.get_label() for line in position.lines if not str(line.get_label()).startswith("_")} == {
+        "two"
+    }
+    with pytest.raises(InputError, match="feature 'three'"):
+        PaperTables(rows=rows, features=("three",)).numbers()

@@ -37,13 +37,13 @@ def dress(axes: Axes, letter: str, title: str, across: str, up: str) -> None:
         spine.set_visible(side in {"left", "bottom"})
 
 
-def key(page: Canvas, *panels: Axes) -> None:
-    """Add one line of legend under the whole figure, each label once, from what the panels show."""
+def key(page: Canvas, *panels: Axes, columns: int = 0) -> None:
+    """Add a legend under the whole figure, each label of its panels once: in one line, or in columns."""
     shown = [pair for panel in panels for pair in zip(*panel.get_legend_handles_labels(), strict=True)]
     once = {label: handle for handle, label in shown}
     page.legend(
-        once.values(), once.keys(), loc="outside lower center", ncols=len(once), fontsize=TICK, frameon=False,
-        handlelength=2.2, columnspacing=1.6, labelcolor=INK,
+        once.values(), once.keys(), loc="outside lower center", ncols=columns or len(once),
+        fontsize=TICK, frameon=False, handlelength=2.2, columnspacing=1.6, labelcolor=INK,
     )  # fmt: skip
 
 

@@ -24,6 +24,8 @@ PANELS = {
     "force": ("force_mae_n", "error of F (N)", 1.0),
 }
 """The column of each panel, its label, and the factor from SI."""
+COLUMNS = 4
+"""Of the legend."""
 MARKS = "osD"
 """One for each round of colours."""
 
@@ -40,10 +42,13 @@ class PaperTables(Measured):
         The file that `monochord ablate --rows` or `monochord evaluate --rows` wrote.
     noise
         The condition that is drawn beside the clean one; empty for none.
+    features
+        Which, in this order; all of the file if there are none.
     """
 
     rows: Path
     noise: str = "music 10 dB"
+    features: tuple[str, ...] = ()
 
     def numbers(self) -> dict[str, Any]:
         """Return the errors that are drawn, by quantity, condition, feature and object."""
@@ -52,7 +57,7 @@ class PaperTables(Measured):
             quantity: {
                 condition: {
                     feature: {row["object"]: row[column] for row in _of(rows, feature, condition)}
-                    for feature in dict.fromkeys(row["feature"] for row in rows)
+                    for feature in self._features(rows)
                 }
                 for condition in self._conditions()
             }
@@ -80,11 +85,18 @@ class PaperTables(Measured):
             axes.set_xticks(range(len(bodies)), [body.replace("_", " ") for body in bodies])
         kind = "simulated" if all(row["simulated"] for row in rows) else "features by object"
         page.suptitle(f"{kind}; full: clean, pale: {self.noise or 'none'}", fontsize=_style.LABEL)
-        _style.key(page, *panels)
+        _style.key(page, *panels, columns=COLUMNS)
         return page
 
     def _conditions(self) -> list[str]:
         return [CLEAN, *filter(None, [self.noise])]
+
+    def _features(self, rows: list[Row]) -> list[str]:
+        held = list(dict.fromkeys(row["feature"] for row in rows))
+        for name in self.features:
+            if name not in held:
+                raise InputError(f"feature '{name}'", ", ".join(held), did_you_mean(name, held))
+        return list(self.features) or held
 
     def _read(self) -> list[Row]:
         try:
@@ -98,7 +110,7 @@ class PaperTables(Measured):
         return rows
 
     def _marks(self, axes: Axes, rows: list[Row], bodies: list[str], column: str) -> None:
-        features = list(dict.fromkeys(row["feature"] for row in rows))
+        features = self._features(rows)
         for number, feature in enumerate(features):
             aside = 0.7 * ((number + 0.5) / len(features) - 0.5)
             for condition in self._conditions():
