@@ -98,7 +98,7 @@ RUNS: dict[str, tuple[Damage, str]] = {
     "no numbers": (not_numbers, "force.0.bias is not finite"),
     "fewer columns": (columns(lambda names: names[:-1]), "scaler.mean is float32 (300,): allowed is"),
     "another column": (columns(lambda names: ["hue", *names[1:]]), "'hue' where there is"),
-    "another feature": (told(feature={"name": "fft", "options": {}, "columns": []}), "float32 (300,)"),
+    "another feature": (told(feature={"name": "fft", "options": {}, "columns": []}), "fft, which has none"),
     "another rate": (told(sample_rate=48000), "sound at 44100 Hz for a perceiver: allowed is 48000 Hz"),
     "another format": (told(format=99), "of another format: allowed is format 1"),
     "no heads": (told(heads={}), "heads (none): allowed is one that learns the label contact"),

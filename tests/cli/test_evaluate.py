@@ -180,18 +180,23 @@ def test_a_run_is_tested_on_what_it_has_not_heard(
 def test_what_is_learned_of_shuffled_labels_is_chance(
     lesson: dict[str, Any], learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shuffled = tmp_path / "dataset"
-    shutil.copytree(learnable, shuffled)
-    split, stream = Split.read(shuffled / "split.json"), np.random.default_rng(0)
-    for name in ("position", "force"):
-        labels = np.load(shuffled / "labels" / f"{name}.npy")
-        for rows in (split.train, split.validation):
-            known = rows[np.isfinite(labels[rows])]
-            labels[known] = stream.permutation(labels[known])
-        np.save(shuffled / "labels" / f"{name}.npy", labels)
-    folder = learned({**lesson, "dataset": str(shuffled), "cache": str(tmp_path / "own")}, tmp_path / "run")
-    assert run(["evaluate", str(folder), "--json"]) == 0
-    card = json.loads(capsys.readouterr().out)
-    (told,) = [row for row in card["table"] if row["state"] == "touched"]
-    for name in ("position", "force"):
-        assert abs(told[name]["r"]["value"] or 0.0) < 0.4
+    found: dict[str, list[float]] = {"position": [], "force": []}
+    for seed in range(4):  # a few touches agree with anything once in a while
+        home = tmp_path / str(seed)
+        shuffled = home / "dataset"
+        shutil.copytree(learnable, shuffled)
+        split, stream = Split.read(shuffled / "split.json"), np.random.default_rng(seed)
+        for name in found:
+            labels = np.load(shuffled / "labels" / f"{name}.npy")
+            for rows in (split.train, split.validation):
+                known = rows[np.isfinite(labels[rows])]
+                labels[known] = stream.permutation(labels[known])
+            np.save(shuffled / "labels" / f"{name}.npy", labels)
+        folder = learned({**lesson, "dataset": str(shuffled), "cache": str(tmp_path / "own")}, home / "run")
+        assert run(["evaluate", str(folder), "--json"]) == 0
+        card = json.loads(capsys.readouterr().out)
+        (told,) = [row for row in card["table"] if row["state"] == "touched"]
+        for name, held in found.items():
+            held.append(told[name]["r"].get("value") or 0.0)
+    for held in found.values():
+        assert abs(float(np.mean(held))) < 0.3, held

@@ -1,20 +1,19 @@
 """The verb `build`: sessions into a dataset with labels, split and audited."""
 
 import json
-import sys
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import click
 
+from monochord.cli._bar import bar_of_sessions
 from monochord.cli._options import amount
 from monochord.datasets.audit import audit as audit_split
 from monochord.datasets.build import (
     Labelling,
     Options,
-    Progress,
     build_dataset,
     find_sessions,
     named_sessions,
@@ -84,7 +83,7 @@ def build(
     files = find_sessions(sessions)
     _refuse_split(by or _usual(len(files)), files, held_out)
     options = Options(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
-    with _shown() as progress:
+    with bar_of_sessions() as progress:
         dataset = build_dataset(files, out, options, progress)
     for line in dataset.manifest.refused.values():
         click.echo(f"left out: {line}", err=True)
@@ -154,21 +153,3 @@ def _lines(result: dict[str, Any]) -> list[str]:
             lines.append(f"  {part:<10}  {name or '(none)':<{wide}}{numbers}")
     lines += [f"leak: {leak}" for leak in result["leaks"]] or ["audit: no leak"]
     return lines + [f"note: {note}" for note in result["notes"]]
-
-
-@contextmanager
-def _shown() -> Generator[Progress]:
-    """Give what is told of the progress: a bar, where there is a terminal to show it."""
-    if not sys.stderr.isatty():
-        yield lambda *_: None
-        return
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import Progress as Bar  # noqa: PLC0415
-
-    with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("sessions", total=None)
-
-        def told(name: str, done: int, of: int) -> None:
-            bar.update(task, description=name, completed=done, total=of)
-
-        yield told

@@ -1,9 +1,8 @@
 """The verb `evaluate`: test sessions through an estimator, and what it is worth."""
 
 import json
-import sys
-from collections.abc import Generator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,6 +11,7 @@ from typing import Any
 import click
 import numpy as np
 
+from monochord.cli._bar import bar_of_sessions
 from monochord.cli._drawings import drawings
 from monochord.cli._kept_rows import keep
 from monochord.cli._scorecard_lines import lines
@@ -37,7 +37,7 @@ from monochord.evaluation.harness import (
 from monochord.evaluation.harness import evaluate as evaluated
 from monochord.evaluation.limits import force_floor
 from monochord.evaluation.paper_rows import labelled, paper_rows
-from monochord.evaluation.replay import Course, Progress
+from monochord.evaluation.replay import Course
 from monochord.evaluation.scorecard import scorecard
 from monochord.perceiver import load
 from monochord.perceiver.definition import Definition
@@ -99,7 +99,7 @@ def evaluate(run: Path | None, **options: Any) -> None:
         recordings = room_recordings(rate, _music()) if recorded else {}
         chosen = [noise(text, recordings, options["seed"]) for text in options["noises"]]
         chosen += suite(recordings, seed=options["seed"]) if options["all_noises"] else ()
-        progress = stack.enter_context(_shown())
+        progress = stack.enter_context(bar_of_sessions())
         notes += told.notes
         results = evaluated(course, estimator, name=name, noises=chosen, notes=notes, progress=progress)
         results = replace(results, options={**results.options, **told.about})
@@ -201,7 +201,7 @@ def _of_sessions(
     window = 0.1 if told.definition is None else told.definition.window / told.definition.sample_rate
     hop = 0.1 if told.definition is None else told.definition.hop / told.definition.sample_rate
     folder = Path(stack.enter_context(TemporaryDirectory(prefix="monochord-"))) / "dataset"
-    with _shown() as progress:
+    with bar_of_sessions() as progress:
         dataset = build_dataset(files, folder, Options(window=window, hop=hop), progress)
     floors: dict[str, Newtons] = {}
     strings: list[StringParams | None] = []
@@ -220,21 +220,3 @@ def _music() -> Any:
     from monochord.lab.music import loop  # noqa: PLC0415
 
     return loop(0)
-
-
-@contextmanager
-def _shown() -> Generator[Progress]:
-    """Give what is told of the progress: a bar, where there is a terminal to show it."""
-    if not sys.stderr.isatty():
-        yield lambda *_: None
-        return
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import Progress as Bar  # noqa: PLC0415
-
-    with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("sessions", total=None)
-
-        def told(name: str, done: int, of: int) -> None:
-            bar.update(task, description=name, completed=done, total=of)
-
-        yield told

@@ -135,7 +135,8 @@ class Definition:
         for pattern in patterns:
             if not any(fnmatchcase(column, pattern) for column in columns):
                 given = f"columns '{pattern}' for the head '{name}'"
-                raise InputError(given, f"those of {self.feature.name}, such as '{columns[0]}'")
+                such = f"such as '{columns[0]}'" if columns else "which has none here"
+                raise InputError(given, f"those of {self.feature.name}, {such}")
         return tuple(
             number
             for number, column in enumerate(columns)
