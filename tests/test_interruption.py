@@ -13,7 +13,7 @@ def strike(number: signal.Signals) -> None:
     os.kill(os.getpid(), number)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_the_first_signal_asks_and_closes_the_stream(number: signal.Signals) -> None:
     closed: list[str] = []
     with interruption() as wish:
@@ -41,15 +41,16 @@ def test_a_stream_opened_after_the_signal_is_closed_at_once() -> None:
             assert closed == [True]
 
 
-def test_what_is_ignored_stays_ignored() -> None:
-    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_what_is_ignored_stays_ignored(number: signal.Signals) -> None:
+    before = signal.signal(number, signal.SIG_IGN)
     try:
         with interruption() as wish:
-            strike(signal.SIGTERM)
+            strike(number)
             assert not wish.asked
-        assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+        assert signal.getsignal(number) is signal.SIG_IGN
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(number, before)
 
 
 def test_another_thread_takes_no_signals() -> None:

@@ -1,4 +1,4 @@
-"""Control-C and SIGTERM as a wish that a loop grants when it comes to it."""
+"""Control-C, SIGTERM and SIGHUP as a wish that a loop grants when it comes to it."""
 
 import signal
 import threading
@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interruption:
@@ -48,7 +48,7 @@ class Interruption:
 
 @contextmanager
 def interruption() -> Generator[Interruption]:
-    """Take SIGINT and SIGTERM, unless they are ignored, and put back what stood there before.
+    """Take SIGINT, SIGTERM and SIGHUP, unless they are ignored (as under nohup), and put back what stood there before.
 
     Outside the main thread, where Python takes no signals, nothing is changed.
     """

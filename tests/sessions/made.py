@@ -75,3 +75,10 @@ def make(path: Path, *, seconds: float = 2.0, seed: int = 0, close: bool = True)
     if close:
         writer.close()
     return writer
+
+
+def as_killed(writer: SessionWriter) -> None:
+    """Leave a session as a kill leaves it: with what was flushed, and nobody who writes it."""
+    left = writer.path.read_bytes()
+    writer.close()
+    writer.path.write_bytes(left)

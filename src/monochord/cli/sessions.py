@@ -86,18 +86,22 @@ def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
 @some_files
 @json_lines
 def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
-    """Repair FILES that were cut off, where they are; whole ones are left alone."""
+    """Repair FILES that were cut off or damaged, where they are; whole ones are left alone.
+
+    What is changed or cut away, but for a writing that was cut off, is kept beside as FILE.cut. A file that is being
+    recorded is refused.
+    """
 
     def told(file: Path) -> tuple[bool, dict[str, Any], str]:
         done = repair(file)
-        if not done.repaired and done.lost_bytes:
-            line = f"{file}: has its ending; {done.lost_bytes} bytes are damaged, which nothing brings back"
-        elif not done.repaired:
+        if not done.repaired:
             line = f"{file}: whole, nothing to do ({done.seconds:.1f} s)"
         else:
-            lost = f"{done.lost_bytes} bytes of unfinished or damaged records lost"
-            line = f"{file}: repaired; {done.seconds:.1f} s in {done.messages} messages kept, {lost}"
-        return True, {**dataclasses.asdict(done), "path": str(file)}, line
+            lost = f"{done.lost_bytes} bytes of unfinished or damaged records lost" if done.lost_bytes else "nothing lost"
+            beside = f"; what was changed is kept in {done.cut}" if done.cut else ""
+            line = f"{file}: repaired; {done.seconds:.1f} s in {done.messages} messages kept, {lost}{beside}"
+        cut = str(done.cut) if done.cut else None
+        return True, {**dataclasses.asdict(done), "path": str(file), "cut": cut}, line
 
     return _each(files, told, as_json=as_json)
 

@@ -1,5 +1,6 @@
 """When a recording ends, and why."""
 
+import errno
 import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
@@ -65,13 +66,18 @@ class Ending:
         return notices
 
     def full(self, error: OSError | None) -> None:
-        """Take it that the disk can take no more."""
-        self.reason = self.reason or "the disk is full"
-        why = error.strerror if error else f"less than {1e-6 * self._job.disk.stop:.0f} MB free"
-        given = f"disk of '{self._job.path}' ({why}; what was recorded is saved)"
-        self.failure = self.failure or str(
-            InputError(given, "one with room", "make room, or record elsewhere")
-        )
+        """Take it that the disk, or the file, can take no more."""
+        if error and error.errno == errno.EFBIG:
+            self.reason = self.reason or "the file is as large as files may be"
+            size = f"{1e-6 * self._job.path.stat().st_size:.1f} MB"
+            given = f"file '{self._job.path}' of {size} (a limit on the size of files; what was recorded is saved)"
+            allowed, remedy = "one below it", "raise it (ulimit -f), or on FAT32 (4 GB) use another file system"
+        else:
+            self.reason = self.reason or "the disk is full"
+            why = error.strerror if error else f"less than {1e-6 * self._job.disk.stop:.0f} MB free"
+            given = f"disk of '{self._job.path}' ({why}; what was recorded is saved)"
+            allowed, remedy = "one with room", "make room, or record elsewhere"
+        self.failure = self.failure or str(InputError(given, allowed, remedy))
 
 
 @contextmanager

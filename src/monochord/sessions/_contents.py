@@ -1,72 +1,232 @@
-"""What is whole in an MCAP file, wherever it was cut off."""
+"""What is whole in an MCAP file, wherever it was cut off or damaged, and what would mend it."""
 
+import hashlib
+import json
+import re
+import struct
+import zlib
 from collections import defaultdict
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from math import isfinite
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from monochord.sessions import walk
+from monochord.sessions import codec, walk
+from monochord.sessions._opening import BEGIN, FORMAT, opening
+from monochord.sessions.description import SessionClock
 
 if TYPE_CHECKING:
     from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema
 
+END = "monochord.end"
+"""Name of the metadata where a session was closed."""
+GUARD = "guard"
+"""The checksum of the others among the values at the end."""
+_INDEX = struct.Struct("<BQHI")
+_ENTRY = struct.Struct("<QQ")
+_ORIGIN = re.compile(rb"origin.{4}([0-9.e+-]+)", re.DOTALL)
+
+
+class Damage(NamedTuple):
+    """Bytes of a file that are not sound: a chunk or something else (`what`) from `offset` to `end`."""
+
+    offset: int
+    end: int
+    what: str
+
+
+class Patch(NamedTuple):
+    """What belongs at `offset`, as what is sound around it says; `what` is wrong there."""
+
+    offset: int
+    data: bytes
+    what: str
+
 
 @dataclass(slots=True)
 class Contents:
-    """What the whole part of a file holds, and where it ends.
+    """What a file holds, where its sound part ends, and what in that part is damaged.
 
-    `last_index` is of the last chunk's messages, by channel, as far as the file does not hold their index.
-    `damaged` are bytes of chunks before the end that are not sound; no index knows of them.
+    `ended` says that summary and footer follow and are sound, `torn` that what follows is a writing that was cut
+    off, of which nothing can be used. `damage` can only be left out, `patches` bring back all. `index` is of the last
+    chunk's messages, where the file does not hold it. `begin` and `ending` are what the metadata at begin and
+    end say, `text` and `epoch_ns` what the description's message says; `digests` are SHA-256 by channel.
     """
 
     end: int = len(walk.MAGIC)
     ended: bool = False
-    damaged: int = 0
+    closed: bool = False
+    recovered: bool = False
+    torn: bool = True
+    damage: list[Damage] = field(default_factory=list[Damage])
+    patches: list[Patch] = field(default_factory=list[Patch])
+    index: bytes = b""
+    begin: dict[str, str] = field(default_factory=dict[str, str])
+    begin_at: Damage | None = None
+    ending: dict[str, str] = field(default_factory=dict[str, str])
+    ending_at: Damage | None = None
+    text: str | None = None
+    epoch_ns: int = 0
     schemas: "dict[int, Schema]" = field(default_factory=dict)
     channels: "dict[int, Channel]" = field(default_factory=dict)
     chunks: "list[ChunkIndex]" = field(default_factory=list)
     attachments: "list[AttachmentIndex]" = field(default_factory=list)
     metadata: "list[MetadataIndex]" = field(default_factory=list)
     counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    last_index: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+    digests: dict[int, Any] = field(default_factory=lambda: defaultdict(hashlib.sha256))
+
+    @property
+    def whole(self) -> bool:
+        """Whether there is nothing to mend."""
+        return self.ended and not self.damage and not self.patches and bool(self.ending or self.recovered)
+
+    def agrees(self) -> bool:
+        """Return whether the messages are those of which the end tells the checksums."""
+        with suppress(ValueError):
+            there = {c.topic: self.digests[n].hexdigest() for n, c in self.channels.items()}
+            return there == json.loads(self.ending.get("sha256", "{}"))
+        return False
 
 
 def contents(view: memoryview) -> Contents:
-    """Return what a file holds up to its last sound record; what is damaged before that is passed over."""
-    from mcap.records import MetadataIndex  # noqa: PLC0415
-
-    found, damaged, sound = Contents(), 0, True
+    """Return what a file holds up to its last sound record."""
+    found, group, edges, walked = Contents(), _Group(), set[int](), len(walk.MAGIC)
+    data_end = 0
     for record in walk.records(view):
-        if record.opcode == walk.FOOTER:
-            tail = bytes(view[record.end : record.end + len(walk.MAGIC)])
-            found.ended = tail == walk.MAGIC
+        walked = record.end
+        if record.opcode == walk.DATA_END:
+            data_end = record.offset
+            walked = record.offset
+            crc = int.from_bytes(record.body, "little")
+            found.closed = crc in (0, zlib.crc32(view[: record.offset]))
             break
+        if record.opcode == walk.FOOTER:
+            walked, found.closed = record.offset, True
+            break
+        edges.add(record.end)
+        if group.takes(record):
+            if group.full:
+                group.close(view, found)
+            continue
+        group.close(view, found)
         if record.opcode == walk.CHUNK:
-            sound = _add_chunk(found, record)
-            damaged += 0 if sound else record.end - record.offset
-        if record.opcode in (walk.CHUNK, walk.MESSAGE_INDEX) and not sound:
-            continue
-        if record.opcode == walk.MESSAGE_INDEX:
-            _add_index(found, record)
+            group = _add_chunk(view, found, record)
         elif record.opcode == walk.METADATA:
-            name, _ = walk.metadata(record.body)
-            entry = MetadataIndex(offset=record.offset, length=record.end - record.offset, name=name)
-            found.metadata.append(entry)
+            _add_metadata(found, record)
         elif record.opcode == walk.ATTACHMENT:
-            found.attachments += _attachment(record)
-        elif record.opcode not in (walk.HEADER, walk.CHUNK):
-            continue
-        found.end, found.damaged = record.end, damaged
+            _add_attachment(found, record)
+        elif record.opcode == walk.DAMAGED:
+            found.damage.append(Damage(record.offset, record.end, "record"))
+        elif record.opcode in (walk.HEADER, walk.LOST):
+            found.end = record.end
+    group.close(view, found, last=not found.closed and not data_end)
+    if data_end:
+        found.ended = found.closed and data_end == found.end and _summary_is_sound(view, data_end)
+    found.closed = found.closed or data_end > 0 or bytes(view[-len(walk.MAGIC) :]) == walk.MAGIC
+    found.torn = walk.torn(view, walked)
+    _mend_opening(view, found, edges)
+    if found.ending and found.ending_at and not _ending_is_sound(found.ending):
+        found.damage.append(found.ending_at._replace(what="ending"))
+        found.ending = {}
     return found
 
 
-def _add_chunk(found: Contents, record: walk.Record) -> bool:
-    """Take a chunk in; return whether it is sound."""
+def origin_of(view: memoryview, found: Contents) -> float:
+    """Return what the monotonic clock said at a session's begin, 0 where that is lost: no time depends on it."""
+    told = _ORIGIN.search(view[: found.chunks[0].chunk_start_offset if found.chunks else 4096])
+    for text in (
+        found.ending.get("origin") if _ending_is_sound(found.ending) else None,
+        found.begin.get("origin"),
+        told and told[1].decode(),
+    ):
+        with suppress(ValueError, TypeError):
+            if isfinite(origin := float(text or "")):
+                return origin
+    return 0.0
+
+
+def told_at_begin(view: memoryview, found: Contents) -> tuple[str, SessionClock] | None:
+    """Return description and clock: as the message says, which a checksum guards, else as the begin says."""
+    if found.text is not None:
+        return found.text, SessionClock(epoch_ns=found.epoch_ns, origin=origin_of(view, found))
+    with suppress(ValueError, KeyError):
+        epoch_ns = int(found.begin["epoch_ns"])
+        return found.begin["description"], SessionClock(epoch_ns=epoch_ns, origin=origin_of(view, found))
+    return None
+
+
+def guarded(values: dict[str, str]) -> dict[str, str]:
+    """Return values with a checksum of them."""
+    return {**values, GUARD: str(zlib.crc32(json.dumps(values, sort_keys=True).encode()))}
+
+
+def _ending_is_sound(ending: dict[str, str]) -> bool:
+    rest = {name: value for name, value in ending.items() if name != GUARD}
+    if GUARD in ending:
+        return guarded(rest) == ending
+    told = ending.get("sha256", "")  # as it was before there was a guard
+    return hashlib.sha256(told.encode()).hexdigest() == ending.get("checksum")
+
+
+class _Group:
+    """A chunk's index of messages: what it must be, and the records that stand in its place."""
+
+    def __init__(self, chunk: "ChunkIndex | None" = None, start: int = 0, index: dict[int, bytes] | None = None):
+        self._chunk, self._index = chunk, index or {}
+        self._start = self._end = start
+        self._bytes = b"".join(self._index.values())
+
+    @property
+    def full(self) -> bool:
+        return self._end - self._start == len(self._bytes)
+
+    def takes(self, record: walk.Record) -> bool:
+        """Take a record that stands where an index should; one of no chunk that is known is passed over."""
+        if self._chunk is None:
+            return record.opcode == walk.MESSAGE_INDEX
+        if self.full or record.opcode not in (walk.MESSAGE_INDEX, walk.DAMAGED):
+            return False
+        self._end = record.end
+        return True
+
+    def close(self, view: memoryview, found: Contents, *, last: bool = False) -> None:
+        """Put into `found` what came of it; where the file ends here, the index belongs behind."""
+        chunk, self._chunk = self._chunk, None
+        if chunk is None:
+            return
+        if not self.full and last:
+            found.index = self._bytes
+        elif self.full:
+            _patch(view, found, self._start, self._bytes)
+            found.end = self._end
+        else:
+            if self._end > self._start:
+                found.damage.append(Damage(self._start, self._end, "index"))
+            return
+        chunk.message_index_length, at = len(self._bytes), self._start
+        for number, data in self._index.items():
+            chunk.message_index_offsets[number] = at
+            at += len(data)
+
+
+def _patch(view: memoryview, found: Contents, offset: int, data: bytes, what: str = "record") -> None:
+    """Note what belongs at an offset, as far as it is not there."""
+    there = bytes(view[offset : offset + len(data)])
+    if there == data:
+        return
+    wrong = [k for k, (is_, should) in enumerate(zip(there, data, strict=True)) if is_ != should]
+    found.patches.append(Patch(offset + wrong[0], data[wrong[0] : wrong[-1] + 1], what))
+
+
+def _add_chunk(view: memoryview, found: Contents, record: walk.Record) -> _Group:
+    """Take a chunk in; return what its index must be."""
     from mcap.records import ChunkIndex  # noqa: PLC0415
 
     held = walk.chunk(record.body)
     if not held.sound:
-        return False
-    found.last_index = defaultdict(list)
+        found.damage.append(Damage(record.offset, record.end, "chunk"))
+        return _Group()
+    entries: dict[int, list[tuple[int, int]]] = {}
     for opcode, offset, body in walk.inside(held.records):
         if opcode == walk.SCHEMA:
             schema = walk.schema(body)
@@ -77,39 +237,73 @@ def _add_chunk(found: Contents, record: walk.Record) -> bool:
         elif opcode == walk.MESSAGE:
             message = walk.message(body)
             found.counts[message.channel] += 1
-            found.last_index[message.channel].append((message.log_time, offset))
+            entries.setdefault(message.channel, []).append((message.log_time, offset))
+            add_to(found.digests[message.channel], message)
+            channel = found.channels.get(message.channel)
+            if channel and channel.topic == "/description" and found.text is None:
+                found.text, found.epoch_ns = _text(message), message.log_time
+    times = [time for each in entries.values() for time, _ in each] or [0]
+    begin, stop = min(times), max(times)
+    if not held.compression and entries and record.body[24:28] != b"\0\0\0\0":
+        _patch(view, found, record.offset, walk.chunk_head(begin, stop, held.records))
+    found.end = record.end
     found.chunks.append(
         ChunkIndex(
             chunk_length=record.end - record.offset,
             chunk_start_offset=record.offset,
             compression=held.compression,
             compressed_size=held.compressed_size,
-            message_end_time=held.stop,
+            message_end_time=stop,
             message_index_length=0,
             message_index_offsets={},
-            message_start_time=held.begin,
+            message_start_time=begin,
             uncompressed_size=held.uncompressed_size,
         )
     )
-    return True
+    index = {
+        number: _INDEX.pack(walk.MESSAGE_INDEX, 6 + 16 * len(each), number, 16 * len(each))
+        + b"".join(_ENTRY.pack(*entry) for entry in each)
+        for number, each in entries.items()
+    }
+    return _Group(found.chunks[-1], record.end, index)
 
 
-def _add_index(found: Contents, record: walk.Record) -> None:
-    if not found.chunks:
+def add_to(digest: Any, message: walk.Message) -> None:
+    """Add a message to the digest of its topic."""
+    digest.update(struct.pack("<QQI", message.log_time, message.publish_time, message.sequence))
+    digest.update(message.data)
+
+
+def _text(message: walk.Message) -> str | None:
+    with suppress(Exception):  # whatever the decoder makes of what a program of another kind wrote
+        return str(codec.decode(codec.TEXT, message.data).data)
+    return None
+
+
+def _add_metadata(found: Contents, record: walk.Record) -> None:
+    from mcap.records import MetadataIndex  # noqa: PLC0415
+
+    name, content = walk.metadata(record.body)
+    if not name:
+        found.damage.append(Damage(record.offset, record.end, "record"))
         return
-    number, chunk = int.from_bytes(record.body[:2], "little"), found.chunks[-1]
-    chunk.message_index_offsets[number] = record.offset
-    chunk.message_index_length += record.end - record.offset
-    found.last_index.pop(number, None)
+    if name == BEGIN:
+        found.begin, found.begin_at = content, Damage(record.offset, record.end, "description")
+    elif name == END:
+        found.ending, found.ending_at = content, Damage(record.offset, record.end, "ending")
+    found.recovered = found.recovered or name == walk.RECOVERED
+    found.metadata.append(MetadataIndex(offset=record.offset, length=record.end - record.offset, name=name))
+    found.end = record.end
 
 
-def _attachment(record: walk.Record) -> "list[AttachmentIndex]":
+def _add_attachment(found: Contents, record: walk.Record) -> None:
     from mcap.records import AttachmentIndex  # noqa: PLC0415
 
-    held = walk.attachment(record.body)
-    if held is None:
-        return []
-    return [
+    held, crc = walk.attachment(record.body), int.from_bytes(record.body[-4:], "little")
+    if held is None or crc not in (0, zlib.crc32(record.body[:-4])):
+        found.damage.append(Damage(record.offset, record.end, "record"))
+        return
+    found.attachments.append(
         AttachmentIndex(
             offset=record.offset,
             length=record.end - record.offset,
@@ -119,4 +313,47 @@ def _attachment(record: walk.Record) -> "list[AttachmentIndex]":
             name=held.name,
             media_type=held.media_type,
         )
-    ]
+    )
+    found.end = record.end
+
+
+def _summary_is_sound(view: memoryview, data_end: int) -> bool:
+    """Return whether summary and footer are what their checksum, where there is one, and their places say."""
+    footer = len(view) - len(walk.MAGIC) - 29
+    if footer <= data_end or bytes(view[-len(walk.MAGIC) :]) != walk.MAGIC:
+        return False
+    opcode, length, start, _, crc = struct.unpack_from("<BQQQI", view, footer)
+    if (opcode, length, start) != (walk.FOOTER, 20, data_end + 13):
+        return False
+    return crc in (0, zlib.crc32(view[start : footer + 25]))
+
+
+def _mend_opening(view: memoryview, found: Contents, edges: set[int]) -> None:
+    """Where what comes before the second chunk is damaged, make it anew from the description, if that fits."""
+    told = told_at_begin(view, found)
+    if told is None:
+        return
+    text, clock = told
+    try:
+        made = opening(text, clock)
+    except Exception:  # noqa: BLE001  (no description of ours: there is nothing to go by)
+        return
+    head = made[: next(walk.records(memoryview(made))).end]
+    headed = bytes(view[: len(head)]) == head
+    described = found.begin == {"format": FORMAT, **clock.dump(), "description": text}
+    first = found.chunks[0].chunk_start_offset if found.chunks else len(made)
+    if headed and described and found.text is not None and all(each.offset >= first for each in found.damage):
+        return
+    if len(made) in edges:
+        only_text = headed and found.text is not None and bool(found.begin)
+        found.damage = [each for each in found.damage if each.offset >= len(made)]
+        found.patches = [each for each in found.patches if each.offset >= len(made)]
+        _patch(view, found, 0, made, "description" if only_text else "begin")
+        found.end = max(found.end, len(made))
+        return
+    if len(head) in edges:
+        found.damage = [each for each in found.damage if each.offset >= len(head)]
+        _patch(view, found, 0, head, "begin")
+    if not described and found.begin_at:
+        found.damage.append(found.begin_at)
+        found.begin = {}

@@ -1,19 +1,20 @@
 """The ending of a repaired MCAP file: an index of what is whole in it."""
 
+import zlib
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from monochord.sessions._contents import Contents
-from monochord.sessions.walk import MAGIC, RECOVERED
+from monochord.sessions.walk import MAGIC, inside
 
 
-def ending_after(found: Contents, lost: int) -> bytes:
-    """Return what belongs behind the whole part: the last chunk's index, a note, and the summary."""
+def ending_after(found: Contents, notes: Mapping[str, Mapping[str, str]]) -> bytes:
+    """Return what belongs behind the whole part: the last chunk's index, notes (metadata by name), the summary."""
     from mcap.data_stream import RecordBuilder  # noqa: PLC0415
     from mcap.opcode import Opcode  # noqa: PLC0415
     from mcap.records import (  # noqa: PLC0415
         DataEnd,
         Footer,
-        MessageIndex,
         Metadata,
         MetadataIndex,
         Statistics,
@@ -21,15 +22,15 @@ def ending_after(found: Contents, lost: int) -> bytes:
     )
 
     out = RecordBuilder()
-    for number, entries in found.last_index.items():
+    if found.index:
+        found.chunks[-1].message_index_length = len(found.index)
+        found.chunks[-1].message_index_offsets = dict(_offsets(found.index, found.end))
+        out.write(found.index)
+    for name, values in notes.items():
         before = out.count
-        found.chunks[-1].message_index_offsets[number] = found.end + before
-        MessageIndex(channel_id=number, records=entries).write(out)
-        found.chunks[-1].message_index_length += out.count - before
-    before = out.count
-    Metadata(name=RECOVERED, metadata={"lost_bytes": str(lost)}).write(out)
-    note = MetadataIndex(offset=found.end + before, length=out.count - before, name=RECOVERED)
-    found.metadata.append(note)
+        Metadata(name=name, metadata=dict(values)).write(out)
+        entry = MetadataIndex(offset=found.end + before, length=out.count - before, name=name)
+        found.metadata.append(entry)
     DataEnd(0).write(out)
     summary = found.end + out.count
     groups: list[tuple[Opcode, list[Any]]] = [
@@ -66,6 +67,13 @@ def ending_after(found: Contents, lost: int) -> bytes:
     offset_start = found.end + out.count
     for offset in offsets:
         offset.write(out)
-    # A checksum of 0 says that there is none.
     Footer(summary_start=summary, summary_offset_start=offset_start, summary_crc=0).write(out)
-    return out.end() + MAGIC
+    done = out.end()
+    crc = zlib.crc32(done[summary - found.end : -4])
+    return done[:-4] + crc.to_bytes(4, "little") + MAGIC
+
+
+def _offsets(index: bytes, start: int) -> Iterator[tuple[int, int]]:
+    """Yield channel and place of each record of an index of messages that is to stand at `start`."""
+    for _, offset, body in inside(memoryview(index)):
+        yield int.from_bytes(body[:2], "little"), start + offset

@@ -2,13 +2,13 @@
 
 import hashlib
 import json
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 
 from monochord.errors import InputError
-from monochord.sessions import codec, walk
-from monochord.sessions.description import Description
+from monochord.sessions import walk
+from monochord.sessions._contents import Contents, contents
+from monochord.sessions._lock import being_written
 from monochord.sessions.reader import Session, read_session
 from monochord.units import Seconds
 
@@ -56,17 +56,24 @@ def check(path: Path) -> Report:
     InputError
         If the file is not there or no session at all.
     """
-    faults = _structural(path)
+    recording = being_written(path)
+    found = contents(walk.mapped(path))
     session = read_session(path)
-    digests, messages = _digests(session)
+    digests, messages = _by_topic(session, found)
     checksum = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
-    if not session.complete and not session.recovered:
-        faults.append("was not closed; repair it: monochord sessions recover")
-    elif session.complete and checksum != session.ending.get("checksum"):
+    faults = _damage(found)
+    if not found.ended:
+        where = f"cut off after {found.end} of {path.stat().st_size} bytes: was not closed"
+        faults += ["its ending is damaged"] if found.closed else [] if recording else [where]
+    elif not (session.complete or session.recovered):
+        faults.append("its checksums are missing")
+    if session.complete and checksum != session.ending.get("checksum"):
         wrong = ", ".join(t for t, told in _written(session).items() if digests.get(t) != told)
         faults.append(f"checksum is not what was written ({wrong or 'its own is damaged'})")
-    if not _described_twice(session):
-        faults.append("its description is not what was written")
+    if recording:
+        faults.append("being recorded, or repaired by another program")
+    elif not found.whole:
+        faults.append("repair it: monochord sessions recover")
     audio = session.audio
     return Report(
         path=path,
@@ -78,19 +85,19 @@ def check(path: Path) -> Report:
     )
 
 
-def _structural(path: Path) -> list[str]:
+def _damage(found: Contents) -> list[str]:
+    """Return a sentence for each kind of damage."""
     faults: list[str] = []
-    view, end, footer = walk.mapped(path), len(walk.MAGIC), False
-    damaged = 0
-    for record in walk.records(view):
-        end, footer = record.end, record.opcode == walk.FOOTER
-        damaged += record.opcode == walk.CHUNK and not walk.chunk(record.body).sound
-    if damaged:
-        faults.append(f"{damaged} damaged chunk{'s' if damaged > 1 else ''}")
-    if not footer:
-        faults.append(f"cut off after {end} of {len(view)} bytes")
-    elif bytes(view[end:]) != walk.MAGIC:
-        faults.append("does not end as MCAP files do")
+    kinds = [each.what for each in (*found.damage, *found.patches)]
+    chunks, records = kinds.count("chunk"), sum(kinds.count(what) for what in ("record", "index", "ending"))
+    if chunks:
+        faults.append(f"{chunks} damaged chunk{'s' if chunks > 1 else ''}")
+    if records:
+        faults.append(f"{records} damaged record{'s' if records > 1 else ''} beside chunks")
+    if "begin" in kinds:
+        faults.append("its begin is damaged")
+    if "description" in kinds:
+        faults.append("its description is not what was written")
     return faults
 
 
@@ -102,30 +109,19 @@ def _written(session: Session) -> dict[str, str]:
         return {}
 
 
-def _described_twice(session: Session) -> bool:
-    """Return whether the description, which no checksum guards, is the one in the message, which one does."""
-    told = [codec.decode(codec.TEXT, message.data).data for message in session.messages("/description")]
-    return not told or Description.load(told[0]) == session.description
-
-
-def _digests(session: Session) -> tuple[dict[str, str], dict[str, int]]:
+def _by_topic(session: Session, found: Contents) -> tuple[dict[str, str], dict[str, int]]:
     """Return SHA-256 and number of messages of every topic, as the writer reckons them."""
-    digests, counts = {}, dict.fromkeys(session.topics, 0)
-    for topic in session.topics:
-        digest = hashlib.sha256()
-        for message in session.messages(topic):
-            digest.update(struct.pack("<QQI", message.log_time, message.publish_time, message.sequence))
-            digest.update(message.data)
-            counts[topic] += 1
-        digests[topic] = digest.hexdigest()
-    return digests, counts
+    names = dict(enumerate(session.topics, 1)) | {n: channel.topic for n, channel in found.channels.items()}
+    numbers = {topic: number for number, topic in names.items()}
+    digests = {topic: found.digests[numbers[topic]].hexdigest() for topic in session.topics}
+    return digests, {topic: found.counts[numbers[topic]] for topic in session.topics}
 
 
 def _remarks(session: Session) -> list[str]:
     remarks: list[str] = []
     audio = session.audio
     if session.recovered:
-        remarks.append("was cut off and repaired")
+        remarks.append("was cut off or damaged, and repaired")
     lost = sum(stop - first for first, stop in audio.gaps)
     if lost:
         gaps = len(audio.gaps)

@@ -3,28 +3,39 @@
 import ctypes
 import errno
 import os
+import resource
+import sys
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from monochord.errors import InputError
+from monochord.sessions._lock import lock
 
 KEEP_SIZE = 1  # of fallocate(2): blocks are set aside, the file's size stays
 AHEAD = 4 << 20
-"""Bytes that are set aside beyond the file's end, so that it can always be finished."""
+"""Bytes that are set aside beyond the file's end and its ending, so that it can always be finished."""
+LEAST = 2 << 20
+"""The smallest limit on the size of files under which it is worth beginning."""
+NEXT = 3 << 19
+"""Bytes below a limit on the size of files that the next writing may take."""
 
 
 class SessionFile:
     """A new file; every write is with the system at once, so that nothing is lost if the program is killed.
 
-    Space is set aside ahead of the end where the file system can do that. `full` tells that no more was to
-    be had; what is set aside then still holds a good ending.
+    Space is set aside ahead of the end where the file system can do that. `full` is the error number with which
+    no more was to be had, 0 until then: ENOSPC, or EFBIG where the size of files is limited, by the system (``ulimit
+    -f``) or the file system (4 GB on FAT32). What is set aside then still holds a good ending.
     """
 
     def __init__(self, path: Path) -> None:
+        if size_limit() < LEAST:
+            given = f"file {path} (files may have {size_limit()} bytes at most: ulimit -f)"
+            raise InputError(given, f"{LEAST} bytes or more", "ulimit -f unlimited")
         self.path = path
-        self.full = False
+        self.full = 0
         self._size = self._reserved = 0
         try:
             self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
@@ -32,6 +43,7 @@ class SessionFile:
             raise InputError(f"file {path} (exists)", "a new file", "choose another name") from error
         except OSError as error:
             raise InputError(f"file {path} ({error.strerror})", "a file that can be written") from error
+        lock(self._handle)  # nobody else can have one that is new
         _sync_name(path)
         self.reserve()
 
@@ -50,16 +62,22 @@ class SessionFile:
     def flush(self) -> None:
         """Do nothing: nothing is held back."""
 
-    def reserve(self) -> None:
-        """Set space aside ahead of the end, and note if there is none."""
-        if self.full or self._reserved - self._size >= AHEAD // 2:
+    def reserve(self, ending: int = 0) -> None:
+        """Set space aside ahead of the end for an ending of so many bytes and more; note if there is none."""
+        if self.full:
             return
-        failure = _fallocate(self._handle, self._size, AHEAD)
+        if self._size + NEXT + ending > size_limit():
+            self.full = errno.EFBIG
+            return
+        if self._reserved - self._size - ending >= AHEAD // 2:
+            return
+        ahead = AHEAD + ending
+        failure = _fallocate(self._handle, self._size, min(ahead, size_limit() - self._size))
         if failure in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            self.full = True
+            self.full = failure
         else:
             # A file system that cannot set space aside is taken at its word until a write fails.
-            self._reserved = self._size + AHEAD
+            self._reserved = self._size + ahead
 
     def sync(self) -> None:
         """Wait until all is on the disk."""
@@ -73,6 +91,12 @@ class SessionFile:
                 os.ftruncate(handle, self._size)
             finally:
                 os.close(handle)
+
+
+def size_limit() -> int:
+    """Return the most bytes that the system lets a file of this process have, as it is at this moment."""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    return sys.maxsize if limit == resource.RLIM_INFINITY else limit
 
 
 def _sync_name(path: Path) -> None:

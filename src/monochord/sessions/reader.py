@@ -1,4 +1,4 @@
-"""Reads a session, whole or cut off."""
+"""Reads a session, whole, cut off or damaged."""
 
 import json
 from collections.abc import Iterator
@@ -10,9 +10,11 @@ import numpy as np
 
 from monochord.errors import InputError
 from monochord.sessions import codec, walk
+from monochord.sessions._contents import END
+from monochord.sessions._opening import BEGIN
 from monochord.sessions.description import Description, SessionClock
 from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, LabelTrack, ReadingTrack
-from monochord.sessions.writer import BEGIN, END, LABELS
+from monochord.sessions.writer import LABELS
 from monochord.types import Feed
 
 
@@ -41,7 +43,7 @@ class Session:
     ending
         What was written when the session was closed; empty where it was cut off.
     recovered
-        Whether it was cut off and repaired.
+        Whether it was cut off or damaged, and repaired.
     """
 
     def __init__(self, path: Path) -> None:
@@ -49,6 +51,7 @@ class Session:
         self._view = walk.mapped(path)
         self._names: dict[int, str] = {}
         self._chunks: list[memoryview] = []
+        self._holes = 0
         told: dict[str, str] = {}
         self.ending: dict[str, str] = {}
         self.recovered = False
@@ -60,8 +63,11 @@ class Session:
                 self.recovered = self.recovered or name == walk.RECOVERED
             elif record.opcode == walk.CHUNK:
                 self._chunks.append(record.body)
+            elif record.opcode == walk.DAMAGED:
+                self._holes += 1
             elif record.opcode == walk.DATA_END:
                 break
+        told = {**told, **self._told_again(told.get("origin", "0.0"))}
         if "description" not in told:
             remedy = "import audio and labels with: monochord sessions import"
             raise InputError(f"file {path} (MCAP, but no session)", "a session of Monochord", remedy)
@@ -71,7 +77,25 @@ class Session:
         except InputError:
             raise
         except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InputError(f"file {path} (its description is damaged)", "a session of Monochord") from error
+            given, remedy = f"file {path} (its description is damaged)", "repair it: monochord sessions recover"
+            raise InputError(given, "a session of Monochord", remedy) from error
+        # As every session numbers them; where the chunk that says so is damaged, this does.
+        self._names = dict(enumerate(self.topics, 1))
+
+    def _told_again(self, origin: str) -> dict[str, str]:
+        """Return what the begin says, as the first message says it, which a checksum guards; else nothing."""
+        names: dict[int, str] = {}
+        held = walk.chunk(self._chunks[0]) if self._chunks else None
+        for opcode, _, content in walk.inside(held.records) if held and held.sound else ():
+            if opcode == walk.CHANNEL:
+                channel = walk.channel(content)
+                names[channel.id] = channel.topic
+            elif opcode == walk.MESSAGE:
+                message = walk.message(content)
+                if names.get(message.channel) == "/description":
+                    text = codec.decode(codec.TEXT, message.data).data
+                    return {"description": text, "epoch_ns": str(message.log_time), "origin": origin}
+        return {}
 
     @property
     def complete(self) -> bool:
@@ -80,8 +104,8 @@ class Session:
 
     @cached_property
     def damaged(self) -> int:
-        """How many chunks are damaged; what they held is left out of all that is read."""
-        return sum(not walk.chunk(body).sound for body in self._chunks)
+        """How many chunks or other records are damaged; what they held is left out of all that is read."""
+        return self._holes + sum(not walk.chunk(body).sound for body in self._chunks)
 
     @property
     def streams(self) -> tuple[str, ...]:

@@ -1,9 +1,10 @@
-"""Walks an MCAP file record by record, as far as it is whole."""
+"""Walks an MCAP file record by record, past damage to the next sound record."""
 
 import mmap
+import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -15,19 +16,34 @@ if TYPE_CHECKING:
     from mcap.data_stream import ReadDataStream
     from mcap.records import Attachment, Channel, Schema
 
+TORN = 8 << 20
+"""Bytes of one writing, at most."""
 RECOVERED = "monochord.recovered"
 """Name of the metadata that a repaired session has."""
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
 CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX = 8, 9, 10, 11, 12, 13
 SUMMARY_OFFSET, DATA_END = 14, 15
+DAMAGED = 0
+"""Opcode under which `records` gives bytes that are no record."""
+LOST, LOST_MARK = 0xDA, b"DAMAGED\n"
+"""Opcode, one of those that MCAP leaves to applications, and first bytes of a record that stands where others were
+damaged: every reader skips it."""
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<QQQII")
+_PLAIN = _CHUNK.size + 8  # where the records of a chunk without compression begin
+_INDEX_ENTRY = 16
+_LEAST = _HEAD.size + len(LOST_MARK)  # bytes of the smallest damage, so that a record of opcode LOST fits
+# Where a record may begin: an opcode of the data section, and a length below 4 GB.
+_HEADS = re.compile(rb"(?=[\x02\x06\x07\x09\x0c\x0f\xda].{4}\x00{4})", re.DOTALL)
 
 
 class Record(NamedTuple):
-    """A record of the file: its opcode, where it begins and ends, and its body."""
+    """A record of the file: its opcode, where it begins and ends, and its body.
+
+    Of opcode `DAMAGED`, the body is all of it, as there is no telling a head from what follows.
+    """
 
     opcode: int
     offset: int
@@ -68,23 +84,67 @@ def mapped(path: Path) -> memoryview:
             )
     except OSError as error:
         raise InputError(f"file {path} ({error.strerror})", "a session (.mcap)", "check its name") from error
-    if bytes(view[: len(MAGIC)]) != MAGIC:
+    if bytes(view[: len(MAGIC)]) != MAGIC and not _end(view, len(MAGIC)):
         raise InputError(f"file {path} (not MCAP)", "a session (.mcap)", "record or import one")
     return view
 
 
 def records(view: memoryview) -> Iterator[Record]:
-    """Yield the records of a file up to its footer, or up to the first that was cut off."""
+    """Yield the records of a file up to its footer, or up to where it was cut off.
+
+    Where a record's head or the lengths inside it are damaged, the next sound record is searched, and what lies
+    between is one record of opcode `DAMAGED`; or a chunk, if its checksum says that only its head is damaged.
+    What comes after the data section is not searched: it is made anew from what comes before.
+    """
     offset = len(MAGIC)
-    while offset + _HEAD.size <= len(view):
-        opcode, length = _HEAD.unpack_from(view, offset)
-        end = offset + _HEAD.size + length
-        if end > len(view) or not HEADER <= opcode <= DATA_END:
-            return
-        yield Record(opcode, offset, end, view[offset + _HEAD.size : end])
-        if opcode == FOOTER:
+    while offset < len(view):
+        if end := _end(view, offset):
+            record = Record(view[offset], offset, end, view[offset + _HEAD.size : end])
+        else:
+            end = _next(view, offset + _LEAST) or len(view)
+            body = view[offset + _HEAD.size : end]
+            if chunk(body).sound:
+                record = Record(CHUNK, offset, end, body)
+            elif end < len(view):
+                record = Record(DAMAGED, offset, end, view[offset:end])
+            else:
+                return
+        yield record
+        if record.opcode == DATA_END:
+            yield from _summary(view, end)
+        if record.opcode in (DATA_END, FOOTER):
             return
         offset = end
+
+
+def lost(length: int) -> bytes:
+    """Return the first bytes of a record that takes the place of `length` damaged bytes."""
+    return _HEAD.pack(LOST, length - _HEAD.size) + LOST_MARK
+
+
+def chunk_head(begin: int, stop: int, records: memoryview) -> bytes:
+    """Return the first bytes of an uncompressed chunk, up to its records."""
+    size = len(records)
+    inner = _CHUNK.pack(begin, stop, size, zlib.crc32(records), 0)
+    return _HEAD.pack(CHUNK, _PLAIN + size) + inner + size.to_bytes(8, "little")
+
+
+def torn(view: memoryview, offset: int) -> bool:
+    """Return whether a file ends, from `offset` on, within what was being written: nothing whole is lost there."""
+    if view[-len(MAGIC) :] == MAGIC:
+        return False
+    end = _end(view, offset)
+    if end and view[offset] == DATA_END:
+        for record in _summary(view, end):
+            end = record.end
+            if record.opcode == FOOTER:
+                return len(view) - end < len(MAGIC) and MAGIC.startswith(view[end:])
+        offset = end
+    rest = view[offset:]
+    if len(rest) < _HEAD.size or not any(rest):
+        return True
+    opcode, length = _HEAD.unpack_from(rest)
+    return HEADER <= opcode <= DATA_END and len(rest) - _HEAD.size < length < TORN
 
 
 def chunk(body: memoryview) -> ChunkBody:
@@ -95,6 +155,9 @@ def chunk(body: memoryview) -> ChunkBody:
     found = _unpacked(compression, packed, size)
     whole = len(body) >= _CHUNK.size + length + 8
     sound = whole and found is not None and len(found) == size and (crc == 0 or zlib.crc32(found) == crc)
+    if not sound and _only_its_head_is_damaged(body[_PLAIN:], crc):
+        found, packed, compression = body[_PLAIN:], body[_PLAIN:], ""
+        size, sound = len(found), True
     return ChunkBody(
         begin=begin,
         stop=stop,
@@ -157,6 +220,108 @@ def metadata(body: memoryview) -> tuple[str, dict[str, str]]:
     except Exception:  # noqa: BLE001  (whatever the library makes of damage)
         return "", {}
     return found.name, found.metadata
+
+
+def _end(view: memoryview, offset: int) -> int:
+    """Return where a record of the data section ends, 0 where the lengths in it say that there is none."""
+    if offset + _HEAD.size > len(view):
+        return 0
+    opcode, length = _HEAD.unpack_from(view, offset)
+    first, end = offset + _HEAD.size, offset + _HEAD.size + length
+    if end > len(view) or opcode not in _FITS or (opcode == HEADER) != (offset == len(MAGIC)):
+        return 0
+    try:
+        return end if _FITS[opcode](view[first:end]) else 0
+    except struct.error:  # a length inside points behind the record
+        return 0
+
+
+def _next(view: memoryview, start: int) -> int:
+    """Return where the next record begins that is sound, or has a record behind it; 0 where there is none."""
+    for match in _HEADS.finditer(view, start):
+        at = match.start()
+        end = _end(view, at)
+        if not end:
+            continue
+        if view[at] == FOOTER:
+            follows = view[end:] == MAGIC
+        else:
+            follows = len(view) - end < _HEAD.size or _end(view, end) > 0
+            follows = follows or (view[at] == DATA_END and any(_summary(view, end)))
+            follows = follows or (view[at] == CHUNK and chunk(view[at + _HEAD.size : end]).sound)
+        if follows:
+            return at
+    return 0
+
+
+def _summary(view: memoryview, offset: int) -> Iterator[Record]:
+    """Yield the records behind the data section, up to the footer or the first that makes no sense."""
+    while offset + _HEAD.size <= len(view):
+        opcode, length = _HEAD.unpack_from(view, offset)
+        end = offset + _HEAD.size + length
+        if end > len(view) or not HEADER <= opcode <= DATA_END:
+            return
+        yield Record(opcode, offset, end, view[offset + _HEAD.size : end])
+        if opcode == FOOTER:
+            return
+        offset = end
+
+
+def _only_its_head_is_damaged(records: memoryview, crc: int) -> bool:
+    """Return whether records are those that a checksum was made of.
+
+    The checksum itself may have one bit flipped: less than 2^29 bytes in which one is flipped never
+    have a checksum that differs by one bit, and any other damage has it once in 2^27.
+    """
+    if not records or crc.bit_count() < 2 or (zlib.crc32(records) ^ crc).bit_count() > 1:  # noqa: PLR2004
+        return False
+    end = 0
+    for _, offset, body in inside(records):
+        end = offset + _HEAD.size + len(body)
+    return end == len(records)
+
+
+def _number(body: memoryview, at: int, form: str = "<I") -> int:
+    return int(struct.unpack_from(form, body, at)[0])
+
+
+def _header_fits(body: memoryview) -> bool:
+    library = 4 + _number(body, 0)
+    return library + 4 + _number(body, library) == len(body)
+
+
+def _chunk_fits(body: memoryview) -> bool:
+    records = _CHUNK.size + _number(body, _CHUNK.size - 4)
+    return records + 8 + _number(body, records, "<Q") == len(body)
+
+
+def _index_fits(body: memoryview) -> bool:
+    size = _number(body, 2)
+    return size == len(body) - 6 and size > 0 and size % _INDEX_ENTRY == 0
+
+
+def _metadata_fits(body: memoryview) -> bool:
+    content = 4 + _number(body, 0)
+    return content + 4 + _number(body, content) == len(body)
+
+
+def _attachment_fits(body: memoryview) -> bool:
+    media = 20 + _number(body, 16)
+    data = media + 4 + _number(body, media)
+    return data + 8 + _number(body, data, "<Q") + 4 == len(body)
+
+
+_FITS: dict[int, Callable[[memoryview], bool]] = {
+    HEADER: _header_fits,
+    CHUNK: _chunk_fits,
+    MESSAGE_INDEX: _index_fits,
+    METADATA: _metadata_fits,
+    ATTACHMENT: _attachment_fits,
+    DATA_END: lambda body: len(body) == 4,  # noqa: PLR2004
+    FOOTER: lambda body: len(body) == 20,  # noqa: PLR2004
+    LOST: lambda body: body[: len(LOST_MARK)] == LOST_MARK,
+}
+"""Whether the lengths inside a record agree with the record's own, by opcode: two witnesses for each."""
 
 
 def _stream(body: memoryview) -> "ReadDataStream":

@@ -1,6 +1,5 @@
 """Writes a session as it happens: one MCAP file, whole again after every flush."""
 
-import errno
 import hashlib
 import json
 import os
@@ -14,14 +13,13 @@ import numpy as np
 
 from monochord.errors import InputError
 from monochord.sessions import codec
+from monochord.sessions._contents import END, guarded
+from monochord.sessions._opening import begin
 from monochord.sessions.description import Description, SessionClock
 from monochord.sessions.file import SessionFile
 from monochord.types import Block, Floats, Readings
 from monochord.units import Samples, Seconds
 
-FORMAT = "1"
-BEGIN, END = "monochord", "monochord.end"
-"""Names of the metadata at the begin and, where a session was closed, at the end."""
 LABELS = "labels"
 """The stream whose readings are what is known to be true."""
 MESSAGE: Seconds = 0.1
@@ -30,6 +28,8 @@ MOST = 256
 """Readings in a message, at most."""
 MUCH = 1 << 20
 """Bytes that wait for a flush, at most."""
+OF_SUMMARY, OF_CHUNK, OF_TOPIC = 1 << 16, 96, 10
+"""Bytes of the ending, at most: of all of it, of each chunk, of each topic in a chunk."""
 LATEST_STAMP = 2**31 * 10**9
 """Where the seconds of a ROS 2 stamp end, in ns."""
 
@@ -56,8 +56,6 @@ class SessionWriter:
     """
 
     def __init__(self, path: Path, description: Description, clock: SessionClock | None = None) -> None:
-        from mcap.writer import CompressionType, Writer  # noqa: PLC0415
-
         self.path, self.description = path, description
         self.clock = SessionClock.now() if clock is None else clock
         self._file = SessionFile(path)
@@ -66,20 +64,13 @@ class SessionWriter:
         self._counts = {"frames": 0, "dropped": 0, "gaps": 0, "end": 0}
         self._digests: dict[int, Any] = {}
         self._messages: dict[int, int] = {}
-        self._unflushed = 0
-        # Chunks end where `flush` says, never by themselves.
-        out: Any = self._file
-        self._writer = Writer(out, compression=CompressionType.NONE, chunk_size=1 << 62)
+        self._unflushed = self._chunks = 0
         try:
-            self._writer.start(profile="ros2", library="monochord")
-            told = {"format": FORMAT, **self.clock.dump(), "description": description.dump()}
-            self._writer.add_metadata(BEGIN, told)
-            if description.plan:
-                plan = description.plan.encode()
-                at = self.clock.epoch_ns
-                self._writer.add_attachment(at, at, "plan.toml", "application/toml", plan)
-            self._channels = self._register()
-            self._put("/description", self.clock.epoch_ns, codec.encode(codec.TEXT, data=told["description"]))
+            text = description.dump()
+            self._writer, self._channels = begin(self._file, description, text, self.clock)
+            for number in self._channels.values():
+                self._digests[number], self._messages[number] = hashlib.sha256(), 0
+            self._put("/description", self.clock.epoch_ns, codec.encode(codec.TEXT, data=text))
             self.flush()
         except BaseException:
             self._file.close()
@@ -193,20 +184,22 @@ class SessionWriter:
         Raises
         ------
         OSError
-            If the disk is full (ENOSPC). The file has then been finished and is valid.
+            If the disk is full (ENOSPC), or the file as large as files may be (EFBIG). The file has then been
+            finished and is valid.
         """
         self._refuse_closed()
         try:
             self._write_audio()
             self._writer.flush()
+            self._chunks += self._unflushed > 0
             self._unflushed = 0
-            self._file.reserve()
+            self._file.reserve(OF_SUMMARY + self._chunks * (OF_CHUNK + OF_TOPIC * len(self._channels)))
         except OSError:
             self._give_up()
             raise
         if self._file.full:
             self.close()
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
+            raise OSError(self._file.full, os.strerror(self._file.full), str(self.path))
         if sync:
             self._file.sync()
 
@@ -223,7 +216,7 @@ class SessionWriter:
             self._write_audio()
             self._closed = True
             self._writer.flush()
-            self._writer.add_metadata(END, self._told())
+            self._writer.add_metadata(END, guarded(self._told()))
             self._writer.finish()
             self._file.sync()
             self._file.close()
@@ -232,7 +225,7 @@ class SessionWriter:
             raise
 
     def _told(self) -> dict[str, str]:
-        """Return what the end says: messages and SHA-256 of each topic, their sum, the audio's counts."""
+        """Return what the end says: messages and SHA-256 of each topic, their sum, the audio's counts, the clock once more."""
         digests = {topic: self._digests[number].hexdigest() for topic, number in self._channels.items()}
         whole = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
         return {
@@ -240,6 +233,7 @@ class SessionWriter:
             "sha256": json.dumps(digests, sort_keys=True),
             "messages": json.dumps({t: self._messages[n] for t, n in self._channels.items()}, sort_keys=True),
             **{name: str(count) for name, count in self._counts.items()},
+            **self.clock.dump(),
         }
 
     def _give_up(self) -> None:
@@ -251,21 +245,6 @@ class SessionWriter:
             self._file.close()
         finally:
             recover(self.path)
-
-    def _register(self) -> dict[str, int]:
-        types = dict(codec.TOPICS)
-        for feed in self.description.feeds:
-            types.setdefault(codec.topic_of(feed.stream), codec.type_of(feed))
-        schemas = {
-            name: self._writer.register_schema(name, "ros2msg", codec.definition(name).encode())
-            for name in dict.fromkeys(types.values())
-        }
-        found: dict[str, int] = {}
-        for topic, name in types.items():
-            number = self._writer.register_channel(topic, "cdr", schemas[name])
-            self._digests[number], self._messages[number] = hashlib.sha256(), 0
-            found[topic] = number
-        return found
 
     def _write_audio(self) -> None:
         if not self._pending:

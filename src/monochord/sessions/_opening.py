@@ -1,0 +1,48 @@
+"""How every session begins: what it is, the types of its messages, its topics, and the description once more."""
+
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+from monochord.sessions import codec
+from monochord.sessions.description import Description, SessionClock
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+FORMAT = "1"
+BEGIN = "monochord"
+"""Name of the metadata at the begin."""
+
+
+def begin(out: Any, description: Description, text: str, clock: SessionClock) -> "tuple[Writer, dict[str, int]]":
+    """Write what comes before the first message; `text` is the description as it is written.
+
+    Returns the writer, whose chunks end where its `flush` says, and the number of each topic.
+    """
+    from mcap.writer import CompressionType, Writer  # noqa: PLC0415
+
+    writer = Writer(out, compression=CompressionType.NONE, chunk_size=1 << 62)
+    writer.start(profile="ros2", library="monochord")
+    writer.add_metadata(BEGIN, {"format": FORMAT, **clock.dump(), "description": text})
+    if description.plan:
+        plan = description.plan.encode()
+        writer.add_attachment(clock.epoch_ns, clock.epoch_ns, "plan.toml", "application/toml", plan)
+    types = dict(codec.TOPICS)
+    for feed in description.feeds:
+        types.setdefault(codec.topic_of(feed.stream), codec.type_of(feed))
+    schemas = {
+        name: writer.register_schema(name, "ros2msg", codec.definition(name).encode())
+        for name in dict.fromkeys(types.values())
+    }
+    return writer, {topic: writer.register_channel(topic, "cdr", schemas[name]) for topic, name in types.items()}
+
+
+def opening(text: str, clock: SessionClock) -> bytes:
+    """Return the first bytes of a session, up to and with its first chunk and the index of that."""
+    out = BytesIO()
+    writer, topics = begin(out, Description.load(text), text, clock)
+    epoch = clock.epoch_ns
+    data = codec.encode(codec.TEXT, data=text)
+    writer.add_message(topics["/description"], log_time=epoch, data=data, publish_time=epoch, sequence=0)
+    writer.flush()
+    return out.getvalue()

@@ -1,0 +1,178 @@
+"""One flipped bit anywhere in a session: it is noticed, and repair loses no more than the chunk it lies in."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+from tests.sessions.made import EPOCH, RATE, as_killed, block, description, readings
+
+from monochord.sessions import SessionClock, SessionWriter, check, read_session, recover, walk
+
+FLUSH = 0.1
+LOST = 0.5
+
+
+def record(path: Path, seconds: float) -> SessionWriter:
+    """Write noise and readings as the recorder does, a chunk each tenth of a second."""
+    random = np.random.default_rng(1)
+    frames = round(FLUSH * RATE)
+    writer = SessionWriter(path, description(), SessionClock(epoch_ns=EPOCH, origin=100.123456))
+    for k in range(round(seconds / FLUSH)):
+        samples = random.standard_normal((2, frames)).astype(np.float32)
+        writer.audio(block(k, samples, start=frames * k))
+        writer.readings(readings("wrench", 100 * k, 100, 6, 1000.0, random))
+        writer.readings(readings("oven", 10 * k, 10, 2, 100.0, random))
+        if k % 10 == 0:
+            writer.clocks(100 + FLUSH * k, {"realtime": 1.5e9})
+            writer.event(100 + FLUSH * k, "phase", "press", n=k)
+        writer.flush()
+    return writer
+
+
+def sound_frames(path: Path, whole: np.ndarray) -> int:
+    """Return how many frames of `whole` a session has; those it has must be the same."""
+    audio = read_session(path).audio
+    there = np.zeros(whole.shape[1], bool)
+    there[: audio.samples.shape[1]] = True
+    for first, stop in audio.gaps:
+        there[first:stop] = False
+    assert np.array_equal(audio.samples[:, there[: audio.samples.shape[1]]], whole[:, there])
+    return int(there.sum())
+
+
+def frames_told_independently(path: Path) -> int:
+    """Read every record in the order of the file, and the audio by way of the index, with another library."""
+    with path.open("rb") as file:
+        assert sum(1 for _ in StreamReader(file, validate_crcs=True).records) > 0
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        messages = reader.iter_decoded_messages(topics=["/audio"])
+        return sum(len(message.samples) for _, _, _, message in messages) // 2
+
+
+def mend(path: Path, content: bytes, at: int, bit: int, whole: np.ndarray) -> bytes:
+    """Flip a bit of a session, repair it, and hold what came of it against what is promised; return the file."""
+    for old in path.parent.glob(f"{path.name}*"):
+        old.unlink()
+    hurt = bytearray(content)
+    hurt[at] ^= 1 << bit
+    path.write_bytes(hurt)
+    report = check(path)
+    told = f"bit {bit} of byte {at}: {report.faults}"
+    assert not report.sound, told
+    assert "was not closed" not in " ".join(report.faults), told
+    assert whole.shape[1] - sound_frames(path, whole) <= LOST * RATE, f"read without repair: {told}"
+    found = recover(path)
+    after = check(path)
+    assert found.repaired, told
+    assert after.sound, f"{told}, then {after.faults}"
+    frames = sound_frames(path, whole)
+    assert whole.shape[1] - frames <= LOST * RATE, told
+    assert frames_told_independently(path) == frames, told
+    assert found.cut, told
+    # What is gone lies beside: of every byte that is not what it was, the damaged one is there.
+    assert found.cut.read_bytes().find(hurt[at : at + 1]) >= 0, told
+    assert not recover(path).repaired, told
+    return path.read_bytes()
+
+
+def aimed(path: Path) -> list[int]:
+    """Return places in every kind of record of a session, in its magic bytes, and in all that no checksum guards."""
+    view = walk.mapped(path)
+    records = list(walk.records(view))
+    chunks = [record for record in records if record.opcode == walk.CHUNK]
+    few = [*records[:3], *chunks[:2], chunks[len(chunks) // 2], chunks[-1]]
+    few += [record for record in records if record.offset > chunks[-1].offset]
+    places = {*range(8), *range(len(view) - 8, len(view))}
+    for record in few:
+        places |= {*range(record.offset, min(record.offset + 60, record.end)), record.end - 1}
+    return sorted(places)
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("short") / "short.mcap"
+    record(path, 0.8).close()
+    return path
+
+
+def test_a_flipped_bit_is_noticed_and_mended(short: Path, tmp_path: Path) -> None:
+    content, whole = short.read_bytes(), read_session(short).audio.samples
+    random = np.random.default_rng(0)
+    places = [*random.choice(aimed(short), 25, replace=False), *random.integers(0, len(content), 10)]
+    for at in places:
+        mend(tmp_path / "a.mcap", content, int(at), int(random.integers(8)), whole)
+
+
+def test_where_the_rest_tells_what_was_there_nothing_is_lost(short: Path, tmp_path: Path) -> None:
+    content, whole = short.read_bytes(), read_session(short).audio.samples
+    records = list(walk.records(walk.mapped(short)))
+    chunk = next(r for r in records[8:] if r.opcode == walk.CHUNK)
+    index = next(r for r in records[8:] if r.opcode == walk.MESSAGE_INDEX)
+    first = next(r for r in records if r.opcode == walk.CHUNK)
+    places = {
+        "magic": 3,
+        "profile": records[0].offset + 14,
+        "length of the begin": records[1].offset + 2,
+        "description": content.index(b'"sample_rate"') + 16,
+        "plan": next(r for r in records if r.opcode == walk.ATTACHMENT).end - 10,
+        "schema": first.offset + 200,
+        "opcode of a chunk": chunk.offset,
+        "length of a chunk": chunk.offset + 3,
+        "first time of a chunk": chunk.offset + 10,
+        "checksum of a chunk": chunk.offset + 34,
+        "size of a chunk": chunk.offset + 26,
+        "length of an index": index.offset + 1,
+        "time in an index": index.offset + 20,
+    }
+    for name, at in places.items():
+        assert mend(tmp_path / "a.mcap", content, at, 2, whole) == content, name
+
+
+def test_a_session_that_was_cut_off_is_mended_too(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    as_killed(record(path, 1.0))
+    content, whole = path.read_bytes(), read_session(path).audio.samples
+    chunks = [r for r in walk.records(walk.mapped(path)) if r.opcode == walk.CHUNK]
+    for at in (chunks[4].offset + 3, chunks[4].offset + 5000, 2, chunks[0].offset + 100):
+        hurt = bytearray(content)
+        hurt[at] ^= 4
+        path.write_bytes(hurt[:-1000])
+        found = recover(path)
+        assert check(path).sound
+        assert found.cut
+        frames = sound_frames(path, whole)
+        assert whole.shape[1] - frames <= (1 + (at == chunks[4].offset + 5000)) * FLUSH * RATE
+        assert frames_told_independently(path) == frames
+
+
+def test_what_lies_behind_a_hole_of_many_bytes_is_kept(short: Path, tmp_path: Path) -> None:
+    path, content = tmp_path / "a.mcap", short.read_bytes()
+    whole = read_session(short).audio.samples
+    chunks = [r for r in walk.records(walk.mapped(short)) if r.opcode == walk.CHUNK]
+    hole = slice(chunks[3].offset - 700, chunks[3].offset + 700)
+    for filling in (bytes(1400), np.random.default_rng(0).bytes(1400)):
+        path.write_bytes(content[: hole.start] + filling + content[hole.stop :])
+        assert not check(path).sound
+        found = recover(path)
+        assert check(path).sound
+        assert found.cut
+        assert filling in found.cut.read_bytes()
+        assert whole.shape[1] - sound_frames(path, whole) <= 2 * FLUSH * RATE
+        found.cut.unlink()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+@pytest.mark.parametrize("kind", ["random", "aimed"])
+def test_a_flipped_bit_anywhere_in_twenty_seconds(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "long.mcap"
+    record(path, 20.0).close()
+    content, whole = path.read_bytes(), read_session(path).audio.samples
+    random = np.random.default_rng(0)
+    places = random.integers(0, len(content), 200) if kind == "random" else random.choice(aimed(path), 200)
+    for at in places:
+        mend(tmp_path / "a.mcap", content, int(at), int(random.integers(8)), whole)
