@@ -48,9 +48,10 @@ class Interruption:
 
 @contextmanager
 def interruption() -> Generator[Interruption]:
-    """Take SIGINT, SIGTERM and SIGHUP, unless they are ignored (as under nohup), and put back what stood there before.
+    """Take SIGINT, SIGTERM and SIGHUP, and put back what stood there before.
 
-    Outside the main thread, where Python takes no signals, nothing is changed.
+    One that is ignored, as SIGHUP is under nohup, stays so. Outside the main thread, where Python takes no
+    signals, nothing is changed.
     """
     wish = Interruption()
     before = {}

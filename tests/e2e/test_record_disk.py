@@ -40,14 +40,14 @@ def fast(tmp_path: Path) -> list[str]:
     return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
 
 
-def ended_full(recorder: Any) -> dict[str, Any]:
+def ended_full(recorder: Any, stopped: str = "the disk is full", line: str = "make room") -> dict[str, Any]:
     """Return the summary of a recorder whose disk filled up, and look its file over."""
     summary = recorder.end()
     assert recorder.process.returncode == 2
-    assert summary["stopped"] == "the disk is full"
+    assert summary["stopped"] == stopped
     last = recorder.shown.splitlines()[-1]
-    assert last.startswith("monochord: disk of '")
-    assert "make room, or record elsewhere" in last
+    assert last.startswith("monochord: ")
+    assert line in last
     report = check(recorder.out)
     assert report.sound, report.faults
     frames = read_session(recorder.out).audio.samples.shape[1]
@@ -101,11 +101,25 @@ def test_a_disk_with_too_little_room_is_refused(
     assert not recorder.out.exists()
 
 
+@pytest.mark.parametrize("limit", [5_300_000, 6_000_000, 6_123_457])
 def test_a_limit_on_the_size_of_files_ends_it_cleanly(
-    start_recorder: Callable[..., Any], fast: list[str]
+    start_recorder: Callable[..., Any], fast: list[str], limit: int
 ) -> None:
-    limit = 6_000_000
     recorder = start_recorder(*fast)
     resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (limit, limit))
-    ended_full(recorder)
+    ended_full(recorder, "the file is as large as files may be", f"limit of {1e-6 * limit:.1f} MB")
     assert 0.3 * limit < recorder.out.stat().st_size <= limit
+    assert read_session(recorder.out).complete
+
+
+def test_a_limit_that_leaves_no_room_for_a_session_is_refused(
+    start_recorder: Callable[..., Any], fast: list[str]
+) -> None:
+    limit = 1_000_000
+    recorder = start_recorder(
+        *fast, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    )
+    _, shown = recorder.process.communicate(timeout=60)
+    assert recorder.process.returncode == 2
+    assert str(limit) in shown.splitlines()[-1]
+    assert not recorder.out.exists()

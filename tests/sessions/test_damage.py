@@ -1,4 +1,4 @@
-"""One flipped bit anywhere in a session: it is noticed, and repair loses no more than the chunk it lies in."""
+"""One flipped bit anywhere in a session: it is noticed, and repair loses at most the chunk it lies in."""
 
 from pathlib import Path
 
@@ -54,7 +54,7 @@ def frames_told_independently(path: Path) -> int:
 
 
 def mend(path: Path, content: bytes, at: int, bit: int, whole: np.ndarray) -> bytes:
-    """Flip a bit of a session, repair it, and hold what came of it against what is promised; return the file."""
+    """Flip a bit of a session, repair it, and check what came of it; return the file."""
     for old in path.parent.glob(f"{path.name}*"):
         old.unlink()
     hurt = bytearray(content)
@@ -80,7 +80,7 @@ def mend(path: Path, content: bytes, at: int, bit: int, whole: np.ndarray) -> by
 
 
 def aimed(path: Path) -> list[int]:
-    """Return places in every kind of record of a session, in its magic bytes, and in all that no checksum guards."""
+    """Return places in every kind of record of a session, and in its magic bytes."""
     view = walk.mapped(path)
     records = list(walk.records(view))
     chunks = [record for record in records if record.opcode == walk.CHUNK]

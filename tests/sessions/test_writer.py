@@ -1,5 +1,6 @@
 import errno
 import os
+import resource
 import subprocess
 import sys
 from contextlib import suppress
@@ -130,6 +131,42 @@ def test_a_full_disk_ends_the_file_well(small_disk: Path) -> None:
     assert report.sound, report
     assert session.complete, "space that was set aside was enough for a good ending"
     assert report.seconds > 2.0
+
+
+@pytest.mark.parametrize("limit", range(3_000_000, 3_400_000, 50_001))
+def test_a_limit_on_the_size_of_files_ends_the_file_well(tmp_path: Path, limit: int) -> None:
+    path, before = tmp_path / "a.mcap", resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as failure:
+            make(path, seconds=60)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert failure.value.errno == errno.EFBIG
+    report = check(path)
+    assert report.sound, report
+    assert read_session(path).complete
+    assert path.stat().st_size <= limit
+    assert report.seconds > 1.0
+
+
+def test_an_hour_has_room_for_its_ending(tmp_path: Path) -> None:
+    """The summary grows with the number of chunks: what is set aside below a limit must grow with it."""
+    path, before = tmp_path / "a.mcap", resource.getrlimit(resource.RLIMIT_FSIZE)
+    limit = 12_000_000
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        writer = SessionWriter(path, description(feeds=()), SessionClock(epoch_ns=0))
+        with pytest.raises(OSError, match="File too large"):  # noqa: PT012
+            for k in range(36_000):
+                writer.event(0.1 * k, "note")
+                writer.clocks(0.1 * k, {"realtime": 0.0})
+                writer.flush()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert read_session(path).complete
+    assert check(path).sound
+    assert path.stat().st_size <= limit
 
 
 def test_a_disk_that_fills_from_elsewhere_ends_the_file_well(small_disk: Path) -> None:

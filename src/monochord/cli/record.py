@@ -42,7 +42,8 @@ def record(out: Path, **options: Any) -> None:
     """Record audio, force and pose into the session OUT.mcap.
 
     Settings come from --config, then from the options, then from --set, where an instrument's options go by
-    its name. Control-C or SIGTERM ends the recording; what was recorded is saved at every moment.
+    its name. Control-C, SIGTERM or SIGHUP ends the recording; what was recorded is saved at every
+    moment.
 
     \b
     monochord record take.mcap --object plastic --seconds 60

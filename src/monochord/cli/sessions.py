@@ -88,8 +88,8 @@ def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
 def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
     """Repair FILES that were cut off or damaged, where they are; whole ones are left alone.
 
-    What is changed or cut away, but for a writing that was cut off, is kept beside as FILE.cut. A file that is being
-    recorded is refused.
+    What is changed or cut away, but for a writing that was cut off, is kept beside as FILE.cut. A file that
+    is being recorded is refused.
     """
 
     def told(file: Path) -> tuple[bool, dict[str, Any], str]:
@@ -97,7 +97,11 @@ def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
         if not done.repaired:
             line = f"{file}: whole, nothing to do ({done.seconds:.1f} s)"
         else:
-            lost = f"{done.lost_bytes} bytes of unfinished or damaged records lost" if done.lost_bytes else "nothing lost"
+            lost = (
+                f"{done.lost_bytes} bytes of unfinished or damaged records lost"
+                if done.lost_bytes
+                else "nothing lost"
+            )
             beside = f"; what was changed is kept in {done.cut}" if done.cut else ""
             line = f"{file}: repaired; {done.seconds:.1f} s in {done.messages} messages kept, {lost}{beside}"
         cut = str(done.cut) if done.cut else None

@@ -1,6 +1,7 @@
 """When a recording ends, and why."""
 
 import errno
+import sys
 import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from monochord.recording.settings import Job
 from monochord.recording.summary import ASKED
 from monochord.recording.watch import Notice
 from monochord.sessions import SessionWriter
+from monochord.sessions.file import size_limit
 from monochord.units import Seconds
 
 PATIENCE: Seconds = 5.0
@@ -69,9 +71,12 @@ class Ending:
         """Take it that the disk, or the file, can take no more."""
         if error and error.errno == errno.EFBIG:
             self.reason = self.reason or "the file is as large as files may be"
-            size = f"{1e-6 * self._job.path.stat().st_size:.1f} MB"
-            given = f"file '{self._job.path}' of {size} (a limit on the size of files; what was recorded is saved)"
-            allowed, remedy = "one below it", "raise it (ulimit -f), or on FAT32 (4 GB) use another file system"
+            limit = size_limit()
+            most = "of its file system" if limit == sys.maxsize else f"of {1e-6 * limit:.1f} MB (ulimit -f)"
+            given = (
+                f"file '{self._job.path}' (at the limit {most} on a file's size; what was recorded is saved)"
+            )
+            allowed, remedy = "a shorter recording", "raise the limit; FAT32 holds 4 GB a file, others more"
         else:
             self.reason = self.reason or "the disk is full"
             why = error.strerror if error else f"less than {1e-6 * self._job.disk.stop:.0f} MB free"

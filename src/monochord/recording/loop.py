@@ -46,8 +46,8 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
     -------
     Summary
         What was saved. The file is whole and valid, also where `Summary.failure` tells of a disk that filled
-        up or a device that went away for good. A first Control-C or SIGTERM ends the loop and is not
-        raised.
+        up or a device that went away for good. A first Control-C, SIGTERM or SIGHUP ends the loop and
+        is not raised.
 
     Raises
     ------

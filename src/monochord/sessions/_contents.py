@@ -47,10 +47,11 @@ class Patch(NamedTuple):
 class Contents:
     """What a file holds, where its sound part ends, and what in that part is damaged.
 
-    `ended` says that summary and footer follow and are sound, `torn` that what follows is a writing that was cut
-    off, of which nothing can be used. `damage` can only be left out, `patches` bring back all. `index` is of the last
-    chunk's messages, where the file does not hold it. `begin` and `ending` are what the metadata at begin and
-    end say, `text` and `epoch_ns` what the description's message says; `digests` are SHA-256 by channel.
+    `ended` says that summary and footer follow and are sound, `closed` that there is a trace of them, `torn`
+    that what follows is a writing that was cut off, of which nothing can be used. `damage` can only be
+    left out, `patches` bring back all. `index` is of the last chunk's messages, where the file does not hold
+    it. `begin` and `ending` are what the metadata at begin and end say, `text` and `epoch_ns` what the
+    description's message says; `digests` are SHA-256 by channel.
     """
 
     end: int = len(walk.MAGIC)
@@ -90,8 +91,8 @@ class Contents:
 
 def contents(view: memoryview) -> Contents:
     """Return what a file holds up to its last sound record."""
-    found, group, edges, walked = Contents(), _Group(), set[int](), len(walk.MAGIC)
-    data_end = 0
+    found, edges, group = Contents(), set[int](), _Group()
+    walked, data_end = len(walk.MAGIC), 0
     for record in walk.records(view):
         walked = record.end
         if record.opcode == walk.DATA_END:
@@ -109,16 +110,7 @@ def contents(view: memoryview) -> Contents:
                 group.close(view, found)
             continue
         group.close(view, found)
-        if record.opcode == walk.CHUNK:
-            group = _add_chunk(view, found, record)
-        elif record.opcode == walk.METADATA:
-            _add_metadata(found, record)
-        elif record.opcode == walk.ATTACHMENT:
-            _add_attachment(found, record)
-        elif record.opcode == walk.DAMAGED:
-            found.damage.append(Damage(record.offset, record.end, "record"))
-        elif record.opcode in (walk.HEADER, walk.LOST):
-            found.end = record.end
+        group = _add(view, found, record)
     group.close(view, found, last=not found.closed and not data_end)
     if data_end:
         found.ended = found.closed and data_end == found.end and _summary_is_sound(view, data_end)
@@ -131,8 +123,23 @@ def contents(view: memoryview) -> Contents:
     return found
 
 
+def _add(view: memoryview, found: Contents, record: walk.Record) -> "_Group":
+    """Take a record in; return what must follow."""
+    if record.opcode == walk.CHUNK:
+        return _add_chunk(view, found, record)
+    if record.opcode == walk.METADATA:
+        _add_metadata(found, record)
+    elif record.opcode == walk.ATTACHMENT:
+        _add_attachment(found, record)
+    elif record.opcode == walk.DAMAGED:
+        found.damage.append(Damage(record.offset, record.end, "record"))
+    elif record.opcode in (walk.HEADER, walk.LOST):
+        found.end = record.end
+    return _Group()
+
+
 def origin_of(view: memoryview, found: Contents) -> float:
-    """Return what the monotonic clock said at a session's begin, 0 where that is lost: no time depends on it."""
+    """Return the monotonic clock at a session's begin, 0 where that is lost: no time depends on it."""
     told = _ORIGIN.search(view[: found.chunks[0].chunk_start_offset if found.chunks else 4096])
     for text in (
         found.ending.get("origin") if _ending_is_sound(found.ending) else None,
@@ -171,7 +178,9 @@ def _ending_is_sound(ending: dict[str, str]) -> bool:
 class _Group:
     """A chunk's index of messages: what it must be, and the records that stand in its place."""
 
-    def __init__(self, chunk: "ChunkIndex | None" = None, start: int = 0, index: dict[int, bytes] | None = None):
+    def __init__(
+        self, chunk: "ChunkIndex | None" = None, start: int = 0, index: dict[int, bytes] | None = None
+    ) -> None:
         self._chunk, self._index = chunk, index or {}
         self._start = self._end = start
         self._bytes = b"".join(self._index.values())
@@ -244,7 +253,7 @@ def _add_chunk(view: memoryview, found: Contents, record: walk.Record) -> _Group
                 found.text, found.epoch_ns = _text(message), message.log_time
     times = [time for each in entries.values() for time, _ in each] or [0]
     begin, stop = min(times), max(times)
-    if not held.compression and entries and record.body[24:28] != b"\0\0\0\0":
+    if not held.compression and entries and any(record.body[24:28]):
         _patch(view, found, record.offset, walk.chunk_head(begin, stop, held.records))
     found.end = record.end
     found.chunks.append(
@@ -329,7 +338,7 @@ def _summary_is_sound(view: memoryview, data_end: int) -> bool:
 
 
 def _mend_opening(view: memoryview, found: Contents, edges: set[int]) -> None:
-    """Where what comes before the second chunk is damaged, make it anew from the description, if that fits."""
+    """Where what comes before the second chunk is damaged, make it anew from the description, if it fits."""
     told = told_at_begin(view, found)
     if told is None:
         return

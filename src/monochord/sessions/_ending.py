@@ -9,7 +9,7 @@ from monochord.sessions.walk import MAGIC, inside
 
 
 def ending_after(found: Contents, notes: Mapping[str, Mapping[str, str]]) -> bytes:
-    """Return what belongs behind the whole part: the last chunk's index, notes (metadata by name), the summary."""
+    """Return what belongs behind the sound part: the last chunk's index, notes by name, the summary."""
     from mcap.data_stream import RecordBuilder  # noqa: PLC0415
     from mcap.opcode import Opcode  # noqa: PLC0415
     from mcap.records import (  # noqa: PLC0415

@@ -17,8 +17,8 @@ PATIENCE: Seconds = 0.3
 def lock(handle: int) -> bool:
     """Lock an open file for writing; return false where another program, or another part of this one, has it.
 
-    The lock goes when the file is closed, or the program ends, however it does. A file system without locks is taken
-    to have no second writer.
+    The lock goes when the file is closed, or the program ends, however it does. A file system without locks
+    is taken to have no second writer.
     """
     return _locked(handle, fcntl.LOCK_EX, PATIENCE)
 

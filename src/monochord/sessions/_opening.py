@@ -1,4 +1,4 @@
-"""How every session begins: what it is, the types of its messages, its topics, and the description once more."""
+"""How every session begins: what it is, the types of its messages, its topics, the description again."""
 
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,9 @@ BEGIN = "monochord"
 """Name of the metadata at the begin."""
 
 
-def begin(out: Any, description: Description, text: str, clock: SessionClock) -> "tuple[Writer, dict[str, int]]":
+def begin(
+    out: Any, description: Description, text: str, clock: SessionClock
+) -> "tuple[Writer, dict[str, int]]":
     """Write what comes before the first message; `text` is the description as it is written.
 
     Returns the writer, whose chunks end where its `flush` says, and the number of each topic.
@@ -34,7 +36,9 @@ def begin(out: Any, description: Description, text: str, clock: SessionClock) ->
         name: writer.register_schema(name, "ros2msg", codec.definition(name).encode())
         for name in dict.fromkeys(types.values())
     }
-    return writer, {topic: writer.register_channel(topic, "cdr", schemas[name]) for topic, name in types.items()}
+    return writer, {
+        topic: writer.register_channel(topic, "cdr", schemas[name]) for topic, name in types.items()
+    }
 
 
 def opening(text: str, clock: SessionClock) -> bytes:

@@ -25,9 +25,9 @@ NEXT = 3 << 19
 class SessionFile:
     """A new file; every write is with the system at once, so that nothing is lost if the program is killed.
 
-    Space is set aside ahead of the end where the file system can do that. `full` is the error number with which
-    no more was to be had, 0 until then: ENOSPC, or EFBIG where the size of files is limited, by the system (``ulimit
-    -f``) or the file system (4 GB on FAT32). What is set aside then still holds a good ending.
+    Space is set aside ahead of the end where the file system can do that. `full` is the error number with
+    which no more was to be had, 0 until then: ENOSPC, or EFBIG where the size of files is limited, by the
+    system (``ulimit -f``) or the file system (4 GB on FAT32). What is set aside then holds a good ending.
     """
 
     def __init__(self, path: Path) -> None:

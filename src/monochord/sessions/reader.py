@@ -77,7 +77,10 @@ class Session:
         except InputError:
             raise
         except (ValueError, KeyError, TypeError, AttributeError) as error:
-            given, remedy = f"file {path} (its description is damaged)", "repair it: monochord sessions recover"
+            given, remedy = (
+                f"file {path} (its description is damaged)",
+                "repair it: monochord sessions recover",
+            )
             raise InputError(given, "a session of Monochord", remedy) from error
         # As every session numbers them; where the chunk that says so is damaged, this does.
         self._names = dict(enumerate(self.topics, 1))

@@ -1,4 +1,4 @@
-"""Repairs a session that was cut off or damaged, where it lies: what is sound is kept, an ending is put after it."""
+"""Repairs a session that was cut off or damaged, in place: what is sound is kept, an ending put behind."""
 
 import json
 import mmap
@@ -24,8 +24,8 @@ from monochord.units import Seconds
 class Recovery:
     """What became of a session: whether anything had to be done, and what was kept.
 
-    `seconds` is the length of the audio. `lost_bytes` were damaged or unfinished and are no longer read; `cut` is
-    the file that keeps them and whatever else was changed, None where there was but a writing that was cut off.
+    `seconds` is the length of the audio. `lost_bytes` were damaged or unfinished and are read no more; `cut`
+    is the file that keeps them and whatever else was changed, None where only a writing had been cut off.
     """
 
     path: Path
@@ -39,11 +39,11 @@ class Recovery:
 def recover(path: Path) -> Recovery:
     """Repair a session in place; one that is whole is left as it is.
 
-    Sound records stay where they are, bit for bit. What can be told from the rest (the begin, heads of chunks, the
-    indices) is put right; what cannot becomes a record that every reader skips. Behind the last sound record come
-    the index that every MCAP reader looks for and a note that the session was repaired. Little more than an
-    ending is written, so a full disk hardly matters. All bytes that are changed or cut away, but for a
-    writing that was cut off, are first kept beside, as ``NAME.mcap.cut``; an older one of that name stays.
+    Sound records stay where they are, bit for bit. What can be told from the rest (the begin, heads of
+    chunks, indices) is put right; what cannot becomes a record that every reader skips. Behind the last sound
+    record come the index that every MCAP reader looks for and a note that the session was repaired. Little
+    more than an ending is written, so a full disk hardly matters. All bytes that are changed or cut away, but
+    for a writing that was cut off, are first kept beside, as ``NAME.mcap.cut``; an older one stays.
 
     Raises
     ------

@@ -27,8 +27,8 @@ SUMMARY_OFFSET, DATA_END = 14, 15
 DAMAGED = 0
 """Opcode under which `records` gives bytes that are no record."""
 LOST, LOST_MARK = 0xDA, b"DAMAGED\n"
-"""Opcode, one of those that MCAP leaves to applications, and first bytes of a record that stands where others were
-damaged: every reader skips it."""
+"""Opcode, one of those that MCAP leaves to applications, and first bytes of a record that stands where others
+were damaged: every reader skips it."""
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<QQQII")
@@ -92,9 +92,9 @@ def mapped(path: Path) -> memoryview:
 def records(view: memoryview) -> Iterator[Record]:
     """Yield the records of a file up to its footer, or up to where it was cut off.
 
-    Where a record's head or the lengths inside it are damaged, the next sound record is searched, and what lies
-    between is one record of opcode `DAMAGED`; or a chunk, if its checksum says that only its head is damaged.
-    What comes after the data section is not searched: it is made anew from what comes before.
+    Where a record's head or the lengths inside it are damaged, the next sound record is searched, and what
+    lies between is one record of opcode `DAMAGED`; or a chunk, if its checksum says that only its head is
+    damaged. What comes after the data section is not searched: it is made anew from what comes before.
     """
     offset = len(MAGIC)
     while offset < len(view):
@@ -130,8 +130,8 @@ def chunk_head(begin: int, stop: int, records: memoryview) -> bytes:
 
 
 def torn(view: memoryview, offset: int) -> bool:
-    """Return whether a file ends, from `offset` on, within what was being written: nothing whole is lost there."""
-    if view[-len(MAGIC) :] == MAGIC:
+    """Return whether a file ends, from `offset` on, within what was being written, with nothing whole."""
+    if bytes(view[-len(MAGIC) :]) == MAGIC:
         return False
     end = _end(view, offset)
     if end and view[offset] == DATA_END:
@@ -244,7 +244,7 @@ def _next(view: memoryview, start: int) -> int:
         if not end:
             continue
         if view[at] == FOOTER:
-            follows = view[end:] == MAGIC
+            follows = bytes(view[end:]) == MAGIC
         else:
             follows = len(view) - end < _HEAD.size or _end(view, end) > 0
             follows = follows or (view[at] == DATA_END and any(_summary(view, end)))
@@ -273,7 +273,7 @@ def _only_its_head_is_damaged(records: memoryview, crc: int) -> bool:
     The checksum itself may have one bit flipped: less than 2^29 bytes in which one is flipped never
     have a checksum that differs by one bit, and any other damage has it once in 2^27.
     """
-    if not records or crc.bit_count() < 2 or (zlib.crc32(records) ^ crc).bit_count() > 1:  # noqa: PLR2004
+    if not records or crc.bit_count() < 2 or (zlib.crc32(records) ^ crc).bit_count() > 1:
         return False
     end = 0
     for _, offset, body in inside(records):
@@ -317,9 +317,9 @@ _FITS: dict[int, Callable[[memoryview], bool]] = {
     MESSAGE_INDEX: _index_fits,
     METADATA: _metadata_fits,
     ATTACHMENT: _attachment_fits,
-    DATA_END: lambda body: len(body) == 4,  # noqa: PLR2004
-    FOOTER: lambda body: len(body) == 20,  # noqa: PLR2004
-    LOST: lambda body: body[: len(LOST_MARK)] == LOST_MARK,
+    DATA_END: lambda body: len(body) == 4,
+    FOOTER: lambda body: len(body) == 20,
+    LOST: lambda body: bytes(body[: len(LOST_MARK)]) == LOST_MARK,
 }
 """Whether the lengths inside a record agree with the record's own, by opcode: two witnesses for each."""
 

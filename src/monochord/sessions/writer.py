@@ -225,7 +225,7 @@ class SessionWriter:
             raise
 
     def _told(self) -> dict[str, str]:
-        """Return what the end says: messages and SHA-256 of each topic, their sum, the audio's counts, the clock once more."""
+        """Return what the end says: messages and SHA-256 of each topic, their sum, counts, the clock."""
         digests = {topic: self._digests[number].hexdigest() for topic, number in self._channels.items()}
         whole = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
         return {

@@ -1,0 +1,243 @@
+"""A closed terminal, a second recorder, a repair too early, a clock that is set, a machine that sleeps."""
+
+import os
+import pty
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+
+from monochord.sessions import Session, check, read_session
+
+RATE = 44100
+BEGUN = 60_000
+MONOCHORD = str(Path(sys.executable).with_name("monochord"))
+HOUR = 3600.0
+CLOCK = r"""
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stdlib.h>
+#include <time.h>
+#include <unistd.h>
+
+/* The wall clock is an hour ahead once the file SET_CLOCK is there. */
+int clock_gettime(clockid_t clock, struct timespec *time) {
+    static int (*real)(clockid_t, struct timespec *);
+    if (!real) real = (int (*)(clockid_t, struct timespec *))dlsym(RTLD_NEXT, "clock_gettime");
+    int failed = real(clock, time);
+    const char *set = getenv("SET_CLOCK");
+    if (!failed && clock == CLOCK_REALTIME && set && access(set, F_OK) == 0) time->tv_sec += 3600;
+    return failed;
+}
+"""
+
+
+@pytest.fixture
+def sound(tmp_path: Path) -> Path:
+    samples = np.random.default_rng(0).uniform(-0.5, 0.5, (2 * RATE, 2))
+    soundfile.write(tmp_path / "sound.wav", samples, RATE, subtype="FLOAT")
+    return tmp_path / "sound.wav"
+
+
+def paced(sound: Path) -> list[str]:
+    sets = (f"source.path={sound}", "source.speed=1", "source.repeat=0")
+    return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
+
+
+def whole(recorder: Any, sound: Path) -> Session:
+    """Return the session, in which every frame of the sound must be, one after the other."""
+    report = check(recorder.out)
+    assert report.sound, report.faults
+    session = read_session(recorder.out)
+    assert session.complete
+    heard = session.audio.samples
+    expected = soundfile.read(sound, always_2d=True)[0].astype(np.float32)
+    assert session.audio.gaps == ()
+    assert np.array_equal(heard, np.resize(expected, (heard.shape[1], 2)).T)
+    return session
+
+
+def sessions(*words: object) -> "subprocess.CompletedProcess[str]":
+    command = [MONOCHORD, "sessions", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_a_repair_leaves_a_file_alone_that_is_being_recorded(
+    start_recorder: Callable[..., Any], sound: Path
+) -> None:
+    recorder = start_recorder(*paced(sound))
+    recorder.wait_for_bytes(1_000_000)
+    early = sessions("recover", recorder.out)
+    assert early.returncode == 2
+    assert len(early.stderr.splitlines()) == 1
+    assert "being recorded" in early.stderr
+    looked = sessions("check", recorder.out)
+    assert looked.returncode == 2
+    assert "being recorded" in looked.stdout
+    assert "sessions recover" not in looked.stdout
+    assert sessions("show", recorder.out).returncode == 0
+    before = recorder.out.stat().st_size
+    recorder.wait_for_bytes(before + 200_000)
+    summary = recorder.end(signal.SIGINT)
+    assert recorder.process.returncode == 0
+    assert whole(recorder, sound).audio.samples.shape[1] == summary["frames"]
+    assert sessions("recover", recorder.out).returncode == 0
+
+
+def test_a_second_recorder_on_the_same_file_is_refused(
+    start_recorder: Callable[..., Any], sound: Path
+) -> None:
+    recorder = start_recorder(*paced(sound))
+    recorder.wait_for_bytes(BEGUN)
+    second = start_recorder(*paced(sound), out=recorder.out)
+    _, shown = second.process.communicate(timeout=60)
+    assert second.process.returncode == 2
+    assert len(shown.splitlines()) == 1
+    assert "exists" in shown
+    before = recorder.out.stat().st_size
+    recorder.wait_for_bytes(before + 50_000)
+    recorder.end(signal.SIGINT)
+    whole(recorder, sound)
+
+
+def test_of_two_recorders_that_begin_at_once_one_is_refused(
+    start_recorder: Callable[..., Any], sound: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "one.mcap"
+    both = [start_recorder(*paced(sound), "--seconds", "2", out=out) for _ in range(2)]
+    ended = [(each, each.process.communicate(timeout=60)[1]) for each in both]
+    assert sorted(each.process.returncode for each, _ in ended) == [0, 2]
+    refused = next(shown for each, shown in ended if each.process.returncode == 2)
+    assert "exists" in refused.splitlines()[-1]
+    assert "Traceback" not in refused
+    whole(both[0], sound)
+
+
+def test_a_terminal_that_is_closed_ends_it_with_everything_saved(sound: Path) -> None:
+    terminal, side = pty.openpty()
+    out = sound.with_name("take.mcap")
+    # A process that begins a session of its own takes the terminal that it opens for its own.
+    code = "import os, sys; os.close(os.open(os.ttyname(0), os.O_RDWR)); os.execv(sys.argv[1], sys.argv[1:])"
+    command = [sys.executable, "-c", code, MONOCHORD, "record", str(out), *paced(sound)]
+    with subprocess.Popen(command, stdin=side, stdout=side, stderr=side, start_new_session=True) as process:
+        os.close(side)
+        deadline = time.monotonic() + 40.0
+        while not (out.exists() and out.stat().st_size > 300_000):
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            os.set_blocking(terminal, False)
+            try:
+                os.read(terminal, 65536)
+            except BlockingIOError:
+                time.sleep(0.02)
+        os.close(terminal)
+        process.wait(20)
+    report = check(out)
+    assert report.sound, report.faults
+    assert read_session(out).complete
+    assert report.seconds > 0.5
+
+
+def test_a_hangup_that_is_ignored_ends_nothing(start_recorder: Callable[..., Any], sound: Path) -> None:
+    recorder = start_recorder(*paced(sound), preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+    recorder.wait_for_bytes(BEGUN)
+    recorder.process.send_signal(signal.SIGHUP)
+    before = recorder.out.stat().st_size
+    recorder.wait_for_bytes(before + 300_000)
+    assert recorder.end(signal.SIGINT)["stopped"] == "stopped by request"
+    whole(recorder, sound)
+
+
+def test_a_folder_that_cannot_be_written_is_refused(sound: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    out = folder / "take.mcap"
+    command = [MONOCHORD, "record", str(out), *paced(sound)]
+    if os.geteuid() == 0:
+        if not shutil.which("setpriv"):
+            pytest.skip("setpriv is not installed, and root may write everywhere")
+        os.chown(folder, 65534, 65534)
+        command = ["setpriv", "--bounding-set=-all", *command]  # root that may no more than others
+    else:
+        folder.chmod(0o555)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    folder.chmod(0o755)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert "Permission denied" in done.stderr
+    assert str(out) in done.stderr
+    assert not out.exists()
+
+
+def test_a_wall_clock_that_is_set_is_told_and_moves_nothing(
+    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path, tmp_path: Path
+) -> None:
+    if not shutil.which("gcc"):
+        pytest.skip("gcc is not installed")
+    source, library, trigger = tmp_path / "clock.c", tmp_path / "clock.so", tmp_path / "set"
+    source.write_text(CLOCK)
+    subprocess.run(["gcc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
+    environment = {**os.environ, "LD_PRELOAD": str(library), "SET_CLOCK": str(trigger)}
+    recorder = start_recorder(*paced(sound), *net_ft, env=environment)
+    recorder.wait_for_bytes(1_500_000)
+    trigger.touch()
+    before = recorder.out.stat().st_size
+    recorder.wait_for_bytes(before + 1_500_000)
+    summary = recorder.end(signal.SIGINT)
+    assert summary["flags"]["clock_step"] == 1
+    session = whole(recorder, sound)
+    (step,) = [event for event in session.events if event.kind == "clock_step"]
+    assert step.data["clock"] == "realtime"
+    assert step.data["seconds"] == pytest.approx(HOUR, abs=0.5)
+    assert sum("clock realtime was set" in line for line in recorder.shown.splitlines()) == 1
+    wrench = session.readings("wrench")
+    for times in (wrench.time, session.audio.anchor_time, session.clocks.time):
+        assert -0.1 <= times[0] < times[-1] < HOUR / 10
+    assert np.all(np.diff(session.audio.anchor_time) > 0.0)
+
+
+def slept(recorder: Any, seconds: float, sound: Path) -> None:
+    """Stop a recorder for a while, as a machine's sleep does, and look at what it makes of that."""
+    recorder.wait_for_bytes(1_000_000)
+    recorder.process.send_signal(signal.SIGSTOP)
+    before = recorder.out.read_bytes()
+    time.sleep(seconds)
+    assert recorder.out.stat().st_size == len(before)
+    recorder.process.send_signal(signal.SIGCONT)
+    recorder.wait_for_bytes(len(before) + 1_000_000)
+    summary = recorder.end(signal.SIGINT)
+    assert recorder.process.returncode == 0
+    assert recorder.out.read_bytes().startswith(before[: before.rindex(b"/description")])
+    session = whole(recorder, sound)  # a file waits: it has no gap
+    wrench = session.readings("wrench")
+    hole = np.diff(wrench.time).max()
+    # The network kept what its buffer holds; the rest is lost, counted, and nothing stands in its place.
+    assert hole > 0.5 * seconds
+    assert wrench.missing > 0
+    assert summary["instruments"]["net_ft"]["missing"] == wrench.missing
+    assert summary["flags"]["missing"] >= 1
+    lines = [line for line in recorder.shown.splitlines() if "missing" in line and "net_ft:" in line]
+    assert len(lines) == 1, recorder.shown
+
+
+def test_a_machine_that_sleeps_loses_only_what_came_meanwhile(
+    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path
+) -> None:
+    slept(start_recorder(*paced(sound), *net_ft), 5.0, sound)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_machine_that_sleeps_for_a_minute(
+    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path
+) -> None:
+    slept(start_recorder(*paced(sound), *net_ft), 60.0, sound)
