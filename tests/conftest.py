@@ -1,6 +1,7 @@
 """Settings for all tests; and a real JACK server of the test's own, with a process that plays into it."""
 
 import fcntl
+import json
 import shutil
 import subprocess
 import sys
@@ -8,7 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -223,6 +224,23 @@ def learnable(tmp_path_factory: pytest.TempPathFactory) -> Path:
     dataset = build_dataset(files, home / "dataset", Options())
     split_dataset(dataset, fractions=(0.5, 0.25, 0.25)).write(dataset.path / "split.json")
     return dataset.path
+
+
+@pytest.fixture(scope="session")
+def reseal() -> Callable[[Path], None]:
+    """Return what makes the checksums of a dataset, and its split, those of the files that are there now."""
+    from monochord.datasets.checksums import file_sums
+    from monochord.datasets.manifest import FILE, checksum
+
+    def sealed(folder: Path) -> None:
+        text, file = json.loads((folder / FILE).read_text()), folder / "split.json"
+        text["files"] = {name: asdict(file_sums(folder / name)) for name in text["files"]}
+        (folder / FILE).write_text(json.dumps(text))
+        if file.is_file():
+            split = json.loads(file.read_text()) | {"dataset": checksum(folder / FILE)}
+            file.write_text(json.dumps(split))
+
+    return sealed
 
 
 @pytest.fixture

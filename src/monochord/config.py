@@ -5,6 +5,8 @@ dataclass itself is the schema, and stands beside the code that it configures.
 """
 
 import dataclasses
+import errno
+import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
@@ -20,16 +22,28 @@ from monochord.schema import choices_of, fields_of, inside, wording
 
 T = TypeVar("T")
 Tree: TypeAlias = dict[str, Any]
+MAX_BYTES = 1 << 26
+"""Of a file of text that is read whole."""
 
 
 def load_toml(path: Path) -> Tree:
     """Read a TOML file; raises `InputError` where it is absent or not TOML."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(_text(path))
     except OSError as error:
         raise InputError(f"configuration {path} ({error.strerror})", "a readable TOML file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"configuration {path} ({error})", "TOML text") from error
+
+
+def load_json(path: Path, remedy: str = "") -> Any:
+    """Read a JSON file; raises `InputError`, which ends with `remedy`, where it is absent or not JSON."""
+    try:
+        return json.loads(_text(path))
+    except OSError as error:
+        raise InputError(f"{path} ({error.strerror})", "a readable file", remedy) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} (damaged: {error})", "JSON text", remedy) from error
 
 
 def override(tree: Tree, assignments: Iterable[str]) -> Tree:
@@ -79,9 +93,11 @@ def from_tree(cls: type[T], tree: Mapping[str, Any], where: str = "") -> T:
         type, a field without default that is left out, and a number that is NaN. What the dataclass itself
         refuses passes through as it raised it.
     """
-    _refuse_unknown(cls, tree, where)
     try:
+        _refuse_unknown(cls, tree, where)
         return msgspec.convert(tree, cls, strict=False, dec_hook=_decode)
+    except RecursionError as error:
+        raise InputError(f"{where or cls.__name__} (nested too deep)", wording(cls)) from error
     except msgspec.ValidationError as error:
         raise _explain(error, cls, tree, where) from error
 
@@ -98,6 +114,12 @@ def dump_toml(tree: Tree) -> str:
     '[window]\nhop = 0.01\n'
     """
     return tomli_w.dumps(_plain(tree))
+
+
+def _text(path: Path) -> str:
+    if path.stat().st_size > MAX_BYTES:
+        raise OSError(errno.EFBIG, f"more than {MAX_BYTES} bytes", str(path))
+    return path.read_text(encoding="utf-8")
 
 
 def _decode(kind: type, value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -86,6 +87,17 @@ def not_numbers(folder: Path) -> None:
     told(weights=hashlib.sha256(file.read_bytes()).hexdigest())(folder)
 
 
+def of_half_precision(folder: Path) -> None:
+    file = folder / "weights.safetensors"
+    arrays = unpacked(file.read_bytes())
+    file.write_bytes(packed(arrays | {"force.0.bias": arrays["force.0.bias"].astype(np.float16)}))
+    told(weights=hashlib.sha256(file.read_bytes()).hexdigest())(folder)
+
+
+def nested(folder: Path) -> None:
+    (folder / "perceiver.json").write_text("[" * 100_000, encoding="utf-8")
+
+
 def without(name: str) -> Damage:
     return lambda folder: (folder / name).unlink()
 
@@ -101,6 +113,11 @@ RUNS: dict[str, tuple[Damage, str]] = {
     "another feature": (told(feature={"name": "fft", "options": {}, "columns": []}), "fft, which has none"),
     "another rate": (told(sample_rate=48000), "sound at 44100 Hz for a perceiver: allowed is 48000 Hz"),
     "another format": (told(format=99), "of another format: allowed is format 1"),
+    "huge window": (told(window=1 << 50), "window 1125899906842624 of a model"),
+    "wrong type": (told(heads=[1]), "perceiver.json.heads"),
+    "nested deep": (nested, "perceiver.json ("),
+    "too many weights": (weights(lambda blob: blob + bytes(1 << 21)), "bytes at most"),
+    "another dtype": (of_half_precision, "force.0.bias is float16"),
     "no heads": (told(heads={}), "heads (none): allowed is one that learns the label contact"),
     "no text": (without("perceiver.json"), "there is no perceiver.json in it"),
     "no weights": (without("weights.safetensors"), "weights.safetensors (No such file"),
@@ -190,20 +207,73 @@ DATASETS: dict[str, tuple[Damage, str]] = {
     "infinite labels": (labelled("position", np.inf), "label 'position' that is no number in "),
     "no contact": (UNTOUCHED, "part 'train' without windows of yes and of no for the head 'contact'"),
     "one kind of slip": (labelled("slip", 0.0), "of yes and of no for the head 'slip': allowed is some of"),
-    "a column lost": (lambda folder: (folder / "labels" / "force.npy").unlink(), "force.npy (absent or dam"),
 }
 
 
 @pytest.mark.parametrize("case", DATASETS)
 def test_data_that_cannot_teach_is_refused_before_anything_is_written(
-    case: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    case: str, home: Path, tmp_path: Path, reseal: Damage, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("torch")
     damage, words = DATASETS[case]
     shutil.copytree(home / "dataset", tmp_path / "dataset")
     damage(tmp_path / "dataset")
+    reseal(tmp_path / "dataset")
     asked = ["train", "small", "--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "run")]
     one_line(asked, words, capsys)
+    assert not (tmp_path / "run").exists()
+
+
+def changed(name: str) -> Damage:
+    """Change 200 bytes in the middle of a file."""
+
+    def damage(folder: Path) -> None:
+        data = bytearray((folder / name).read_bytes())
+        middle = slice(len(data) // 2 - 100, len(data) // 2 + 100)
+        data[middle] = bytes(255 - byte for byte in data[middle])
+        (folder / name).write_bytes(data)
+
+    return damage
+
+
+def rewritten(name: str, **values: Any) -> Damage:
+    def damage(folder: Path) -> None:
+        text = json.loads((folder / name).read_text(encoding="utf-8"))
+        (folder / name).write_text(json.dumps(text | values), encoding="utf-8")
+
+    return damage
+
+
+DAMAGED: dict[str, tuple[Damage, str]] = {
+    "sound": (changed("audio/0000.npy"), "audio/0000.npy (damaged: bytes from"),
+    "labels": (changed("labels/force.npy"), "labels/force.npy (damaged: bytes from"),
+    "masks": (changed("valid/slip.npy"), "valid/slip.npy (damaged: "),
+    "table": (changed("windows/start.npy"), "windows/start.npy (damaged: bytes from"),
+    "a column lost": (lambda folder: (folder / "labels" / "force.npy").unlink(), "force.npy (absent or dam"),
+    "an older dataset": (rewritten("manifest.json", format=1), "build the dataset again"),
+    "manifest cut": (lambda folder: os.truncate(folder / "manifest.json", 999), "build the dataset again"),
+    "split cut": (lambda folder: os.truncate(folder / "split.json", 99), "split.json (damaged"),
+    "split of no rows": (rewritten("split.json", parts={"train": "all"}), "split.json.parts.train"),
+    "split too large": (rewritten("split.json", parts={"train": [[0, 1 << 60]]}), "split.json (damaged"),
+}
+
+
+@pytest.mark.parametrize("verb", ["train", "audit", "evaluate"])
+@pytest.mark.parametrize("case", DAMAGED)
+def test_a_damaged_dataset_is_one_line_that_names_the_file(
+    case: str, verb: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("torch")
+    damage, words = DAMAGED[case]
+    shutil.copytree(home / "dataset", tmp_path / "dataset")
+    damage(tmp_path / "dataset")
+    dataset = str(tmp_path / "dataset")
+    more = {
+        "train": ["small", "--dataset", dataset, "--out", str(tmp_path / "run")],
+        "audit": [dataset],
+        "evaluate": ["demo", "--dataset", dataset],
+    }
+    one_line([verb, *more[verb]], words, capsys)
     assert not (tmp_path / "run").exists()
 
 
@@ -224,11 +294,12 @@ UNTESTED: dict[str, tuple[Damage, str]] = {
 
 @pytest.mark.parametrize("case", UNTESTED)
 def test_data_that_cannot_test_is_refused(
-    case: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    case: str, home: Path, tmp_path: Path, reseal: Damage, capsys: pytest.CaptureFixture[str]
 ) -> None:
     damage, words = UNTESTED[case]
     shutil.copytree(home / "dataset", tmp_path / "dataset")
     damage(tmp_path / "dataset")
+    reseal(tmp_path / "dataset")
     one_line(["evaluate", "demo", "--dataset", str(tmp_path / "dataset")], words, capsys)
 
 

@@ -1,5 +1,6 @@
 """A checkpoint is there whole, or it is told that it is not."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,4 +60,25 @@ def test_half_of_one_is_refused_in_a_line(tmp_path: Path, left: int) -> None:
     checkpoint().write(file)
     file.write_bytes(file.read_bytes()[:left])
     with pytest.raises(InputError, match=r"\(damaged\): allowed is a whole file; remove it to begin anew"):
+        Checkpoint.read(file)
+
+
+def test_a_changed_bit_anywhere_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "checkpoint.safetensors"
+    checkpoint().write(file)
+    whole = file.read_bytes()
+    for at in range(len(whole) - 36, len(whole)):  # the numbers
+        file.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        with pytest.raises(InputError, match="remove it to begin anew"):
+            Checkpoint.read(file)
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.int64])
+def test_other_numbers_are_refused(tmp_path: Path, kind: type[np.generic]) -> None:
+    file = tmp_path / "checkpoint.safetensors"
+    replace(checkpoint(), best={"contact.0.weight": np.ones((1, 4), kind)}).write(file)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(InputError, match="finite float32"):
+        Checkpoint.read(file)
+    replace(checkpoint(), best={"contact.0.weight": np.full((1, 4), np.nan, np.float32)}).write(file)
+    with pytest.raises(InputError, match="finite float32"):
         Checkpoint.read(file)

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -118,6 +119,34 @@ def test_it_does_not_go_on_with_other_data(tmp_path: Path) -> None:
     for data in ((SCALER, examples(2), examples(1)), (other, examples(0), examples(1))):
         with pytest.raises(InputError, match="of other windows or another feature: allowed is one of these"):
             fit(plan(epochs=2), *data, tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"weights": {}},
+        {"weights": {"force.0.weight": np.zeros((1 << 10, 5), np.float32)}},
+        {"best": {"force.0.weight": np.zeros((16, 4), np.float32)}},
+        {"best": {"more": np.zeros(3, np.float32)}},
+        {"moments": {"999/exp_avg": np.zeros(3, np.float32)}},
+        {"moments": {"step": np.zeros((), np.float32)}},
+        {"epoch": "many"},
+        {"history": 3},
+        {"at": {"force": "late"}},
+    ],
+)
+def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path, change: dict[str, Any]) -> None:
+    file = tmp_path / "a"
+    fit(plan(epochs=1), SCALER, examples(0), examples(1), file)
+    whole = Checkpoint.read(file)
+    assert whole is not None
+    values = {
+        name: {**getattr(whole, name), **value} if isinstance(value, dict) and value else value
+        for name, value in change.items()
+    }
+    dataclasses.replace(whole, **values).write(file)
+    with pytest.raises(InputError, match=r"checkpoint .*remove it to begin anew"):
+        fit(plan(epochs=2), SCALER, examples(0), examples(1), file)
 
 
 @pytest.mark.parametrize(("columns", "least", "most"), [(("b", "c"), 0.0, 0.5), (("a", "d", "e"), 0.5, 2.0)])

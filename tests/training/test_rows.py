@@ -1,5 +1,6 @@
 """Rows of a feature: computed once, found again, and computed anew when anything differs."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +88,28 @@ def test_a_damaged_file_is_computed_anew(dataset: Dataset, tmp_path: Path, damag
     first = rows.of(SOME)
     (file,) = tmp_path.rglob("*.npy")
     file.write_bytes(file.read_bytes()[:-100] if damage is None else damage)
+    np.testing.assert_array_equal(rows.of(SOME), first)
+
+
+@pytest.mark.parametrize("at", [-40, -4000, 80])
+def test_a_changed_byte_is_computed_anew(dataset: Dataset, tmp_path: Path, at: int) -> None:
+    rows, extractor = rows_of(dataset, tmp_path)
+    first = rows.of(SOME)
+    (file,) = tmp_path.rglob("*.npy")
+    np.testing.assert_array_equal(np.load(file), first)
+    data = bytearray(file.read_bytes())
+    data[at] ^= 1
+    file.write_bytes(data)
+    before = extractor.asked
+    np.testing.assert_array_equal(rows.of(SOME), first)
+    assert extractor.asked - before >= len(SOME)
+
+
+def test_a_file_without_end_takes_no_memory(dataset: Dataset, tmp_path: Path) -> None:
+    rows, _ = rows_of(dataset, tmp_path)
+    first = rows.of(SOME)
+    (file,) = tmp_path.rglob("*.npy")
+    os.truncate(file, 1 << 40)
     np.testing.assert_array_equal(rows.of(SOME), first)
 
 

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,9 @@ def test_equal_settings_give_equal_bytes(lesson: dict[str, Any], tmp_path: Path)
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
 
 
-def test_labels_dealt_out_at_random_teach_nothing(lesson: dict[str, Any], tmp_path: Path) -> None:
+def test_labels_dealt_out_at_random_teach_nothing(
+    lesson: dict[str, Any], tmp_path: Path, reseal: Callable[[Path], None]
+) -> None:
     import shutil
 
     folder = tmp_path / "shuffled"
@@ -90,6 +93,7 @@ def test_labels_dealt_out_at_random_teach_nothing(lesson: dict[str, Any], tmp_pa
         label = np.load(folder / "labels" / f"{name}.npy")
         label[valid] = rng.permutation(label[valid])
         np.save(folder / "labels" / name, label)
+    reseal(folder)
     scores = train(Settings.read({**lesson, "dataset": str(folder)}), tmp_path / "run").scores
     for name in ("position", "force"):
         assert scores[name]["mae"] > 0.93 * scores[name]["baseline_mae"]

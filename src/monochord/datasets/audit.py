@@ -99,7 +99,8 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     - **near duplicate**: two sessions with the same sound, shifted, scaled or with noise added; see
       `monochord.datasets.duplicates` for what is found and what is not.
 
-    A touch that is on both sides of a cut in time is no leak, but noted.
+    A touch that is on both sides of a cut in time is no leak, but noted. Every byte of the dataset is
+    compared with its checksum first.
 
     Parameters
     ----------
@@ -113,10 +114,16 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     Audit
         Its `refuse_leaks` raises where there are any.
 
+    Raises
+    ------
+    InputError
+        If the dataset is damaged.
+
     Examples
     --------
     ``examples/build_a_dataset.py`` does so with two simulated sessions.
     """
+    dataset.verify()
     strange = tuple(_strange_rows(dataset, split))
     if strange:
         return Audit(leaks=strange)

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.datasets import labels as rules_text
+from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
 from monochord.datasets.labels import Columns, Rules, window_labels
-from monochord.datasets.manifest import Manifest, Part, checksum
+from monochord.datasets.manifest import TABLE, Manifest, Part, audio_name, checksum
 from monochord.datasets.measured import Thresholds
 from monochord.datasets.store import (
-    TABLE,
     Dataset,
     Flags,
     Indices,
@@ -184,6 +184,7 @@ class _Writer:
     def __init__(self, folder: Path, options: Options) -> None:
         self.folder, self.options = folder, options
         self.parts: list[Part] = []
+        self.files: dict[str, FileSums] = {}
         self.tables: list[dict[str, NDArray[Any]]] = []
         self.columns: list[Columns] = []
         self.refused: dict[str, str] = {}
@@ -206,8 +207,9 @@ class _Writer:
             return
         size, samples = round(options.window * rate), session.audio.samples
         starts = window_starts(samples.shape[1], size, round(options.hop * rate))
-        file = f"audio/{len(self.parts):04d}.npy"
+        file = audio_name(len(self.parts))
         write_array(self.folder / file, samples)
+        self.files[file] = file_sums(self.folder / file)
         number = np.full(len(starts), len(self.parts))
         self.tables.append({"session": number, "start": starts, **_flags(session.audio, starts, size)})
         self.columns.append(_labels(session.audio, truth, starts, size, options.rules))
@@ -247,6 +249,9 @@ class _Writer:
         table = {name: np.concatenate([each[name] for each in self.tables]) for name in TABLE}
         usable = ~(table["has_gap"] | table["not_finite"])
         write_table(self.folder, table, labels)
+        for file in sorted(self.folder.glob("*/*.npy")):
+            name = file.relative_to(self.folder).as_posix()
+            self.files.setdefault(name, file_sums(file))
         rate, channels = self.form
         Manifest(
             sample_rate=rate,
@@ -258,6 +263,7 @@ class _Writer:
             rules=self.options.rules,
             labelling=rules_text.__doc__ or "",
             parts=tuple(self.parts),
+            files=self.files,
             counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(table["clipped"].sum())},
             refused=self.refused,
             thresholds=self.options.thresholds,

@@ -2,18 +2,37 @@
 
 import hashlib
 import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
+from itertools import accumulate
+from pathlib import Path, PurePath
+from typing import TypeAlias
 
-from monochord.config import from_tree, to_tree
+import numpy as np
+
+from monochord.config import from_tree, load_json, to_tree
+from monochord.datasets.checksums import BLOCK, REMEDY, FileSums
 from monochord.datasets.labels import Rules
 from monochord.datasets.measured import Thresholds
 from monochord.errors import InputError
 from monochord.units import Metres, Samples, Seconds
 
-FORMAT = 1
-"""Version of the layout on disk."""
+FORMAT = 2
+"""Version of the layout on disk; from 2 on there are checksums of all files."""
 FILE = "manifest.json"
+MAX_WINDOWS = 1 << 26
+"""In a dataset: 77 days of them, 0.1 s apart, in 0.5 GB for a column."""
+MAX_RATE, MAX_CHANNELS = 10_000_000, 256
+Layout: TypeAlias = tuple[type[np.generic], tuple[int, ...]]
+"""Type and shape of the array in a file."""
+TABLE: dict[str, type[np.generic]] = {
+    "session": np.int32,
+    "start": np.int64,
+    "has_gap": np.bool_,
+    "clipped": np.bool_,
+    "not_finite": np.bool_,
+}
+"""Columns of the table of windows that are no labels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +82,7 @@ class Part:
 class Manifest:
     """A dataset: windows of `window` frames, `hop` apart, of all its `parts`.
 
+    `files` are the checksums of all its arrays, by the names of their files below the dataset's folder.
     `columns` are the names of the labels, `counts` how many windows there are of each kind, `refused` the
     sessions that were left out and why. `rules` and the text `labelling` say what the label of a window is;
     `versions` which programs made it.
@@ -78,6 +98,7 @@ class Manifest:
     rules: Rules
     labelling: str
     parts: tuple[Part, ...]
+    files: dict[str, FileSums]
     counts: dict[str, int] = field(default_factory=dict[str, int])
     refused: dict[str, str] = field(default_factory=dict[str, str])
     thresholds: Thresholds = field(default_factory=Thresholds)
@@ -88,6 +109,16 @@ class Manifest:
     def simulated(self) -> bool:
         """Whether any of its sound is simulated."""
         return any(part.simulated for part in self.parts)
+
+    def arrays(self) -> Mapping[str, Layout]:
+        """Return what is in each file of the dataset, by its name below the folder."""
+        rows = (self.windows,)
+        return {
+            **{part.audio: (np.float32, (self.channels, part.frames)) for part in self.parts},
+            **{f"windows/{name}.npy": (kind, rows) for name, kind in TABLE.items()},
+            **{f"labels/{name}.npy": (np.float64, rows) for name in self.columns},
+            **{f"valid/{name}.npy": (np.bool_, rows) for name in self.columns},
+        }
 
     def write(self, folder: Path) -> None:
         """Write it into a folder, keys sorted, so that equal datasets have equal bytes."""
@@ -101,18 +132,69 @@ class Manifest:
         Raises
         ------
         InputError
-            If there is none, it is damaged, or a newer version of Monochord wrote it.
+            If there is none, it is damaged or contradicts itself, or another version of Monochord wrote it.
         """
-        try:
-            tree = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        except OSError as error:
-            given = f"dataset {folder} ({error.strerror or 'unreadable'})"
-            raise InputError(given, "a folder that monochord build made") from error
-        except ValueError as error:
-            raise InputError(f"dataset {folder} ({FILE} is damaged)", "JSON", "build it again") from error
+        if not (folder / FILE).exists():
+            raise InputError(f"dataset {folder} (no {FILE} in it)", "a folder that monochord build made")
+        tree = load_json(folder / FILE, REMEDY)
         if not isinstance(tree, dict) or tree.get("format") != FORMAT:
-            raise InputError(f"dataset {folder} of another format", f"format {FORMAT}", "build it again")
-        return from_tree(cls, tree, FILE)
+            given = f"dataset {folder} of another format"
+            raise InputError(given, f"format {FORMAT}, with checksums of all files", REMEDY)
+        found = from_tree(cls, tree, FILE)
+        for wrong in _contradictions(found):
+            raise InputError(f"{folder / FILE} ({wrong})", "what monochord build wrote", REMEDY)
+        return found
+
+
+def audio_name(number: int) -> str:
+    """Return the name of the file of a session's samples, below the folder of its dataset.
+
+    >>> audio_name(3)
+    'audio/0003.npy'
+    """
+    return f"audio/{number:04d}.npy"
+
+
+def is_column_name(name: str) -> bool:
+    """Return whether a label's name can be that of a file, and of one in its folder alone.
+
+    >>> is_column_name("force"), is_column_name("../force")
+    (True, False)
+    """
+    return name == PurePath(name).name and name not in {"", ".."} and name.isprintable() and "\\" not in name
+
+
+def _contradictions(told: Manifest) -> Iterator[str]:
+    """Yield what cannot be true of a dataset, before anything that follows from it takes memory."""
+    for name, value, most in (
+        ("sample_rate", told.sample_rate, MAX_RATE),
+        ("channels", told.channels, MAX_CHANNELS),
+        ("window", told.window, 60 * MAX_RATE),
+        ("hop", told.hop, 60 * MAX_RATE),
+    ):
+        if not 1 <= value <= most:
+            yield f"{name} {value}, which is not 1 to {most}"
+    if not 0 <= told.windows <= MAX_WINDOWS:
+        yield f"{told.windows} windows, which is not 0 to {MAX_WINDOWS}"
+    yield from _contradictions_of_parts(told)
+    if sum(part.windows for part in told.parts) != told.windows:
+        yield f"{told.windows} windows, which are not those of its parts"
+    if len(set(told.columns)) < len(told.columns) or not all(map(is_column_name, told.columns)):
+        yield f"columns {', '.join(map(repr, told.columns))}"
+    if set(told.files) != set(told.arrays()):
+        yield "checksums of other files than it is made of"
+    for name, sums in told.files.items():
+        if len(sums.blocks) != -(-sums.bytes // BLOCK):
+            yield f"{len(sums.blocks)} checksums of {name}, which has {sums.bytes} bytes"
+
+
+def _contradictions_of_parts(told: Manifest) -> Iterator[str]:
+    firsts = accumulate((part.windows for part in told.parts), initial=0)
+    for number, (part, first) in enumerate(zip(told.parts, firsts, strict=False)):
+        if part.audio != audio_name(number):
+            yield f"parts[{number}].audio '{part.audio}', which is not '{audio_name(number)}'"
+        if part.frames < 0 or part.windows < 0 or part.first != first:
+            yield f"parts[{number}] of {part.windows} windows from {part.first} on, in {part.frames} frames"
 
 
 def checksum(file: Path) -> str:

@@ -23,6 +23,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from monochord.config import from_tree, load_json
 from monochord.datasets._ways import (
     PARTS,
     by_group,
@@ -31,7 +32,7 @@ from monochord.datasets._ways import (
     is_pattern,
     refuse_strange,
 )
-from monochord.datasets.manifest import checksum
+from monochord.datasets.manifest import MAX_WINDOWS, checksum
 from monochord.datasets.store import Dataset, Indices
 from monochord.errors import InputError, did_you_mean
 from monochord.units import Samples, Seconds
@@ -98,29 +99,49 @@ class Split:
 
         Raises `InputError` where the file is absent, something else, or of a way that is refused.
         """
-        try:
-            tree = json.loads(file.read_text(encoding="utf-8"))
-            found = cls(
-                by=tree["by"],
-                parts={name: _rows(tree["parts"].get(name, [])) for name in PARTS},
-                seed=int(tree.get("seed", 0)),
-                fractions=tuple(tree.get("fractions", SHARES)),
-                guard=int(tree.get("guard", 0)),
-                held_out=tuple(tree.get("held_out", ())),
-                left_out=int(tree.get("left_out", 0)),
-                dataset=tree.get("dataset", ""),
-                groups={name: tuple(held) for name, held in tree.get("groups", {}).items()},
-            )
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InputError(
-                f"split {file} (absent or damaged)", "a file that monochord build made"
-            ) from error
-        refuse_impossible(found.by)
-        strange = [name for name in tree["parts"] if name not in PARTS]
+        remedy = "split the dataset again, with monochord build"
+        tree = load_json(file, remedy)
+        if not isinstance(tree, dict):
+            raise InputError(f"split {file} (damaged)", "a file that monochord build made", remedy)
+        if isinstance(tree.get("by"), str):
+            refuse_impossible(tree["by"])
+        told = from_tree(_Written, tree, f"split {file}")
+        strange = [name for name in told.parts if name not in PARTS]
         if strange:
             given = f"split {file} with a part '{strange[0]}'"
             raise InputError(given, ", ".join(PARTS), did_you_mean(strange[0], PARTS))
-        return found
+        runs = [run for runs in told.parts.values() for run in runs]
+        count = sum(last - first for first, last in runs)
+        if not all(0 <= first <= last for first, last in runs) or count > MAX_WINDOWS:
+            given = f"split {file} (damaged: runs of rows that cannot be)"
+            raise InputError(given, f"rising runs of {MAX_WINDOWS} rows at most", remedy)
+        return cls(
+            by=told.by,
+            parts={name: _rows(told.parts.get(name, ())) for name in PARTS},
+            seed=told.seed,
+            fractions=told.fractions,
+            guard=told.guard,
+            held_out=told.held_out,
+            left_out=told.left_out,
+            dataset=told.dataset,
+            groups=told.groups,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Written:
+    """A split as its file has it: parts as runs [first, last + 1]."""
+
+    by: By
+    parts: dict[str, tuple[tuple[int, int], ...]]
+    seed: int = 0
+    fractions: tuple[float, float, float] = SHARES
+    guard: Samples = 0
+    held_out: tuple[str, ...] = ()
+    left_out: int = 0
+    dataset: str = ""
+    groups: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    counts: dict[str, int] = field(default_factory=dict[str, int])
 
 
 def split_dataset(
@@ -265,5 +286,5 @@ def _runs(rows: Indices) -> list[list[int]]:
     return [[int(first), int(last) + 1] for first, last in zip(firsts, lasts, strict=True)]
 
 
-def _rows(runs: list[list[int]]) -> Indices:
+def _rows(runs: Sequence[tuple[int, int]]) -> Indices:
     return np.concatenate([np.zeros(0, np.int64), *(np.arange(first, stop) for first, stop in runs)])

@@ -2,7 +2,7 @@
 
 ::
 
-    manifest.json            what it is made of, and the label rules
+    manifest.json            what it is made of, the label rules, and checksums of all other files
     audio/SESSION.npy        (2, n) float32: all of a session; lost frames are zeros
     windows/COLUMN.npy       (windows,): session, start, has_gap, clipped, not_finite
     labels/COLUMN.npy        (windows,) float64: contact, position, force ...; NaN where not valid
@@ -15,29 +15,26 @@ when they are asked for, so that a smaller hop costs no space.
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
+from stat import S_ISREG
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.datasets.manifest import Manifest
+from monochord.datasets.checksums import REMEDY, check_blocks
+from monochord.datasets.manifest import TABLE, Layout, Manifest, is_column_name
 from monochord.errors import InputError, did_you_mean
 from monochord.types import Audio, Floats
 from monochord.units import Samples
 
 Flags: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.int64]
-TABLE: dict[str, type[np.generic]] = {
-    "session": np.int32,
-    "start": np.int64,
-    "has_gap": np.bool_,
-    "clipped": np.bool_,
-    "not_finite": np.bool_,
-}
-"""Columns of the table of windows that are no labels."""
 MOST_OPEN = 256
 """Audio files that are mapped at once: each holds one of the process's file descriptors."""
+SAMPLED_BLOCKS = 128
+"""Of audio, 1 MiB each, that are compared with their checksums when a dataset is opened."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +61,7 @@ class Dataset:
         return len(self.start)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return open_dataset, (self.path,)
+        return _reopened, (self.path,)
 
     @property
     def usable(self) -> Flags:
@@ -83,7 +80,14 @@ class Dataset:
 
     def mapped(self, session: int) -> Audio:
         """Return the same in a mapping of its own, which goes with it: for one pass over all sessions."""
-        return np.asarray(_mapped(self.path / self.manifest.parts[session].audio))
+        part = self.manifest.parts[session]
+        return _mapped(self.path, part.audio, (np.float32, (self.manifest.channels, part.frames)))
+
+    def verify(self) -> None:
+        """Compare every byte with its checksum; raises `InputError` naming the first file that is damaged."""
+        files = self.manifest.files
+        every = ((name, number) for name, sums in files.items() for number in range(len(sums.blocks)))
+        check_blocks(self.path, files, every)
 
     def window(self, index: int) -> Audio:
         """Return the samples (2, frames) of a window: a view of the file, read-only."""
@@ -104,35 +108,80 @@ class Dataset:
         return self.labels[name]
 
 
-def open_dataset(path: Path) -> Dataset:
-    """Return the dataset in a folder, nothing of which but the manifest is read yet.
+def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None = None) -> Dataset:
+    """Return the dataset in a folder, having looked whether it is as it was built.
+
+    Size and header of every file are looked at, and all of the table and the labels, since they are small. Of
+    audio `sampled` blocks of 1 MiB are compared with their checksums, all of them where there are no more;
+    `Dataset.verify` compares every byte.
+
+    Parameters
+    ----------
+    path
+        Its folder.
+    sampled
+        How many blocks of audio are compared.
+    seed
+        Of the draw of them; by default other ones each time.
 
     Raises
     ------
     InputError
-        If the folder holds no dataset, or not all of it.
+        If the folder holds no dataset, or not all of it, or anything that was looked at is damaged.
     """
     path = Path(path).absolute()
     manifest = Manifest.read(path)
-
-    def column(file: str) -> Any:
-        values = np.asarray(_mapped(path / file))
-        if values.shape != (manifest.windows,):
-            given = f"{path / file} with {len(values)} rows"
-            raise InputError(given, f"{manifest.windows} rows", "build the dataset again")
-        return values
-
-    return Dataset(
+    found: dict[str, Any] = {name: _mapped(path, name, layout) for name, layout in manifest.arrays().items()}
+    blocks = [(name, number) for name, sums in manifest.files.items() for number in range(len(sums.blocks))]
+    audio = {part.audio for part in manifest.parts}
+    check_blocks(path, manifest.files, (block for block in blocks if block[0] not in audio))
+    if sampled:
+        spoken = [block for block in blocks if block[0] in audio]
+        draw = np.random.default_rng(seed)
+        some = draw.choice(len(spoken), size=min(sampled, len(spoken)), replace=False)
+        check_blocks(path, manifest.files, (spoken[each] for each in np.sort(some).tolist()))
+    dataset = Dataset(
         path=path,
         manifest=manifest,
-        **{name: column(f"windows/{name}.npy") for name in TABLE},
-        labels={name: column(f"labels/{name}.npy") for name in manifest.columns},
-        valid={name: column(f"valid/{name}.npy") for name in manifest.columns},
+        session=found["windows/session.npy"],
+        start=found["windows/start.npy"],
+        has_gap=found["windows/has_gap.npy"],
+        clipped=found["windows/clipped.npy"],
+        not_finite=found["windows/not_finite.npy"],
+        labels={name: found[f"labels/{name}.npy"] for name in manifest.columns},
+        valid={name: found[f"valid/{name}.npy"] for name in manifest.columns},
     )
+    _refuse_outside(dataset)
+    return dataset
+
+
+def _reopened(path: Path) -> Dataset:
+    """Return a dataset that another process has opened and looked at."""
+    return open_dataset(path, sampled=0)
+
+
+def _refuse_outside(dataset: Dataset) -> None:
+    """Refuse a table whose windows do not lie in the sound of their sessions."""
+    parts = dataset.manifest.parts
+    counts, frames = ([getattr(part, what) for part in parts] for what in ("windows", "frames"))
+    session = np.repeat(np.arange(len(parts)), counts)
+    ends = np.array(frames, np.int64)[session] - dataset.manifest.window
+    if not (
+        np.array_equal(dataset.session, session) and np.all((dataset.start >= 0) & (dataset.start <= ends))
+    ):
+        raise InputError(
+            f"{dataset.path / 'windows'} (windows outside of their sessions)", "those built", REMEDY
+        )
 
 
 def write_table(folder: Path, table: Mapping[str, NDArray[Any]], labels: Mapping[str, Floats]) -> None:
-    """Write the columns of the table of windows and the labels, each (n,), with their masks."""
+    """Write the columns of the table of windows and the labels, each (n,), with their masks.
+
+    Raises `InputError` for a label whose name cannot be that of a file.
+    """
+    for name in labels:
+        if not is_column_name(name):
+            raise InputError(f"label {name!r}", "a name that a file can have", "rename it in the sessions")
     for name in ("windows", "labels", "valid"):
         (folder / name).mkdir(exist_ok=True)
     for name, kind in TABLE.items():
@@ -147,7 +196,7 @@ def write_array(file: Path, values: NDArray[Any]) -> None:
     values = np.ascontiguousarray(values)
     try:
         with file.open("wb") as out:
-            np.lib.format.write_array_header_1_0(out, np.lib.format.header_data_from_array_1_0(values))
+            out.write(_header((values.dtype.type, values.shape)))
             out.write(values.reshape(-1).view(np.uint8).data)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(file)) from error
@@ -164,8 +213,31 @@ def window_starts(frames: Samples, window: Samples, hop: Samples) -> Indices:
     return np.arange(0, max(frames - window + 1, 0), hop, dtype=np.int64)
 
 
-def _mapped(file: Path) -> NDArray[Any]:
+def _header(layout: Layout) -> bytes:
+    """Return the bytes that a .npy file of such an array begins with."""
+    kind, shape = layout
+    told = {"descr": np.lib.format.dtype_to_descr(np.dtype(kind)), "fortran_order": False, "shape": shape}
+    out = BytesIO()
+    np.lib.format.write_array_header_1_0(out, told)
+    return out.getvalue()
+
+
+def _mapped(folder: Path, name: str, layout: Layout) -> NDArray[Any]:
+    """Return the array in a file, memory-mapped; nothing in the file is interpreted, only compared."""
+    file, header, (kind, shape) = folder / name, _header(layout), layout
+    size = len(header) + int(np.prod(shape, dtype=object)) * np.dtype(kind).itemsize
     try:
-        return np.load(file, mmap_mode="r") if file.stat().st_size > 128 else np.load(file)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{file} (absent or damaged)", "a whole dataset", "build it again") from error
+        status = file.stat()
+        if not S_ISREG(status.st_mode) or status.st_size != size:
+            given = f"{file} (damaged: {status.st_size} bytes)"
+            raise InputError(given, f"the dataset's file of {size} bytes", REMEDY)
+        with file.open("rb") as stream:
+            if stream.read(len(header)) != header:
+                given = f"{file} (damaged: its header is another one)"
+                raise InputError(given, f"a .npy array of {np.dtype(kind).name} {shape}", REMEDY)
+        if size == len(header):
+            return np.zeros(shape, kind)
+        return np.asarray(np.memmap(file, kind, "r", len(header), shape))
+    except OSError as error:
+        given = f"{file} (absent or damaged: {error.strerror})"
+        raise InputError(given, "a whole dataset", REMEDY) from error

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from itertools import pairwise
+from math import inf, isfinite
 from typing import Any
 
 from monochord.errors import InputError
@@ -12,6 +13,8 @@ from monochord.units import Samples, Seconds
 
 FORMAT = 1
 """Version of a perceiver's folder."""
+MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS = 1 << 17, 64, 16, 64
+"""What is read from a file is bounded before it takes memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +80,15 @@ class HeadRecord:
     scale: float = 1.0
     calibration: Calibration = Calibration()
 
+    def __post_init__(self) -> None:
+        scales = (self.scale, self.calibration.factor)
+        if not (isfinite(self.offset) and all(0.0 < scale < inf for scale in scales)):
+            given = f"offset {self.offset:g}, scale {self.scale:g} or factor {self.calibration.factor:g}"
+            raise InputError(given, "finite numbers, scale and factor above 0")
+        if len(self.task.hidden) > MAX_LAYERS or len(self.task.columns) > MAX_PATTERNS:
+            given = f"{len(self.task.hidden)} hidden layers and {len(self.task.columns)} patterns of columns"
+            raise InputError(given, f"{MAX_LAYERS} and {MAX_PATTERNS} at most")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition:
@@ -108,6 +120,19 @@ class Definition:
     weights: str = ""
 
     def __post_init__(self) -> None:
+        for name, value, most in (
+            ("sample_rate", self.sample_rate, 10_000_000),
+            ("channels", self.channels, 256),
+            ("window", self.window, 60 * self.sample_rate),
+            ("hop", self.hop, 60 * self.sample_rate),
+            ("columns", len(self.feature.columns) or 1, MAX_COLUMNS),
+            ("heads", len(self.heads) or 1, MAX_HEADS),
+        ):
+            if not 1 <= value <= most:
+                raise InputError(f"{name} {value} of a model", f"1 to {most}")
+        if not (0.0 < self.clip < inf and 0.0 <= self.quietest < inf):
+            given = f"clip {self.clip:g} or quietest {self.quietest:g} of a model"
+            raise InputError(given, "a finite clip above 0, and quietest 0 or more")
         if sum(record.task.label == CONTACT for record in self.heads.values()) != 1:
             given = f"heads {', '.join(self.heads) or '(none)'}"
             raise InputError(given, f"one that learns the label {CONTACT}, beside others", "add it")

@@ -14,12 +14,13 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from math import prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from monochord.config import from_tree, to_tree
+from monochord.config import from_tree, load_json, to_tree
 from monochord.errors import InputError, did_you_mean
 from monochord.perceiver.bundled import bundled_folder, bundled_names
 from monochord.perceiver.definition import FORMAT, Definition
@@ -29,6 +30,8 @@ from monochord.types import Audio
 TEXT, WEIGHTS = "perceiver.json", "weights.safetensors"
 INSIDE_A_RUN = "perceiver"
 """Folder of the perceiver in the folder of a training run."""
+MAX_HEADER = 1 << 20
+"""Bytes in the file of weights beside the weights themselves."""
 AGAIN = "copy the folder again, or train again"
 
 
@@ -85,7 +88,11 @@ def load(path: Path | str) -> Perceiver:
         raise InputError(given, allowed, did_you_mean(str(path), names))
     told = _definition(folder / TEXT)
     file = folder / WEIGHTS
+    due = 4 * sum(prod(shape) for shape in told.shapes().values())
     try:
+        if file.stat().st_size > due + MAX_HEADER:
+            given = f"{file} of {file.stat().st_size} bytes"
+            raise InputError(given, f"{due + MAX_HEADER} bytes at most, as {TEXT} says", AGAIN)
         blob = file.read_bytes()
     except OSError as error:
         raise InputError(f"{file} ({error.strerror})", "a readable file", AGAIN) from error
@@ -97,13 +104,13 @@ def load(path: Path | str) -> Perceiver:
 
 
 def _definition(file: Path) -> Definition:
-    try:
-        tree: Any = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file} (damaged)", "JSON", AGAIN) from error
+    tree = load_json(file, AGAIN)
     if not isinstance(tree, dict) or tree.get("format") != FORMAT:
         raise InputError(f"{file} of another format", f"format {FORMAT}", "train again with this version")
-    return from_tree(Definition, _infinite(tree), file.name)
+    try:
+        return from_tree(Definition, _infinite(tree), file.name)
+    except RecursionError as error:
+        raise InputError(f"{file} (nested too deep)", "what monochord train wrote", AGAIN) from error
 
 
 def _weights(file: Path, blob: bytes, told: Definition) -> Mapping[str, Audio]:
@@ -112,7 +119,7 @@ def _weights(file: Path, blob: bytes, told: Definition) -> Mapping[str, Audio]:
 
     try:
         arrays = unpacked(blob)
-    except (SafetensorError, ValueError, KeyError) as error:
+    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{file} (damaged)", "a safetensors file", AGAIN) from error
     for name, shape in told.shapes().items():
         array = arrays.get(name)
@@ -126,6 +133,8 @@ def _weights(file: Path, blob: bytes, told: Definition) -> Mapping[str, Audio]:
                 else "not finite"
             )
             raise InputError(f"{file}: {name} is {wrong}", f"finite float32 {shape}", AGAIN)
+        if name.endswith(".scale") and not (array > 0.0).all():
+            raise InputError(f"{file}: {name} is 0 or less somewhere", "above 0", AGAIN)
     return {name: arrays[name] for name in told.shapes()}
 
 

@@ -5,16 +5,31 @@ One safetensors file, replaced at once: a kill leaves the one before or this one
 
 import json
 import os
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from monochord.config import from_tree
 from monochord.errors import InputError
 from monochord.types import Audio
 
 Line = dict[str, float]
+REMEDY = "remove it to begin anew"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _State:
+    """What stands beside the tensors in the file; `sum` is the SHA-256 of those, by name."""
+
+    epoch: int
+    data: str
+    sum: str
+    score: dict[str, float]
+    at: dict[str, int]
+    history: Sequence[Mapping[str, int | float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,16 +59,17 @@ class Checkpoint:
             for part, held in parts.items()
             for name, array in held.items()
         }
-        state = {
-            "epoch": self.epoch,
-            "data": self.data,
-            "score": self.score,
-            "at": self.at,
-            "history": self.history,
-        }
+        state = _State(
+            epoch=self.epoch,
+            data=self.data,
+            sum=_sum(tensors),
+            score=self.score,
+            at=self.at,
+            history=self.history,
+        )
         part = file.with_name(f".{file.name}.part")
         with part.open("wb") as stream:
-            stream.write(save(tensors, metadata={"state": json.dumps(state)}))
+            stream.write(save(tensors, metadata={"state": json.dumps(asdict(state))}))
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(part, file)  # noqa: PTH105
@@ -65,15 +81,45 @@ class Checkpoint:
 
         if not file.is_file():
             return None
-        held: dict[str, dict[str, Audio]] = {"weights": {}, "moments": {}, "best": {}}
+        damaged = InputError(f"checkpoint {file} (damaged)", "a whole file", REMEDY)
         try:
-            with safe_open(file, framework="numpy") as tensors:
-                state: dict[str, Any] = json.loads(tensors.metadata()["state"])
-                for key in tensors.keys():  # noqa: SIM118  (it is no mapping)
-                    part, _, name = key.partition("/")
-                    held[part][name] = tensors.get_tensor(key)
-            return cls(**held, **state)
-        except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError(
-                f"checkpoint {file} (damaged)", "a whole file", "remove it to begin anew"
-            ) from error
+            with safe_open(file, framework="numpy") as held:
+                tensors: dict[str, Audio] = {key: held.get_tensor(key) for key in held.keys()}  # noqa: SIM118  (no mapping)
+                state = from_tree(_State, json.loads(held.metadata()["state"]), f"checkpoint {file}")
+        except InputError as error:
+            raise InputError(error.given, error.allowed, REMEDY) from error
+        except (
+            SafetensorError,
+            OSError,
+            ValueError,
+            KeyError,
+            TypeError,
+            AttributeError,
+            RecursionError,
+        ) as error:
+            raise damaged from error
+        if state.sum != _sum(tensors):
+            raise damaged
+        parts: dict[str, dict[str, Audio]] = {"weights": {}, "moments": {}, "best": {}}
+        for key, array in tensors.items():
+            part, _, name = key.partition("/")
+            if part not in parts or array.dtype != np.float32 or not np.isfinite(array).all():
+                given = f"checkpoint {file} ({key} of {array.dtype}, or not finite)"
+                raise InputError(given, "finite float32 numbers", REMEDY)
+            parts[part][name] = array
+        return cls(
+            **parts,
+            epoch=state.epoch,
+            data=state.data,
+            score=state.score,
+            at=state.at,
+            history=[dict(line) for line in state.history],
+        )
+
+
+def _sum(tensors: Mapping[str, Audio]) -> str:
+    own = sha256()
+    for name in sorted(tensors):
+        own.update(f"{name} {tensors[name].dtype} {tensors[name].shape} ".encode())
+        own.update(np.ascontiguousarray(tensors[name]).tobytes())
+    return own.hexdigest()

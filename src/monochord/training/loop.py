@@ -13,7 +13,7 @@ from monochord.heads.base import Task
 from monochord.perceiver.definition import Definition
 from monochord.perceiver.network import scaled
 from monochord.training._torch import torch_library
-from monochord.training.checkpoint import Checkpoint, Line
+from monochord.training.checkpoint import REMEDY, Checkpoint, Line
 from monochord.training.examples import Examples
 from monochord.training.loss import head_loss, joint_loss
 from monochord.training.model import arrays, forward, initial
@@ -83,8 +83,11 @@ def _fit(
     seen, judged = (_Tensors(plan.definition, scaler, each) for each in (train, validation))
     weights = initial(plan.definition, plan.seed)
     decayed = [key for key in weights if key.endswith("weight") and tasks[key.partition(".")[0]].hidden]
-    free = [tensor for key, tensor in weights.items() if key not in decayed]
-    groups = [{"params": [weights[key] for key in decayed]}, {"params": free, "weight_decay": 0.0}]
+    free = [key for key in weights if key not in decayed]
+    groups: list[dict[str, Any]] = [
+        {"params": [weights[key] for key in decayed]},
+        {"params": [weights[key] for key in free], "weight_decay": 0.0},
+    ]
     optimiser = torch.optim.AdamW(groups, lr=options.rate, weight_decay=options.decay)
     data = _checksum(scaler, train, validation)
     state = Checkpoint.read(file) or Checkpoint(
@@ -93,6 +96,7 @@ def _fit(
     if state.data != data:
         given = f"checkpoint {file} of other windows or another feature"
         raise InputError(given, "one of these", "name another --out, or remove that run")
+    _refuse_other(file, state, weights, [*decayed, *free])
     _restore(weights, optimiser, state)
     while state.epoch < options.epochs and not _is_over(state, options):
         epoch = state.epoch
@@ -138,6 +142,21 @@ def _checksum(scaler: Mapping[str, Audio], train: Examples, validation: Examples
 
 def _is_over(state: Checkpoint, options: OptimiserSettings) -> bool:
     return bool(state.at) and state.epoch - max(state.at.values()) >= options.patience
+
+
+def _refuse_other(file: Path, state: Checkpoint, weights: Mapping[str, Any], order: list[str]) -> None:
+    """Refuse a checkpoint whose arrays are not those of this network, and of its optimiser in this order."""
+    due = {name: tuple(tensor.shape) for name, tensor in weights.items()}
+    moments = {
+        f"{number}/{kind}": () if kind == "step" else due[name]
+        for number, name in enumerate(order)
+        for kind in ("step", "exp_avg", "exp_avg_sq")
+    }
+    for held, shapes in ((state.weights, due), (state.best, due), (state.moments, moments)):
+        if {name: array.shape for name, array in held.items()} != shapes and (
+            held or held is not state.moments
+        ):
+            raise InputError(f"checkpoint {file} of another network", "one of these settings", REMEDY)
 
 
 def _restore(weights: Mapping[str, Any], optimiser: Any, state: Checkpoint) -> None:

@@ -2,7 +2,8 @@
 
 What is kept is found again by a key: the feature's name and options, the window, the dataset's checksum, the
 noise that was added, the rows that were asked for, and a fingerprint of what the feature does to three
-made-up windows. So a feature whose code changed is computed anew, without anyone telling.
+made-up windows. So a feature whose code changed is computed anew, without anyone telling, and so is what was
+damaged on disk: behind the array stands its SHA-256.
 """
 
 import hashlib
@@ -10,6 +11,7 @@ import json
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TypeAlias
 
@@ -30,6 +32,8 @@ Told: TypeAlias = Callable[[str, int, int], None]
 CHUNK = 2048
 """Rows in a file: what a kill costs at most."""
 BATCH = 64
+SEAL, MAX_HEADER = 32, 1024
+"""Bytes of the SHA-256 behind the array, and at most before it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +91,7 @@ class Rows:
         file.parent.mkdir(parents=True, exist_ok=True)
         part = file.with_name(f".{file.name}.{os.getpid()}")
         with part.open("wb") as stream:
-            np.save(stream, found)
+            stream.write(_sealed(found))
         os.replace(part, file)  # noqa: PTH105  (another run may have written the same)
         return found
 
@@ -110,10 +114,22 @@ def fingerprint(extractor: Extractor, channels: int, size: Samples) -> str:
     return hashlib.sha256(np.ascontiguousarray(probed(extractor, channels, size)).tobytes()).hexdigest()
 
 
+def _sealed(rows: Audio) -> bytes:
+    """Return the bytes of a .npy file with their SHA-256 behind, which NumPy does not look at."""
+    out = BytesIO()
+    np.save(out, rows)
+    return out.getvalue() + hashlib.sha256(out.getvalue()).digest()
+
+
 def _kept(file: Path, shape: tuple[int, int]) -> Audio | None:
     """Return what a file keeps, or None where it is absent, damaged or something else."""
     try:
-        found: Audio = np.load(file)
+        if file.stat().st_size > MAX_HEADER + 4 * shape[0] * shape[1] + SEAL:
+            return None
+        data = file.read_bytes()
+        if hashlib.sha256(data[:-SEAL]).digest() != data[-SEAL:]:
+            return None
+        found: Audio = np.load(BytesIO(data))
     except (OSError, ValueError, EOFError):
         return None
     return found if found.shape == shape and found.dtype == np.float32 else None
