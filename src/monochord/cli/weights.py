@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -26,14 +27,16 @@ def weights() -> None:
 @click.option(
     "--folder", type=DIR, metavar="DIR", help="Where to put them.  [default: the user's data folder]"
 )
+@click.option("--sha256", default="", metavar="SUM", help="Take no other file.  [default: the known sum]")
 @json_object
-def get(name: str, *, folder: Path | None, as_json: bool) -> None:
+def get(name: str, *, folder: Path | None, sha256: str, as_json: bool) -> None:
     """Fetch the weights NAME from where they are published, and check them.
 
     \b
     monochord weights get ast
     """  # noqa: D301
     known = load_known(name)
+    known = replace(known, sha256=sha256 or known.sha256)
     path = known.usual_path if folder is None else folder / known.file
     with click.progressbar(length=1000, label=known.file, file=sys.stderr, show_pos=False) as bar:
         own = fetch(known, path, lambda done, due: bar.update(1000 * done // due - bar.pos if due else 0))

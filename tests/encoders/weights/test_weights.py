@@ -1,3 +1,4 @@
+import subprocess
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -56,6 +57,27 @@ def test_without_a_folder_of_their_own_they_are_with_the_users_data(monkeypatch:
     monkeypatch.delenv("MONOCHORD_WEIGHTS")
     monkeypatch.setenv("XDG_DATA_HOME", "/somewhere")
     assert load_known("ast").usual_path == Path("/somewhere/monochord/weights/ast/model.safetensors")
+
+
+def test_weights_that_nothing_pins_are_said_to_be_so_with_the_way_to_pin_them(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file, known = tmp_path / "my weights", replace(load_known("ast"), sha256="")
+    file.write_bytes(b"numbers")
+    own = checked_sum(known, file)
+    (line,) = caplog.messages
+    assert own in line
+    subprocess.run(line.partition("pin it: ")[2], shell=True, check=True)  # noqa: S602
+    checked_sum(known, file)
+    assert len(caplog.messages) == 1
+    file.write_bytes(b"others")
+    with pytest.raises(InputError, match="weights get ast"):
+        checked_sum(known, file)
+
+
+def test_a_sum_that_is_none_is_refused() -> None:
+    with pytest.raises(InputError, match="64 hexadecimal digits"):
+        replace(load_known("ast"), sha256="abc")
 
 
 def test_a_sum_is_compared_with_what_is_known_and_with_what_was_kept(tmp_path: Path) -> None:

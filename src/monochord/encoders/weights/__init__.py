@@ -5,7 +5,10 @@ They are looked for in what is named, then in what the variable of their name sa
 beside the checkout, else the user's data folder.
 """
 
+import logging
 import os
+import re
+import shlex
 from dataclasses import dataclass
 from hashlib import file_digest
 from pathlib import Path
@@ -15,17 +18,19 @@ from monochord.errors import InputError
 from monochord.physics.presets import preset_names, preset_path
 
 SUM_SUFFIX = ".sha256"
-"""Of the file beside the weights that keeps the sum they had when they were fetched."""
+"""Of the file beside the weights that keeps the sum they had when fetched, or one pinned by hand."""
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownWeights:
     """Weights that Monochord can use.
 
-    `url` is where they are published and `file` what they are called there. `sha256` is their sum, empty
-    where it is not known in advance. `reader` is the module whose ``describe`` reads them and says in a few
-    words what they hold, empty where the sum says enough; `exporter` the one whose ``export`` writes their
-    network as an ONNX file, empty where there is none.
+    `url` is where they are published, an address of https or of a local file, and `file` what they are called
+    there. They have `max_bytes` at most. `sha256` is their sum, empty where it is not known in advance.
+    `reader` is the module whose ``describe`` reads them and says in a few words what they hold, empty where
+    the sum says enough; `exporter` the one whose ``export`` writes their network as an ONNX file, empty where
+    there is none.
     """
 
     name: str
@@ -34,10 +39,17 @@ class KnownWeights:
     licence: str
     url: str
     file: str
+    max_bytes: int = 1 << 30
     sha256: str = ""
     reader: str = ""
     exporter: str = ""
     notes: str = ""
+
+    def __post_init__(self) -> None:
+        if self.sha256 and not re.fullmatch("[0-9a-f]{64}", self.sha256):
+            raise InputError(f"sha256 '{self.sha256}'", "64 hexadecimal digits in lower case")
+        if self.max_bytes < 1:
+            raise InputError(f"max_bytes {self.max_bytes}", "1 or more")
 
     @property
     def variable(self) -> str:
@@ -118,6 +130,8 @@ def _beside(known: KnownWeights) -> Path | None:
 def checked_sum(known: KnownWeights, path: Path) -> str:
     """Return the SHA-256 of weights, compared with the one that is known or was kept beside them.
 
+    Where there is neither, a warning on stderr says so, with the sum that they have and the way to pin it.
+
     Raises
     ------
     InputError
@@ -134,4 +148,8 @@ def checked_sum(known: KnownWeights, path: Path) -> str:
         if due and due != own:
             remedy = f"fetch them again with 'monochord weights get {known.name}'"
             raise InputError(f"weights {path} with SHA-256 {own[:12]}...", f"{due[:12]}...", remedy)
+    if not (known.sha256 or kept):
+        pin = f"echo {own} > {shlex.quote(str(beside))}"
+        line = f"weights {path} are not pinned: nothing says which SHA-256 they should have; they have {own}"
+        _LOG.warning("monochord: %s; if that is the right one, pin it: %s", line, pin)
     return own
