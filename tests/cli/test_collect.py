@@ -1,8 +1,15 @@
 """The verb `collect`."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
+import psutil
 import pytest
 from tests.conftest import JackServer
 
@@ -80,6 +87,64 @@ def test_real_time_takes_what_it_needs(
 ) -> None:
     assert cli.run(["collect", "small", "--out", str(tmp_path), "--only", "hold", *options]) == 2
     assert line in capsys.readouterr().err
+
+
+def test_two_collections_into_one_folder_are_not_taken_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    first = ["collect", "small", "--out", str(out), "--workers", "1"]
+    with subprocess.Popen([sys.executable, "-m", "monochord", *first], stdout=subprocess.PIPE) as process:
+        until(lambda: bool(list(out.glob("*.part-*"))), process)
+        begun = {path.name for path in out.iterdir()}
+        for more in (["--seed", "1"], ["--real-time"]):
+            assert cli.run([*first[:4], *more]) == 2
+            error = capsys.readouterr().err
+            assert f"process {process.pid} is writing to it" in error
+            assert error.count("\n") == 1
+        assert begun <= {path.name for path in out.iterdir()}
+        process.kill()
+    assert process.returncode == -signal.SIGKILL
+    assert cli.run([*first, "--seed", "1", "--only", "hold", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["kept"] == 0
+    assert [path.name for path in out.iterdir()] == ["hold_000.mcap"]
+
+
+def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit: float = 60.0) -> None:
+    """Wait for something that a running process does."""
+    deadline = time.monotonic() + limit
+    while not reached():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.jack
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("begun", [False, True])
+def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
+    number: signal.Signals, begun: bool, jack_server: JackServer, tmp_path: Path
+) -> None:
+    temporary, out = tmp_path / "temporary", tmp_path / "out"
+    temporary.mkdir()
+    part = out / "hold_000.mcap.part"
+    command = ["collect", "small", "--only", "hold", "--out", str(out), "--real-time"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "monochord", *command, "--server", jack_server.name],
+        stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    ) as process:
+        sign = part.exists if begun else lambda: bool(list(temporary.glob("monochord-scratch-*/player.npz")))
+        until(sign, process)
+        parts = psutil.Process(process.pid).children(recursive=True)
+        process.send_signal(number)
+        _, error = process.communicate(timeout=20)
+    assert process.returncode == cli.INTERRUPTED
+    assert error.endswith(b"monochord: interrupted\n")
+    assert b"Traceback" not in error
+    assert not [each for each in parts if each.is_running()]
+    assert not list(temporary.iterdir())
+    assert {path.name for path in out.iterdir()} <= {part.name}
 
 
 @pytest.mark.jack

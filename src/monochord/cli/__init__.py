@@ -1,26 +1,37 @@
 """The command line: one file a verb, found by its name; arguments and printing only.
 
 Every verb ends with status 0 only if its work was done, and with 2 and one line on stderr for a bad
-argument or input. Importing this module is cheap, and so is asking for help: a verb's file loads when
-the verb is used.
+argument or input. Control-C, SIGTERM or SIGHUP end it with one line and with status 130 wherever it is, but
+for the verbs that run until somebody ends them: those print what they did, and end with status 0. Importing this
+module is cheap, and so is asking for help: a verb's file loads when the verb is used.
 """
 
 import ast
 import errno
 import os
+import signal
 import sys
+import threading
+from _thread import interrupt_main
+from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import iter_modules
+from types import FrameType
+from typing import Any, NoReturn
 
 import click
 
 from monochord.errors import DeviceError, InputError, MonochordError, did_you_mean
 
 INTERRUPTED = 130
-"""Exit status of a verb that Control-C cut off."""
+"""Exit status of a verb that Control-C, SIGTERM or SIGHUP cut off."""
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+AGAIN = 0.02
+"""Seconds until an interruption that got lost in a callback is raised once more."""
+_LINE = "monochord: interrupted"
 _ROOM = "make room there, or write elsewhere"
 _NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
@@ -38,6 +49,12 @@ class _Verbs(click.Group):
             raise InputError(f"verb '{cmd_name}'", ", ".join(verbs), did_you_mean(cmd_name, verbs))
         return getattr(import_module(f"{__name__}.{cmd_name}"), cmd_name)
 
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:  # for which click would print an empty line
+            raise click.Abort from error
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Verbs"):
             formatter.write_dl([(verb, _summary(verb)) for verb in self.list_commands(ctx)])
@@ -49,31 +66,75 @@ class _Verbs(click.Group):
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(package_name="monochord")
-def monochord() -> None:
+@click.pass_obj
+def monochord(begin: Callable[[], None] | None) -> None:
     """Monochord: acoustic tactile sensing with a driven string."""
+    if begin:  # the verb's file is loaded, and its work comes next
+        begin()
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 2 bad argument or input, 1 failed, 130 interrupted."""
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    _take_signals(_end_at_once)  # while there is only loading to be cut off
+    sys.unraisablehook = _unraisable
+    status = run(sys.argv[1:] if arguments is None else arguments, lambda: _take_signals(_raise))
+    _take_signals(_end_at_once)  # the work is over, and the interpreter takes its time to end
+    sys.exit(status)
 
 
-def run(arguments: list[str]) -> int:
-    """Run the command line and return its exit status, printing any error as one line on stderr."""
+def run(arguments: list[str], begin: Callable[[], None] | None = None) -> int:
+    """Run the command line and return its exit status, printing any error as one line on stderr.
+
+    `begin` is called once the verb is loaded, before it does anything.
+    """
     try:
-        return _answered(arguments)
-    except (KeyboardInterrupt, click.Abort):
-        return INTERRUPTED
-    except SystemError as error:  # what comes of Control-C inside a compiled kernel
-        if not isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):
+        return _answered(arguments, begin)
+    except BaseException as error:
+        if not _is_interruption(error):
             raise
+        _forget_output()
+        click.echo(_LINE, err=True)
         return INTERRUPTED
 
 
-def _answered(arguments: list[str]) -> int:
+def _is_interruption(error: BaseException | None) -> bool:
+    """Return whether an error came of Control-C, perhaps as another one, as inside a compiled kernel."""
+    while error is not None:
+        if isinstance(error, (KeyboardInterrupt, click.Abort)):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _take_signals(handler: Callable[[int, FrameType | None], NoReturn]) -> None:
+    """Have a handler take what asks for the end, unless that is ignored, as under `nohup`."""
+    for number in ENDING:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
+
+
+def _raise(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001
+    raise KeyboardInterrupt
+
+
+def _end_at_once(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001
+    with suppress(OSError):
+        os.write(2, f"{_LINE}\n".encode())
+    os._exit(INTERRUPTED)
+
+
+def _unraisable(lost: "sys.UnraisableHookArgs") -> None:
+    """Raise an interruption once more that came inside a callback, where Python drops what is raised."""
+    if lost.exc_type is KeyboardInterrupt:
+        threading.Timer(AGAIN, interrupt_main).start()
+    else:
+        sys.__unraisablehook__(lost)
+
+
+def _answered(arguments: list[str], begin: Callable[[], None] | None) -> int:
     """Run the command line with every error but an interruption told."""
     try:
-        result = monochord.main(arguments, prog_name="monochord", standalone_mode=False)
+        result = monochord.main(arguments, prog_name="monochord", standalone_mode=False, obj=begin)
         _flush()
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
@@ -82,6 +143,8 @@ def _answered(arguments: list[str]) -> int:
         _forget_output()
         return 1
     except (click.ClickException, MonochordError, OSError) as error:
+        if _is_interruption(error):
+            raise
         line, status = _verdict(error, arguments)
         _forget_output()
         click.echo("monochord: " + " ".join(line.split()), err=True)

@@ -19,6 +19,7 @@ from monochord.lab.course import course
 from monochord.lab.plan import Assignment
 from monochord.lab.plans import load_plan
 from monochord.lab.tally import Tally
+from monochord.ownership import sole_use
 
 
 @click.command()
@@ -82,11 +83,11 @@ def _made(
     from monochord.lab.stage import Stage, play  # noqa: PLC0415
     from monochord.recording.view import viewed  # noqa: PLC0415
 
-    made_folder(out)
-    for session in sessions:
-        path = out / f"{session.name}.mcap"
-        with viewed(path, Console(file=sys.stderr, highlight=False)) as view:
-            yield play(session, out, Stage(server=server), view.show)
+    with sole_use(made_folder(out)):
+        for session in sessions:
+            path = out / f"{session.name}.mcap"
+            with viewed(path, Console(file=sys.stderr, highlight=False)) as view:
+                yield play(session, out, Stage(server=server), view.show)
 
 
 def _watched(outcomes: Iterator[Outcome], sessions: Sequence[Assignment]) -> Iterator[Outcome]:

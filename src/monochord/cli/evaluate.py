@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
@@ -39,6 +38,7 @@ from monochord.evaluation.limits import force_floor
 from monochord.evaluation.paper_rows import labelled, paper_rows
 from monochord.evaluation.replay import Course
 from monochord.evaluation.scorecard import scorecard
+from monochord.ownership import scratch_folder
 from monochord.perceiver import load
 from monochord.perceiver.definition import Definition
 from monochord.physics.sensors import load_sensor
@@ -200,7 +200,7 @@ def _of_sessions(
     files = find_sessions(names)
     window = 0.1 if told.definition is None else told.definition.window / told.definition.sample_rate
     hop = 0.1 if told.definition is None else told.definition.hop / told.definition.sample_rate
-    folder = Path(stack.enter_context(TemporaryDirectory(prefix="monochord-"))) / "dataset"
+    folder = stack.enter_context(scratch_folder()) / "dataset"
     with bar_of_sessions() as progress:
         dataset = build_dataset(files, folder, Options(window=window, hop=hop), progress)
     floors: dict[str, Newtons] = {}

@@ -1,8 +1,6 @@
 """Sessions into a dataset, one at a time."""
 
 import hashlib
-import os
-import shutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from glob import glob
@@ -30,6 +28,7 @@ from monochord.datasets.store import (
 )
 from monochord.datasets.truth import Truth, truth_of
 from monochord.errors import InputError
+from monochord.ownership import part_folder
 from monochord.sessions import AudioTrack, Session, read_session
 from monochord.sessions.alignment import AUDIO
 from monochord.units import Samples, Seconds
@@ -107,7 +106,8 @@ def build_dataset(
 
     The samples of a session are taken as they were recorded: lost frames are zeros, clipped ones and those
     that are no numbers stay, and the windows that hold any are flagged. Memory holds a session at a time.
-    Equal sessions and options give equal bytes. The folder appears under its name when all of it is there.
+    Equal sessions and options give equal bytes. The folder appears under its name when all of it is there; what a
+    killed run left of the same folder is removed.
 
     Parameters
     ----------
@@ -139,9 +139,7 @@ def build_dataset(
             f"folder {out.absolute().parent}, which is not there", "one that is", "make it first"
         )
     files = named_sessions(sessions)
-    part = out.with_name(f".{out.name}.part-{os.getpid()}")
-    part.mkdir()
-    try:
+    with part_folder(out) as part:
         writer = _Writer(part, options)
         for done, (name, path) in enumerate(files.items()):
             progress(name, done, len(files))
@@ -149,9 +147,6 @@ def build_dataset(
         writer.finish()
         progress("", len(files), len(files))
         part.rename(out)
-    finally:
-        if part.exists():
-            shutil.rmtree(part)
     return open_dataset(out)
 
 

@@ -2,10 +2,10 @@
 
 import logging
 import socket
-import tempfile
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
 import dask.config
@@ -14,7 +14,8 @@ from distributed.client import FutureCancelledError
 from distributed.versions import VersionMismatchWarning
 
 from monochord.errors import DeviceError, InputError
-from monochord.lab._worker import ALONE, TRIES, do, one_thread_each, pack, unreadable
+from monochord.lab._worker import ALONE, TRIES, do, one_thread_each, pack, undisturbed, unreadable
+from monochord.ownership import scratch_folder
 from monochord.units import Seconds
 
 Job = TypeVar("Job")
@@ -50,9 +51,8 @@ def on_this_machine(
         _quiet(),
         one_thread_each(),
         dask.config.set(settings),
-        tempfile.TemporaryDirectory(prefix="monochord-") as scratch,
-        _local(workers, scratch) as cluster,
-        Client(cluster, set_as_default=False) as client,
+        scratch_folder() as scratch,
+        _local(workers, scratch) as client,
     ):
         yield from _results(client, jobs, work)
 
@@ -72,7 +72,21 @@ def _client(address: str) -> Any:
         return Client(address, timeout=ANSWER_WITHIN, set_as_default=False)
 
 
-def _local(workers: int, scratch: str) -> LocalCluster:
+@contextmanager
+def _local(workers: int, scratch: Path) -> Generator[Any]:
+    """Give the client of a cluster of this machine's processes."""
+    with ExitStack() as stack:
+        try:
+            with undisturbed():
+                cluster = stack.enter_context(_cluster(workers, scratch))
+                client = stack.enter_context(Client(cluster, set_as_default=False))
+            yield client
+        finally:
+            with undisturbed():
+                stack.close()
+
+
+def _cluster(workers: int, scratch: Path) -> LocalCluster:
     return LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
@@ -83,7 +97,7 @@ def _local(workers: int, scratch: str) -> LocalCluster:
         scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
         silence_logs=logging.CRITICAL,
         memory_limit=0,  # a job's memory is its own business
-        local_directory=scratch,
+        local_directory=str(scratch),
         preload=["monochord.lab._worker"],
     )
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from monochord.errors import DeviceError
-from monochord.lab._worker import TRIES, do, one_thread_each, pack, prepare
+from monochord.lab._worker import TRIES, do, one_thread_each, pack, prepare, undisturbed
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -40,7 +40,9 @@ def _pool(workers: int, packed: dict[int, bytes]) -> Generator[dict[Future[Any],
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), prepare)
     try:
-        yield {pool.submit(do, job): number for number, job in packed.items()}
+        with undisturbed():
+            futures = {pool.submit(do, job): number for number, job in packed.items()}
+        yield futures
     finally:
         for process in set(multiprocessing.active_children()) - others:
             process.kill()

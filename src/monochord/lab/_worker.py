@@ -6,10 +6,11 @@ import signal
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
-from multiprocessing import parent_process
+from multiprocessing import parent_process, resource_tracker
 from typing import Any
 
 from monochord.errors import DeviceError
+from monochord.interruption import interruption
 
 TRIES = 3
 """Workers that may die over one job before it counts as hopeless."""
@@ -54,6 +55,25 @@ def prepare() -> None:
 def _end_with(parent: Any) -> None:
     parent.join()
     os._exit(1)
+
+
+@contextmanager
+def undisturbed() -> Generator[None]:
+    """Start or end workers with Control-C held back until that is done; workers started inside never see it.
+
+    A terminal sends it to them too, and until they are ready to ignore it, they would end with a traceback.
+    """
+    resource_tracker.ensure_running()  # which would lift the mask in the thread that starts it
+    with interruption() as stop:
+        before = signal.pthread_sigmask(
+            signal.SIG_BLOCK, {signal.SIGINT}
+        )  # a new process or thread has it too
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    if stop.asked:
+        raise KeyboardInterrupt
 
 
 @contextmanager

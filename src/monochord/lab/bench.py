@@ -56,8 +56,8 @@ class Outcome:
 def make(session: Assignment, folder: Path) -> Outcome:
     """Make the session's file in a folder, unless it is there already.
 
-    It is written under another name first and then renamed: what was cut off leaves nothing that counts. Two
-    that make the same session write the same bytes, and the last one's stay.
+    It is written under another name first and then renamed: what was cut off leaves nothing that counts. A
+    file of another plan that has come meanwhile, as from a worker whose collection ended, is not replaced.
 
     Parameters
     ----------
@@ -86,6 +86,8 @@ def make(session: Assignment, folder: Path) -> Outcome:
             desk = _Desk(session, writer)
             for piece in pieces(session):
                 desk.write(piece)
+        if there := made_before(path, told):
+            return there
         with suppress(FileNotFoundError):  # another made the same meanwhile, and tidied this away
             part.replace(path)
     finally:

@@ -1,7 +1,9 @@
 """A whole plan carried out: its sessions spread over processes or machines, and what came of them."""
 
 import hashlib
+import logging
 from collections.abc import Generator, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +11,9 @@ from monochord.errors import InputError, did_you_mean
 from monochord.lab.bench import Outcome, make
 from monochord.lab.fleet import run_all
 from monochord.lab.plan import Assignment, Plan, assignments
+from monochord.ownership import sole_use
+
+_log = logging.getLogger("monochord")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,11 +70,12 @@ def collect(
     Raises
     ------
     InputError
-        If the folder cannot be made, or holds other sessions of the same names.
+        If the folder cannot be made, another collection is writing to it, or it holds other sessions of the
+        same names.
     """
     folder = made_folder(folder.resolve())
     tasks = [Task(session=session, folder=folder) for session in sessions]
-    return _outcomes(tasks, workers, cluster)
+    return _outcomes(folder, tasks, workers, cluster)
 
 
 def made_folder(folder: Path) -> Path:
@@ -81,9 +87,28 @@ def made_folder(folder: Path) -> Path:
     return folder
 
 
-def _outcomes(tasks: Sequence[Task], workers: int | None, cluster: str) -> Generator[Outcome]:
-    for _, outcome in run_all(tasks, work, cluster=cluster, workers=workers):
-        yield outcome
+def _outcomes(folder: Path, tasks: Sequence[Task], workers: int | None, cluster: str) -> Generator[Outcome]:
+    with sole_use(folder):
+        left = _remove_unfinished(folder, tasks)
+        if left:
+            _log.warning(
+                "monochord: removed %d unfinished files in %s, left by a run that was killed", left, folder
+            )
+        try:
+            with closing(run_all(tasks, work, cluster=cluster, workers=workers)) as outcomes:
+                for _, outcome in outcomes:
+                    yield outcome
+        finally:
+            _remove_unfinished(folder, tasks)  # of workers that were ended within their work
+
+
+def _remove_unfinished(folder: Path, tasks: Sequence[Task]) -> int:
+    """Remove what workers that ended have begun of the tasks' files; return how many there were."""
+    names = {task.session.name for task in tasks}
+    found = [file for file in folder.glob("*.mcap.part-*") if file.name.partition(".mcap.part-")[0] in names]
+    for file in found:
+        file.unlink(missing_ok=True)
+    return len(found)
 
 
 def work(task: Task) -> Outcome:

@@ -1,7 +1,7 @@
 """Many jobs that do not depend on each other, over processes or machines; a worker that dies loses none."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from importlib.util import find_spec
 from typing import TypeVar
 
@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 
 def run_all(
     jobs: Sequence[Job], work: Callable[[Job], Result], *, cluster: str = "", workers: int | None = None
-) -> Iterator[tuple[Job, Result]]:
+) -> Generator[tuple[Job, Result]]:
     """Do every job and yield it with its result, in the order in which they finish.
 
     One job, or one worker, runs in this process. More run in processes of this machine: as a dask cluster of

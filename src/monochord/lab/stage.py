@@ -10,7 +10,6 @@ import os
 import select
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -31,6 +30,7 @@ from monochord.lab.player import PlayerSettings
 from monochord.lab.pose_publisher import PublisherSettings
 from monochord.lab.render import render
 from monochord.lab.rendering import Rendering
+from monochord.ownership import scratch_folder
 from monochord.recording import Job, Notice, Progress, Summary, record
 from monochord.sessions import Description
 from monochord.sources import SOURCES
@@ -96,9 +96,9 @@ def perform(
     """
     stage, sound, late = stage or Stage(), render(session), delays(session)
     labels = _LabelsFeed(sound, late["wrench"])
-    with tempfile.TemporaryDirectory(prefix="monochord-") as folder, ExitStack() as stack:
+    with scratch_folder() as folder, ExitStack() as stack:
         parts = {
-            name: stack.enter_context(_process(name, Path(folder, f"{name}.npz"), arrays, settings))
+            name: stack.enter_context(_process(name, folder / f"{name}.npz", arrays, settings))
             for name, (arrays, settings) in _scripts(session, sound, late, stage).items()
         }
         said, ports = parts["net_ft_device"].said, parts["player"].said["ports"]

@@ -1,0 +1,23 @@
+"""The command `monochord`: nothing but the command line, with Control-C taken before that is loaded."""
+
+import os
+import signal
+import sys
+from typing import NoReturn
+
+
+def main() -> None:
+    """Load the command line and run it."""
+    signal.signal(signal.SIGINT, _end)
+    from monochord.cli import main as run  # noqa: PLC0415
+
+    run()
+
+
+def _end(_number: int, _frame: object) -> NoReturn:
+    os.write(2, b"monochord: interrupted\n")
+    os._exit(130)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
