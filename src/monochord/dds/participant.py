@@ -1,11 +1,15 @@
 """Takes part in a DDS domain: writers and readers of ROS 2 topics."""
 
+import ctypes
 import os
 import re
+import socket
+import struct
 import threading
 import time
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -15,7 +19,11 @@ from monochord.units import Seconds
 MOST_DOMAIN = 232
 DEPTH = 10  # what ROS 2 keeps of a topic
 URI = "CYCLONEDDS_URI"
-MOST_AT_ONCE = 256
+FIRST_PORT, PORTS = 7400, 250
+"""A domain's UDP ports after the DDSI standard: from 7400 + 250 times the domain on, so many."""
+ATTACH_FILTER = 26  # SO_ATTACH_FILTER of asm-generic/socket.h, which Python does not name
+LARGEST_SAMPLE = "1 MiB"
+"""Of a larger message nothing is put together, so that none fills the memory."""
 
 Hear = Callable[[Any, Seconds], None]
 """Called with a message and the monotonic time at which it came, in a thread of DDS."""
@@ -31,8 +39,11 @@ class Participant:
     domain
         Number of the domain; None for ``$ROS_DOMAIN_ID``, or else 0.
     interface
-        Network interface to speak over; ``lo`` keeps to this machine. ``$CYCLONEDDS_URI`` goes before it
-        where it is set, and a process has one configuration for each domain: that of its first participant.
+        Network interface to speak over; ``lo`` keeps to this machine, empty lets the library choose.
+        ``$CYCLONEDDS_URI`` goes before it where it is set, and a process has one configuration for each
+        domain: that of its first participant. CycloneDDS binds its sockets to the wildcard address (``ss``
+        shows ``0.0.0.0``); the kernel drops what did not come in over the interface or from this machine.
+        Nothing is logged, however much garbage comes, unless the URI asks for it (``Tracing/Verbosity``).
 
     Raises
     ------
@@ -59,16 +70,22 @@ class Participant:
         try:
             from cyclonedds.core import DDSException  # noqa: PLC0415
             from cyclonedds.domain import DomainParticipant  # noqa: PLC0415
+            from cyclonedds.internal import load_cyclonedds  # noqa: PLC0415
         except ImportError as error:
             lacking = "DDS without the package cyclonedds"
             raise InputError(lacking, "it installed", "pip install 'monochord[ros]'") from error
+        # Its Tracing/Verbosity "none" still writes a line to stderr for each malformed packet.
+        load_cyclonedds().dds_set_log_mask(0)
         try:
-            with _configured(interface):
+            with _configured(interface) as ours:
+                others = _sockets()
                 self._participant: Any = DomainParticipant(self.domain)
-        except DDSException as error:
-            raise DeviceError(
-                f"DDS over '{interface}': the domain {self.domain} cannot be joined; is there such a network?"
-            ) from error
+                if ours and interface:
+                    _keep_to(interface, self.domain, _sockets() - others)
+        except (DDSException, OSError) as error:
+            doubt = "is there such a network?" if not os.environ.get(URI) else f"is ${URI} right?"
+            line = f"DDS over '{interface}': the domain {self.domain} cannot be joined; {doubt}"
+            raise DeviceError(line) from error
         self._parts: list[Writer | Reader] = []
 
     def writer(self, topic: str, message: str) -> "Writer":
@@ -127,7 +144,10 @@ class Writer:
 
 
 class Reader:
-    """Hears a topic: from reliable writers and from those that are not, and whatever they keep."""
+    """Hears a topic: from reliable writers and from those that are not, and whatever they keep.
+
+    `faulty` counts the messages that could not be decoded.
+    """
 
     def __init__(self, participant: Any, topic: str, message: str, hear: Hear) -> None:
         from cyclonedds.core import Listener, Policy, Qos  # noqa: PLC0415
@@ -137,6 +157,7 @@ class Reader:
         qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth=1000))
         self._hear = hear
         self._came = 0
+        self.faulty = 0
         self._reader: Any = DataReader(participant, place, qos=qos)
         listener: Any = Listener()
         listener.set_on_data_available(lambda _: self._take(time.monotonic()))
@@ -164,14 +185,21 @@ class Reader:
             self._came += 1
 
     def _take(self, now: Seconds) -> None:
-        reader = self._reader
-        while reader:
-            messages = reader.take(MOST_AT_ONCE)
-            for message in messages:
-                if getattr(message.sample_info, "valid_data", False):
-                    self._hear(message, now)
-            if len(messages) < MOST_AT_ONCE:
+        from cyclonedds.core import DDSException  # noqa: PLC0415
+
+        while reader := self._reader:
+            # One by one: what cannot be decoded raises, and takes with it all that was taken at once.
+            try:
+                messages = reader.take(1)
+            except DDSException:
                 return
+            except Exception:  # noqa: BLE001  (a text that is no UTF-8, a sequence that is longer than its message)
+                self.faulty += 1
+                continue
+            if not messages:
+                return
+            if getattr(messages[0].sample_info, "valid_data", False):
+                self._hear(messages[0], now)
 
 
 def _topic(participant: Any, topic: str, message: str) -> tuple[type[Any], Any]:
@@ -199,8 +227,11 @@ def _own_domain() -> int:
 
 
 @contextmanager
-def _configured(interface: str) -> Generator[None]:
-    """Hand over the configuration by the environment: so the domain ends with its last participant."""
+def _configured(interface: str) -> Generator[bool]:
+    """Hand over the configuration by the environment: so the domain ends with its last participant.
+
+    Yields whether it is ours and not that of ``$CYCLONEDDS_URI``.
+    """
     alone = interface == "lo"
     discovery = (
         "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>"
@@ -210,15 +241,53 @@ def _configured(interface: str) -> Generator[None]:
     )
     multicast = "<AllowMulticast>false</AllowMulticast>" if alone else ""
     card = f'<Interfaces><NetworkInterface name="{interface}"/></Interfaces>' if interface else ""
-    quiet = "<Tracing><Verbosity>none</Verbosity></Tracing>"
+    bounds = f"<Internal><MaxSampleSize>{LARGEST_SAMPLE}</MaxSampleSize></Internal>"
     with _CONFIGURING:
         if os.environ.get(URI):
-            yield
+            yield False
             return
         os.environ[URI] = (
-            f"<CycloneDDS><Domain><General>{card}{multicast}</General>{discovery}{quiet}</Domain></CycloneDDS>"
+            f"<CycloneDDS><Domain><General>{card}{multicast}</General>{discovery}{bounds}</Domain></CycloneDDS>"
         )
         try:
-            yield
+            yield True
         finally:
             del os.environ[URI]
+
+
+def _sockets() -> set[int]:
+    """Return the descriptors of this process's sockets."""
+    found: set[int] = set()
+    for entry in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):  # the listing's own is closed by now
+            if str(entry.readlink()).startswith("socket:"):
+                found.add(int(entry.name))
+    return found
+
+
+def _keep_to(interface: str, domain: int, descriptors: set[int]) -> None:
+    """Have the kernel drop what reaches a domain's wildcard sockets over any other interface but ``lo``.
+
+    A classic BPF program (linux/filter.h), which anyone may attach to an own socket: it looks at the index of
+    the interface that a packet came in over. What this machine sends to itself comes in over ``lo``, whatever
+    address it is sent to, and nothing from outside does.
+    """
+    load_word, equal, give = 0x20, 0x15, 0x06  # BPF_LD|BPF_W|BPF_ABS, BPF_JMP|BPF_JEQ|BPF_K, BPF_RET|BPF_K
+    came_in_over = 0xFFFFF008  # SKF_AD_OFF + SKF_AD_IFINDEX
+    program = (
+        (load_word, 0, 0, came_in_over),
+        (equal, 2, 0, socket.if_nametoindex(interface)),
+        (equal, 1, 0, socket.if_nametoindex("lo")),
+        (give, 0, 0, 0),
+        (give, 0, 0, 0xFFFFFFFF),
+    )
+    code = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in program))
+    filter_ = struct.pack("@HP", len(program), ctypes.addressof(code))
+    first = FIRST_PORT + PORTS * domain
+    for descriptor in descriptors:
+        with socket.socket(fileno=os.dup(descriptor)) as sock:
+            if (sock.family, sock.type) != (socket.AF_INET, socket.SOCK_DGRAM):
+                continue
+            host, port = sock.getsockname()
+            if host == "0.0.0.0" and first <= port < first + PORTS:  # noqa: S104  (looked for, not bound)
+                sock.setsockopt(socket.SOL_SOCKET, ATTACH_FILTER, filter_)
