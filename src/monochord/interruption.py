@@ -19,6 +19,7 @@ class Interruption:
 
     def __init__(self) -> None:
         self.asked = False
+        self._at_once = False
         self._close: Callable[[], None] | None = None
         self._closing: threading.Thread | None = None
 
@@ -35,9 +36,20 @@ class Interruption:
             if self._closing:
                 self._closing.join()
 
+    @contextmanager
+    def at_once(self) -> Generator[None]:
+        """Have the first signal raise too: meanwhile devices are opened, and there is nothing yet to save."""
+        self._at_once = True
+        try:
+            if self.asked:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._at_once = False
+
     def handle(self, number: int, frame: FrameType | None) -> None:
         """Take a signal."""
-        if self.asked:
+        if self.asked or self._at_once:
             signal.default_int_handler(number, frame)
         self.asked = True
         if self._close:

@@ -47,7 +47,8 @@ def run(session: Session) -> Summary:
     """
     with ExitStack() as stack:
         wish = stack.enter_context(interruption())
-        stream = stack.enter_context(session.source.open())
+        with wish.at_once():
+            stream = stack.enter_context(session.source.open())
         stack.enter_context(wish.ending(stream.close))
         signal = _known(stream.signal, session.string)
         size, hop = session.window.frames(signal.sample_rate)

@@ -46,8 +46,8 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
     -------
     Summary
         What was saved. The file is whole and valid, also where `Summary.failure` tells of a disk that filled
-        up or a device that went away for good. A first Control-C, SIGTERM or SIGHUP ends the loop and
-        is not raised.
+        up or a device that went away for good. A first Control-C, SIGTERM or SIGHUP ends the loop and is
+        not raised, unless devices are being opened: then it is, at once, and no file is left.
 
     Raises
     ------
@@ -61,8 +61,9 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
         wish = stack.enter_context(interruption())
         stack.enter_context(precedence())
         clock = SessionClock.now()
-        stream = stack.enter_context(job.source.open())
-        connections = {name: stack.enter_context(it.open()) for name, it in job.instruments.items()}
+        with wish.at_once():
+            stream = stack.enter_context(job.source.open())
+            connections = {name: stack.enter_context(it.open()) for name, it in job.instruments.items()}
         tally = Tally(stream, connections, job.path.parent, reserve=job.disk.stop)
         # Read from here on, for making a file takes longer than a device's buffer may hold.
         pumps = stack.enter_context(pumping(stream, connections, job.room))

@@ -1,0 +1,112 @@
+"""`monochord record` interrupted while its devices are being opened: at once, and nothing is left behind."""
+
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+MONOCHORD = str(Path(sys.executable).with_name("monochord"))
+AT_ONCE = 3.0
+"""How long the end may take, in s; Python takes some of it, and a busy machine the rest."""
+
+
+@pytest.fixture
+def slow_box() -> Iterator[tuple[int, threading.Event]]:
+    """A Net F/T whose settings come byte by byte: its port, and an event once it is asked."""
+    ended, asked = threading.Event(), threading.Event()
+
+    def serve() -> None:
+        with suppress(OSError):
+            client, _ = server.accept()
+            with client:
+                client.recv(1000)
+                asked.set()
+                client.sendall(b"HTTP/1.1 200 OK\r\n\r\n<netft>")
+                while not ended.wait(0.5):
+                    client.sendall(b" ")
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(60.0)
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield int(server.getsockname()[1]), asked
+        ended.set()
+        thread.join()
+
+
+def interrupted(process: "subprocess.Popen[str]", number: signal.Signals) -> None:
+    """Send the signal, once, and see the process end as the command line has it, with nothing to explain."""
+    time.sleep(0.5)
+    assert process.poll() is None
+    begun = time.monotonic()
+    process.send_signal(number)
+    try:
+        printed, shown = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert time.monotonic() - begun < AT_ONCE
+    assert process.returncode == 130
+    assert printed == shown.strip() == ""
+
+
+def start(*words: str, **more: Any) -> "subprocess.Popen[str]":
+    pipe = subprocess.PIPE
+    return subprocess.Popen([MONOCHORD, "record", *words], stdout=pipe, stderr=pipe, text=True, **more)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_device_that_trickles(
+    tmp_path: Path, sound: Path, slow_box: tuple[int, threading.Event], number: signal.Signals
+) -> None:
+    port, asked = slow_box
+    folder = tmp_path / "takes"
+    folder.mkdir()
+    box = [
+        "--instrument",
+        "net_ft",
+        "--set",
+        f"net_ft.http_port={port}",
+        "--set",
+        "net_ft.timeout_seconds=60",
+    ]
+    with start(
+        str(folder / "take.mcap"), "--source", "wav", "--set", f"source.path={sound}", *box
+    ) as process:
+        assert asked.wait(30.0)
+        interrupted(process, number)
+    assert not list(folder.iterdir())
+
+
+def test_a_jack_server_that_is_stuck(tmp_path: Path, jack_server: Any) -> None:
+    folder = tmp_path / "takes"
+    folder.mkdir()
+    jack_server.process.send_signal(signal.SIGSTOP)
+    try:
+        with start(str(folder / "take.mcap"), "--set", f"source.server={jack_server.name}") as process:
+            wait_until_blocked(process)
+            interrupted(process, signal.SIGINT)
+    finally:
+        jack_server.process.send_signal(signal.SIGCONT)
+    assert not list(folder.iterdir())
+
+
+def wait_until_blocked(process: "subprocess.Popen[str]") -> None:
+    """Wait until a process has done nothing for a second."""
+    end, last = time.monotonic() + 60.0, (-1, 0.0)
+    while time.monotonic() < end:
+        times = Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        used = int(times[11]) + int(times[12])
+        if used != last[0]:
+            last = used, time.monotonic()
+        elif used > 20 and time.monotonic() - last[1] > 1.0:
+            return
+        time.sleep(0.05)
+    pytest.fail("it does not come to rest")
