@@ -205,7 +205,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentHealth:
-    """Counters of an open instrument: `missing` never came, `faulty` came with a status that is not 0."""
+    """Counters of an open instrument: `missing` never came, `faulty` are unreadable or tell of a fault."""
 
     readings: int = 0
     missing: int = 0

@@ -1,3 +1,5 @@
+import os
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +66,56 @@ def test_a_line_that_is_no_pose_is_counted(file: Path) -> None:
         assert got.time.size == 2
         assert connection.health.faulty == 5
         assert connection.health.out_of_order == 1
+
+
+def test_a_pose_that_is_absurd_is_counted(file: Path) -> None:
+    with PoseCsv(path=str(file)).open() as connection:
+        append(file, "1,1e308,0,0\n1,-1e8,0,0\n1,inf,0,0\n1,1e7,0,0\n")
+        (got,) = connection.poll()
+        assert got.values[:, 0].tolist() == [1e7]
+        assert connection.health.faulty == 3
+
+
+def test_a_line_without_an_end_is_counted_once_and_not_kept(file: Path) -> None:
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with PoseCsv(path=str(file)).open() as connection:
+        with file.open("ab") as writer:
+            for _ in range(40):
+                writer.write(bytes(1 << 20))
+                writer.flush()
+                assert connection.poll() == []
+        append(file, "9\n" + "2" * 5000 + ",0,0,0\n1,2,3,4\n")
+        (got,) = connection.poll()
+        assert got.values[:, 0].tolist() == [2.0]
+        assert connection.health.faulty == 2
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 16 << 10  # KiB
+
+
+def test_a_first_line_without_an_end_is_refused() -> None:
+    with pytest.raises(InputError, match="longer than 4096 bytes"), PoseCsv(path="/dev/zero").open():
+        pass
+
+
+def test_a_pipe_is_read_as_its_lines_come_and_never_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "pose.fifo"
+    os.mkfifo(path)
+    with PoseCsv(path=str(path)).open() as connection:  # nobody writes to it
+        assert connection.poll() == []
+        with path.open("wb", buffering=0) as writer:
+            writer.write(b"time,x,y,z\n1,2,3,")
+            assert connection.poll() == []
+            writer.write(b"4\n")
+            (got,) = connection.poll()
+            assert connection.poll() == []
+            for _ in range(4):
+                writer.write(bytes(60_000))
+                assert connection.poll() == []
+            writer.write(b"\n2,3,4,5\n")
+        (more,) = connection.poll()
+        assert connection.poll() == []
+        assert connection.health.faulty == 1
+        assert connection.health.reconnects == 0
+    assert [*got.values[:, 0], *more.values[:, 0]] == [2.0, 3.0]
 
 
 @pytest.mark.parametrize("replace", [False, True])

@@ -1,4 +1,6 @@
 import os
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -7,6 +9,7 @@ import pytest
 from monochord.dds import messages as ros
 from monochord.dds.participant import Participant
 from monochord.errors import InputError
+from monochord.instruments import pose_dds
 from monochord.instruments.base import Connection
 from monochord.instruments.pose_dds import PoseDds
 from monochord.lab.pose_publisher import PosePublisher, PublisherSettings
@@ -84,6 +87,93 @@ def test_what_is_no_pose_is_counted_and_a_stamp_that_goes_back_too() -> None:
         assert connection.health.faulty == 2
         assert connection.health.out_of_order == 1
     assert np.concatenate([part.values for part in parts])[:, 0].tolist() == [2.0, 3.0]
+
+
+class Raw(str):
+    """A text that goes out as other bytes than its own."""
+
+    __slots__ = ()
+
+    def encode(self, encoding: str = "utf-8", errors: str = "strict") -> bytes:  # noqa: ARG002
+        return b"\xff\xfe\x80"
+
+
+def test_what_nobody_can_mean_is_counted_and_what_follows_is_read() -> None:
+    def pose(x: float, sec: int = 1, nanosec: int = 0, frame: str = "f") -> ros.PoseStamped:
+        inside = ros.Pose(position=ros.Point(x, 0.0, 0.0), orientation=UPRIGHT)
+        header = ros.Header(stamp=ros.Time(sec=sec, nanosec=nanosec), frame_id=frame)
+        return ros.PoseStamped(header=header, pose=inside)
+
+    with PoseDds(topic="/mad", domain=DOMAIN).open() as connection, Participant(domain=DOMAIN) as robot:
+        writer = robot.writer("mad", "PoseStamped")
+        while not writer.listeners:
+            time.sleep(0.005)
+        for said in (
+            pose(1e308),
+            pose(float("-inf")),
+            pose(1.0, sec=-1),
+            pose(1.0, nanosec=1_000_000_000),
+            pose(1.0, sec=-(1 << 31), nanosec=(1 << 32) - 1),
+            pose(1.0, frame=Raw("x")),
+            pose(2.0, sec=(1 << 31) - 1),
+            pose(3.0, sec=0, nanosec=999_999_999),
+        ):
+            writer.write(said, 1)
+        parts = collect(connection, 2)
+        assert connection.health.faulty == 6
+    assert np.concatenate([part.values for part in parts])[:, 0].tolist() == [2.0, 3.0]
+    ticks = np.concatenate([part.device_time for part in parts])
+    assert ticks.tolist() == [((1 << 31) - 1) * 10**9, 999_999_999]
+
+
+def test_a_message_longer_than_one_may_be_is_not_put_together() -> None:
+    """The robot's own configuration lets it send what it likes."""
+    code = (
+        "import sys\n"
+        "from monochord.dds import messages as ros\n"
+        "from monochord.dds.participant import Participant\n"
+        "turn = ros.Quaternion(0.0, 0.0, 0.0, 1.0)\n"
+        f"with Participant(domain={DOMAIN}) as robot:\n"
+        "    writer = robot.writer('long', 'PoseStamped')\n"
+        "    while not writer.listeners:\n"
+        "        pass\n"
+        "    for x, size in ((1.0, 1 << 19), (2.0, 2 << 20), (3.0, 1)):\n"
+        "        pose = ros.Pose(position=ros.Point(x, 0.0, 0.0), orientation=turn)\n"
+        "        writer.write(ros.PoseStamped(header=ros.header(1, 'f' * size), pose=pose), 1)\n"
+        "    sys.stdin.readline()\n"
+    )
+    general = '<Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast>'
+    discovery = '<ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers>'
+    uri = f"<General>{general}</General><Discovery>{discovery}</Discovery>"
+    environment = {**os.environ, "CYCLONEDDS_URI": f"<CycloneDDS><Domain>{uri}</Domain></CycloneDDS>"}
+    with (
+        PoseDds(topic="/long", domain=DOMAIN).open() as connection,
+        subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, env=environment) as robot,
+    ):
+        parts = collect(connection, 2, 20.0)
+        robot.communicate(b"\n", timeout=20)
+        parts += connection.poll()
+    assert np.concatenate([part.values for part in parts])[:, 0].tolist() == [1.0, 3.0]
+
+
+def test_poses_that_nobody_polls_are_counted_as_missing_beyond_a_bound(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(pose_dds, "HELD", 10)
+    with PoseDds(topic="/many", domain=DOMAIN).open() as connection, Participant(domain=DOMAIN) as robot:
+        writer = robot.writer("many", "PoseStamped")
+        while not writer.listeners:
+            time.sleep(0.005)
+        for x in range(25):
+            inside = ros.Pose(position=ros.Point(float(x), 0.0, 0.0), orientation=UPRIGHT)
+            writer.write(ros.PoseStamped(header=ros.header(x, "f"), pose=inside), x)
+        end = time.monotonic() + 10.0
+        while connection.health.missing < 15:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        (got,) = connection.poll()
+        assert got.values[:, 0].tolist() == list(range(15, 25))
+        assert connection.health.missing == 15
 
 
 def test_a_publisher_that_goes_and_comes_back_is_followed() -> None:

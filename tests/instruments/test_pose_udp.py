@@ -1,7 +1,9 @@
 import json
+import resource
 import socket
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -71,7 +73,16 @@ def test_the_position_alone_will_do(port: int, robot: socket.socket) -> None:
         b'{"position": [1, 2, 3], "stamp": 1e30}',
         b'{"position": [1, 2, 3], "sequence": -5}',
         b'{"position": [1, 2, 3], "sequence": 99999999999999999999}',
+        b'{"position": [1e308, 0, 0]}',
+        b'{"position": [0, -1.1e7, 0]}',
+        b'{"position": [Infinity, 0, 0]}',
+        b'{"position": [-Infinity, 0, 0]}',
+        b'{"position": [1, 2, 3], "orientation": [0, 0, 0, 1e300]}',
+        b'{"position": [1, 2, 3], "stamp": NaN}',
+        b'{"position": [1, 2, ' + b"9" * 4000 + b"]}",
+        b'{"position": [1, 2, 3], "more": ' + b"[" * 1900 + b"]" * 1900 + b"}",
         b"[" * 4000,
+        b" " * 60_000,
         b" " * 9000,
     ],
 )
@@ -102,6 +113,39 @@ def test_gaps_repeats_and_new_beginnings_are_told_apart(port: int, robot: socket
         assert connection.health.reconnects == 2
 
 
+def test_a_clock_that_jumps_about_loses_no_more_than_a_count_may(port: int, robot: socket.socket) -> None:
+    with PoseUdp(address=str(port), rate=100e3).open() as connection:
+        say(robot, sequence=(1 << 62) - 1, stamp=0.0)
+        for _ in range(100):
+            say(robot, sequence=0, stamp=9.1e9)
+            say(robot, sequence=0, stamp=0.0)
+        got = poll(connection)
+        assert got.time.size == 201
+        assert np.diff(got.sequence).max() <= 1 << 30
+        assert connection.health.reconnects == 200
+
+
+def test_a_flood_costs_no_memory_and_what_follows_is_read(port: int, robot: socket.socket) -> None:
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with PoseUdp(address=str(port)).open() as connection:
+        for _ in range(100):
+            for size in (0, 1, 4097, 60_000):
+                robot.send(b"x" * size)
+            assert connection.poll() == []
+        say(robot)
+        assert poll(connection).time.size == 1
+        assert connection.health.faulty == 400
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 16 << 10  # KiB
+
+
+@pytest.mark.parametrize("host", ["", ":"])
+def test_without_a_host_it_listens_to_this_machine_alone(port: int, host: str) -> None:
+    with PoseUdp(address=f"{host}{port}").open():
+        bound = [row.split()[1] for row in Path("/proc/self/net/udp").read_text().splitlines()[1:]]
+    assert f"0100007F:{port:04X}" in bound
+    assert f"00000000:{port:04X}" not in bound
+
+
 def test_without_a_count_a_stamp_that_goes_back_is_counted_and_kept(port: int, robot: socket.socket) -> None:
     with PoseUdp(address=str(port)).open() as connection:
         for stamp in (5.0, 6.0, 2.0, 3.0):
@@ -122,7 +166,7 @@ def test_a_port_that_is_taken_is_one_line(port: int) -> None:
             pass
 
 
-@pytest.mark.parametrize("address", ["", "robot", "127.0.0.1:", "127.0.0.1:70000"])
+@pytest.mark.parametrize("address", ["", "robot", "127.0.0.1:", "127.0.0.1:70000", "9" * 5000])
 def test_what_is_no_address_is_refused(address: str) -> None:
     with (
         pytest.raises(InputError, match=f"address '{address}': allowed is HOST:PORT"),

@@ -27,14 +27,19 @@ def test_columns_are_read_by_name() -> None:
             b'{"values": {"temperature": 294, "colour": 1}, "sequence": 5}',
             b'{"values": {"temperature": "warm"}}',
             b'{"values": {"temperature": 1e999}}',
+            b'{"values": {"temperature": -1e300}}',
+            b'{"values": {"temperature": NaN}}',
+            b'{"values": {"temperature": ' + b"9" * 3000 + b"}}",
+            b'{"values": ' + b'{"temperature":' * 200 + b"1" + b"}" * 201,
+            b'{"values": {"temperature": 1, "temperature": 295}, "sequence": 6}',
         ):
             thermometer.sendto(said, ("127.0.0.1", port))
         time.sleep(0.02)
         (got,) = connection.poll()
         assert got.stream == "room"
-        assert np.array_equal(got.values, [[293.0, 0.4], [294.0, np.nan]], equal_nan=True)
-        assert got.sequence.tolist() == [3, 5]
-        assert connection.health.faulty == 2
+        assert np.array_equal(got.values, [[293.0, 0.4], [294.0, np.nan], [295.0, np.nan]], equal_nan=True)
+        assert got.sequence.tolist() == [3, 5, 6]
+        assert connection.health.faulty == 6
         assert connection.health.missing == 1
 
 

@@ -9,6 +9,10 @@ from monochord.types import POSE, Feed
 from monochord.units import Hertz
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+FARTHEST = 1e7
+"""Metres along each axis, a quarter of the way round the Earth: who says more says nonsense."""
+LONGEST_TURN = 1e6
+"""Of a quaternion that is not of length 1, which is made so."""
 
 
 def pose_feed(rate: Hertz, details: Mapping[str, str]) -> Feed:
@@ -27,12 +31,14 @@ def pose_feed(rate: Hertz, details: Mapping[str, str]) -> Feed:
 
 
 def unit_pose(position: Sequence[float], orientation: Sequence[float]) -> tuple[float, ...] | None:
-    """Return x, y, z and a unit quaternion, or None where they are not finite or turn nothing.
+    """Return x, y, z and a unit quaternion, or None where that is no pose.
+
+    That is where a number is not finite or absurd (beyond `FARTHEST` m), or the quaternion turns nothing.
 
     >>> unit_pose((0.1, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0))
     (0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     """
     norm = math.hypot(*orientation)
-    if not (all(map(math.isfinite, position)) and 1e-6 < norm < math.inf):
-        return None
+    if not (all(abs(part) <= FARTHEST for part in position) and 1e-6 < norm < LONGEST_TURN):
+        return None  # NaN too is not within any bound
     return (*position, *(part / norm for part in orientation))

@@ -99,9 +99,9 @@ class Sequence:
             self.late += 1
             return 0
         self.restarts += 1
-        if ticked > 0 and self.ticks > 0.0:
-            return max(1, round(ticked / self.ticks))
-        return max(1, round((time - self._time) * self.rate))
+        by_clock = ticked > 0 and self.ticks > 0.0
+        lost = ticked / self.ticks if by_clock else (time - self._time) * self.rate
+        return min(max(1, round(lost)), FAR)  # a clock that jumps did not lose more than a count may
 
     def _difference(self, difference: NDArray[np.int64] | np.int64) -> NDArray[np.int64]:
         if not self.wraps:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from monochord.errors import DeviceError, InputError
 from monochord.instruments import _rdt as rdt
+from monochord.instruments._address import is_port, resolved
 from monochord.instruments._arrivals import Arrivals
 from monochord.instruments._datagrams import Receiver, wait_readable
 from monochord.instruments._sequence import Sequence
@@ -45,7 +46,7 @@ class NetFt(Instrument):
     reset_latch
         Whether to clear what its threshold conditions latched.
     timeout_seconds
-        How long its settings and its first record may take, in seconds.
+        How long opening may take, in seconds: to find its name, to read its settings, to the first record.
     silence_seconds
         After how long a silence, in seconds, it is asked to stream again.
     """
@@ -56,26 +57,27 @@ class NetFt(Instrument):
     rate: Hertz = 0.0
     bias: bool = False
     reset_latch: bool = False
-    timeout_seconds: Seconds = 1.0
+    timeout_seconds: Seconds = 2.0
     silence_seconds: Seconds = 0.2
 
     @contextmanager
     def open(self) -> Generator["_NetFtConnection"]:
         """Read its settings and start its stream; raises `DeviceError` if it does not answer."""
         host, port = self._place()
-        calibration = rdt.fetch_calibration(host, self.http_port, self.timeout_seconds)
+        deadline = time.monotonic() + self.timeout_seconds
+        place = resolved(host, self.timeout_seconds)
+        calibration = rdt.fetch_calibration(host, place, self.http_port, deadline)
         if self.rate:
             calibration = replace(calibration, rate=self.rate)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             try:
-                sock.connect(
-                    (host, port)
-                )  # from here on the kernel keeps every other sender's datagrams away
+                # From here on the kernel keeps every other sender's datagrams away.
+                sock.connect((place, port))
             except OSError as error:
                 raise DeviceError(f"Net F/T at {self.address}: {error.strerror or error}") from error
             connection = _NetFtConnection(self, sock, calibration)
             try:
-                connection.start()
+                connection.start(deadline)
                 yield connection
             finally:
                 connection.stop()
@@ -85,7 +87,7 @@ class NetFt(Instrument):
         port = text if colon else str(self.rdt_port)
         if not host:
             raise InputError(f"address '{self.address}'", "HOST or HOST:PORT")
-        if not port.isdecimal() or not 0 < int(port) < 65536:
+        if not is_port(port):
             raise InputError(f"RDT port {port}", "1 to 65535")
         if not 0 < self.http_port < 65536:
             raise InputError(f"HTTP port {self.http_port}", "1 to 65535")
@@ -136,7 +138,7 @@ class _NetFtConnection(Connection):
     def health(self) -> InstrumentHealth:
         return replace(self._health, missing=self._sequence.missing, out_of_order=self._sequence.late)
 
-    def start(self) -> None:
+    def start(self, deadline: Seconds) -> None:
         for wanted, command in (
             (True, rdt.STOP),
             (self._options.reset_latch, rdt.RESET_LATCH),
@@ -145,7 +147,7 @@ class _NetFtConnection(Connection):
         ):
             if wanted:
                 self._send(command)
-        if not wait_readable(self._socket, self._options.timeout_seconds):
+        if not wait_readable(self._socket, max(deadline - time.monotonic(), 0.0)):
             raise DeviceError(
                 f"Net F/T at {self._options.address}: no record within {self._options.timeout_seconds} s; "
                 "is RDT enabled on its communication page, and UDP let through?"
@@ -159,6 +161,9 @@ class _NetFtConnection(Connection):
         times = self._arrivals.times(datagrams.stamp)
         right = datagrams.length == rdt.RECORD.itemsize
         now = time.monotonic()
+        faulty = int(np.count_nonzero(~right))
+        if faulty:
+            self._health = replace(self._health, faulty=self._health.faulty + faulty)
         if not right.any():
             self._ask_again(now)
             return []

@@ -1,12 +1,13 @@
 """The robot's pose from a CSV file that its controller goes on writing."""
 
 import os
+import stat
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
-from typing import BinaryIO
+from typing import IO
 
 from monochord.errors import DeviceError, InputError
 from monochord.instruments._collected import NANOSECONDS, NONE, Collected
@@ -19,6 +20,7 @@ PLACE = ("time", "x", "y", "z")
 TURN = ("qx", "qy", "qz", "qw")
 MOST = 1 << 20  # bytes a poll
 LONGEST_LINE = 4096
+"""Bytes of a line; a longer one is faulty, and is not kept in memory."""
 LATEST = 9.2e9  # s, what 64 bits of nanoseconds hold
 
 
@@ -29,7 +31,9 @@ class PoseCsv(Instrument):
     Its first line names the columns: ``time,x,y,z`` and perhaps ``qx,qy,qz,qw``, others besides. A reading
     bears the time at which a poll found its line, which is as late as polls are rare and the writer
     buffers; its `device_time` is the column ``time``, s of the controller's clock, in ns. A line is read
-    once it is complete. A file that is written anew is read from its top.
+    once it is complete. A file that is written anew is read from its top. What is no pose counts as faulty,
+    and so does a line longer than 4096 bytes or a place more than 1e7 m away. The path may be that of a FIFO,
+    whose lines are read as they come; that nobody writes to it is no error.
 
     Parameters
     ----------
@@ -61,8 +65,9 @@ class _PoseCsvConnection(Connection):
     def __init__(self, path: Path, feed: Feed) -> None:
         self._path = path
         self._collected = Collected(feed)
-        self._file: BinaryIO | None = None
+        self._file: IO[bytes] | None = None
         self._rest = b""
+        self._too_long = False
         self._columns: list[str] = []
 
     @property
@@ -75,11 +80,15 @@ class _PoseCsvConnection(Connection):
 
     def open(self, *, from_start: bool) -> None:
         try:
-            self._file = self._path.open("rb")
-        except OSError as error:
-            raise DeviceError(f"pose file {self._path}: {error.strerror}") from error
-        head = self._file.readline()
-        if head.endswith(b"\n"):
+            self._file = _opened(self._path)
+            head, newline, self._rest = (self._file.read(LONGEST_LINE + 1) or b"").partition(b"\n")
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise DeviceError(f"pose file {self._path}: {reason}") from error
+        if len(head) > LONGEST_LINE:
+            given = f"pose file {self._path} whose first line is longer than {LONGEST_LINE} bytes"
+            raise InputError(given, "a first line time,x,y,z[,qx,qy,qz,qw]")
+        if newline:
             self._columns = _names(head)
             lacking = [name for name in PLACE if name not in self._columns]
             if lacking:
@@ -87,10 +96,11 @@ class _PoseCsvConnection(Connection):
                 raise InputError(given, "a first line time,x,y,z[,qx,qy,qz,qw]")
         else:
             self._rest = head
-        if not from_start and self._columns:
+        if not from_start and self._columns and self._file.seekable():
             size = self._file.seek(0, os.SEEK_END)
             self._file.seek(max(size - LONGEST_LINE, 0))
-            self._rest = self._file.read().rpartition(b"\n")[2]  # begun, but not yet complete
+            tail = self._file.read(LONGEST_LINE) or b""
+            self._rest = tail.rpartition(b"\n")[2]  # begun, but not yet complete
 
     def close(self) -> None:
         if self._file:
@@ -103,13 +113,21 @@ class _PoseCsvConnection(Connection):
         if not self._file:
             return []
         now = monotonic()
-        lines = (self._rest + self._file.read(MOST)).split(b"\n")
-        self._rest = lines.pop()
+        *lines, self._rest = (self._rest + (self._file.read(MOST) or b"")).split(b"\n")
         for line in lines:
-            if not self._columns:
+            if self._too_long:
+                self._too_long = False  # and this is its end
+            elif len(line) > LONGEST_LINE:
+                self._collected.refuse()
+            elif not self._columns:
                 self._columns = _names(line)
             elif line.strip():
                 self._read(line, now)
+        if len(self._rest) > LONGEST_LINE:
+            self._collected.refuse(not self._too_long)
+            self._too_long = True
+        if self._too_long:
+            self._rest = b""
         return self._collected.take()
 
     def _read(self, line: bytes, now: float) -> None:
@@ -132,14 +150,19 @@ class _PoseCsvConnection(Connection):
             if self._file:
                 held = os.fstat(self._file.fileno())
                 same = (found.st_ino, found.st_dev) == (held.st_ino, held.st_dev)
-                if same and found.st_size >= self._file.tell():
+                if same and (not stat.S_ISREG(found.st_mode) or found.st_size >= self._file.tell()):
                     return False
-            fresh = self._path.open("rb")
+            fresh = _opened(self._path)
         except OSError:
             return False
         self.close()
-        self._file, self._rest, self._columns = fresh, b"", []
+        self._file, self._rest, self._too_long, self._columns = fresh, b"", False, []
         return True
+
+
+def _opened(path: Path) -> IO[bytes]:
+    """Open a file so that neither this nor reading waits for whoever writes to it, as a FIFO has it."""
+    return open(path, "rb", buffering=0, opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK))
 
 
 def _names(line: bytes) -> list[str]:

@@ -24,7 +24,9 @@ class PoseDds(Instrument):
     """A pose on a `topic` of ROS 2; needs the extra ``ros``, but no ROS.
 
     Each reading bears the time at which it came, seen by a thread of DDS, and as `device_time` its header's
-    stamp in ns of the sender's wall clock. A publisher that goes and comes back is followed.
+    stamp in ns of the sender's wall clock. A publisher that goes and comes back is followed. What is no pose
+    counts as faulty, and so does a place more than 1e7 m away or a stamp that is no time. CycloneDDS listens
+    at all addresses; what comes in over another interface is dropped by the kernel.
 
     Parameters
     ----------
@@ -71,7 +73,8 @@ class _PoseDdsConnection(Connection):
         self._options = options
         self._collected = Collected(feed)
         self.reader: Reader | None = None
-        self._heard: deque[tuple[Any, Seconds]] = deque(maxlen=HELD)
+        self._heard: deque[tuple[tuple[float, ...] | None, int, Seconds]] = deque(maxlen=HELD)
+        self._lost = 0
 
     @property
     def feed(self) -> Feed:
@@ -79,26 +82,35 @@ class _PoseDdsConnection(Connection):
 
     @property
     def health(self) -> InstrumentHealth:
-        returns = self.reader.returns if self.reader else 0
-        return replace(self._collected.health, reconnects=returns)
+        counted, reader = self._collected.health, self.reader
+        if reader is None:
+            return counted
+        return replace(
+            counted,
+            missing=self._lost,
+            faulty=counted.faulty + reader.faulty,
+            reconnects=reader.returns,
+        )
 
     def hear(self, message: Any, now: Seconds) -> None:
-        """Keep a message for the next poll; called by a thread of DDS."""
-        self._heard.append((message, now))
+        """Keep the poses of a message for the next poll; called by a thread of DDS."""
+        for header, position, orientation in self._poses(message):
+            pose = unit_pose(
+                (position.x, position.y, position.z),
+                (orientation.x, orientation.y, orientation.z, orientation.w),
+            )
+            stamp = header.stamp
+            right = pose if stamp.sec >= 0 and stamp.nanosec < 1_000_000_000 else None
+            self._lost += len(self._heard) == HELD
+            self._heard.append((right, stamp.sec * 1_000_000_000 + stamp.nanosec, now))
 
     def poll(self) -> list[Readings]:
         for _ in range(len(self._heard)):
-            message, now = self._heard.popleft()
-            for header, position, orientation in self._poses(message):
-                pose = unit_pose(
-                    (position.x, position.y, position.z),
-                    (orientation.x, orientation.y, orientation.z, orientation.w),
-                )
-                if pose is None:
-                    self._collected.refuse()
-                else:
-                    tick = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
-                    self._collected.add(pose, time=now, tick=tick)
+            pose, tick, now = self._heard.popleft()
+            if pose is None:
+                self._collected.refuse()
+            else:
+                self._collected.add(pose, time=now, tick=tick)
         return self._collected.take()
 
     def _poses(self, message: Any) -> Iterator[tuple[Any, Any, Any]]:

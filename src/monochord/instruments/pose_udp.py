@@ -17,7 +17,8 @@ class PoseUdp(Instrument):
 
     A datagram is ``{"stamp": 1.5, "position": [x, y, z], "orientation": [x, y, z, w], "sequence": 7}``:
     seconds of the sender's clock, metres, a quaternion and the sender's count; all but the position may be
-    left out. The stamp becomes `device_time`, in ns. What cannot be read counts as faulty.
+    left out. The stamp becomes `device_time`, in ns. What cannot be read counts as faulty,
+    and so does a place more than 1e7 m away.
 
     Parameters
     ----------

@@ -14,6 +14,8 @@ from monochord.instruments.base import Instrument
 from monochord.types import POSE, WRENCH, Feed
 from monochord.units import Hertz
 
+LARGEST = 1e18
+"""A value beyond it is nonsense: nothing that is measured is so large in SI units."""
 KNOWN = MappingProxyType({"wrench": WRENCH, "pose": POSE})
 
 
@@ -23,8 +25,8 @@ class Udp(Instrument):
 
     A datagram is ``{"stamp": 1.5, "sequence": 7, "values": {"temperature": 293.1}}``: seconds of the
     sender's clock, its count, and values by column; stamp and sequence may be left out. A column that is
-    left out is not known (NaN), a name that is no column is passed over. What cannot be read counts as
-    faulty.
+    left out is not known (NaN), a name that is no column is passed over, of a name that comes twice the last
+    counts. What cannot be read counts as faulty, and so does a value beyond 1e18.
 
     Parameters
     ----------
@@ -55,7 +57,7 @@ class Udp(Instrument):
 
     def _values(self, said: "_Numbers") -> tuple[float, ...] | None:
         values = tuple(said.values.get(column, math.nan) for column in self.columns)
-        return None if any(map(math.isinf, values)) else values
+        return None if any(abs(value) > LARGEST for value in values) else values
 
     def _feed(self) -> Feed:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.stream):
