@@ -3,6 +3,9 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+LONGEST_GIVEN = 1000
+"""Characters of what was given that an error's line quotes; a file may hold a value of any length."""
+
 
 class MonochordError(Exception):
     """Base of every error that Monochord raises on purpose."""
@@ -26,7 +29,7 @@ class InputError(MonochordError, ValueError):
 
     def __init__(self, given: str, allowed: str, remedy: str = "") -> None:
         self.given, self.allowed, self.remedy = given, allowed, remedy
-        line = f"{given}: allowed is {allowed}" + (f"; {remedy}" if remedy else "")
+        line = f"{_shortened(given)}: allowed is {allowed}" + (f"; {remedy}" if remedy else "")
         super().__init__(" ".join(line.split()))
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, str, str]]:
@@ -36,6 +39,12 @@ class InputError(MonochordError, ValueError):
 
 class DeviceError(MonochordError, RuntimeError):
     """A device or a server that is needed is absent or went away for good."""
+
+
+def _shortened(given: str) -> str:
+    if len(given) <= LONGEST_GIVEN:
+        return given
+    return f"{given[: LONGEST_GIVEN - 200]} ... {given[-200:]}"
 
 
 def did_you_mean(word: str, choices: Iterable[str]) -> str:

@@ -8,6 +8,8 @@ from rich.color import ColorSystem
 from rich.console import COLOR_SYSTEMS, Console
 from rich.text import Text
 
+from monochord.printable import printable
+
 HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
 CLEAR_LINE, CLEAR_BELOW = "\x1b[K", "\x1b[J"
 
@@ -63,7 +65,8 @@ class Screen(AbstractContextManager["Screen"]):
         parts: list[str] = []
         for text, style, _ in Text.assemble(line).render(self._console):  # its own style becomes a span
             plain = style.without_color if style and self._console.no_color else style
-            parts.append(plain.render(text, color_system=self._colours) if plain else text)
+            shown = printable(text)
+            parts.append(plain.render(shown, color_system=self._colours) if plain else shown)
         return "".join(parts)
 
     def _write(self, text: str) -> None:

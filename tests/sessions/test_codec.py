@@ -16,7 +16,9 @@ def test_every_type_has_a_definition_with_all_that_it_needs(name: str) -> None:
 
 def test_a_pose_comes_back() -> None:
     values = np.array([0.1, -0.2, 3e-3, 0.0, 0.0, 0.6, 0.8])
-    stamp, pose = codec.decode_pose(codec.encode_pose(1_763_740_000_999_999_999, values))
+    stamp, pose = codec.pose_of(
+        codec.decode(codec.POSES, codec.encode_pose(1_763_740_000_999_999_999, values))
+    )
     assert stamp == 1_763_740_000_999_999_999
     assert pose == tuple(values)
 

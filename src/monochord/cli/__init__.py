@@ -24,6 +24,7 @@ from typing import Any, NoReturn
 
 import click
 
+from monochord.cli._output import echo
 from monochord.errors import DeviceError, InputError, MonochordError, did_you_mean
 
 INTERRUPTED = 130
@@ -147,7 +148,7 @@ def _answered(arguments: list[str], begin: Callable[[], None] | None) -> int:
             raise
         line, status = _verdict(error, arguments)
         _forget_output()
-        click.echo("monochord: " + " ".join(line.split()), err=True)
+        echo("monochord: " + " ".join(line.split()), err=True)
         return status
     except SystemExit as stop:  # click's answer to a reader that went away
         return stop.code if isinstance(stop.code, int) else 1

@@ -62,7 +62,7 @@ def _kinds(session: Session) -> dict[str, int]:
     return {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
 
 
-def facts_text(facts: Tree) -> str:
+def facts_lines(facts: Tree) -> list[str]:
     """Return the facts as lines for a person."""
     about, audio = facts["about"], facts["audio"]
     lines = [f"{facts['name']}  ({facts['path']})"]
@@ -95,7 +95,7 @@ def facts_text(facts: Tree) -> str:
         say("checksum", facts["checksum"])
     if "figure" in facts:
         say("figure", facts["figure"])
-    return "\n".join(lines)
+    return lines
 
 
 def _touched(about: dict[str, Any]) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from monochord.cli._kept_rows import keep
+from monochord.cli._output import echo
 from monochord.config import load_toml, override
 from monochord.datasets.build import find_sessions
 from monochord.datasets.store import open_dataset
@@ -64,7 +65,7 @@ def ablate(
     found = ablated(chosen, out, _tell, workers=workers)
     if rows is not None and found.rows:
         keep(rows, [row for each in found.rows.values() for row in each])
-    click.echo(_json(chosen, found) if as_json else "\n".join(_lines(chosen, compared(found.scores))))
+    echo(*([_json(chosen, found)] if as_json else _lines(chosen, compared(found.scores))))
     found.refuse_failed()
 
 
@@ -84,7 +85,7 @@ def _refuse_impossible(grid: Grid) -> None:
 
 
 def _tell(name: str, what: str) -> None:
-    click.echo(f"{name}: {what}", err=True)
+    echo(f"{name}: {what}", err=True)
 
 
 def _json(grid: Grid, found: Ablation) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from monochord.cli._output import echo
 from monochord.cli.build import SPLIT_FILE
 from monochord.datasets.audit import audit as audit_split
 from monochord.datasets.split import Split
@@ -30,10 +31,8 @@ def audit(dataset: Path, *, file: Path | None, as_json: bool) -> None:
     found = audit_split(open_dataset(dataset), Split.read(file or dataset / SPLIT_FILE))
     if as_json:
         leaks = [dataclasses.asdict(leak) for leak in found.leaks]
-        click.echo(json.dumps({"clean": found.clean, "leaks": leaks, "notes": list(found.notes)}))
+        echo(json.dumps({"clean": found.clean, "leaks": leaks, "notes": list(found.notes)}))
     else:
         lines = [*(f"leak: {leak}" for leak in found.leaks), *(f"note: {note}" for note in found.notes)]
-        click.echo(
-            "\n".join([*lines, f"{len(found.leaks) or 'no'} leak{'' if len(found.leaks) < 2 else 's'}"])
-        )
+        echo(*lines, f"{len(found.leaks) or 'no'} leak{'' if len(found.leaks) < 2 else 's'}")
     found.refuse_leaks()

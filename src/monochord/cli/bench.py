@@ -11,6 +11,7 @@ import numpy as np
 
 from monochord.benchmarks import BENCHMARKS
 from monochord.benchmarks.base import Row
+from monochord.cli._output import echo
 from monochord.config import override
 from monochord.errors import InputError, MonochordError
 
@@ -28,19 +29,19 @@ def bench(name: str | None, as_json: bool, assignments: tuple[str, ...]) -> None
         each: BENCHMARKS.build(each, override({}, assignments))
         for each in ([name] if name else BENCHMARKS.names())
     }
-    click.echo(_machine(), err=as_json)
+    echo(_machine(), err=as_json)
     missing: list[MonochordError] = []
     for each, benchmark in chosen.items():
         if not as_json:
-            click.echo(f"\n{each}")
+            echo("", each)
         try:
             for row in benchmark.run():
-                click.echo(json.dumps(_record(each, row)) if as_json else _line(row))
+                echo(json.dumps(_record(each, row)) if as_json else _line(row))
         except MonochordError as error:  # what it needs is not on this machine
             missing.append(error)
             if len(missing) == len(chosen):
                 raise
-            click.echo(f"{each}  skipped: {error}", err=True)
+            echo(f"{each}  skipped: {error}", err=True)
 
 
 def _record(benchmark: str, row: Row) -> dict[str, str | float | None]:

@@ -10,6 +10,7 @@ import click
 
 from monochord.cli._bar import bar_of_sessions
 from monochord.cli._options import amount
+from monochord.cli._output import echo
 from monochord.datasets.audit import audit as audit_split
 from monochord.datasets.build import (
     Labelling,
@@ -86,7 +87,7 @@ def build(
     with bar_of_sessions() as progress:
         dataset = build_dataset(files, out, options, progress)
     for line in dataset.manifest.refused.values():
-        click.echo(f"left out: {line}", err=True)
+        echo(f"left out: {line}", err=True)
     by = by or _usual(len(dataset.manifest.parts))
     try:
         split = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
@@ -97,7 +98,7 @@ def build(
     found = audit_split(dataset, split)
     result = _result(dataset, split, out)
     result |= {"leaks": [str(leak) for leak in found.leaks], "notes": list(found.notes)}
-    click.echo(json.dumps(result) if as_json else "\n".join(_lines(result)))
+    echo(*([json.dumps(result)] if as_json else _lines(result)))
     found.refuse_leaks()
 
 

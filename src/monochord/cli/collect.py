@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from monochord.cli._output import echo
 from monochord.errors import InputError
 from monochord.lab.bench import Outcome
 from monochord.lab.collection import checksum, chosen, made_folder
@@ -53,11 +54,11 @@ def collect(
     result = {"plan": told.name, "seed": seed, "out": str(out), **_totals(done)}
     result["wall"] = time.monotonic() - start
     if as_json:
-        click.echo(json.dumps({**result, "sessions": [_entry(outcome) for outcome in done]}))
+        echo(json.dumps({**result, "sessions": [_entry(outcome) for outcome in done]}))
         return
     for outcome in done:
-        click.echo(_line(outcome))
-    click.echo(_summary(result))
+        echo(_line(outcome))
+    echo(*_summary(result))
 
 
 def _made(
@@ -137,18 +138,18 @@ def _line(outcome: Outcome) -> str:
     return f"  {outcome.name:<20} {outcome.seconds:6.1f} s  {kinds}  {size}  {outcome.checksum[:16]}{kept}"
 
 
-def _summary(result: dict[str, Any]) -> str:
+def _summary(result: dict[str, Any]) -> list[str]:
     windows = result["windows"]
     kinds = (
         f"{windows['static']} static ({windows['settled']} settled), {windows['slip']} slipping, "
         f"{windows['clear']} without contact, {windows['transition']} transitions"
     )
+    count = f"{result['count']} session{'' if result['count'] == 1 else 's'} ({result['kept']} kept)"
+    minutes, size = f"{result['seconds'] / 60:.1f}", result["size"] / 1e9
     pace = result["seconds"] / max(result["wall"], 1e-9)
-    return (
-        f"{result['plan']}, simulated: {result['count']} session{'' if result['count'] == 1 else 's'} "
-        f"({result['kept']} kept), "
-        f"{result['seconds'] / 60:.1f} min, {result['size'] / 1e9:.3f} GB in {result['out']}\n"
-        f"windows of 0.1 s: {kinds}\n"
-        f"checksum {result['checksum']}\n"
-        f"made in {result['wall']:.0f} s, {pace:.0f} times real time"
-    )
+    return [
+        f"{result['plan']}, simulated: {count}, {minutes} min, {size:.3f} GB in {result['out']}",
+        f"windows of 0.1 s: {kinds}",
+        f"checksum {result['checksum']}",
+        f"made in {result['wall']:.0f} s, {pace:.0f} times real time",
+    ]

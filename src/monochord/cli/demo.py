@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from monochord.cli._options import amount
+from monochord.cli._output import echo
 from monochord.errors import InputError, did_you_mean
 from monochord.live import Score, Settings, run
 
@@ -61,10 +62,10 @@ def demo(sensor: str, **options: Any) -> None:
         facts = {key: source.get(key) for key in ("sensor", "build", "day", "seed", "materials")}
         about = {"simulated": True, "estimator": name, **facts}
         json.dump(about | score.tree() | summary.tree(), sys.stdout)
-        click.echo()
+        echo()
         return
     words = _of_the_learned(source) if name == LEARNED else _of_the_physics(score)
-    click.echo("\n".join(["", *summary.lines(), "", *score.lines(), "", *words]))
+    echo("", *summary.lines(), "", *score.lines(), "", *words)
 
 
 def _twin(sensor: str, options: dict[str, Any], name: str) -> dict[str, Any]:

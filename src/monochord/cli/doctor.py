@@ -6,6 +6,7 @@ import json
 import click
 
 from monochord import realstrings
+from monochord.cli._output import echo
 from monochord.realtime.machine import MISSING, OK, WARN, Check, checks
 
 MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
@@ -17,12 +18,12 @@ def doctor(*, as_json: bool) -> int:
     """Check what live audio needs; fails only if something is missing that nothing works without."""
     found = [*checks(), _recordings()]
     if as_json:
-        click.echo(json.dumps({"checks": [dataclasses.asdict(check) for check in found]}))
+        echo(json.dumps({"checks": [dataclasses.asdict(check) for check in found]}))
     else:
         for check in found:
-            click.echo(f"{MARKS[check.state]}  {check.name:<18}  {check.found}")
+            echo(f"{MARKS[check.state]}  {check.name:<18}  {check.found}")
             if check.remedy:
-                click.echo(f"{'':<9}{'':<20}-> {check.remedy}")
+                echo(f"{'':<9}{'':<20}-> {check.remedy}")
     return int(any(check.required and check.state == MISSING for check in found))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from monochord.cli._bar import bar_of_sessions
 from monochord.cli._drawings import drawings
 from monochord.cli._kept_rows import keep
+from monochord.cli._output import echo
 from monochord.cli._scorecard_lines import lines
 from monochord.cli.build import SPLIT_FILE
 from monochord.config import Tree, load_toml, override
@@ -110,7 +111,7 @@ def evaluate(run: Path | None, **options: Any) -> None:
         feature = options["feature"] or (told.definition.feature.name if told.definition else name)
         rows = paper_rows(card, labelled(feature, drawn=told.is_drawn), options["part"])
         keep(options["rows"], rows)
-    click.echo(json.dumps(card.tree(), allow_nan=False) if options["as_json"] else "\n".join(lines(card)))
+    echo(*([json.dumps(card.tree(), allow_nan=False)] if options["as_json"] else lines(card)))
 
 
 class _Told:

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from monochord.cli._options import refuse_unwritable
+from monochord.cli._output import echo
 from monochord.config import override, to_tree
 from monochord.figures import FIGURES
 from monochord.figures.base import Measured
@@ -34,6 +35,6 @@ def figure(
         told = {"figure": name, "path": str(path), "options": to_tree(drawing)}
         if isinstance(drawing, Measured):
             told["numbers"] = drawing.numbers()
-        click.echo(json.dumps(told))
+        echo(json.dumps(told))
     else:
-        click.echo(str(path))
+        echo(str(path))

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import click
 
 import monochord
+from monochord.cli._output import echo
 from monochord.config import to_tree
 from monochord.errors import InputError, did_you_mean
 from monochord.lab.plans import load_plan, plan_names
@@ -34,7 +35,10 @@ def list(kind: str | None, *, as_json: bool) -> None:  # noqa: A001
             raise InputError(f"kind '{kind}'", ", ".join(shelves), did_you_mean(kind, shelves))
         shelves = {wanted: shelves[wanted]}
     found = {name: [*entries()] for name, entries in shelves.items()}
-    click.echo(json.dumps(found) if as_json else "\n\n".join(_text(*shelf) for shelf in found.items()))
+    if as_json:
+        echo(json.dumps(found))
+    else:
+        echo(*"\n\n".join(_text(*shelf) for shelf in found.items()).split("\n"))
 
 
 def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:

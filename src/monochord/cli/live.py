@@ -16,6 +16,7 @@ from monochord.cli._options import (
     string_options,
     window_options,
 )
+from monochord.cli._output import echo
 from monochord.config import Tree, dump_toml, load_toml, override
 from monochord.errors import InputError
 from monochord.estimators import ESTIMATORS
@@ -64,7 +65,7 @@ def live(inputs: tuple[str, ...], **options: Any) -> None:
     summary = run(session)
     refuse_short(opened or settings.source["name"], session, summary)
     # Standard output may carry data, of which the summary is no part.
-    click.echo("\n".join(summary.lines()), err=options["as_json"])
+    echo(*summary.lines(), err=options["as_json"])
 
 
 def _told_apart(inputs: tuple[str, ...]) -> tuple[str | None, str | None]:

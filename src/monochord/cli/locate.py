@@ -17,6 +17,7 @@ from monochord.cli._options import (
     string_options,
     window_options,
 )
+from monochord.cli._output import echo
 from monochord.config import Tree
 from monochord.live import Settings, run
 from monochord.sinks.base import Listener, Moment
@@ -59,7 +60,7 @@ def locate(
     summary = run(session if as_json else dataclasses.replace(session, sinks=(table,)))
     refuse_short(file, session, summary)
     if not as_json:
-        click.echo("\n".join([file, *table.lines()]))
+        echo(file, *table.lines())
     return INTERRUPTED if summary.interrupted else 0
 
 

@@ -10,6 +10,7 @@ import click
 from rich.console import Console
 
 from monochord.cli._options import amount, first_field, put
+from monochord.cli._output import echo
 from monochord.config import Tree, load_toml, override
 from monochord.errors import DeviceError, InputError
 from monochord.instruments import INSTRUMENTS
@@ -53,7 +54,7 @@ def record(out: Path, **options: Any) -> None:
     job = settings.job(out)
     with viewed(out, Console(file=sys.stderr, highlight=False)) as view:
         summary = run(job, view.show)
-    click.echo(json.dumps(summary.tree()) if options["as_json"] else "\n".join(summary.lines()))
+    echo(*([json.dumps(summary.tree())] if options["as_json"] else summary.lines()))
     if summary.failure:
         raise DeviceError(summary.failure)
 

@@ -10,7 +10,8 @@ from typing import Any
 import click
 
 from monochord.cli._options import amount, refuse_unwritable
-from monochord.cli._sessions_facts import facts_of, facts_text
+from monochord.cli._output import echo
+from monochord.cli._sessions_facts import facts_lines, facts_of
 from monochord.cli.figure import SUFFIXES
 from monochord.config import override, to_tree
 from monochord.errors import InputError, MonochordError
@@ -79,7 +80,7 @@ def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
     if figure is not None:
         FIGURES.build(OVERVIEW, {"path": str(file)}).draw().savefig(figure)
         facts["figure"] = str(figure)
-    click.echo(json.dumps(facts) if as_json else facts_text(facts))
+    echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
 
 
 @sessions.command()
@@ -138,7 +139,7 @@ def export(
     line = (
         f"{out}: {_counted(len(files), 'session')} in {_counted(len(written), 'file')}, {size / 1e6:.1f} MB"
     )
-    click.echo(json.dumps(told) if as_json else line)
+    echo(json.dumps(told) if as_json else line)
 
 
 @sessions.command("import")
@@ -176,7 +177,7 @@ def bring_in(
             described["string"] = to_tree(load_string(str(described["string"])).string)
         from_files(what, labels, out, described=described)
     facts = facts_of(read_session(out))
-    click.echo(json.dumps(facts) if as_json else facts_text(facts))
+    echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
 
 
 Told = Callable[[Path], tuple[bool, dict[str, Any], str]]
@@ -190,10 +191,10 @@ def _each(files: tuple[Path, ...], told: Told, *, as_json: bool) -> int:
             good, tree, line = told(file)
         except InputError as error:
             good, tree, line = False, {"path": str(file), "ok": False, "error": str(error)}, ""
-            click.echo(f"monochord: {error}", err=True)
+            echo(f"monochord: {error}", err=True)
         status = status if good else 2
         if as_json or line:
-            click.echo(json.dumps(tree) if as_json else line)
+            echo(json.dumps(tree) if as_json else line)
     return status
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from monochord.cli._options import refuse_unwritable
+from monochord.cli._output import echo
 from monochord.errors import InputError
 from monochord.physics.models import MODELS, Case, Sound
 from monochord.physics.strings import StringPreset, load_string
@@ -61,7 +62,7 @@ def simulate(
     }
     if out is not None:
         result |= {"out": str(out), "gain": _write(out, sound)}
-    click.echo(json.dumps(result) if as_json else "\n".join(_lines(result)))
+    echo(*([json.dumps(result)] if as_json else _lines(result)))
 
 
 def _contact(

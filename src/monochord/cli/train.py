@@ -9,8 +9,10 @@ from typing import Any
 
 import click
 
+from monochord.cli._output import echo
 from monochord.config import load_toml, override
 from monochord.figures import FIGURES
+from monochord.printable import printable
 from monochord.training.configs import config_path
 from monochord.training.rows import Told
 from monochord.training.scores import lines
@@ -49,7 +51,7 @@ def train(
     with _shown() as told:
         result = trained(settings, out, told)
     _draw(out)
-    click.echo(json.dumps(_tree(result)) if as_json else "\n".join(_lines(result)))
+    echo(*([json.dumps(_tree(result))] if as_json else _lines(result)))
 
 
 def _draw(out: Path) -> None:
@@ -93,6 +95,7 @@ def _shown() -> Generator[Told]:
         yield lambda *_: None
         return
     from rich.console import Console  # noqa: PLC0415
+    from rich.markup import escape  # noqa: PLC0415
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -105,6 +108,6 @@ def _shown() -> Generator[Told]:
             if what != shown:
                 bar.reset(task)
             shown = what
-            bar.update(task, description=what, completed=done, total=of)
+            bar.update(task, description=escape(printable(what)), completed=done, total=of)
 
         yield told

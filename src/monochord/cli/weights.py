@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from monochord.cli._options import refuse_unwritable
+from monochord.cli._output import echo
 from monochord.encoders.weights import checked_sum, find_weights, load_known, weight_names
 from monochord.encoders.weights.fetch import describe, fetch
 from monochord.errors import InputError
@@ -87,4 +88,5 @@ def export(name: str, *, path: str, out: Path, frames: int, int8: bool, as_json:
 
 def _tell(path: Path, own: str, what: str, *, as_json: bool) -> None:
     told = {"path": str(path), "sha256": own, "bytes": path.stat().st_size, "holds": what}
-    click.echo(json.dumps(told) if as_json else f"{path}: {what}\nSHA-256 {own}, {told['bytes']} bytes")
+    lines = [f"{path}: {what}", f"SHA-256 {own}, {told['bytes']} bytes"]
+    echo(*([json.dumps(told)] if as_json else lines))

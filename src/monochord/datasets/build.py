@@ -194,6 +194,8 @@ class _Writer:
             if not options.force:
                 _refuse_damaged(session)
             truth = truth_of(session, options.labels, options.thresholds, force=options.force)
+            if not options.force:
+                _refuse_damaged(session)  # and what was malformed in what has been read
             rate = self._rate_of(name, session)
         except InputError as error:
             if not options.skip:
@@ -277,8 +279,10 @@ class _Writer:
 
 
 def _refuse_damaged(session: Session) -> None:
-    if session.damaged:
-        given = f"session {session.path.name} (damaged chunks: {session.damaged})"
+    malformed = sum(count for count, _ in session.malformed.values())
+    if session.damaged or malformed:
+        counts = f"damaged chunks: {session.damaged}, malformed messages: {malformed}"
+        given = f"session {session.path.name} ({counts})"
         raise InputError(given, "a session as it was written", "leave it out, or take --force")
 
 

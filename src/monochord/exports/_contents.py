@@ -11,7 +11,8 @@ import numpy as np
 
 from monochord.config import Tree
 from monochord.errors import InputError
-from monochord.sessions import Description, Session, SessionClock, SessionWriter, codec
+from monochord.sessions import Description, Session, SessionClock, SessionWriter
+from monochord.sessions.bounds import LARGEST_TEXT, LONGEST, MOST_COLUMNS, json_object
 from monochord.sessions.writer import MESSAGE
 from monochord.types import Audio, Block, Feed, Readings
 from monochord.units import Samples, Seconds
@@ -24,6 +25,8 @@ Columns: TypeAlias = dict[str, np.ndarray[Any, np.dtype[Any]]]
 """Columns (n,) by name; text is of type object. The first is ``time`` in s since the session's begin."""
 KEPT_BESIDE = {"sequence": np.int64, "device_time": np.int64, "status": np.uint32}
 """What is kept of a reading beside its time and its values, under the types it has in a session."""
+LONGEST_STRETCH = 1 << 25
+"""Frames of a stretch, which is read and written in one piece: some 10 minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +47,7 @@ class Stretch:
 
 def stretches(session: Session) -> Iterator[Stretch]:
     """Yield a session's audio as it lies in the file."""
-    for message in session.messages("/audio"):
-        block = codec.decode(codec.AUDIO, message.data)
+    for message, block in session.decoded("/audio"):
         yield Stretch(
             start=int(block.start),
             dropped=int(block.dropped),
@@ -100,24 +102,86 @@ def read_about(folder: Path, form: str) -> tuple[Description, SessionClock]:
     told = _told(folder, allowed)
     if told["form"] != form:
         raise InputError(f"folder {folder} ({told['form']})", allowed)
+    parts = {name: told.get(name) for name in ("description", "clock")}
+    for name, part in parts.items():
+        if not isinstance(part, dict):
+            raise InputError(f"file {folder / ABOUT} (not as it was written: no table '{name}')", allowed)
     try:
-        return Description.load(json.dumps(told["description"])), SessionClock.load(told["clock"])
-    except InputError:
-        raise
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"file {folder / ABOUT} (not as it was written)", allowed) from error
+        return Description.load(json.dumps(parts["description"])), SessionClock.load(told["clock"])
+    except InputError as error:
+        given = f"file {folder / ABOUT} (not as it was written: {error.given})"
+        raise InputError(given, error.allowed, error.remedy) from error
 
 
 def _told(folder: Path, allowed: str) -> Tree:
+    path = folder / ABOUT
     try:
-        told = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            content = file.read(4 * LARGEST_TEXT + 1)  # of one character, UTF-8 makes 4 bytes at most
+        told = json_object(content.decode())
     except OSError as error:
         raise InputError(f"folder {folder} (no {ABOUT}: {error.strerror})", allowed) from error
-    except ValueError as error:
-        raise InputError(f"file {folder / ABOUT} (not as it was written)", allowed) from error
-    if not isinstance(told, dict) or "form" not in told:
-        raise InputError(f"file {folder / ABOUT} (not as it was written)", allowed)
+    except UnicodeDecodeError as error:
+        raise InputError(f"file {path} (not as it was written: {error})", "JSON in UTF-8") from error
+    except InputError as error:
+        raise InputError(f"file {path} (not as it was written: {error.given})", error.allowed) from error
+    if not isinstance(told.get("form"), str):
+        raise InputError(f"file {path} (not as it was written: it names no form)", allowed)
     return told
+
+
+def checked(path: Path, name: str, columns: Columns, description: Description) -> Columns:
+    """Return a table that was read from the file `path`, with the types that a session has.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, of another kind or out of its range, a time is not within a session, or an
+        event's data is no JSON object.
+    """
+    needed = columns_of(name, description)
+    if missing := sorted(set(needed) - set(columns)):
+        raise InputError(f"file {path} without {', '.join(missing)}", ", ".join(needed))
+    extra = [key for key in columns if key not in needed] if name in ("labels", "clocks") else []
+    if len(extra) > MOST_COLUMNS:
+        raise InputError(f"file {path} with {len(extra)} columns", f"{MOST_COLUMNS} at most")
+    found = {key: _cells(f"file {path}, column {key}", name, key, columns[key]) for key in (*needed, *extra)}
+    wrong = np.flatnonzero(~(np.abs(found["time"]) <= LONGEST))
+    if len(wrong):
+        given = f"file {path}, {wrong[0] + 1}. time {found['time'][wrong[0]]:g}"
+        raise InputError(given, f"seconds since the session's begin, at most {LONGEST:g} either way")
+    for number, data in enumerate(found["data"] if name == "events" else (), start=1):
+        try:
+            json_object(data)
+        except InputError as error:
+            raise InputError(f"file {path}, {number}. data ({error.given})", error.allowed) from error
+    return found
+
+
+def _cells(
+    what: str, name: str, key: str, column: np.ndarray[Any, np.dtype[Any]]
+) -> np.ndarray[Any, np.dtype[Any]]:
+    """Return a column with the type that it has in a session."""
+    if name == "events" and key != "time":
+        if not all(isinstance(cell, str) for cell in column):
+            raise InputError(f"{what} with cells that are not text", "text")
+        return column
+    if column.dtype.kind not in "fiub":
+        raise InputError(f"{what} of {column.dtype}", "numbers")
+    if name not in OF_ALL and key in KEPT_BESIDE:
+        return _whole(what, column, KEPT_BESIDE[key])
+    return column.astype(np.float64)
+
+
+def _whole(what: str, column: np.ndarray[Any, np.dtype[Any]], kind: type) -> np.ndarray[Any, np.dtype[Any]]:
+    """Return whole numbers as a type that holds them all."""
+    bounds = np.iinfo(kind)
+    if column.dtype.kind not in "iu":
+        raise InputError(f"{what} of {column.dtype}", "whole numbers")
+    if len(column) and not (bounds.min <= int(column.min()) and int(column.max()) <= bounds.max):
+        given = f"{what} from {column.min()} to {column.max()}"
+        raise InputError(given, f"{bounds.min} to {bounds.max}")
+    return column.astype(kind)
 
 
 def write_back(
@@ -129,11 +193,13 @@ def write_back(
 ) -> None:
     """Write a session of what the others gave, everything in the order of its time.
 
-    A session that was cut off comes back as one that was closed.
+    A session that was cut off comes back as one that was closed. Tables are as `checked` returns them; a
+    stretch that no session can hold is refused here, with `InputError`.
     """
     with _whole_or_not_at_all(SessionWriter(path, description, clock)) as writer:
         rest = {name: _Rest(writer, name, columns) for name, columns in held.items()}
         for stretch in audio:
+            _refuse_stretch(stretch, description)
             for each in rest.values():
                 each.write(stretch.time)
             writer.audio(
@@ -149,6 +215,18 @@ def write_back(
                 writer.flush()  # or it would be joined to the next one
         for each in rest.values():
             each.write(np.inf)
+
+
+def _refuse_stretch(stretch: Stretch, description: Description) -> None:
+    stop, most = stretch.start + stretch.samples.shape[1], round(LONGEST * description.sample_rate)
+    if not (stretch.start >= 0 and stop <= most and 0 <= stretch.dropped <= most):
+        given = f"audio from frame {stretch.start} to {stop}, {stretch.dropped} lost before"
+        raise InputError(given, f"0 to {most} frames, or {LONGEST:g} s")
+    if not abs(stretch.time) <= LONGEST:
+        given = f"audio at {stretch.time:g} s"
+        raise InputError(given, f"seconds since the session's begin, at most {LONGEST:g} either way")
+    if not -1 <= stretch.device_frame < 2**63:
+        raise InputError(f"device frame {stretch.device_frame}", f"-1, or 0 to {2**63 - 1}")
 
 
 @contextmanager
@@ -184,7 +262,7 @@ class _Rest:
                 self._writer.clocks(float(at), {name: float(column[row]) for name, column in part.items()})
         elif self._name == "events":
             for at, kind, text, data in zip(time, part["kind"], part["text"], part["data"], strict=True):
-                self._writer.event(float(at), kind, text, **json.loads(data))
+                self._writer.event(float(at), kind, text, **json_object(data))
         else:
             self._readings(self._name, time, part)
 

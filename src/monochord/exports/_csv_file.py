@@ -48,6 +48,9 @@ def read_csv(path: Path, kinds: Mapping[str, type]) -> Columns:
         raise InputError(f"file {path} ({error.strerror})", "a CSV file", "check its name") from error
     except (csv.Error, UnicodeDecodeError) as error:
         raise InputError(f"file {path} ({error})", "CSV in UTF-8") from error
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"file {path} with two columns '{twice}'", "a name of its own for each")
     for number, row in enumerate(rows, start=2):
         if len(row) != len(names):
             raise InputError(f"file {path} row {number} of {len(row)} cells", f"{len(names)}, as its header")
@@ -68,4 +71,10 @@ def _column(path: Path, name: str, cells: list[str], kind: type) -> np.ndarray[A
         except ValueError:
             allowed = "a whole number" if number is int else "a number, or nothing where it is not known"
             raise InputError(f"file {path} row {row}, {name} '{cell}'", allowed) from None
-    return np.array(values, dtype=kind)
+    try:
+        return np.array(values, dtype=kind)
+    except OverflowError:
+        bounds = np.iinfo(kind)
+        row, wrong = next((n, v) for n, v in enumerate(values, start=2) if not bounds.min <= v <= bounds.max)
+        given = f"file {path} row {row}, {name} {wrong}"
+        raise InputError(given, f"a whole number, {bounds.min} to {bounds.max}") from None

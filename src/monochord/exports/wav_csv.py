@@ -13,9 +13,11 @@ from monochord.errors import InputError
 from monochord.exports._contents import (
     ABOUT,
     KEPT_BESIDE,
+    LONGEST_STRETCH,
+    Columns,
     Stretch,
     about,
-    columns_of,
+    checked,
     read_about,
     stretches,
     table_names,
@@ -26,9 +28,13 @@ from monochord.exports._csv_file import read_csv, write_csv
 from monochord.exports._folders import folder_each
 from monochord.exports.base import Export
 from monochord.sessions import Session
+from monochord.types import Audio
+from monochord.units import Samples
 
 FORM = "wav_csv"
 SOUND, STRETCHES = "audio.wav", "audio.csv"
+FORMATS = ("WAV", "WAVEX", "RF64")
+"""What the sound may be read from; of others no file's size says how long they can be."""
 LONGEST_WAV = 0xFFFF0000
 """Bytes of sound that a WAV file can tell of; more is written as RF64."""
 KINDS: dict[str, Any] = {
@@ -64,12 +70,10 @@ class WavCsv(Export):
     def read(self, folder: Path, path: Path) -> None:
         """Write the session that a folder holds to the new file `path`."""
         description, clock = read_about(folder, FORM)
-        held = {name: read_csv(folder / f"{name}.csv", KINDS) for name in table_names(description)}
-        for name, columns in held.items():
-            needed = columns_of(name, description)
-            if not set(needed) <= set(columns):
-                missing = ", ".join(sorted(set(needed) - set(columns)))
-                raise InputError(f"file {folder / name}.csv without {missing}", ", ".join(needed))
+        held: dict[str, Columns] = {}
+        for name in table_names(description):
+            file = folder / f"{name}.csv"
+            held[name] = checked(file, name, read_csv(file, KINDS), description)
         with _opened(folder / SOUND) as sound:
             if (sound.samplerate, sound.channels) != (description.sample_rate, description.channels):
                 given = f"file {folder / SOUND} with {sound.channels} channels at {sound.samplerate} Hz"
@@ -86,8 +90,9 @@ def _write_sound(session: Session, folder: Path) -> Path:
     form = "RF64" if size > LONGEST_WAV else "WAV"
     with soundfile.SoundFile(path, "w", told.sample_rate, told.channels, "FLOAT", format=form) as sound:
         for stretch in stretches(session):
-            if stretch.start > sound.tell():
-                sound.write(np.zeros((stretch.start - sound.tell(), told.channels), np.float32))
+            while stretch.start > sound.tell():
+                lost = min(stretch.start - sound.tell(), LONGEST_STRETCH)
+                sound.write(np.zeros((lost, told.channels), np.float32))
             sound.write(np.ascontiguousarray(stretch.samples.T))
             frames = stretch.samples.shape[1]
             beside = (stretch.timed, stretch.device_frame)
@@ -103,30 +108,50 @@ def _write_sound(session: Session, folder: Path) -> Path:
 
 
 def _opened(path: Path) -> soundfile.SoundFile:
+    allowed = "the WAV file that was exported"
     try:
-        return soundfile.SoundFile(path)
+        file = soundfile.SoundFile(path)
     except (soundfile.LibsndfileError, OSError) as error:
-        raise InputError(f"file {path} ({error})", "the WAV file that was exported") from error
+        raise InputError(f"file {path} ({error})", allowed) from error
+    if file.format not in FORMATS:
+        file.close()
+        raise InputError(f"file {path} of format {file.format}", allowed)
+    return file
 
 
 def _stretches(folder: Path, sound: soundfile.SoundFile) -> Iterator[Stretch]:
-    rows = read_csv(folder / STRETCHES, KINDS)
+    path = folder / STRETCHES
+    rows = read_csv(path, KINDS)
     names = ("time", "start", "frames", "dropped", "timed", "device_frame")
     if set(names) - set(rows):
-        raise InputError(f"file {folder / STRETCHES} with {', '.join(rows) or 'no header'}", ", ".join(names))
-    for time, start, frames, dropped, timed, device_frame in zip(
-        *(rows[n].tolist() for n in names), strict=True
+        raise InputError(f"file {path} with {', '.join(rows) or 'no header'}", ", ".join(names))
+    reached = 0
+    for row, (time, start, frames, dropped, timed, device_frame) in enumerate(
+        zip(*(rows[n].tolist() for n in names), strict=True), start=2
     ):
-        if not 0 <= start <= start + frames <= sound.frames:
-            given = f"file {folder / STRETCHES}, frames {start} to {start + frames}"
-            raise InputError(given, f"those of {SOUND}, 0 to {sound.frames}")
-        sound.seek(start)
-        samples: Any = sound.read(frames, dtype="float32", always_2d=True).T
+        if not (reached <= start <= start + frames <= sound.frames and frames <= LONGEST_STRETCH):
+            given = f"file {path} row {row}, frames {start} to {start + frames}"
+            allowed = f"those of {SOUND}, {reached} to {sound.frames}, {LONGEST_STRETCH} at most"
+            raise InputError(given, allowed, "give rows in order, none over the other")
+        reached = start + frames
         yield Stretch(
             start=start,
             dropped=dropped,
             time=time,
             timed=bool(timed),
             device_frame=device_frame,
-            samples=np.ascontiguousarray(samples),
+            samples=_samples(folder / SOUND, sound, start, frames),
         )
+
+
+def _samples(path: Path, sound: soundfile.SoundFile, start: Samples, frames: Samples) -> Audio:
+    """Return frames (channels, n) of a file; raises `InputError` where it does not hold them."""
+    try:
+        sound.seek(start)
+        samples: Any = sound.read(frames, dtype="float32", always_2d=True)
+    except soundfile.LibsndfileError as error:
+        raise InputError(f"file {path} ({error})", "the WAV file that was exported") from error
+    if len(samples) < frames:
+        given = f"file {path} (ends after frame {start + len(samples)})"
+        raise InputError(given, f"{sound.frames} frames, as it says itself")
+    return np.ascontiguousarray(samples.T)

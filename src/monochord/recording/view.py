@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
+from monochord.printable import printable
 from monochord.recording import _view
 from monochord.recording.progress import Progress
 from monochord.recording.watch import Notice
@@ -80,7 +81,7 @@ class View:
                 due = moment + LINES
                 unsaid.append(_view.plain(now))
             for line in unsaid:
-                self._console.print(Text(line), soft_wrap=True)
+                self._console.print(Text(printable(line)), soft_wrap=True)
             if unsaid:
                 self._console.file.flush()
 

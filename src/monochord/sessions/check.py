@@ -4,11 +4,14 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from monochord.errors import InputError
 from monochord.sessions import walk
 from monochord.sessions._contents import Contents, contents
 from monochord.sessions._lock import being_written
+from monochord.sessions.bounds import json_object
+from monochord.sessions.description import Description
 from monochord.sessions.reader import Session, read_session
 from monochord.units import Seconds
 
@@ -57,8 +60,8 @@ def check(path: Path) -> Report:
         If the file is not there or no session at all.
     """
     recording = being_written(path)
+    session = read_session(path)  # which refuses what would unpack to too much
     found = contents(walk.mapped(path))
-    session = read_session(path)
     digests, messages = _by_topic(session, found)
     checksum = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
     faults = _damage(found)
@@ -70,6 +73,10 @@ def check(path: Path) -> Report:
     if session.complete and checksum != session.ending.get("checksum"):
         wrong = ", ".join(t for t, told in _written(session).items() if digests.get(t) != told)
         faults.append(f"checksum is not what was written ({wrong or 'its own is damaged'})")
+    if not _described_twice(session):
+        faults.append("its description is not what was written")
+    remarks = _remarks(session)
+    faults += _malformed(session)
     if recording:
         faults.append("being recorded, or repaired by another program")
     elif not found.whole:
@@ -81,7 +88,7 @@ def check(path: Path) -> Report:
         checksum=checksum,
         messages=messages,
         faults=tuple(faults),
-        remarks=tuple(_remarks(session)),
+        remarks=tuple(remarks),
     )
 
 
@@ -101,12 +108,30 @@ def _damage(found: Contents) -> list[str]:
     return faults
 
 
-def _written(session: Session) -> dict[str, str]:
+def _written(session: Session) -> dict[str, Any]:
     """Return SHA-256 of every topic as the writer told them, nothing where that is damaged."""
     try:
-        return dict(json.loads(session.ending.get("sha256", "{}")))
-    except ValueError:
+        return json_object(session.ending.get("sha256", "{}"))
+    except InputError:
         return {}
+
+
+def _described_twice(session: Session) -> bool:
+    """Return whether the description, which no checksum guards, is the one in the message, which one does."""
+    told = [content.data for _, content in session.decoded("/description")]
+    try:
+        return not told or Description.load(told[0]) == session.description
+    except InputError:
+        return False
+
+
+def _malformed(session: Session) -> list[str]:
+    """Return a sentence for each topic with messages that do not hold what they should."""
+    _ = session.labels, session.clocks  # the rest has been read
+    return [
+        f"{count} malformed message{'s' if count > 1 else ''} of {topic} left out ({first})"
+        for topic, (count, first) in session.malformed.items()
+    ]
 
 
 def _by_topic(session: Session, found: Contents) -> tuple[dict[str, str], dict[str, int]]:
@@ -127,11 +152,7 @@ def _remarks(session: Session) -> list[str]:
         gaps = len(audio.gaps)
         remarks.append(f"{lost} frames lost in {gaps} gap{'s' if gaps > 1 else ''}")
     for stream in session.streams:
-        try:
-            track = session.readings(stream)
-        except (InputError, ValueError) as error:  # pragma: no cover  (a damaged message)
-            remarks.append(f"{stream}: {error}")
-            continue
+        track = session.readings(stream)
         if not len(track.time):
             remarks.append(f"{stream}: no readings")
         if track.missing:

@@ -1,11 +1,14 @@
 """Messages of a session as ROS 2 types and their CDR bytes."""
 
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monochord.errors import InputError
+from monochord.sessions.bounds import MOST_COLUMNS, json_object
 from monochord.sessions.description import NANO
 from monochord.types import POSE, WRENCH, Feed
 
@@ -77,15 +80,83 @@ def nanoseconds(stamp: Any) -> int:
     return int(stamp.sec) * NANO + int(stamp.nanosec)
 
 
-def encode(name: str, **fields: Any) -> bytes:
+def encode(name: str, /, **fields: Any) -> bytes:
     """Return a message of type `name` as CDR bytes, little-endian, with their encapsulation header."""
     store = typestore()
     return bytes(store.serialize_cdr(store.types[name](**fields), name))
 
 
 def decode(name: str, data: bytes | memoryview) -> Any:
-    """Return the message of type `name` that CDR bytes hold."""
-    return typestore().deserialize_cdr(bytes(data), name)
+    """Return the message of type `name` that CDR bytes hold; its arrays are views of them.
+
+    Raises
+    ------
+    InputError
+        If the bytes are not of that type, or its fields do not fit each other.
+    """
+    from rosbags.serde import SerdeError  # noqa: PLC0415
+
+    try:
+        message: Any = typestore().deserialize_cdr(data, name)
+    except SerdeError as error:
+        raise InputError(f"message of {len(data)} bytes ({error})", f"CDR bytes of {name}") from error
+    refuse = _REFUSE.get(name)
+    if refuse is not None:
+        refuse(message)
+    return message
+
+
+def _refuse_counts(name: str, found: Mapping[str, int], allowed: Mapping[str, int]) -> None:
+    """Refuse a message in which an array is not as long as the others say."""
+    for part, count in found.items():
+        if count != allowed[part]:
+            raise InputError(f"{name} with {count} {part}", f"{allowed[part]}, as its other fields say")
+
+
+def _refuse_names(name: str, names: list[str]) -> None:
+    if len(names) > MOST_COLUMNS or len(set(names)) < len(names):
+        raise InputError(f"{name} with {len(names)} names", f"{MOST_COLUMNS} at most, all different")
+
+
+def _refuse_audio(m: Any) -> None:
+    if not m.channels or len(m.samples) % m.channels:
+        given = f"audio of {len(m.samples)} samples in {m.channels} channels"
+        raise InputError(given, "as many samples in each of 1 or more")
+
+
+def _refuse_readings(m: Any) -> None:
+    count, width = len(m.arrival), len(m.columns)
+    found = {"sequence": len(m.sequence), "device_time": len(m.device_time), "status": len(m.status)}
+    allowed = dict.fromkeys(found, count) | {"values": count * width}
+    _refuse_counts("readings", found | {"values": len(m.values)}, allowed)
+
+
+def _refuse_wrenches(m: Any) -> None:
+    count = len(m.arrival)
+    found = {"sequence": len(m.sequence), "device_time": len(m.device_time), "status": len(m.status)}
+    allowed = dict.fromkeys(found, count) | {"force": 3 * count, "torque": 3 * count}
+    _refuse_counts("readings", found | {"force": len(m.force), "torque": len(m.torque)}, allowed)
+
+
+def _refuse_labels(m: Any) -> None:
+    _refuse_names("labels", m.columns)
+    _refuse_counts("labels", {"values": len(m.values)}, {"values": len(m.time) * len(m.columns)})
+
+
+def _refuse_clocks(m: Any) -> None:
+    _refuse_names("clocks", m.names)
+    _refuse_counts("clocks", {"offsets": len(m.offsets)}, {"offsets": len(m.names)})
+
+
+_REFUSE: dict[str, Callable[[Any], object]] = {
+    AUDIO: _refuse_audio,
+    WRENCHES: _refuse_wrenches,
+    READINGS: _refuse_readings,
+    LABELS: _refuse_labels,
+    EVENT: lambda m: json_object(m.data or "{}"),
+    CLOCKS: _refuse_clocks,
+}
+"""What refuses a message whose fields do not fit each other, by its type."""
 
 
 def encode_pose(stamp: int, values: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
@@ -99,8 +170,7 @@ def encode_pose(stamp: int, values: np.ndarray[Any, np.dtype[np.float64]]) -> by
     return encode(POSES, header=header(stamp, "string"), pose=pose)
 
 
-def decode_pose(data: bytes | memoryview) -> tuple[int, tuple[float, ...]]:
-    """Return the sender's stamp in nanoseconds and the pose's seven values."""
-    message = decode(POSES, data)
+def pose_of(message: Any) -> tuple[int, tuple[float, ...]]:
+    """Return the sender's stamp in nanoseconds and the seven values of a decoded pose."""
     p, q = message.pose.position, message.pose.orientation
     return nanoseconds(message.header.stamp), (p.x, p.y, p.z, q.x, q.y, q.z, q.w)

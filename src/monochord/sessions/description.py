@@ -1,6 +1,7 @@
 """What is needed to read a session again, and the clock that its times are on."""
 
 import json
+import math
 import re
 import time
 from collections.abc import Mapping
@@ -13,10 +14,13 @@ import numpy as np
 
 from monochord.config import Tree, from_tree, to_tree
 from monochord.errors import InputError
+from monochord.sessions.bounds import HIGHEST_RATE, LONGEST, MOST_COLUMNS, MOST_STREAMS, json_object
 from monochord.types import Feed, Floats, StringParams
 from monochord.units import Metres, Seconds
 
 NANO = 1_000_000_000
+LATEST_STAMP = 2**31 * NANO
+"""Where the seconds of a ROS 2 stamp end, in ns since 1970."""
 TAKEN = ("audio", "events", "clocks", "description")
 """Names that streams of readings cannot have."""
 
@@ -90,13 +94,15 @@ class Description:
     def __post_init__(self) -> None:
         if not self.name:
             raise InputError("session without a name", "a name")
-        if self.sample_rate <= 0 or not 1 <= self.channels <= 64:
+        if not (0 < self.sample_rate <= HIGHEST_RATE and 1 <= self.channels <= 64):
             given = f"{self.channels} channels at {self.sample_rate} Hz"
-            raise InputError(given, "1 to 64 channels at more than 0 Hz")
+            raise InputError(given, f"1 to 64 channels at 1 to {HIGHEST_RATE} Hz")
+        _refuse_streams(len(self.feeds))
         for feed in self.feeds:
             if not re.fullmatch("[a-z][a-z0-9_]*", feed.stream) or feed.stream in TAKEN:
                 allowed = f"small letters, digits and underscores, and not {', '.join(TAKEN)}"
                 raise InputError(f"stream '{feed.stream}'", allowed, "set its option stream")
+            _refuse_feed(feed)
         streams = [feed.stream for feed in self.feeds]
         if len(set(streams)) < len(streams):
             twice = next(name for name in streams if streams.count(name) > 1)
@@ -116,13 +122,39 @@ class Description:
 
     @classmethod
     def load(cls, text: str) -> "Description":
-        """Read JSON text; what a newer version added is put under `more`."""
-        tree: dict[str, Any] = json.loads(text)
+        """Read JSON text; what a newer version added is put under `more`.
+
+        Raises
+        ------
+        InputError
+            If it is no JSON object, or holds what no description does.
+        """
+        tree = json_object(text)
+        feeds = tree.get("feeds")
+        _refuse_streams(len(feeds) if isinstance(feeds, list) else 0)  # before each is looked at
         known = {field.name for field in fields(cls)}
         strange = {key: json.dumps(tree.pop(key)) for key in set(tree) - known}
-        if strange:
-            tree["more"] = {**tree.get("more", {}), **strange}
+        more = tree.get("more", {})
+        if strange and isinstance(more, dict):
+            tree["more"] = {**more, **strange}
         return from_tree(cls, tree, "session")
+
+
+def _refuse_streams(count: int) -> None:
+    if count > MOST_STREAMS:
+        raise InputError(f"{count} streams", f"{MOST_STREAMS} at most")
+
+
+def _refuse_feed(feed: Feed) -> None:
+    """Refuse a feed whose readings could not be told apart, or not be laid out in a table."""
+    what, count = f"stream '{feed.stream}'", len(feed.columns)
+    if not 1 <= count <= MOST_COLUMNS or len(set(feed.columns)) < count:
+        raise InputError(f"{what} with {count} columns", f"1 to {MOST_COLUMNS}, each with a name of its own")
+    if len(feed.units) != count:
+        raise InputError(f"{what} with {len(feed.units)} units", f"{count}, one for each column")
+    if not (0.0 <= feed.rate < math.inf and 0.0 <= feed.ticks < math.inf):
+        given = f"{what} at {feed.rate:g} readings and {feed.ticks:g} ticks a second"
+        raise InputError(given, "finite rates, 0 where unknown")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,6 +162,8 @@ class SessionClock:
     """A session's clock: nanoseconds since 1970 that go with the monotonic clock, whatever the wall does.
 
     `epoch_ns` is what the wall clock said when the monotonic clock said `origin`, the session's time zero.
+    A clock beyond what a stamp holds is refused with `InputError`, and so is a time that is not finite, or
+    further from the begin than a session may be long.
 
     >>> clock = SessionClock(epoch_ns=10**18, origin=5.0)
     >>> int(clock.stamp(5.25)), float(clock.seconds(10**18 + 250_000_000))
@@ -139,6 +173,11 @@ class SessionClock:
     epoch_ns: int
     origin: Seconds = 0.0
 
+    def __post_init__(self) -> None:
+        if not (0 <= self.epoch_ns < LATEST_STAMP and abs(self.origin) < LATEST_STAMP / NANO):
+            given = f"clock that begins at {self.epoch_ns} ns, {self.origin:g} s"
+            raise InputError(given, f"0 to {LATEST_STAMP} ns since 1970, and a finite count of seconds")
+
     @classmethod
     def now(cls) -> "SessionClock":
         """Return a clock whose zero is now."""
@@ -146,11 +185,21 @@ class SessionClock:
 
     def stamp(self, monotonic: Seconds) -> int:
         """Return a monotonic time as a stamp in nanoseconds."""
-        return self.epoch_ns + round((monotonic - self.origin) * NANO)
+        return int(self.stamps(np.array([monotonic]))[0])
 
     def stamps(self, monotonic: Floats) -> np.ndarray[Any, np.dtype[np.int64]]:
         """Return monotonic times (n,) as stamps (n,) in nanoseconds."""
-        return self.epoch_ns + np.rint((np.asarray(monotonic) - self.origin) * NANO).astype(np.int64)
+        since = np.asarray(monotonic, np.float64) - self.origin
+        wrong = np.flatnonzero(~(np.abs(since) <= LONGEST))
+        if len(wrong):
+            given = f"time {since[wrong[0]]:g} s from the session's begin"
+            raise InputError(given, f"a number, at most {LONGEST:g} s either way")
+        stamps = self.epoch_ns + np.rint(since * NANO).astype(np.int64)
+        if len(stamps) and not (stamps.min() >= 0 and stamps.max() < LATEST_STAMP):
+            raise InputError(
+                "time before 1970 or after 2038", "a time that a stamp can hold", "set the clock"
+            )
+        return stamps
 
     def seconds(self, stamp: Any) -> Any:
         """Return stamps in nanoseconds as seconds since the session's begin."""
@@ -162,5 +211,11 @@ class SessionClock:
 
     @classmethod
     def load(cls, texts: Mapping[str, str]) -> "SessionClock":
-        """Read what `dump` gave."""
-        return cls(epoch_ns=int(texts["epoch_ns"]), origin=float(texts["origin"]))
+        """Read what `dump` gave; raises `InputError` where it is something else."""
+        try:
+            return cls(epoch_ns=int(texts["epoch_ns"]), origin=float(texts["origin"]))
+        except InputError:
+            raise
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            allowed = "epoch_ns, a whole number as text, and origin, a number as text"
+            raise InputError(f"clock of a session ({error})", allowed) from error

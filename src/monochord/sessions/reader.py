@@ -1,7 +1,6 @@
 """Reads a session, whole, cut off or damaged."""
 
-import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,14 @@ from monochord.errors import InputError
 from monochord.sessions import codec, walk
 from monochord.sessions._contents import END
 from monochord.sessions._opening import BEGIN
-from monochord.sessions.description import Description, SessionClock
+from monochord.sessions.bounds import (
+    LONGEST,
+    MOST_COLUMNS,
+    json_object,
+    refuse_beyond_memory,
+    refuse_unpacking,
+)
+from monochord.sessions.description import NANO, Description, SessionClock
 from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, LabelTrack, ReadingTrack
 from monochord.sessions.writer import LABELS
 from monochord.types import Feed
@@ -44,6 +50,9 @@ class Session:
         What was written when the session was closed; empty where it was cut off.
     recovered
         Whether it was cut off or damaged, and repaired.
+    malformed
+        Of each topic that was read and had messages that do not hold what they should: how many, and what is
+        wrong with the first. They are left out of all that is read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -52,6 +61,7 @@ class Session:
         self._names: dict[int, str] = {}
         self._chunks: list[memoryview] = []
         self._holes = 0
+        self.malformed: dict[str, tuple[int, str]] = {}
         told: dict[str, str] = {}
         self.ending: dict[str, str] = {}
         self.recovered = False
@@ -67,37 +77,38 @@ class Session:
                 self._holes += 1
             elif record.opcode == walk.DATA_END:
                 break
-        told = {**told, **self._told_again(told.get("origin", "0.0"))}
+        told = {**told, **self._described_again(told.get("origin", "0.0"))}
         if "description" not in told:
             remedy = "import audio and labels with: monochord sessions import"
             raise InputError(f"file {path} (MCAP, but no session)", "a session of Monochord", remedy)
         try:
             self.description = Description.load(told["description"])
             self.clock = SessionClock.load(told)
-        except InputError:
-            raise
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            given, remedy = (
-                f"file {path} (its description is damaged)",
-                "repair it: monochord sessions recover",
-            )
-            raise InputError(given, "a session of Monochord", remedy) from error
+        except InputError as error:
+            given = f"file {path} (its description is damaged: {error.given})"
+            raise InputError(given, error.allowed, "repair it: monochord sessions recover") from error
         # As every session numbers them; where the chunk that says so is damaged, this does.
         self._names = dict(enumerate(self.topics, 1))
+        unpacked = sum(walk.unpacked_size(body) for body in self._chunks)
+        refuse_unpacking(f"session {path}", len(self._view), unpacked, "unpack it: mcap decompress")
 
-    def _told_again(self, origin: str) -> dict[str, str]:
+    def _described_again(self, origin: str) -> dict[str, str]:
         """Return what the begin says, as the first message says it, which a checksum guards; else nothing."""
         names: dict[int, str] = {}
-        held = walk.chunk(self._chunks[0]) if self._chunks else None
-        for opcode, _, content in walk.inside(held.records) if held and held.sound else ():
+        first = walk.chunk(self._chunks[0]) if self._chunks else None
+        for opcode, _, content in walk.inside(first.records) if first and first.sound else ():
+            number = int.from_bytes(content[:2], "little")
             if opcode == walk.CHANNEL:
-                channel = walk.channel(content)
-                names[channel.id] = channel.topic
-            elif opcode == walk.MESSAGE:
+                names[number] = _topic_in(content)
+            elif opcode == walk.MESSAGE and names.get(number) == "/description":
+                if len(content) < SHORTEST_MESSAGE:
+                    return {}
                 message = walk.message(content)
-                if names.get(message.channel) == "/description":
+                try:
                     text = codec.decode(codec.TEXT, message.data).data
-                    return {"description": text, "epoch_ns": str(message.log_time), "origin": origin}
+                except InputError:
+                    return {}
+                return {"description": text, "epoch_ns": str(message.log_time), "origin": origin}
         return {}
 
     @property
@@ -125,22 +136,82 @@ class Session:
         for body in self._chunks:
             held = walk.chunk(body)
             for opcode, _, content in walk.inside(held.records) if held.sound else ():
+                number = int.from_bytes(content[:2], "little")
                 if opcode == walk.MESSAGE:
-                    if self._names.get(int.from_bytes(content[:2], "little")) == topic:
-                        yield walk.message(content)
+                    if self._names.get(number) == topic:
+                        torn = len(content) < SHORTEST_MESSAGE
+                        yield walk.Message(number, 0, 0, 0, content[:0]) if torn else walk.message(content)
                 elif opcode == walk.CHANNEL:
-                    found = walk.channel(content)
-                    self._names[found.id] = found.topic
+                    self._names[number] = _topic_in(content)
+
+    def decoded(self, topic: str) -> Iterator[tuple[walk.Message, Any]]:
+        """Yield the messages of a topic with what they hold; those that are malformed are counted instead."""
+        count = 0
+        for message in self.messages(topic):
+            try:
+                content = self._decode(topic, message)
+            except InputError as error:
+                count += 1
+                first = self.malformed[topic][1] if count > 1 else error.given
+                self.malformed[topic] = count, first
+                continue
+            yield message, content
+
+    def _decode(self, topic: str, message: walk.Message) -> Any:
+        """Return what a message holds; raises `InputError` where that does not fit the description."""
+        kind, width = codec.TOPICS.get(topic), 0
+        if kind is None:
+            feed = self.description.feed(topic.removeprefix("/"))
+            kind, width = codec.type_of(feed), len(feed.columns)
+        content = codec.decode(kind, message.data)
+        if kind == codec.AUDIO:
+            self._refuse_audio(content)
+            self._refuse_stamps(np.array([message.log_time], np.uint64))
+        elif kind == codec.POSES:
+            self._refuse_stamps(np.array([message.log_time], np.uint64))
+        elif kind in (codec.WRENCHES, codec.READINGS):
+            self._refuse_stamps(content.arrival)
+            if kind == codec.READINGS and len(content.columns) != width:
+                raise InputError(f"readings of {len(content.columns)} columns", f"{width}, as described")
+        elif kind == codec.LABELS:
+            self._refuse_stamps(content.time)
+        elif kind in (codec.EVENT, codec.CLOCKS):
+            self._refuse_stamps(np.array([codec.nanoseconds(content.header.stamp)]))
+        return content
+
+    def _refuse_audio(self, content: Any) -> None:
+        told = self.description
+        if content.channels != told.channels:
+            raise InputError(f"audio of {content.channels} channels", f"{told.channels}, as described")
+        stop, most = content.start + len(content.samples) // content.channels, LONGEST * told.sample_rate
+        if stop > most:
+            raise InputError(f"audio up to frame {stop}", f"{most:.0f} frames, or {LONGEST:g} s")
+
+    def _refuse_stamps(self, stamps: Any) -> None:
+        """Refuse times that are further from the begin than a session may be long."""
+        begin, reach = self.clock.epoch_ns, round(LONGEST * NANO)
+        low, high = (int(stamps.min()), int(stamps.max())) if len(stamps) else (begin, begin)
+        if low < begin - reach or high > begin + reach:
+            far = (low if low < begin - reach else high) - begin
+            raise InputError(f"time {far / NANO:g} s from the begin", f"at most {LONGEST:g} s either way")
 
     @cached_property
     def audio(self) -> AudioTrack:
-        """The microphones."""
-        blocks = [(codec.decode(codec.AUDIO, message.data), message) for message in self.messages("/audio")]
+        """The microphones; raises `InputError` where they are more than this machine's memory holds."""
+        blocks = [(block, message) for message, block in self.decoded("/audio")]
         channels, rate = self.description.channels, self.description.sample_rate
         end = max((b.start + b.samples.size // channels for b, _ in blocks), default=0)
-        samples = np.zeros((channels, end), dtype=np.float32)
+        what = f"session {self.path} with {end / rate:.0f} s of audio, its gaps counted in"
+        remedy = "export it, which takes it piece by piece"
+        refuse_beyond_memory(what, 4 * channels * end, remedy)
+        try:
+            samples = np.zeros((channels, end), dtype=np.float32)
+        except MemoryError as error:
+            given = f"{what} ({4e-9 * channels * end:.1f} GB)"
+            raise InputError(given, "what the memory has room for", remedy) from error
         gaps: list[tuple[int, int]] = []
-        timed: list[tuple[int, float, int]] = []
+        timed: list[tuple[int, float]] = []
+        counted: list[int] = []
         reached = 0
         for block, message in blocks:
             part = block.samples.reshape(channels, -1)
@@ -149,24 +220,25 @@ class Session:
                 gaps.append((reached, block.start))
             reached = max(reached, block.start + part.shape[1])
             if block.timed:
-                timed.append((block.start, self.clock.seconds(message.log_time), block.frame_time))
-        anchors = np.array(timed, dtype=np.float64).reshape(-1, 3)
+                timed.append((block.start, self.clock.seconds(message.log_time)))
+                counted.append(block.frame_time)
+        anchors = np.array(timed, dtype=np.float64).reshape(-1, 2)
         return AudioTrack(
             samples=samples,
             sample_rate=rate,
             gaps=tuple(gaps),
             anchor_frame=anchors[:, 0],
             anchor_time=anchors[:, 1],
-            device_frame=anchors[:, 2].astype(np.int64),
+            device_frame=np.array(counted, dtype=np.int64),
         )
 
     def readings(self, stream: str) -> ReadingTrack:
         """Return a stream of readings; raises `InputError` where there is none of this name."""
         feed = self.description.feed(stream)
-        messages = self.messages(codec.topic_of(stream))
+        messages = self.decoded(codec.topic_of(stream))
         if codec.type_of(feed) == codec.POSES:
             return self._poses(feed, messages)
-        found = [codec.decode(codec.type_of(feed), message.data) for message in messages]
+        found = [content for _, content in messages]
         width = len(feed.columns)
         if codec.type_of(feed) == codec.WRENCHES:
             values = [np.hstack([m.force.reshape(-1, 3), m.torque.reshape(-1, 3)]) for m in found]
@@ -184,8 +256,8 @@ class Session:
     @cached_property
     def labels(self) -> LabelTrack:
         """What is known to be true; without columns where nothing is."""
-        found = [codec.decode(codec.LABELS, message.data) for message in self.messages("/labels")]
-        names = list(dict.fromkeys(name for m in found for name in m.columns))
+        found = [content for _, content in self.decoded("/labels")]
+        names = self._names_of("label columns", (m.columns for m in found))
         columns: dict[str, list[Any]] = {name: [] for name in names}
         for m in found:
             values = m.values.reshape(len(m.time), -1)
@@ -201,13 +273,13 @@ class Session:
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """What happened, in order."""
-        found = [codec.decode(codec.EVENT, message.data) for message in self.messages("/events")]
+        found = [content for _, content in self.decoded("/events")]
         events = [
             Event(
                 time=float(self.clock.seconds(codec.nanoseconds(m.header.stamp))),
                 kind=m.kind,
                 text=m.text,
-                data=json.loads(m.data or "{}"),
+                data=json_object(m.data or "{}"),
             )
             for m in found
         ]
@@ -216,21 +288,28 @@ class Session:
     @cached_property
     def clocks(self) -> ClockTrack:
         """Offsets of this machine's clocks to the monotonic one."""
-        found = [codec.decode(codec.CLOCKS, message.data) for message in self.messages("/clocks")]
-        names = sorted({name for m in found for name in m.names})
+        found = [content for _, content in self.decoded("/clocks")]
+        names = sorted(self._names_of("clocks", (m.names for m in found)))
         rows = [dict(zip(m.names, m.offsets.tolist(), strict=True)) for m in found]
         return ClockTrack(
             time=self.clock.seconds(np.array([codec.nanoseconds(m.header.stamp) for m in found], np.int64)),
             offsets={name: np.array([row.get(name, np.nan) for row in rows]) for name in names},
         )
 
-    def _poses(self, feed: Feed, messages: Iterator[walk.Message]) -> ReadingTrack:
+    def _names_of(self, what: str, each: Iterable[list[str]]) -> list[str]:
+        """Return all names in their order; raises `InputError` where a table of so many is not sensible."""
+        names = dict.fromkeys(name for part in each for name in part)
+        if len(names) > MOST_COLUMNS:
+            raise InputError(f"session {self.path} with {len(names)} {what}", f"{MOST_COLUMNS} at most")
+        return list(names)
+
+    def _poses(self, feed: Feed, messages: Iterator[tuple[walk.Message, Any]]) -> ReadingTrack:
         arrivals: list[int] = []
         sequence: list[int] = []
         sent: list[int] = []
         values: list[tuple[float, ...]] = []
-        for message in messages:
-            stamp, pose = codec.decode_pose(message.data)
+        for message, content in messages:
+            stamp, pose = codec.pose_of(content)
             arrivals.append(message.log_time)
             sequence.append(-1 if message.sequence == NO_COUNT else message.sequence)
             sent.append(stamp or -1)
@@ -245,8 +324,16 @@ class Session:
         )
 
 
+SHORTEST_MESSAGE = 22
+"""Bytes of a message record without its payload."""
 NO_COUNT = (1 << 32) - 1
 """What stands for no sequence in a message's 32 bits."""
+
+
+def _topic_in(channel: memoryview) -> str:
+    """Return the topic that a channel record's body names, whatever else is wrong with it."""
+    length = int.from_bytes(channel[4:8], "little")
+    return bytes(channel[8 : 8 + length]).decode(errors="replace")
 
 
 def _joined(parts: list[Any], kind: Any) -> Any:

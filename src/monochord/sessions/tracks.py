@@ -97,7 +97,7 @@ class ReadingTrack:
     def missing(self) -> int:
         """How many readings the sender's count says never came; a count that begins again is none."""
         steps = np.diff(self.sequence[self.sequence >= 0])
-        return int(np.sum(steps[steps > 1] - 1))
+        return sum((steps[steps > 1] - 1).tolist())  # whose sum need not fit 64 bits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

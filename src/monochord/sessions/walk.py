@@ -37,6 +37,12 @@ _INDEX_ENTRY = 16
 _LEAST = _HEAD.size + len(LOST_MARK)  # bytes of the smallest damage, so that a record of opcode LOST fits
 # Where a record may begin: an opcode of the data section, and a length below 4 GB.
 _HEADS = re.compile(rb"(?=[\x02\x06\x07\x09\x0c\x0f\xda].{4}\x00{4})", re.DOTALL)
+LARGEST_CHUNK = 64 << 20
+"""Bytes that a compressed chunk may unpack to; one that claims more counts as damaged, and is not unpacked.
+
+Of a chunk that is not compressed no copy is made, and it may be of any size.
+"""
+_LONGEST_NAME = 32  # characters of a compression's name
 
 
 class Record(NamedTuple):
@@ -150,7 +156,7 @@ def torn(view: memoryview, offset: int) -> bool:
 def chunk(body: memoryview) -> ChunkBody:
     """Return what a chunk record holds, uncompressed; one that is damaged holds nothing."""
     begin, stop, size, crc, length = _CHUNK.unpack_from(bytes(body[: _CHUNK.size]).ljust(_CHUNK.size, b"\0"))
-    compression = bytes(body[32 : 32 + length]).decode(errors="replace")
+    compression = bytes(body[32 : 32 + min(length, _LONGEST_NAME)]).decode(errors="replace")
     packed = body[40 + length :]
     found = _unpacked(compression, packed, size)
     whole = len(body) >= _CHUNK.size + length + 8
@@ -330,18 +336,39 @@ def _stream(body: memoryview) -> "ReadDataStream":
     return ReadDataStream(BytesIO(body))
 
 
+def unpacked_size(body: memoryview) -> int:
+    """Return how many bytes a chunk record claims to unpack to, 0 if it is not compressed."""
+    head = bytes(body[: _CHUNK.size]).ljust(_CHUNK.size, b"\0")
+    _, _, size, _, length = _CHUNK.unpack(head)
+    return size if length else 0
+
+
 def _unpacked(compression: str, packed: memoryview, size: int) -> memoryview | None:
+    """Return what was packed, None where that is damaged, or not of the size that it claims."""
     if not compression:
         return packed
+    unpack = {"zstd": _unpacked_zstd, "lz4": _unpacked_lz4}.get(compression)
+    if unpack is None or size > LARGEST_CHUNK:
+        return None
     try:
-        if compression == "zstd":
-            import zstandard  # noqa: PLC0415
-
-            return memoryview(zstandard.decompress(bytes(packed), max_output_size=size))
-        if compression == "lz4":
-            import lz4.frame  # noqa: PLC0415
-
-            return memoryview(lz4.frame.decompress(bytes(packed)))
+        found = unpack(packed, size)
     except Exception:  # noqa: BLE001  (each library has errors of its own: damage)
         return None
-    return None
+    return None if found is None else memoryview(found)
+
+
+def _unpacked_zstd(packed: memoryview, size: int) -> bytes | None:
+    import zstandard  # noqa: PLC0415
+
+    # A size in the data's own head is what the library would take memory for, whatever it is told.
+    if zstandard.frame_content_size(packed) not in (size, -1):
+        return None
+    return zstandard.decompress(packed, max_output_size=size)
+
+
+def _unpacked_lz4(packed: memoryview, size: int) -> bytes | None:
+    import lz4.frame  # noqa: PLC0415
+
+    stream = lz4.frame.LZ4FrameDecompressor()
+    found = stream.decompress(packed, max_length=size + 1)
+    return found if stream.eof else None

@@ -15,7 +15,8 @@ from monochord.errors import InputError
 from monochord.sessions import codec
 from monochord.sessions._contents import END, guarded
 from monochord.sessions._opening import begin
-from monochord.sessions.description import Description, SessionClock
+from monochord.sessions.bounds import MOST_COLUMNS
+from monochord.sessions.description import LATEST_STAMP, Description, SessionClock
 from monochord.sessions.file import SessionFile
 from monochord.types import Block, Floats, Readings
 from monochord.units import Samples, Seconds
@@ -30,8 +31,6 @@ MUCH = 1 << 20
 """Bytes that wait for a flush, at most."""
 OF_SUMMARY, OF_CHUNK, OF_TOPIC = 1 << 16, 96, 10
 """Bytes of the ending, at most: of all of it, of each chunk, of each topic in a chunk."""
-LATEST_STAMP = 2**31 * 10**9
-"""Where the seconds of a ROS 2 stamp end, in ns."""
 
 
 class SessionWriter:
@@ -149,6 +148,7 @@ class SessionWriter:
     def labels(self, time: Floats, columns: Mapping[str, Floats]) -> None:
         """Take what is true at times (n,): columns (n,) by name, NaN where it is not known."""
         self._refuse_closed()
+        _refuse_many("labels of", len(columns))
         stamps = self.clock.stamps(time)
         values = np.stack([np.asarray(columns[name], np.float64) for name in columns], axis=1)
         for first in range(0, len(stamps), MOST):
@@ -163,7 +163,7 @@ class SessionWriter:
             self._put("/labels", int(stamps[first]), data)
         self._flush_much()
 
-    def event(self, time: Seconds, kind: str, text: str = "", **data: str | float | bool) -> None:
+    def event(self, time: Seconds, kind: str, text: str = "", /, **data: str | float | bool) -> None:
         """Note that something happened."""
         self._refuse_closed()
         stamp, more = self.clock.stamp(time), json.dumps(data, sort_keys=True)
@@ -173,6 +173,7 @@ class SessionWriter:
     def clocks(self, time: Seconds, offsets: Mapping[str, Seconds]) -> None:
         """Note this machine's clocks minus the monotonic one, as they are at a time."""
         self._refuse_closed()
+        _refuse_many("offsets of", len(offsets))
         stamp, names = self.clock.stamp(time), sorted(offsets)
         values = np.array([offsets[name] for name in names], np.float64)
         data = codec.encode(codec.CLOCKS, header=codec.header(stamp), names=names, offsets=values)
@@ -291,3 +292,8 @@ class SessionWriter:
     def _refuse_closed(self) -> None:
         if self._closed:
             raise InputError(f"session {self.path} (closed)", "an open session", "begin another")
+
+
+def _refuse_many(what: str, count: int) -> None:
+    if count > MOST_COLUMNS:
+        raise InputError(f"{what} {count} names", f"{MOST_COLUMNS} at most")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.text import Text
 
+from monochord.printable import printable
 from monochord.screen import Screen, can_draw
 from monochord.sinks import _view
 from monochord.sinks.base import Moment, Sink, Writer
@@ -113,6 +114,6 @@ class _Lines(Writer):
         """Print the newest moment, unless it was printed."""
         if self._waiting is not None:
             line = _view.plain(self._waiting, self._latency.percentiles())
-            self._console.print(Text(line), soft_wrap=True)
+            self._console.print(Text(printable(line)), soft_wrap=True)
             self._console.file.flush()
         self._waiting = None

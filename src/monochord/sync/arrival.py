@@ -194,7 +194,9 @@ def _fit(arrival: Floats, elapsed: Floats, rate: float) -> tuple[Floats, float]:
     """Return times by lines under the arrivals, one a stretch, and the rate over all of them."""
     residual = arrival - elapsed / rate
     low, high = float(elapsed.min()), float(elapsed.max())
-    count = max(1, math.floor((high - low) / rate / STRETCH))
+    # A count that claims far more time than went by is of no use, however many stretches it had.
+    span = min((high - low) / rate, 2.0 * float(np.ptp(arrival)) + STRETCH)
+    count = max(1, math.floor(span / STRETCH))
     edges = np.linspace(low, high, count + 1)
     middles, heights, slopes = list[float](), list[float](), list[float]()
     for left, right in pairwise(edges):

@@ -1,0 +1,21 @@
+"""Text from a file or a device, made fit for a terminal."""
+
+import re
+
+_CONTROLS = re.compile(
+    "[\x00-\x08\x0a-\x1f\x7f-\x9f"  # C0 but the tab, DEL, and C1, with which control sequences begin
+    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # what turns the direction of writing
+    "\u2028\u2029\ud800-\udfff]"  # ends of lines, and what no encoding takes
+)
+
+
+def printable(line: str) -> str:
+    r"""Return a line in which nothing makes a terminal do anything but print.
+
+    Control characters, line ends among them, and those that turn the direction of writing are written as
+    JSON writes them. JSON stays what it is, but that none of these is left in it.
+
+    >>> printable("plain \x1b[31mred\u202e")
+    'plain \\u001b[31mred\\u202e'
+    """
+    return _CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", line)

@@ -1,0 +1,94 @@
+"""What a session may hold at most, seen to before memory is taken, and JSON text within these bounds.
+
+A recording of 12 h with two microphones at 96 kHz is far within all of them.
+"""
+
+import json
+import os
+from typing import Any
+
+from monochord.errors import InputError
+from monochord.units import Seconds
+
+LONGEST: Seconds = 7 * 24 * 3600.0
+"""How far from its begin any time of a session lies, either way; audio ends by then, its gaps counted in."""
+HIGHEST_RATE = 10_000_000
+"""Frames of audio a second."""
+MOST_STREAMS = 64
+"""Streams of readings in a session."""
+MOST_COLUMNS = 256
+"""Columns of a stream or of the labels, and clocks."""
+LARGEST_TEXT = 1 << 22
+"""Characters of a JSON text, such as the description."""
+DEEPEST = 32
+"""Tables and lists inside each other in a JSON text."""
+MOST_EXPANSION = 100
+"""How many times its own size a compressed file unpacks to; what is not compressed has no such bound."""
+UNPACKED_ANYWAY = 1 << 24
+"""Bytes that a compressed file may unpack to, however small it is: digital silence packs well."""
+
+
+def json_object(text: str) -> dict[str, Any]:
+    """Return the object that a JSON text holds.
+
+    Raises
+    ------
+    InputError
+        If it is no JSON, no object, too long, nested too deeply, or holds half a surrogate pair, which no
+        file can.
+
+    >>> json_object('{"n": 1}')
+    {'n': 1}
+    """
+    allowed = f"a JSON object of at most {LARGEST_TEXT} characters, nested {DEEPEST} times at most"
+    if len(text) > LARGEST_TEXT:
+        raise InputError(f"text of {len(text)} characters", allowed)
+    try:
+        tree = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        nested = isinstance(error, RecursionError)
+        raise InputError(
+            "text that is nested too deeply" if nested else f"no JSON ({error})", allowed
+        ) from None
+    if not isinstance(tree, dict):
+        raise InputError(f"JSON that is a {type(tree).__name__}", allowed)
+    level: list[Any] = [tree]
+    for _ in range(DEEPEST):
+        keys = [key for value in level if isinstance(value, dict) for key in value]
+        texts = [*keys, *(value for value in level if isinstance(value, str))]
+        if any(not _encodable(each) for each in texts):
+            raise InputError("text with half a surrogate pair", allowed)
+        level = [
+            child
+            for value in level
+            if isinstance(value, (dict, list))
+            for child in (value.values() if isinstance(value, dict) else value)
+        ]
+        if not level:
+            return tree
+    raise InputError("text that is nested too deeply", allowed)
+
+
+def refuse_unpacking(what: str, packed: int, unpacked: int, remedy: str) -> None:
+    """Raise `InputError` if `packed` bytes claim to unpack to more than is allowed."""
+    most = max(MOST_EXPANSION * packed, UNPACKED_ANYWAY)
+    if unpacked > most:
+        given = f"{what} (its {packed} bytes unpack to {unpacked})"
+        raise InputError(given, f"{most} bytes, {MOST_EXPANSION} times as much", remedy)
+
+
+def refuse_beyond_memory(what: str, size: int, remedy: str) -> None:
+    """Raise `InputError` if `size` bytes are more than the memory of this machine."""
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if size > memory:
+        raise InputError(
+            f"{what} ({size / 1e9:.1f} GB)", f"{memory / 1e9:.1f} GB, this machine's memory", remedy
+        )
+
+
+def _encodable(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -1,0 +1,180 @@
+"""Sessions that no writer of ours makes: written with the `mcap` library, a field or a byte at a time."""
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+from tests.sessions.made import EPOCH, FEEDS, RATE, description
+
+from monochord.errors import InputError
+from monochord.sessions import codec
+from monochord.sessions._contents import END
+from monochord.sessions._opening import BEGIN
+
+NANO = 10**9
+
+
+@dataclass(frozen=True)
+class Forgery:
+    """A message of a topic: its bytes, and the times in its record."""
+
+    topic: str
+    data: bytes
+    log_time: int = EPOCH
+    sequence: int = 0
+
+
+def audio(**fields: Any) -> bytes:
+    told = {
+        "header": codec.header(EPOCH),
+        "start": 0,
+        "dropped": 0,
+        "timed": True,
+        "frame_time": 7,
+        "sample_rate": RATE,
+        "channels": 2,
+        "samples": np.zeros(882, np.float32),
+    }
+    return codec.encode(codec.AUDIO, **{**told, **fields})
+
+
+def wrenches(**fields: Any) -> bytes:
+    told = {
+        "header": codec.header(EPOCH),
+        "arrival": EPOCH + np.arange(10) * NANO // 1000,
+        "sequence": np.arange(10),
+        "device_time": 7 * np.arange(10),
+        "status": np.zeros(10, np.uint32),
+        "force": np.zeros(30),
+        "torque": np.zeros(30),
+    }
+    return codec.encode(codec.WRENCHES, **{**told, **fields})
+
+
+def oven(**fields: Any) -> bytes:
+    told = {
+        "header": codec.header(EPOCH),
+        "columns": ["temperature", "door"],
+        "arrival": np.array([EPOCH, EPOCH + NANO]),
+        "sequence": np.arange(2),
+        "device_time": np.arange(2),
+        "status": np.zeros(2, np.uint32),
+        "values": np.zeros(4),
+    }
+    return codec.encode(codec.READINGS, **{**told, **fields})
+
+
+def labels(**fields: Any) -> bytes:
+    told = {
+        "header": codec.header(EPOCH),
+        "columns": ["contact"],
+        "time": np.array([EPOCH, EPOCH + NANO]),
+        "values": np.zeros(2),
+    }
+    return codec.encode(codec.LABELS, **{**told, **fields})
+
+
+def event(**fields: Any) -> bytes:
+    told = {"header": codec.header(EPOCH), "kind": "note", "text": "", "data": "{}"}
+    return codec.encode(codec.EVENT, **{**told, **fields})
+
+
+def clocks(**fields: Any) -> bytes:
+    told = {"header": codec.header(EPOCH), "names": ["jack"], "offsets": np.zeros(1)}
+    return codec.encode(codec.CLOCKS, **{**told, **fields})
+
+
+SOUND = (
+    Forgery("/audio", audio()),
+    Forgery("/audio", audio(start=441), EPOCH + NANO // 100),
+    Forgery("/wrench", wrenches()),
+    Forgery("/pose", codec.encode_pose(EPOCH, np.array([0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]))),
+    Forgery("/oven", oven()),
+    Forgery("/labels", labels()),
+    Forgery("/events", event()),
+    Forgery("/clocks", clocks()),
+)
+"""A session that is as it should be, one message or two of each topic."""
+
+
+def forge(
+    path: Path,
+    messages: Iterable[Forgery] = SOUND,
+    *,
+    begin: dict[str, str] | None = None,
+    told: str | None = None,
+    end: dict[str, str] | None = None,
+    compression: CompressionType = CompressionType.NONE,
+    chunk_size: int = 1 << 20,
+) -> Path:
+    """Write a session of any messages; `begin` is laid over its metadata, `told` is its description."""
+    text = description().dump() if told is None else told
+    metadata = {"format": "1", "epoch_ns": str(EPOCH), "origin": "100.0", "description": text}
+    types = codec.TOPICS | {codec.topic_of(feed.stream): codec.type_of(feed) for feed in FEEDS}
+    with path.open("wb") as file:
+        writer = Writer(file, compression=compression, chunk_size=chunk_size)
+        writer.start(profile="ros2", library="forged")
+        writer.add_metadata(BEGIN, {**metadata, **(begin or {})})
+        schemas = {
+            kind: writer.register_schema(kind, "ros2msg", codec.definition(kind).encode())
+            for kind in dict.fromkeys(types.values())
+        }
+        channels = {
+            topic: writer.register_channel(topic, "cdr", schemas[kind]) for topic, kind in types.items()
+        }
+        for each in messages:
+            writer.add_message(
+                channels[each.topic],
+                log_time=each.log_time,
+                publish_time=each.log_time,
+                sequence=each.sequence,
+                data=each.data,
+            )
+        if end is not None:
+            writer.add_metadata(END, end)
+        writer.finish()
+    return path
+
+
+def described(**changes: Any) -> str:
+    """Return a description as text, with entries of its tree replaced."""
+    return json.dumps({**json.loads(description().dump()), **changes})
+
+
+def mutated(content: bytes, seed: int) -> bytes:
+    """Return bytes with some changed, made 0 or 255, drawn anew, cut out or written twice, or cut off."""
+    rng, data = np.random.default_rng(seed), bytearray(content)
+    for _ in range(rng.choice([1, 1, 2, 5, 20])):
+        at, size = int(rng.integers(max(len(data), 1))), int(rng.choice([1, 2, 4, 8, 64]))
+        match int(rng.integers(6)):
+            case 0:
+                data[at : at + 1] = bytes([int(rng.integers(256))])
+            case 1:
+                data[at : at + size] = bytes([int(rng.choice([0, 255]))]) * size
+            case 2:
+                data[at : at + size] = rng.bytes(size)
+            case 3:
+                del data[at : at + size]
+            case 4:
+                data[at:at] = data[at : at + size]
+            case _:
+                del data[max(at, 64) :]
+    return bytes(data)
+
+
+def refused_or_done(call: Callable[[], object], which: object) -> bool:
+    """Call, and return whether it was done; what it raises is `InputError`, in one line, or passes on."""
+    try:
+        call()
+    except InputError as error:
+        if len(str(error).splitlines()) != 1 or "allowed is" not in str(error):
+            raise AssertionError(which) from error
+        return False
+    except Exception as error:
+        error.add_note(f"mutation {which}")
+        raise
+    return True

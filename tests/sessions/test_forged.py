@@ -1,0 +1,325 @@
+"""Whatever a session's file holds: it is read past what is malformed, or refused in one line."""
+
+import json
+import resource
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zstandard
+from mcap.writer import CompressionType
+from tests.sessions.forged import (
+    NANO,
+    SOUND,
+    Forgery,
+    audio,
+    clocks,
+    described,
+    event,
+    forge,
+    labels,
+    mutated,
+    oven,
+    refused_or_done,
+    wrenches,
+)
+from tests.sessions.made import EPOCH, make
+
+from monochord.cli._sessions_facts import facts_lines, facts_of
+from monochord.errors import InputError
+from monochord.sessions import Session, check, codec, read_session, walk
+from monochord.sessions.alignment import align
+from monochord.sessions.bounds import LONGEST, MOST_COLUMNS, UNPACKED_ANYWAY
+
+MEMORY = 1 << 30
+"""Bytes of address space that a child may add to what the interpreter and its libraries take."""
+
+
+def read_all(path: Path) -> Session:
+    """Look at everything in a session as the commands do; raises nothing but `InputError`."""
+    session = read_session(path)
+    assert session.audio.samples.shape[0] == session.description.channels
+    for stream in session.streams:
+        track = session.readings(stream)
+        counts = {
+            len(getattr(track, name)) for name in ("time", "values", "sequence", "device_time", "status")
+        }
+        assert counts == {len(track.time)}
+    assert all(len(column) == len(session.labels.time) for column in session.labels.columns.values())
+    assert all(isinstance(each.data, dict) for each in session.events)
+    json.dumps(facts_of(session))
+    facts_lines(facts_of(session))
+    check(path)
+    align(session)
+    return session
+
+
+HUGE = 2**62
+MALFORMED: dict[str, Forgery] = {
+    "audio that starts in years": Forgery("/audio", audio(start=HUGE)),
+    "audio that starts at the end of time": Forgery("/audio", audio(start=2**64 - 1)),
+    "audio of no channels": Forgery("/audio", audio(channels=0)),
+    "audio of too many channels": Forgery("/audio", audio(channels=2**32 - 1)),
+    "audio of another count of channels": Forgery("/audio", audio(channels=1)),
+    "audio of ragged channels": Forgery("/audio", audio(samples=np.zeros(881, np.float32))),
+    "audio before 1970": Forgery("/audio", audio(), 0),
+    "audio logged at the end of time": Forgery("/audio", audio(), 2**64 - 1),
+    "readings without status": Forgery("/wrench", wrenches(status=np.zeros(0, np.uint32))),
+    "readings with more counts": Forgery("/wrench", wrenches(sequence=np.arange(11))),
+    "readings with less force": Forgery("/wrench", wrenches(force=np.zeros(29))),
+    "readings that arrive before all time": Forgery("/wrench", wrenches(arrival=np.full(10, -(2**63)))),
+    "readings that arrive after all time": Forgery("/wrench", wrenches(arrival=np.full(10, 2**63 - 1))),
+    "readings of another width": Forgery("/oven", oven(columns=["temperature"], values=np.zeros(2))),
+    "readings with values left over": Forgery("/oven", oven(values=np.zeros(5))),
+    "a pose at the end of time": Forgery("/pose", SOUND[3].data, 2**64 - 1),
+    "a pose that is cut off": Forgery("/pose", SOUND[3].data[:40]),
+    "ragged labels": Forgery("/labels", labels(values=np.zeros(3))),
+    "labels of no column": Forgery("/labels", labels(columns=[])),
+    "labels with a name twice": Forgery("/labels", labels(columns=["a", "a"], values=np.zeros(4))),
+    "labels after all time": Forgery("/labels", labels(time=np.array([0, 2**63 - 1]))),
+    "labels of too many columns": Forgery(
+        "/labels", labels(columns=[str(k) for k in range(300)], values=np.zeros(600))
+    ),
+    "ragged clocks": Forgery("/clocks", clocks(names=["jack", "realtime"])),
+    "clocks with a name twice": Forgery("/clocks", clocks(names=["a", "a"], offsets=np.zeros(2))),
+    "an event that is no JSON": Forgery("/events", event(data="{not json")),
+    "an event that is a list": Forgery("/events", event(data="[1]")),
+    "an event nested deeply": Forgery("/events", event(data='{"a":' + "[" * 100_000 + "]" * 100_000 + "}")),
+    "an event nested a little": Forgery("/events", event(data='{"a":' + "[" * 40 + "]" * 40 + "}")),
+    "an event of endless digits": Forgery("/events", event(data='{"a": ' + "9" * 5000 + "}")),
+    "an event of half a pair": Forgery("/events", event(data='{"a": "\\ud800"}')),
+    "an event in another encoding": Forgery("/events", event(text="Zeit").replace(b"Zeit", b"Z\xffit")),
+    "an event before all time": Forgery("/events", event(header=codec.header(-(2**31) * NANO))),
+    "nothing": Forgery("/audio", b""),
+    "no CDR": Forgery("/labels", b"\x07\x07\x07\x07" * 8),
+    "an array that claims GBs": Forgery(
+        "/audio", audio()[:-3532] + struct.pack("<I", 2**32 - 1) + bytes(3528)
+    ),
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_a_malformed_message_is_left_out_and_named(tmp_path: Path, case: str) -> None:
+    forged = MALFORMED[case]
+    session = read_all(forge(tmp_path / "a.mcap", [*SOUND, forged]))
+    assert session.malformed.keys() == {forged.topic}
+    assert session.malformed[forged.topic][0] == 1
+    faults = [fault for fault in check(session.path).faults if "malformed" in fault]
+    assert len(faults) == 1
+    assert f"1 malformed message of {forged.topic} left out" in faults[0]
+    # Everything else is there.
+    assert session.audio.samples.shape == (2, 882)
+    assert [len(session.readings(stream).time) for stream in session.streams] == [10, 1, 2]
+    assert (len(session.labels.time), len(session.events), len(session.clocks.time)) == (2, 1, 1)
+
+
+def test_a_session_as_it_should_be_has_nothing_malformed(tmp_path: Path) -> None:
+    assert not read_all(forge(tmp_path / "a.mcap")).malformed
+
+
+NESTED = "[" * 100_000 + "]" * 100_000
+FEED = {"stream": "oven", "columns": ["t"], "units": ["K"]}
+REFUSED: dict[str, dict[str, Any]] = {
+    "a description that is a list": {"told": "[1, 2]"},
+    "a description that is a number": {"told": "7"},
+    "a description that is no JSON": {"told": "{"},
+    "a description of nothing": {"told": "{}"},
+    "a description nested deeply": {"told": '{"sensor": ' + NESTED + "}"},
+    "a sensor nested deeply": {"told": '{"sensor": {"a": ' + "[" * 900 + "]" * 900 + "}}"},
+    "a strange key nested deeply": {"told": '{"strange": ' + "[" * 900 + "]" * 900 + "}"},
+    "a description of half a pair": {"told": described(name="\ud800")},
+    "more that is a list": {"told": described(more=[1], strange=2)},
+    "a rate that is a table": {"told": described(sample_rate={})},
+    "a rate of 1e30": {"told": described(sample_rate=10**30)},
+    "a rate that is not a number": {"told": described(sample_rate=float("nan"))},
+    "a rate without end": {"told": described(sample_rate=float("inf"))},
+    "a rate of nothing": {"told": described(sample_rate=0)},
+    "channels without end": {"told": described(channels=10**9)},
+    "feeds that are text": {"told": described(feeds="wrench")},
+    "a feed without columns": {"told": described(feeds=[FEED | {"columns": [], "units": []}])},
+    "a feed with a column twice": {
+        "told": described(feeds=[FEED | {"columns": ["a", "a"], "units": ["", ""]}])
+    },
+    "a feed without its units": {"told": described(feeds=[FEED | {"units": []}])},
+    "a feed at 1e400": {"told": described(feeds=[FEED]).replace('"K"]', '"K"], "rate": 1e400')},
+    "a feed of negative ticks": {"told": described(feeds=[FEED | {"ticks": -1.0}])},
+    "feeds without end": {"told": described(feeds=[FEED | {"stream": f"s{k}"} for k in range(10_000)])},
+    "a clock of 1e30": {"begin": {"epoch_ns": str(10**30)}},
+    "a clock written as 1e30": {"begin": {"epoch_ns": "1e30"}},
+    "a clock before 1970": {"begin": {"epoch_ns": "-1"}},
+    "a clock of endless digits": {"begin": {"epoch_ns": "9" * 5000}},
+    "an origin that is not a number": {"begin": {"origin": "nan"}},
+    "an origin without end": {"begin": {"origin": "inf"}},
+    "an origin of 1e300": {"begin": {"origin": "1e300"}},
+    "more label columns than a table has": {
+        "messages": [
+            Forgery("/labels", labels(columns=[f"c{k}"], time=np.array([EPOCH]), values=np.zeros(1)))
+            for k in range(MOST_COLUMNS + 1)
+        ]
+    },
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_session_that_cannot_be_read_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
+    path = forge(tmp_path / "a.mcap", **REFUSED[case])
+    with pytest.raises(InputError) as caught:
+        read_all(path)
+    assert str(path) in str(caught.value)
+    assert "allowed is" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "end", [{"sha256": "[1]"}, {"sha256": "7"}, {"sha256": NESTED}, {"checksum": "\x1b"}]
+)
+def test_an_ending_that_is_damaged_is_a_fault(tmp_path: Path, end: dict[str, str]) -> None:
+    path = forge(tmp_path / "a.mcap", end=end)
+    assert any("checksum" in fault for fault in check(path).faults)
+
+
+def test_counts_that_leap_cost_no_memory(tmp_path: Path) -> None:
+    n = 5000
+    leaps = np.concatenate([np.arange(n // 2), 2**62 + np.arange(n // 2)])
+    message = wrenches(
+        arrival=EPOCH + np.arange(n) * NANO // 1000,
+        sequence=leaps,
+        device_time=leaps,
+        status=np.zeros(n, np.uint32),
+        force=np.zeros(3 * n),
+        torque=np.zeros(3 * n),
+    )
+    track = read_all(forge(tmp_path / "a.mcap", [Forgery("/wrench", message)])).readings("wrench")
+    assert track.missing == 2**62 - n // 2
+
+
+def test_a_recording_of_twelve_hours_is_within_all_bounds(tmp_path: Path) -> None:
+    start = 12 * 3600 * 96_000
+    path = forge(
+        tmp_path / "a.mcap",
+        [Forgery("/audio", audio(start=start, sample_rate=96_000), EPOCH + 12 * 3600 * NANO)],
+        told=described(sample_rate=96_000),
+    )
+    session = read_session(path)
+    assert [block.start for _, block in session.decoded("/audio")] == [start]
+    assert not session.malformed
+
+
+def bombed(path: Path, packed: bytes, size: int, compression: str, count: int = 1) -> Path:
+    """Write a sound session with chunks before its own that unpack to, or claim, `size` bytes each."""
+    content = forge(path).read_bytes()
+    name = compression.encode()
+    body = struct.pack("<QQQI", EPOCH, EPOCH, size, 0) + struct.pack("<I", len(name)) + name
+    body += struct.pack("<Q", len(packed)) + packed
+    at = next(each.offset for each in walk.records(memoryview(content)) if each.opcode == walk.CHUNK)
+    chunk = struct.pack("<BQ", walk.CHUNK, len(body)) + body
+    path.write_bytes(content[:at] + chunk * count + content[at:])
+    return path
+
+
+def zeros(size: int) -> bytes:
+    packer = zstandard.ZstdCompressor().compressobj(size=size)
+    parts = [packer.compress(bytes(1 << 24)) for _ in range(size >> 24)]
+    return b"".join([*parts, packer.flush()])
+
+
+def lz4_zeros(size: int) -> bytes:
+    import lz4.frame
+
+    return lz4.frame.compress(bytes(size))
+
+
+BOMBS: dict[str, tuple[bytes, int, str, int]] = {
+    "zstd of 1 GiB": (zeros(1 << 30), 1 << 30, "zstd", 1),
+    "zstd of 1 GiB that claims little": (zeros(1 << 30), 1 << 20, "zstd", 1),
+    "zstd of 16 MiB, many times": (zeros(1 << 24), 1 << 24, "zstd", 1000),
+    "zstd that claims everything": (b"\x28\xb5\x2f\xfd", 2**64 - 1, "zstd", 100),
+    "lz4 of 256 MiB": (lz4_zeros(1 << 28), 1 << 28, "lz4", 1),
+    "lz4 of 256 MiB that claims little": (lz4_zeros(1 << 28), 1 << 20, "lz4", 1),
+    "nothing that claims GBs, many times": (b"", 1 << 32, "zstd", 10_000),
+    "a compression of its own": (b"", 0, "x" * 1000, 1),
+    "plain bytes that claim GBs": (bytes(1000), 1 << 40, "", 10),
+}
+CHILD = """
+import resource, sys
+from tests.sessions.test_forged import read_all, limit_memory
+from monochord.errors import InputError
+from pathlib import Path
+limit_memory()
+for name in sys.argv[1:]:
+    try:
+        session = read_all(Path(name))
+    except InputError as error:
+        assert "allowed is" in str(error) and len(str(error).splitlines()) == 1
+        print("refused", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    else:
+        print(session.damaged, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def limit_memory() -> None:
+    """Let this process take no more than `MEMORY` beside what it has."""
+    taken = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (taken + MEMORY, taken + MEMORY))
+
+
+def test_no_compressed_chunk_takes_memory_that_is_not_due(tmp_path: Path) -> None:
+    paths = [bombed(tmp_path / f"{k}.mcap", *args) for k, args in enumerate(BOMBS.values())]
+    paths.append(forge(tmp_path / "gap.mcap", [Forgery("/audio", audio(start=44100 * 600_000))]))
+    begin = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD, *map(str, paths)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert time.monotonic() - begin < 30.0
+    found = dict(zip([*BOMBS, "gap"], (line.split()[0] for line in done.stdout.splitlines()), strict=True))
+    refused = {name for name, word in found.items() if word == "refused"}
+    assert refused == {
+        "zstd of 1 GiB",
+        "zstd of 16 MiB, many times",
+        "zstd that claims everything",
+        "lz4 of 256 MiB",
+        "nothing that claims GBs, many times",
+        "gap",
+    }
+    assert all(int(word) > 0 for name, word in found.items() if name not in refused)
+
+
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
+def test_silence_that_was_compressed_by_others_is_read(tmp_path: Path, compression: CompressionType) -> None:
+    blocks = [audio(start=4410 * k, samples=np.zeros(8820, np.float32)) for k in range(400)]
+    messages = [Forgery("/audio", block, EPOCH + k * NANO // 10) for k, block in enumerate(blocks)]
+    session = read_session(forge(tmp_path / "a.mcap", messages, compression=compression))
+    assert session.audio.samples.shape == (2, 400 * 4410)
+    assert session.audio.samples.nbytes < UNPACKED_ANYWAY
+    assert not session.damaged
+
+
+def test_a_gap_longer_than_a_session_is_no_gap(tmp_path: Path) -> None:
+    last = round(LONGEST * 44100)
+    session = read_session(forge(tmp_path / "a.mcap", [SOUND[0], Forgery("/audio", audio(start=last))]))
+    assert session.audio.samples.shape == (2, 441)
+    assert "/audio" in session.malformed
+
+
+def test_mutated_sessions_end_in_values_or_in_one_line(tmp_path: Path) -> None:
+    """Bytes anywhere in the file, and bytes of a message in a chunk whose checksum is right again."""
+    make(tmp_path / "made.mcap", seconds=0.2)
+    content, path = (tmp_path / "made.mcap").read_bytes(), tmp_path / "a.mcap"
+    for seed in range(100):
+        if seed % 2:
+            path.write_bytes(content[:8] + mutated(content[8:], seed))
+        else:
+            which = seed // 2 % len(SOUND)
+            forged = Forgery(SOUND[which].topic, mutated(SOUND[which].data, seed), SOUND[which].log_time)
+            forge(path, [*SOUND[:which], forged, *SOUND[which + 1 :]])
+        refused_or_done(lambda: read_all(path), seed)
