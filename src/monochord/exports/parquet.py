@@ -33,6 +33,8 @@ from monochord.sessions.bounds import MOST_COLUMNS, refuse_unpacking
 FORM = "parquet"
 ROWS = 64
 """Stretches of audio, some seconds of it, that are held in memory at once."""
+CHECKED = {"write_page_checksum": True}
+"""Damage shows when a page is read; without it, other values would be read for those that were written."""
 MOST_TABLE_COLUMNS = MOST_COLUMNS + len(KEPT_BESIDE) + 1
 """Columns of a file: those of a stream, what is kept beside them, and the times."""
 
@@ -63,7 +65,7 @@ class Parquet(Export):
                 # Text is told to be text, or a table without rows would not know.
                 texts = {key: pa.string() for key, column in columns.items() if column.dtype.kind == "O"}
                 arrays = {key: pa.array(column, texts.get(key)) for key, column in columns.items()}
-                pq.write_table(pa.table(arrays), path, compression=self.compression)
+                pq.write_table(pa.table(arrays), path, compression=self.compression, **CHECKED)
                 written.append(path)
             text = json.dumps(about(session, FORM), indent=1, sort_keys=True, ensure_ascii=False)
             (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
@@ -88,7 +90,7 @@ class Parquet(Export):
     def _write_audio(self, pa: Any, pq: Any, session: Session, path: Path) -> Path:
         schema = _audio_schema(pa, session.description.channels)
         rows: list[dict[str, Any]] = []
-        with pq.ParquetWriter(path, schema, compression=self.compression) as writer:
+        with pq.ParquetWriter(path, schema, compression=self.compression, **CHECKED) as writer:
             for stretch in stretches(session):
                 rows.append(_row(stretch))
                 if len(rows) == ROWS:
@@ -193,7 +195,7 @@ def _refuse_groups(path: Path, metadata: Any) -> None:
 @contextmanager
 def _opened(pa: Any, pq: Any, path: Path) -> Generator[Any]:
     with _readable(pa, path):
-        file = pq.ParquetFile(path)
+        file = pq.ParquetFile(path, page_checksum_verification=True)
     with file:
         with _readable(pa, path):
             _ = file.schema_arrow.names  # which need not be UTF-8
