@@ -250,11 +250,14 @@ def test_a_stream_whose_rate_is_not_known_is_told_so(tmp_path: Path, capsys: Cap
     assert "x y z qx qy qz qw at no rate told; 0 missing" in said
 
 
-def test_damage_that_no_repair_helps_is_told(tmp_path: Path, capsys: Capture) -> None:
+def test_what_damage_cost_is_told_and_kept_beside(tmp_path: Path, capsys: Capture) -> None:
     path = write(tmp_path / "a.mcap")
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
     assert run(["sessions", "recover", str(path)]) == 0
-    assert "are damaged, which nothing brings back" in capsys.readouterr().out
-    assert path.read_bytes() == content
+    said = capsys.readouterr().out
+    assert "bytes of unfinished or damaged records lost" in said
+    assert f"kept in {path}.cut" in said
+    assert Path(f"{path}.cut").read_bytes()[:1000] in content
+    assert run(["sessions", "check", str(path)]) == 0
