@@ -40,9 +40,14 @@ def holding(name: str, *arguments: Path) -> Generator["tuple[subprocess.Popen[st
 
 
 def test_a_folder_has_one_owner_at_a_time(tmp_path: Path) -> None:
-    with holding("sole_use", tmp_path) as (process, _):
-        with pytest.raises(InputError, match=rf"process {process.pid} is writing to it"), sole_use(tmp_path):
-            pass
+    words = "is writing to it"
+    with (
+        holding("sole_use", tmp_path) as (process, _),
+        pytest.raises(InputError, match=words) as refused,
+        sole_use(tmp_path),
+    ):
+        pytest.fail("two own it")
+    assert f"process {process.pid} " in refused.value.given
     assert process.returncode == -signal.SIGKILL
     assert (tmp_path / LOCK).exists()
     with sole_use(tmp_path), pytest.raises(InputError), sole_use(tmp_path):

@@ -8,7 +8,9 @@ from typing import NoReturn
 
 def main() -> None:
     """Load the command line and run it."""
-    signal.signal(signal.SIGINT, _end)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` has it
+            signal.signal(number, _end)
     from monochord.cli import main as run  # noqa: PLC0415
 
     run()

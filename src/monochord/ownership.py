@@ -1,8 +1,8 @@
 """Folders and files that one running process owns, and what processes that ended left behind.
 
-Ownership is a lock of `flock`, which the system releases when its process ends, however that ends: no lock is ever
-stale, a number of a process that was given out again deceives nobody, and what bears no lock has no owner.
-Children do not inherit it, unless they are forked without starting a program.
+Ownership is a lock of `flock`, which the system releases when its process ends, however that ends: no lock is
+ever stale, and a process number that was given out again deceives nobody. Children do not inherit it, unless
+they are forked without starting a program.
 """
 
 import fcntl

@@ -121,9 +121,9 @@ def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit
 
 @pytest.mark.jack
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("begun", [False, True])
+@pytest.mark.parametrize("sign", ["temporary/monochord-scratch-*/player.npz", "out/hold_000.mcap.part"])
 def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
-    number: signal.Signals, begun: bool, jack_server: JackServer, tmp_path: Path
+    number: signal.Signals, sign: str, jack_server: JackServer, tmp_path: Path
 ) -> None:
     temporary, out = tmp_path / "temporary", tmp_path / "out"
     temporary.mkdir()
@@ -134,8 +134,7 @@ def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
         stderr=subprocess.PIPE,
         env={**os.environ, "TMPDIR": str(temporary)},
     ) as process:
-        sign = part.exists if begun else lambda: bool(list(temporary.glob("monochord-scratch-*/player.npz")))
-        until(sign, process)
+        until(lambda: bool(list(tmp_path.glob(sign))), process)
         parts = psutil.Process(process.pid).children(recursive=True)
         process.send_signal(number)
         _, error = process.communicate(timeout=20)

@@ -2,9 +2,13 @@
 
 import json
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +70,76 @@ def test_an_instrument_is_opened_where_it_is_and_set_by_its_name(
     assert summary["instruments"]["net_ft"]["missing"] == 0
     assert "net_ft" in captured.err  # the view
     assert np.allclose(read_session(out).readings("wrench").column("fz"), 1.5, atol=1e-3)
+
+
+def free_ports(count: int) -> list[int]:
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(count)]
+        for each in sockets:
+            each.bind(("127.0.0.1", 0))
+        return [each.getsockname()[1] for each in sockets]
+
+
+@contextmanager
+def posing(ports: list[int]) -> Generator[None]:
+    """Send poses to ports of this machine, with the number of the port's place in the list as x."""
+    stopped = threading.Event()
+
+    def send() -> None:
+        with socket.socket(type=socket.SOCK_DGRAM) as sock:
+            while not stopped.wait(0.01):
+                for x, port in enumerate(ports):
+                    with suppress(ConnectionRefusedError):
+                        sock.sendto(json.dumps({"position": [x, 0, 0]}).encode(), ("127.0.0.1", port))
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        stopped.set()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("asked", "rates", "streams"),
+    [
+        (["pose_udp={0}", "pose-udp={1}"], ["pose_udp.rate=100", "pose-udp-2.rate=50"], ["pose", "pose_2"]),
+        (["left:pose_udp={0}", "right:pose-udp={1}"], ["left.rate=100", "right.rate=50"], ["left", "right"]),
+        (["pose_udp={0}", "pose:pose_udp={1}"], ["pose_udp.rate=100", "pose.rate=50"], ["pose_2", "pose"]),
+        (["left=9", "pose_udp={1}"], ["left.address=127.0.0.1:{0}", "pose_udp.rate=50"], ["left", "pose"]),
+    ],
+)
+def test_two_instruments_of_a_kind_are_recorded_side_by_side(
+    asked: list[str],
+    rates: list[str],
+    streams: list[str],
+    tmp_path: Path,
+    sound: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out, config, ports = tmp_path / "take.mcap", tmp_path / "bench.toml", free_ports(2)
+    text = '[instruments.left]\nname = "pose-udp"\nrate = 100\n' if asked[0].startswith("left=") else ""
+    config.write_text(text, encoding="utf-8")
+    more = [word for each in asked for word in ("--instrument", each.format(*ports))]
+    more += [word for each in ("source.speed=1", *rates) for word in ("--set", each.format(*ports))]
+    with posing(ports):
+        assert run(words(out, sound, "--config", str(config), "--seconds", "0.6", "--json", *more)) == 0
+    counted = json.loads(capsys.readouterr().out)["instruments"]
+    assert [each["stream"] for each in counted.values()] == streams
+    session = read_session(out)
+    for x, (stream, rate) in enumerate(zip(streams, (100.0, 50.0), strict=True)):
+        track = session.readings(stream)
+        assert len(track.time) > 20
+        assert set(track.column("x")) == {x}
+        assert track.feed.rate == rate
+    assert check(out).sound
+    assert run(["sessions", "show", str(out), "--json"]) == 0
+    assert set(json.loads(capsys.readouterr().out)["streams"]) == set(streams)
+    for form in ("wav-csv", "parquet"):
+        assert run(["sessions", "export", form, str(out), "--out", str(tmp_path / form)]) == 0
+        named = {path.stem for path in (tmp_path / form).rglob("*")}
+        assert set(streams) <= named
 
 
 def test_settings_come_from_a_file_then_options_then_set(

@@ -17,6 +17,7 @@ import soundfile
 from monochord.clock import clock_offsets
 from monochord.errors import DeviceError, InputError
 from monochord.recording import About, Job, Summary, loop, record
+from monochord.recording.streams import NamedInstrument
 from monochord.sessions import Session, check, read_session
 from monochord.sources.base import Source, Stream
 from monochord.types import Audio, Block, Signal
@@ -234,9 +235,17 @@ def test_without_its_devices_no_file_is_left(make_job: Any, force: Any) -> None:
     assert not job.path.exists()
 
 
-def test_two_instruments_of_one_stream_are_refused(make_job: Any, force: Any) -> None:
-    job = make_job(instruments={"first": force()[1], "second": force()[1]})
-    with pytest.raises(InputError, match="two streams called 'wrench'"):
+def test_two_instruments_of_one_stream_are_told_apart(make_job: Any, force: Any) -> None:
+    job = make_job(instruments={"first": force()[1], "second": force()[1]}, seconds=0.3)
+    summary = record(job)
+    assert [each.stream for each in summary.instruments.values()] == ["wrench", "wrench_2"]
+    assert read_session(job.path).streams == ("wrench", "wrench_2")
+
+
+def test_two_streams_of_one_given_name_are_refused(make_job: Any, force: Any) -> None:
+    named = [NamedInstrument(instrument=force()[1], stream="left") for _ in range(2)]
+    job = make_job(instruments={"first": named[0], "second": named[1]})
+    with pytest.raises(InputError, match="two streams called 'left'"):
         record(job)
     assert not job.path.exists()
 

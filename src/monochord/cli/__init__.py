@@ -2,8 +2,8 @@
 
 Every verb ends with status 0 only if its work was done, and with 2 and one line on stderr for a bad
 argument or input. Control-C, SIGTERM or SIGHUP end it with one line and with status 130 wherever it is, but
-for the verbs that run until somebody ends them: those print what they did, and end with status 0. Importing this
-module is cheap, and so is asking for help: a verb's file loads when the verb is used.
+for the verbs that run until somebody ends them: those print what they did, and end with status 0. Importing
+this module is cheap, and so is asking for help: a verb's file loads when the verb is used.
 """
 
 import ast
@@ -80,6 +80,9 @@ def main(arguments: list[str] | None = None) -> None:
     sys.unraisablehook = _unraisable
     status = run(sys.argv[1:] if arguments is None else arguments, lambda: _take_signals(_raise))
     _take_signals(_end_at_once)  # the work is over, and the interpreter takes its time to end
+    if status == INTERRUPTED:  # whatever an interruption left half loaded need not be taken down
+        _forget_output()
+        os._exit(status)
     sys.exit(status)
 
 
@@ -94,7 +97,7 @@ def run(arguments: list[str], begin: Callable[[], None] | None = None) -> int:
         if not _is_interruption(error):
             raise
         _forget_output()
-        click.echo(_LINE, err=True)
+        echo(_LINE, err=True)
         return INTERRUPTED
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from monochord.config import Tree
 from monochord.errors import InputError, did_you_mean
@@ -14,10 +15,13 @@ from monochord.live import Session, Settings, Summary
 from monochord.live.calibration import medians
 from monochord.registry import Registry
 from monochord.sources import SOURCES
+from monochord.units import Metres
 
 F = TypeVar("F", bound=Callable[..., Any])
 FILES, SESSIONS = "wav", "session"  # the sources that read recordings
 USUAL_ESTIMATOR = "closed-form"
+WIDEST: Metres = 1.0
+"""Radius of the largest object that touches a string."""
 
 
 def amount(text: str) -> float:
@@ -29,6 +33,24 @@ def amount(text: str) -> float:
     if not 0.0 < number < math.inf:
         raise click.BadParameter(f"'{text}': allowed is a number above 0")
     return number
+
+
+def radius(text: str) -> float:
+    """Return the radius of what touches a string, in metres; anything else is a usage error."""
+    number = amount(text)
+    if number > WIDEST:
+        raise click.BadParameter(f"'{text}': allowed is up to {WIDEST:g} m")
+    return number
+
+
+def refuse_without(options: str, effect: str, *names: str) -> None:
+    """Refuse parameters of the command at hand that were given on the command line and have no effect.
+
+    `options` are the options in words and `effect` says when they have one: both for the line.
+    """
+    context = click.get_current_context()
+    if any(context.get_parameter_source(name) is ParameterSource.COMMANDLINE for name in names):
+        raise InputError(options, effect, "leave it out")
 
 
 def take(text: str) -> tuple[str, float]:
@@ -70,6 +92,13 @@ def window_options(command: F) -> F:
     ):
         command = option(command)
     return command
+
+
+def refuse_string_twice(string: str | None, length: float | None, open_frequency: float | None) -> None:
+    """Refuse a preset beside both numbers that stand in its place."""
+    if string and length is not None and open_frequency is not None:
+        given = f"--string {string} beside --length and --open-frequency"
+        raise InputError(given, "a preset, or both numbers", "leave one or the other out")
 
 
 def put(tree: Tree, table: str, **values: Any) -> None:

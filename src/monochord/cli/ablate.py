@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from monochord.cli._kept_rows import keep
+from monochord.cli._options import refuse_without
 from monochord.cli._output import echo
 from monochord.config import load_toml, override
 from monochord.datasets.build import find_sessions
@@ -62,6 +63,8 @@ def ablate(
     chosen = load_grid(grid, tree, assignments)
     chosen = chosen.only(only) if only else chosen
     _refuse_impossible(chosen)
+    if not any(variation.is_built and not variation.sessions for variation in chosen.compared.values()):
+        refuse_without("--sessions", "for variations with windows of their own", "sessions")
     found = ablated(chosen, out, _tell, workers=workers)
     if rows is not None and found.rows:
         keep(rows, [row for each in found.rows.values() for row in each])

@@ -72,6 +72,8 @@ def _made(
 ) -> Iterator[Outcome]:
     """Yield what becomes of the sessions, as they are done, with something to look at meanwhile."""
     if not real_time:
+        if workers and cluster:
+            raise InputError("--workers beside --cluster", "one of both", "a cluster has its own workers")
         if server:
             raise InputError("--server", "with --real-time", "offline there is no server")
         with closing(carry_out(sessions, out, workers=workers, cluster=cluster)) as outcomes:

@@ -13,6 +13,7 @@ import numpy as np
 from monochord.cli._bar import bar_of_sessions
 from monochord.cli._drawings import drawings
 from monochord.cli._kept_rows import keep
+from monochord.cli._options import refuse_without
 from monochord.cli._output import echo
 from monochord.cli._scorecard_lines import lines
 from monochord.cli.build import SPLIT_FILE
@@ -86,6 +87,7 @@ def evaluate(run: Path | None, **options: Any) -> None:
     monochord evaluate run --sessions monday/*.mcap
     monochord evaluate --estimator closed_form --dataset dataset --sensor prototype --suite
     """  # noqa: D301
+    _refuse_unused(run, options)
     with ExitStack() as stack:
         told = _Told.of(run)
         course, split, floors, notes = _course(stack, told, options)
@@ -112,6 +114,17 @@ def evaluate(run: Path | None, **options: Any) -> None:
         rows = paper_rows(card, labelled(feature, drawn=told.is_drawn), options["part"])
         keep(options["rows"], rows)
     echo(*([json.dumps(card.tree(), allow_nan=False)] if options["as_json"] else lines(card)))
+
+
+def _refuse_unused(run: Path | None, options: dict[str, Any]) -> None:
+    if run is not None and options["estimator"] is not None:
+        raise InputError(f"run {run} beside --estimator {options['estimator']}", "one of both")
+    if options["sessions"]:
+        refuse_without("--split or --part beside --sessions", "all of the sessions", "split", "part")
+    if options["rows"] is None:
+        refuse_without("--feature without --rows", "beside --rows, whose name it is", "feature")
+    if not (options["noises"] or options["all_noises"]):
+        refuse_without("--seed without noise", "beside --noise or --suite, whose it is", "seed")
 
 
 class _Told:
@@ -162,11 +175,8 @@ class _Told:
 
 
 def _estimator(run: Path | None, options: dict[str, Any]) -> tuple[Estimator, str]:
-    name = options["estimator"]
-    if run is not None and name is not None:
-        raise InputError(f"run {run} beside --estimator {name}", "one of both")
     table: Tree = {} if run is None else {"path": str(run)}
-    name = (LEARNED if run is not None else name or PHYSICS).replace("-", "_")
+    name = (LEARNED if run is not None else options["estimator"] or PHYSICS).replace("-", "_")
     return ESTIMATORS.build(name, override(table, options["assignments"])), name
 
 

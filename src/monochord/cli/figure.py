@@ -8,6 +8,7 @@ import click
 from monochord.cli._options import refuse_unwritable
 from monochord.cli._output import echo
 from monochord.config import override, to_tree
+from monochord.errors import InputError
 from monochord.figures import FIGURES
 from monochord.figures.base import Measured
 
@@ -28,6 +29,8 @@ def figure(
     """Draw the figure NAME into a file; `monochord list figures` shows which there are."""
     path = out or Path(f"{name}.png")
     refuse_unwritable(path, SUFFIXES)
+    if model is not None and any(text.partition("=")[0].strip() == "model" for text in assignments):
+        raise InputError("--model beside --set model=", "one of both")
     chosen = override({} if model is None else {"model": model}, assignments)
     drawing = FIGURES.build(name, chosen)
     drawing.draw().savefig(path)

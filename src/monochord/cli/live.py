@@ -1,6 +1,8 @@
 """Estimates from a running source, as they come."""
 
 import dataclasses
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ from monochord.cli._options import (
     first_field,
     put,
     refuse_short,
+    refuse_string_twice,
     string_options,
     window_options,
 )
@@ -23,7 +26,9 @@ from monochord.estimators import ESTIMATORS
 from monochord.live import Settings, run
 from monochord.perceiver import folder_of, load
 from monochord.sinks import SINKS
+from monochord.sinks.base import Listener, Moment, Sink, Writer
 from monochord.sources import SOURCES
+from monochord.types import Signal
 
 LINES = "jsonl"  # the sink that --json stands for
 LEARNED = "perceiver"  # the estimator that RUN stands for
@@ -55,14 +60,18 @@ def live(inputs: tuple[str, ...], **options: Any) -> None:
     monochord live run session.mcap --source session
     monochord live demo --source twin
     """  # noqa: D301
+    refuse_string_twice(options["string"], options["length"], options["open_frequency"])
     learned, opened = _told_apart(inputs)
+    if learned is not None and options["estimator"]:
+        raise InputError(f"run {learned} beside --estimator {options['estimator']}", "one of both")
     tree = _tree(opened, options, learned)
     tree = calibrated(override(tree, options["assignments"]), options["calibrate"])
     settings = Settings.read(tree)
     session = settings.session()
+    saving: tuple[Sink, ...] = ()
     if options["save_config"]:
-        _save(options["save_config"], dump_toml(settings.resolved()))
-    summary = run(session)
+        saving = (_SavedSettings(options["save_config"], dump_toml(settings.resolved())),)
+    summary = run(dataclasses.replace(session, sinks=(*saving, *session.sinks)))
     refuse_short(opened or settings.source["name"], session, summary)
     # Standard output may carry data, of which the summary is no part.
     echo(*summary.lines(), err=options["as_json"])
@@ -100,10 +109,14 @@ def _tree(opened: str | None, options: dict[str, Any], learned: str | None = Non
 
 def _sinks(configured: Tree | None, asked: tuple[str, ...], as_json: bool) -> Tree:  # noqa: FBT001
     """Return the sink tables: those asked for, else those of the configuration, else the terminal."""
-    known, sinks = configured or {}, {}
+    known, sinks = configured or {}, Tree()
     for text in asked:
-        name, equals, where = text.partition("=")
-        sinks[name] = {**known.get(name, {}), **({first_field(SINKS, name): where} if equals else {})}
+        kind, equals, where = text.partition("=")
+        if kind in sinks:  # whatever two of a kind write would run together
+            raise InputError(f"--sink {kind} twice", "one of each kind")
+        sinks[kind] = {**known.get(kind, {}), **({first_field(SINKS, kind): where} if equals else {})}
+    if as_json and sinks.get(LINES):
+        raise InputError(f"--json beside --sink {LINES}", "one of both", "both write the same lines")
     if as_json:
         # Standard output is for the lines, so whatever can draws on standard error.
         for name, options in sinks.items():
@@ -115,8 +128,20 @@ def _sinks(configured: Tree | None, asked: tuple[str, ...], as_json: bool) -> Tr
     return {"terminal": {}}
 
 
-def _save(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a path that can be written") from error
+class _SavedSettings(Listener):
+    """Writes the settings into a file once the source is open and the estimator takes its signal."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self._path, self._text = path, text
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+        try:
+            self._path.write_text(self._text, encoding="utf-8")
+        except OSError as error:
+            given = f"file {self._path} ({error.strerror})"
+            raise InputError(given, "a path that can be written") from error
+        yield self
+
+    def write(self, moment: Moment) -> None:
+        """Take nothing."""

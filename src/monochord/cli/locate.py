@@ -14,6 +14,7 @@ from monochord.cli._options import (
     put,
     recording,
     refuse_short,
+    refuse_string_twice,
     string_options,
     window_options,
 )
@@ -52,6 +53,7 @@ def locate(
     """  # noqa: D301
     source = {**recording(file), **({"allow_truncated": True} if allow_truncated else {})}
     tree: Tree = {"source": source, "sinks": {"jsonl": {"everything": False}} if as_json else {}}
+    refuse_string_twice(string, length, open_frequency)
     put(tree, "estimator", name=estimator or USUAL_ESTIMATOR, length=length, open_frequency=open_frequency)
     put(tree, "window", length=window, hop=hop)
     tree = calibrated({**tree, "string": string or ""}, calibrate)

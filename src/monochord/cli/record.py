@@ -1,22 +1,29 @@
 """A recording of microphones and instruments on one clock."""
 
 import json
+import re
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
 
-from monochord.cli._options import amount, first_field, put
+from monochord.cli._options import amount, first_field, put, radius
 from monochord.cli._output import echo
 from monochord.config import Tree, load_toml, override
 from monochord.errors import DeviceError, InputError
 from monochord.instruments import INSTRUMENTS
 from monochord.recording import Settings
 from monochord.recording import record as run
+from monochord.recording.settings import kind_of
+from monochord.recording.streams import free_name
 from monochord.recording.view import viewed
+
+NAMES = tuple(field.name for field in fields(Settings))
+"""Tables that --set reaches by their first word, and so no instrument's name."""
 
 
 @click.command()
@@ -26,13 +33,13 @@ from monochord.recording.view import viewed
     "--instrument",
     "instruments",
     multiple=True,
-    metavar="NAME[=WHERE]",
+    metavar="[STREAM:]NAME[=WHERE]",
     help="What to record beside it; repeatable.",
 )
 @click.option("--seconds", type=amount, metavar="S", help="How long; else until Control-C.")
 @click.option("--object", "object_", metavar="TEXT", help="What touches the string.")
 @click.option("--material", metavar="TEXT", help="What that is made of.")
-@click.option("--radius", type=amount, metavar="M", help="Its radius where it touches.")
+@click.option("--radius", type=radius, metavar="M", help="Its radius where it touches.")
 @click.option("--sensor", metavar="PRESET", help="The sensor, of the catalogue or FILE.toml.")
 @click.option("--note", metavar="TEXT", help="Whatever else should be known.")
 @click.option("--simulated", is_flag=True, default=None, help="Mark the session as no real one.")
@@ -43,12 +50,13 @@ def record(out: Path, **options: Any) -> None:
     """Record audio, force and pose into the session OUT.mcap.
 
     Settings come from --config, then from the options, then from --set, where an instrument's options go by
-    its name. Control-C, SIGTERM or SIGHUP ends the recording; what was recorded is saved at every
-    moment.
+    its name: the STREAM that it was given, else NAME, and NAME_2 for the second of a kind. Control-C, SIGTERM
+    or SIGHUP ends the recording; what was recorded is saved at every moment.
 
     \b
     monochord record take.mcap --object plastic --seconds 60
     monochord record take.mcap --instrument net_ft=192.168.1.1 --set net_ft.bias=true
+    monochord record take.mcap --instrument left:pose_udp=9871 --instrument right:pose_udp=9872
     """  # noqa: D301
     settings = Settings.read(_tree(options))
     job = settings.job(out)
@@ -65,13 +73,7 @@ def _tree(options: dict[str, Any]) -> Tree:
     name = options["source"] or before.get("name", "jack")
     # Another source than the file's does not take over the options of the file's.
     tree["source"] = {**(before if before.get("name") == name else {}), "name": name}
-    known: Tree = tree.get("instruments", {})
-    instruments: Tree = dict(known)
-    for text in options["instruments"]:
-        asked, equals, where = text.partition("=")
-        key = asked.replace("-", "_")
-        opened = {first_field(INSTRUMENTS, asked): where} if equals else {}
-        instruments[key] = {**known.get(key, {}), **opened}
+    instruments = _instruments(tree.get("instruments", {}), options["instruments"])
     put(tree, "about", object=options["object_"], simulated=options["simulated"])
     put(tree, "about", **{key: options[key] for key in ("material", "radius", "sensor", "note")})
     put(tree, "instruments", **instruments)
@@ -80,14 +82,46 @@ def _tree(options: dict[str, Any]) -> Tree:
     return override(tree, _in_full(options["assignments"], instruments))
 
 
+def _instruments(configured: Tree, asked: Sequence[str]) -> Tree:
+    """Return the tables of instruments: those of the configuration, and those asked for laid over them."""
+    tables: Tree = {name.replace("-", "_"): table for name, table in configured.items()}
+    if len(tables) < len(configured):
+        raise InputError(f"instruments {', '.join(configured)}", "names that differ by more than - and _")
+    given: set[str] = set()
+    for text in asked:
+        head, equals, where = text.partition("=")
+        stream, _, kind = (part.replace("-", "_") for part in head.rpartition(":"))
+        if (
+            not stream and kind in tables and kind not in INSTRUMENTS.names()
+        ):  # one of the configuration's own
+            stream, kind = kind, kind_of(kind, tables[kind])
+        if head.count(":") and not re.fullmatch("[a-z][a-z0-9_]*", stream):
+            raise InputError(f"stream '{stream}'", "small letters, digits and _, a letter first")
+        name = stream or free_name(kind, given)
+        if name in given or name in NAMES:
+            allowed = "a name of its own for each" if name in given else f"a name but {', '.join(NAMES)}"
+            raise InputError(f"--instrument {text} called '{name}'", allowed, "name it: STREAM:NAME=WHERE")
+        given.add(name)
+        known = tables.get(name, {})
+        tables[name] = {
+            **(known if kind_of(name, known) == kind else {}),
+            **({first_field(INSTRUMENTS, kind): where} if equals else {}),
+            **({"name": kind} if stream else {}),
+        }
+    return tables
+
+
 def _in_full(assignments: Sequence[str], instruments: Iterable[str]) -> list[str]:
     """Return assignments, those that begin with an instrument's name put into the table of them."""
     names = set(instruments)
+    found: list[str] = []
     for text in assignments:
-        name = text.partition(".")[0].replace("-", "_")
-        if name in INSTRUMENTS.names() and name not in names:
+        head, dot, rest = text.removeprefix("instruments.").partition(".")
+        name = head.replace("-", "_")
+        if text.startswith("instruments.") or (dot and name in names):
+            found.append(f"instruments.{name}{dot}{rest}")
+            continue
+        if name in INSTRUMENTS.names():
             raise InputError(f"--set {text}", f"options of what is recorded; add --instrument {name}")
-    return [
-        f"instruments.{text}" if text.partition(".")[0].replace("-", "_") in names else text
-        for text in assignments
-    ]
+        found.append(text)
+    return found

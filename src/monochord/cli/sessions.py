@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import amount, refuse_unwritable
+from monochord.cli._options import radius, refuse_unwritable
 from monochord.cli._output import echo
 from monochord.cli._sessions_facts import facts_lines, facts_of
 from monochord.cli.figure import SUFFIXES
@@ -149,7 +149,7 @@ def export(
 @click.option("--name", metavar="TEXT", help="What to call it.  [default: the file's name]")
 @click.option("--object", "object_", metavar="TEXT", help="What touches the string.")
 @click.option("--material", metavar="TEXT", help="What that is made of.")
-@click.option("--radius", type=amount, metavar="M", help="Its radius where it touches.")
+@click.option("--radius", type=radius, metavar="M", help="Its radius where it touches.")
 @click.option("--string", metavar="PRESET", help="A string of the catalogue, or FILE.toml.")
 @click.option("--notes", metavar="TEXT", help="Whatever else should be known.")
 @json_object

@@ -67,7 +67,9 @@ def check(name: str, *, path: str, as_json: bool) -> None:
     "--path", type=click.Path(), default="", metavar="PATH", help="The file, or the folder it is in."
 )
 @click.option("--out", type=FILE, required=True, metavar="FILE.onnx", help="To write.")
-@click.option("--frames", type=int, default=100, show_default=True, help="Frames of a spectrogram.")
+@click.option(
+    "--frames", type=click.IntRange(min=1), default=100, show_default=True, help="Frames of a spectrogram."
+)
 @click.option("--int8", is_flag=True, help="Quantise the large products to 8 bits.")
 @json_object
 def export(name: str, *, path: str, out: Path, frames: int, int8: bool, as_json: bool) -> None:

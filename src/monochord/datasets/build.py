@@ -106,8 +106,8 @@ def build_dataset(
 
     The samples of a session are taken as they were recorded: lost frames are zeros, clipped ones and those
     that are no numbers stay, and the windows that hold any are flagged. Memory holds a session at a time.
-    Equal sessions and options give equal bytes. The folder appears under its name when all of it is there; what a
-    killed run left of the same folder is removed.
+    Equal sessions and options give equal bytes. The folder appears under its name when all of it is
+    there; what a killed run left of the same folder is removed.
 
     Parameters
     ----------

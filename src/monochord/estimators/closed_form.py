@@ -1,6 +1,7 @@
 """The closed-form estimator: position and force by physics, from the pitch of what sounds."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Literal
 
 from monochord.closed_form.far_segment import FarSegment
@@ -10,6 +11,11 @@ from monochord.estimators.base import Estimator
 from monochord.physics.theory import TensionLaw, open_frequency
 from monochord.types import Prepared, Signal
 from monochord.units import Hertz, Metres, Newtons, Samples
+
+FAR_ONLY = ("calibration", "length", "open_frequency", "reach", "margin", "evidence")
+"""Options of the far form alone."""
+BOTH_ONLY = ("tension_law", "most_force")
+"""Options of the two-sided form alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +63,21 @@ class ClosedForm(Estimator):
         """Choose the form that `sides` asks for and the signal allows, and prepare it."""
         both = signal.channels == 2 and signal.string is not None and self.open_frequency is None
         if self.sides == "both" or (self.sides == "auto" and both):
+            self._refuse_set(FAR_ONLY, "both segments", "one by --open-frequency")
             return self._two_segments(signal).prepare(signal.sample_rate, size)
+        self._refuse_set(BOTH_ONLY, "the far segment alone", "both by two microphones and --string")
         return self._far_segment(signal).prepare(signal.sample_rate, size)
+
+    def _refuse_set(self, names: Sequence[str], form: str, remedy: str) -> None:
+        """Refuse options that the form at hand has no use for."""
+        usual = {each.name: each.default for each in fields(self)}
+        given = [name for name in names if getattr(self, name) != usual[name]]
+        if given:
+            raise InputError(
+                f"{given[0]} with the form of {form}",
+                f"no {given[0]} there",
+                f"leave it out, or hear {remedy}",
+            )
 
     def _two_segments(self, signal: Signal) -> TwoSegments:
         if signal.string is None or signal.channels != 2:

@@ -13,6 +13,7 @@ from monochord.recording.disk import refuse_place, written_through
 from monochord.recording.progress import Progress
 from monochord.recording.pumps import Polled, pumping
 from monochord.recording.settings import Job
+from monochord.recording.streams import told_apart
 from monochord.recording.summary import Summary
 from monochord.recording.tally import Tally
 from monochord.recording.watch import Notice, Watch
@@ -64,6 +65,7 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
         with wish.at_once():
             stream = stack.enter_context(job.source.open())
             connections = {name: stack.enter_context(it.open()) for name, it in job.instruments.items()}
+        connections = told_apart(connections)
         tally = Tally(stream, connections, job.path.parent, reserve=job.disk.stop)
         # Read from here on, for making a file takes longer than a device's buffer may hold.
         pumps = stack.enter_context(pumping(stream, connections, job.room))

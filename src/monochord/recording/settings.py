@@ -1,8 +1,9 @@
 """What a person configures of a recording, and the job that is built from it."""
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -11,12 +12,23 @@ from monochord.errors import InputError
 from monochord.instruments import INSTRUMENTS
 from monochord.instruments.base import Instrument
 from monochord.physics.sensors import load_sensor
+from monochord.recording.streams import NamedInstrument
 from monochord.recording.watch import Notice
 from monochord.sessions import Description
 from monochord.sources import SOURCES
 from monochord.sources.base import Source
 from monochord.types import Feed, Signal
 from monochord.units import Metres, Seconds
+
+
+def kind_of(name: str, table: Mapping[str, Any]) -> str:
+    """Return the kind of the instrument whose table has a name: what it says, or else that name.
+
+    >>> kind_of("pose_udp_2", {}), kind_of("left", {"name": "pose-udp"})
+    ('pose_udp', 'pose_udp')
+    """
+    kind = str(table.get("name", re.sub(r"_\d+$", "", name)))
+    return kind.replace("-", "_")
 
 
 class Subject(Protocol):
@@ -107,6 +119,9 @@ class Job:
 class Settings:
     """A recording as configured: the source as a table with its name, instruments as tables by name.
 
+    A table of an instrument is called as its kind, and numbered from the second on: ``pose_udp``,
+    ``pose_udp_2``. One of any other name says its kind as ``name``, and its own name is its stream's.
+
     >>> tree = {"source": {"name": "wav", "path": "take.wav"}, "about": {"object": "plastic"}}
     >>> Settings.read(tree).job(Path("take.mcap")).about.object
     'plastic'
@@ -140,11 +155,31 @@ class Settings:
         return Job(
             path=path,
             source=SOURCES.build(name, options),
-            instruments={
-                name.replace("-", "_"): INSTRUMENTS.build(name, options)
-                for name, options in self.instruments.items()
-            },
+            instruments=self._instruments(),
             about=self.about,
             disk=self.disk,
             seconds=self.seconds,
         )
+
+    def _instruments(self) -> dict[str, Instrument]:
+        """Build the instruments; one of a name of its own has a stream of that name."""
+        found: dict[str, Instrument] = {}
+        for written, table in self.instruments.items():
+            name, options = written.replace("-", "_"), dict(table)
+            kind = kind_of(name, options)
+            options.pop("name", None)
+            if name in found:
+                raise InputError(f"two instruments called '{name}'", "names of their own", "rename one")
+            if name in INSTRUMENTS.names() and name != kind:
+                given = f"instrument {kind} called '{name}'"
+                raise InputError(given, "a name that no kind of instrument has", "rename it")
+            is_named = re.sub(r"_\d+$", "", name) != kind
+            stream = name if is_named else options.get("stream")
+            if is_named and options.get("stream", name) != name:
+                given = f"stream '{options['stream']}' of the instrument called '{name}'"
+                raise InputError(given, f"'{name}', as it is called", "leave out the one or the other")
+            if is_named and "stream" in {each.name for each in fields(INSTRUMENTS.load(kind))}:  # pyright: ignore[reportArgumentType]
+                options["stream"] = name
+            built = INSTRUMENTS.build(kind, options)
+            found[name] = NamedInstrument(instrument=built, stream=stream) if stream else built
+        return found
