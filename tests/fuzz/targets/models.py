@@ -1,0 +1,61 @@
+"""Model folders: loaded, opened and asked for a prediction."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from monochord.features import FEATURES
+from monochord.heads import HEADS
+from monochord.perceiver import Definition, Perceiver, load
+from monochord.perceiver.definition import FeatureRecord, HeadRecord, Reference
+from monochord.perceiver.files import TEXT, WEIGHTS, save
+from monochord.perceiver.probe import probed
+from monochord.types import Signal, Window
+from tests.fuzz.base import Input, Target, taken_from
+
+RATE, SIZE = 8000, 400
+SIGNAL = Signal(sample_rate=RATE, channels=2)
+OPTIONS = {"bins": 8}
+
+
+def drawn_model(folder: Path, *, heads: tuple[str, ...]) -> None:
+    """Save a model whose weights were drawn, not learned."""
+    random = np.random.default_rng(0)
+    extractor = FEATURES.build("log_mel", OPTIONS).prepare(SIGNAL, SIZE)
+    record = FeatureRecord(name="log_mel", options=OPTIONS, columns=extractor.columns)
+    definition = Definition(
+        title="drawn", sample_rate=RATE, channels=2, window=SIZE, hop=SIZE, feature=record, simulated=True,
+        reference=Reference(feature=record, settle=0.0),
+        heads={name: HeadRecord(task=HEADS.build(name, {"hidden": [3]} if name in ("position", "force") else {}).task()) for name in heads},
+    )  # fmt: skip
+    weights = {name: random.normal(size=shape).astype(np.float32) for name, shape in definition.shapes().items()}
+    for part in ("scaler", "context"):
+        weights[f"{part}.scale"][:] = 5.0
+        weights[f"{part}.probe"] = probed(extractor, 2, SIZE)
+    save(Perceiver(definition=definition, weights=weights), folder)
+
+
+class Fuzz(Target):
+    """A definition and its weights, most often with the checksum that they then have."""
+
+    def seeds(self, folder: Path) -> Iterator[Input]:
+        for number, heads in enumerate((("contact", "position", "force", "slip"), ("contact",))):
+            drawn_model(folder / str(number), heads=heads)
+            yield taken_from(folder / str(number))
+
+    def fit(self, edited: Input) -> Input:
+        try:
+            tree = json.loads(edited[TEXT])
+            tree["weights"] = hashlib.sha256(edited[WEIGHTS]).hexdigest()
+            return {**edited, TEXT: json.dumps(tree).encode()}
+        except (KeyError, ValueError, TypeError, RecursionError):
+            return edited
+
+    def run(self, folder: Path) -> None:
+        stream = load(folder).open(SIGNAL)
+        for number in range(3):
+            samples = np.random.default_rng(number).normal(size=(2, SIZE)).astype(np.float32)
+            stream.predict(Window(samples=samples, start=number * SIZE, sample_rate=RATE, has_gap=False))
