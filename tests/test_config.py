@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monochord.config import dump_toml, from_tree, load_toml, override, to_tree
+from monochord.config import dump_toml, from_tree, load_toml, override, table, to_tree
 from monochord.errors import InputError
 
 
@@ -191,3 +191,30 @@ def test_what_is_not_toml_is_refused(tmp_path: Path, content: bytes) -> None:
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="allowed is a readable TOML file"):
         load_toml(tmp_path / name)
+
+
+def test_toml_beyond_what_python_reads_is_refused(tmp_path: Path) -> None:
+    for number, text in enumerate(("a = " + "9" * 5000, "a = " + "[" * 5000)):
+        file = tmp_path / f"{number}.toml"
+        file.write_text(text, encoding="utf-8")
+        with pytest.raises(InputError, match="TOML text"):
+            load_toml(file)
+
+
+def test_an_override_beyond_what_python_reads_is_refused() -> None:
+    for text in ("9" * 5000, "0x" + "f" * 5000, "[" * 5000):
+        line = refused(override({}, [f"partials={text}"]))
+        assert "option 'ear" in line
+        assert len(line) < 200
+    with pytest.raises(InputError, match="NAME"):
+        override({}, [".".join("a" * 5000) + "=1"])
+
+
+def test_bytes_that_are_no_text_are_refused() -> None:
+    assert "UTF-8" in refused({"string": "take\udcff"})
+    assert "UTF-8" in refused({"by_name": {"\ud800": {}}})
+
+
+def test_what_is_no_table_is_refused() -> None:
+    with pytest.raises(InputError, match="option 'source' = 5: allowed is a table"):
+        table({"source": 5}, "source")

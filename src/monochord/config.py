@@ -24,6 +24,10 @@ T = TypeVar("T")
 Tree: TypeAlias = dict[str, Any]
 MAX_BYTES = 1 << 26
 """Of a file of text that is read whole."""
+DEEPEST = 32
+"""Names in an override, at most."""
+LONGEST = 80
+"""Characters of a value that an error message shows."""
 
 
 def load_toml(path: Path) -> Tree:
@@ -32,7 +36,7 @@ def load_toml(path: Path) -> Tree:
         return tomllib.loads(_text(path))
     except OSError as error:
         raise InputError(f"configuration {path} ({error.strerror})", "a readable TOML file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # TOML's own, bad UTF-8, a number of thousands of digits
         raise InputError(f"configuration {path} ({error})", "TOML text") from error
 
 
@@ -44,6 +48,23 @@ def load_json(path: Path, remedy: str = "") -> Any:
         raise InputError(f"{path} ({error.strerror})", "a readable file", remedy) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} (damaged: {error})", "JSON text", remedy) from error
+
+
+def table(tree: Mapping[str, Any], name: str) -> Tree:
+    """Return the table `name` of a tree, an empty one where there is none.
+
+    Raises
+    ------
+    InputError
+        If something else than a table is there.
+
+    >>> table({"window": {"hop": 0.01}}, "window"), table({}, "window")
+    ({'hop': 0.01}, {})
+    """
+    found = tree.get(name, {})
+    if not isinstance(found, dict):
+        raise InputError(f"option '{name}' = {_shown(found)}", "a table")
+    return found
 
 
 def override(tree: Tree, assignments: Iterable[str]) -> Tree:
@@ -58,7 +79,7 @@ def override(tree: Tree, assignments: Iterable[str]) -> Tree:
     for assignment in assignments:
         key, equals, text = assignment.partition("=")
         names = key.strip().split(".")
-        if not equals or not all(names):
+        if not equals or not all(names) or len(names) > DEEPEST:
             raise InputError(f"override '{assignment}'", "NAME.NAME=VALUE", "write --set window.hop=0.02")
         node = result
         for name in names[:-1]:
@@ -131,6 +152,9 @@ def _decode(kind: type, value: Any) -> Any:
 
 def _refuse_unknown(kind: Any, value: Any, where: str) -> None:
     """Refuse what msgspec lets pass: keys that no field has, at any depth, and numbers that are NaN."""
+    for text in value if isinstance(value, Mapping) else [value]:
+        if isinstance(text, str) and not text.isascii() and not _is_unicode(text):
+            raise InputError(f"option '{where}' = {text!a}", "text in UTF-8")
     is_number = kind is float or float in get_args(kind)
     if is_number and isinstance(value, (float, str)) and str(value).strip().lower() == "nan":
         raise InputError(f"option '{where}' = nan", wording(kind))
@@ -163,10 +187,29 @@ def _explain(error: msgspec.ValidationError, cls: type, tree: Mapping[str, Any],
         return InputError(f"option '{where}' (not given)", wording(kind))
     bound = re.match("Expected `(.+?)` ([<>].*|matching .*)", reason)
     allowed = f"{bound[1]} {bound[2]}" if bound else wording(kind)
-    if not reason.startswith(("Expected", "Invalid", "cannot make")):
+    if not reason.startswith(("Expected", "Invalid", "cannot make", "Integer value out of range")):
         allowed = reason  # a ValueError of the dataclass's own
     remedy = did_you_mean(value, choices_of(kind)) if isinstance(value, str) else ""
-    return InputError(f"option '{where}' = {value!r}" if where else repr(value), allowed, remedy)
+    shown = _shown(value)
+    return InputError(f"option '{where}' = {shown}" if where else shown, allowed, remedy)
+
+
+def _shown(value: Any) -> str:
+    """Return a value as an error message shows it: in one line, and not in thousands of digits."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than Python writes
+        return "a number of thousands of digits"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def _is_unicode(text: str) -> bool:
+    """Whether a text can be written as UTF-8; an argument that holds other bytes cannot."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _culprit(kind: Any, table: Mapping[str, Any]) -> str:
@@ -194,10 +237,10 @@ def _children(value: Any) -> Iterator[tuple[str | int, Any]]:
 
 def _toml_value(text: str) -> Any:
     try:
-        table = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+        tree = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
         return text
-    return table["value"] if len(table) == 1 else text
+    return tree["value"] if len(tree) == 1 else text
 
 
 def _copy(value: Any) -> Any:

@@ -182,6 +182,21 @@ def test_what_cannot_be_done_is_refused_in_a_line(
     assert not out.exists()
 
 
+@pytest.mark.parametrize(
+    "text", ["source = 5", "instruments = 5", 'about = "x"', "[instruments]\npose_udp = [1]"], ids=ascii
+)
+@pytest.mark.parametrize("verb", ["record", "live"])
+def test_settings_that_are_no_table_are_one_line(
+    tmp_path: Path, verb: str, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config, out = tmp_path / "settings.toml", tmp_path / "take.mcap"
+    config.write_text(text, encoding="utf-8")
+    given = [str(out), "--instrument", "pose_udp", "--object", "key"] if verb == "record" else []
+    assert run([verb, *given, "--config", str(config)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not out.exists()
+
+
 def test_a_session_that_exists_is_not_overwritten(
     tmp_path: Path, sound: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

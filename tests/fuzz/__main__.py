@@ -24,7 +24,9 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of all that is drawn (default: 0)")
     parser.add_argument("--out", type=Path, default=Path("build/fuzz"), help="where findings go")
     parser.add_argument("--folder", type=Path, default=TARGETS, help="where the targets are")
-    parser.add_argument("--repeat", type=Path, metavar="FILE", help="run one kept input of the target, in the open")
+    parser.add_argument(
+        "--repeat", type=Path, metavar="FILE", help="run one kept input of the target, in the open"
+    )
     options = parser.parse_args()
     names = target_names(options.folder)
     strange = set(options.targets) - set(names)
@@ -54,7 +56,9 @@ def _keep(folder: Path, name: str, found: Findings, out: Path) -> None:
         file, content = pack(hashlib.sha256(f"{failure.kind} {place}".encode()).hexdigest()[:10], given)
         (out / name).mkdir(parents=True, exist_ok=True)
         (out / name / file).write_bytes(content)
-        (out / name / f"{file}.txt").write_text(f"{failure.kind}: {place}\n\n{failure.text}\n", errors="replace")
+        (out / name / f"{file}.txt").write_text(
+            f"{failure.kind}: {place}\n\n{failure.text}\n", errors="replace"
+        )
         print(f"  {failure.count} x {failure.kind}: {place}", flush=True)
         print(f"    python -m tests.fuzz {name} --repeat {out / name / file}", flush=True)
 
@@ -63,7 +67,9 @@ def _repeat(folder: Path, name: str, file: Path) -> int:
     with TemporaryDirectory() as place:
         lay_out(unpack(file), Path(place))
         verdict = attempt(load_target(folder, name), Path(place))
-    print(f"{verdict.kind} in {verdict.seconds:.2f} s, peak {verdict.peak / 1e6:.0f} MB: {verdict.place}\n{verdict.text}")
+    print(
+        f"{verdict.kind} in {verdict.seconds:.2f} s, peak {verdict.peak / 1e6:.0f} MB: {verdict.place}\n{verdict.text}"
+    )
     return int(verdict.failed)
 
 

@@ -118,7 +118,12 @@ def _stopped(process: "multiprocessing.process.BaseProcess", trace: Path, kind: 
     ours = re.search(r'/monochord/([\w/]+\.py)", line \d+ in (\w+)', text)
     where = f"{ours[1]}:{ours[2]}" if ours else "outside of Monochord"
     code = f" with status {process.exitcode}" if kind == "died" else ""
-    return Verdict(kind=kind, place=f"{kind}{code} in {where}", text=text[-4000:], seconds=LIMIT if kind == "hang" else 0.0)
+    return Verdict(
+        kind=kind,
+        place=f"{kind}{code} in {where}",
+        text=text[-4000:],
+        seconds=LIMIT if kind == "hang" else 0.0,
+    )
 
 
 def shrunk(folder: Path, name: str, given: Input, place: str) -> Input:

@@ -18,7 +18,6 @@ from random import Random
 from typing import Any, TypeAlias
 
 import tomli_w
-
 from tests.fuzz.base import Input
 
 Edit: TypeAlias = Callable[[Random, bytes], bytes]
@@ -29,7 +28,7 @@ TEXTS = ("", " ", "x", "nan", "-1", "1e999", "inf", "true", "null", "../../x", "
          "\ud800", "[a-z", "*", "%s{0}", "a" * 300, "9" * 5000, "\r\n", "2024-02-30", "0x1f", "1_000")  # fmt: skip
 WORDS = (b"", b"nan", b"inf", b"-inf", b"-0", b"1e308", b"1e-320", b"-1", b"0", b"9" * 25, b"9" * 5000, b"1.5", b"0x1f",
          b"true", b"[]", b"{}", b'""', b"\0", b"\xff\xfe", b"\xed\xa0\x80", b"\r", b'"', b"'", b";", b"\t", b"=", b"[" * 3000,
-         b"{\"a\":" * 2000, b"1979-05-27", b"a" * 200_000)  # fmt: skip
+         b'{"a":' * 2000, b"1979-05-27", b"a" * 200_000)  # fmt: skip
 
 
 def edited(random: Random, given: Input, others: list[Input]) -> Input:
@@ -92,7 +91,9 @@ def _bytes(random: Random, data: bytes) -> bytes:
 
 def _integer(random: Random, data: bytes) -> bytes:
     """Set what may be an integer field to an extreme, or to near what it was."""
-    width, order = random.choice(((1, "<"), (2, "<"), (4, "<"), (8, "<"), (4, ">"), (8, ">"), (4, "<"), (8, "<")))
+    width, order = random.choice(
+        ((1, "<"), (2, "<"), (4, "<"), (8, "<"), (4, ">"), (8, ">"), (4, "<"), (8, "<"))
+    )
     if len(data) < width:
         return data
     at = random.randrange(len(data) - width + 1)
@@ -134,7 +135,11 @@ def _tree(random: Random, tree: Any) -> Any:
     while stack:
         node = stack.pop()
         children: list[tuple[Any, Any]] = (
-            list(node.items()) if isinstance(node, dict) else list(enumerate(node)) if isinstance(node, list) else []
+            list(node.items())
+            if isinstance(node, dict)
+            else list(enumerate(node))
+            if isinstance(node, list)
+            else []
         )
         places += [(node, key) for key, _ in children]
         stack += [child for _, child in children]
@@ -216,14 +221,31 @@ def _npy(random: Random, data: bytes) -> bytes:
         return _bytes(random, data)
     match random.randrange(5):
         case 0:
-            kinds = ("<f8", "<f4", "<i8", "<i4", "|b1", "|O", "<U4", ">f8", "<c16", "|V8", "<f2", "<M8[s]", "x", "")
+            kinds = (
+                "<f8",
+                "<f4",
+                "<i8",
+                "<i4",
+                "|b1",
+                "|O",
+                "<U4",
+                ">f8",
+                "<c16",
+                "|V8",
+                "<f2",
+                "<M8[s]",
+                "x",
+                "",
+            )
             head["descr"] = random.choice((*kinds, [("a", "<f4")]))
         case 1:
             place = random.randrange(len(shape) + 1)
             shape[place : place + 1] = [random.choice((0, 1, -1, 2**31, 2**40, 2**62, len(body)))]
             head["shape"] = tuple(shape)
         case 2:
-            head["shape"] = random.choice(((), tuple(shape[::-1]), (*shape, 1), (1, *shape), tuple(shape[:-1]), 5, None))
+            head["shape"] = random.choice(
+                ((), tuple(shape[::-1]), (*shape, 1), (1, *shape), tuple(shape[:-1]), 5, None)
+            )
         case 3:
             head["fortran_order"] = random.choice((True, None, 7))
         case _:
@@ -242,7 +264,11 @@ def _safetensors(random: Random, data: bytes) -> bytes:
     if random.random() < 0.4:
         for _ in range(random.choice((1, 5, 100))):
             at = random.randrange(max(len(body) // 4, 1)) * 4
-            body = body[:at] + struct.pack("<f", random.choice((0.0, float("nan"), float("inf"), 3e38, -1.0))) + body[at + 4 :]
+            body = (
+                body[:at]
+                + struct.pack("<f", random.choice((0.0, float("nan"), float("inf"), 3e38, -1.0)))
+                + body[at + 4 :]
+            )
         body = body[: len(data) - 8 - size]
     else:
         state = tree.get("__metadata__", {}) if isinstance(tree, dict) else {}
@@ -285,7 +311,9 @@ def _parquet(random: Random, data: bytes) -> bytes:
                 return data
             at = random.randrange(len(rows))
             if isinstance(rows[at], list):
-                rows[at] = random.choice((None, [], rows[at][:-1], rows[at] * 2, [None], [float("nan")] * len(rows[at])))
+                rows[at] = random.choice(
+                    (None, [], rows[at][:-1], rows[at] * 2, [None], [float("nan")] * len(rows[at]))
+                )
             else:
                 rows[at] = random.choice((None, *NUMBERS, *TEXTS[:9]))
             try:

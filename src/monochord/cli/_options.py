@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from monochord.config import Tree
+from monochord.config import table as table_of
 from monochord.errors import InputError, did_you_mean
 from monochord.live import Session, Settings, Summary
 from monochord.live.calibration import medians
@@ -105,7 +106,7 @@ def put(tree: Tree, table: str, **values: Any) -> None:
     """Lay the options that were given (those that are not None) into a table of the tree."""
     given = {name: value for name, value in values.items() if value is not None}
     if given:
-        tree[table] = {**tree.get(table, {}), **given}
+        tree[table] = {**table_of(tree, table), **given}
 
 
 def first_field(registry: Registry[Any], name: str) -> str:

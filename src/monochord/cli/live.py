@@ -20,7 +20,7 @@ from monochord.cli._options import (
     window_options,
 )
 from monochord.cli._output import echo
-from monochord.config import Tree, dump_toml, load_toml, override
+from monochord.config import Tree, dump_toml, load_toml, override, table
 from monochord.errors import InputError
 from monochord.estimators import ESTIMATORS
 from monochord.live import Settings, run
@@ -91,7 +91,7 @@ def _told_apart(inputs: tuple[str, ...]) -> tuple[str | None, str | None]:
 
 def _tree(opened: str | None, options: dict[str, Any], learned: str | None = None) -> Tree:
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
-    before = tree.get("source", {})
+    before = table(tree, "source")
     name = options["source"] or before.get("name", "jack")
     # Another source than the file's does not take over the options of the file's.
     tree["source"] = {**(before if before.get("name") == name else {}), "name": name}
@@ -100,11 +100,12 @@ def _tree(opened: str | None, options: dict[str, Any], learned: str | None = Non
     if learned is not None:
         tree["estimator"] = {"name": LEARNED, first_field(ESTIMATORS, LEARNED): learned}
     put(tree, "estimator", **{key: options[key] for key in ("length", "open_frequency")})
-    named = tree.get("estimator", {}).get("name", USUAL_ESTIMATOR)
+    named = table(tree, "estimator").get("name", USUAL_ESTIMATOR)
     put(tree, "estimator", name=options["estimator"] or named)
     put(tree, "window", length=options["window"], hop=options["hop"])
     given = {key: options[key] for key in ("string", "seconds") if options[key] is not None}
-    return {**tree, **given, "sinks": _sinks(tree.get("sinks"), options["sinks"], options["as_json"])}
+    configured = table(tree, "sinks") if "sinks" in tree else None
+    return {**tree, **given, "sinks": _sinks(configured, options["sinks"], options["as_json"])}
 
 
 def _sinks(configured: Tree | None, asked: tuple[str, ...], as_json: bool) -> Tree:  # noqa: FBT001
@@ -114,7 +115,7 @@ def _sinks(configured: Tree | None, asked: tuple[str, ...], as_json: bool) -> Tr
         kind, equals, where = text.partition("=")
         if kind in sinks:  # whatever two of a kind write would run together
             raise InputError(f"--sink {kind} twice", "one of each kind")
-        sinks[kind] = {**known.get(kind, {}), **({first_field(SINKS, kind): where} if equals else {})}
+        sinks[kind] = {**table(known, kind), **({first_field(SINKS, kind): where} if equals else {})}
     if as_json and sinks.get(LINES):
         raise InputError(f"--json beside --sink {LINES}", "one of both", "both write the same lines")
     if as_json:
@@ -122,7 +123,7 @@ def _sinks(configured: Tree | None, asked: tuple[str, ...], as_json: bool) -> Tr
         for name, options in sinks.items():
             if "stderr" in {f.name for f in dataclasses.fields(SINKS.load(name))}:  # pyright: ignore[reportArgumentType]
                 options.setdefault("stderr", True)
-        sinks[LINES] = {**known.get(LINES, {}), first_field(SINKS, LINES): "-"}
+        sinks[LINES] = {**table(known, LINES), first_field(SINKS, LINES): "-"}
     if sinks or configured is not None:
         return sinks or known
     return {"terminal": {}}

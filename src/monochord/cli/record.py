@@ -13,7 +13,7 @@ from rich.console import Console
 
 from monochord.cli._options import amount, first_field, put, radius
 from monochord.cli._output import echo
-from monochord.config import Tree, load_toml, override
+from monochord.config import Tree, load_toml, override, table
 from monochord.errors import DeviceError, InputError
 from monochord.instruments import INSTRUMENTS
 from monochord.recording import Settings
@@ -69,11 +69,11 @@ def record(out: Path, **options: Any) -> None:
 
 def _tree(options: dict[str, Any]) -> Tree:
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
-    before = tree.get("source", {})
+    before = table(tree, "source")
     name = options["source"] or before.get("name", "jack")
     # Another source than the file's does not take over the options of the file's.
     tree["source"] = {**(before if before.get("name") == name else {}), "name": name}
-    instruments = _instruments(tree.get("instruments", {}), options["instruments"])
+    instruments = _instruments(table(tree, "instruments"), options["instruments"])
     put(tree, "about", object=options["object_"], simulated=options["simulated"])
     put(tree, "about", **{key: options[key] for key in ("material", "radius", "sensor", "note")})
     put(tree, "instruments", **instruments)
@@ -84,7 +84,7 @@ def _tree(options: dict[str, Any]) -> Tree:
 
 def _instruments(configured: Tree, asked: Sequence[str]) -> Tree:
     """Return the tables of instruments: those of the configuration, and those asked for laid over them."""
-    tables: Tree = {name.replace("-", "_"): table for name, table in configured.items()}
+    tables: Tree = {name.replace("-", "_"): table(configured, name) for name in configured}
     if len(tables) < len(configured):
         raise InputError(f"instruments {', '.join(configured)}", "names that differ by more than - and _")
     given: set[str] = set()

@@ -10,7 +10,9 @@ from monochord.instruments.base import Instrument
 from monochord.sessions import Description, SessionClock, SessionWriter, check, read_session
 
 
-def recorded(instrument: Instrument, path: Path, *, most: int, feed: Callable[[], None] = lambda: None) -> None:
+def recorded(
+    instrument: Instrument, path: Path, *, most: int, feed: Callable[[], None] = lambda: None
+) -> None:
     """Poll an instrument while it is fed; all that it gave, and no more than it was sent, is in a session."""
     path.unlink(missing_ok=True)
     count = 0

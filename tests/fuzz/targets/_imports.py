@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.fuzz.base import Input, Target, command, taken_from
+from tests.fuzz.targets.sessions import FEEDS, write_session
+
 from monochord.errors import InputError
 from monochord.exports import EXPORTS
 from monochord.sessions import read_session
-from tests.fuzz.base import Input, Target, command, taken_from
-from tests.fuzz.targets.sessions import FEEDS, write_session
 
 
 def brought_in(out: Path, *arguments: object) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from tests.fuzz.base import Input, Target, command, taken_from
 
 from monochord.datasets.build import Options, build_dataset
 from monochord.datasets.split import split_dataset
@@ -15,7 +16,6 @@ from monochord.training.examples import chosen
 from monochord.training.prepare import examples_of, material, read_split
 from monochord.training.settings import Settings
 from monochord.types import Block
-from tests.fuzz.base import Input, Target, command, taken_from
 
 RATE = 16000
 FEATURE = {"name": "log_mel"}
@@ -29,7 +29,9 @@ class Fuzz(Target):
         for number in range(4):
             random = np.random.default_rng(number)
             files.append(folder / f"take{number}.mcap")
-            told = Description(name=f"take{number}", sample_rate=RATE, simulated=True, object="made", day=number)
+            told = Description(
+                name=f"take{number}", sample_rate=RATE, simulated=True, object="made", day=number
+            )
             with SessionWriter(files[-1], told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
                 samples = np.round(random.uniform(-0.5, 0.5, (2, RATE // 5)), 1).astype(np.float32)
                 writer.audio(Block(samples=samples, start=0, adc_time=0.0))

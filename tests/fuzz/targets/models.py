@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from tests.fuzz.base import Input, Target, taken_from
 
 from monochord.features import FEATURES
 from monochord.heads import HEADS
@@ -14,7 +15,6 @@ from monochord.perceiver.definition import FeatureRecord, HeadRecord, Reference
 from monochord.perceiver.files import TEXT, WEIGHTS, save
 from monochord.perceiver.probe import probed
 from monochord.types import Signal, Window
-from tests.fuzz.base import Input, Target, taken_from
 
 RATE, SIZE = 8000, 400
 SIGNAL = Signal(sample_rate=RATE, channels=2)
@@ -31,7 +31,9 @@ def drawn_model(folder: Path, *, heads: tuple[str, ...]) -> None:
         reference=Reference(feature=record, settle=0.0),
         heads={name: HeadRecord(task=HEADS.build(name, {"hidden": [3]} if name in ("position", "force") else {}).task()) for name in heads},
     )  # fmt: skip
-    weights = {name: random.normal(size=shape).astype(np.float32) for name, shape in definition.shapes().items()}
+    weights = {
+        name: random.normal(size=shape).astype(np.float32) for name, shape in definition.shapes().items()
+    }
     for part in ("scaler", "context"):
         weights[f"{part}.scale"][:] = 5.0
         weights[f"{part}.probe"] = probed(extractor, 2, SIZE)

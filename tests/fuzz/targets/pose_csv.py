@@ -3,10 +3,11 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from monochord.errors import InputError
-from monochord.instruments.pose_csv import PoseCsv
 from tests.fuzz.base import Input, Target
 from tests.fuzz.targets._feeds import recorded
+
+from monochord.errors import InputError
+from monochord.instruments.pose_csv import PoseCsv
 
 
 class Fuzz(Target):
@@ -36,4 +37,6 @@ class Fuzz(Target):
 
         from_start = len(data) % 2 == 0
         out = folder.with_name("take.mcap")
-        recorded(PoseCsv(path=str(file), from_start=from_start), out, most=2 * data.count(b"\n") + 2, feed=feed)
+        recorded(
+            PoseCsv(path=str(file), from_start=from_start), out, most=2 * data.count(b"\n") + 2, feed=feed
+        )

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from tests.fuzz.base import Input, Target, command, taken_from
+from tests.fuzz.targets.models import drawn_model
 
 from monochord.config import load_toml
 from monochord.errors import InputError
@@ -11,10 +13,10 @@ from monochord.figures import FIGURES
 from monochord.training.checkpoint import Checkpoint
 from monochord.training.run_folder import CHECKPOINT, CONFIG, claim, write_history, write_metrics
 from monochord.training.settings import Settings
-from tests.fuzz.base import Input, Target, command, taken_from
-from tests.fuzz.targets.models import drawn_model
 
-HISTORY = [{"epoch": float(n), "loss": 1.0 / n, "contact": 0.5 / n, "position": 0.01 / n} for n in range(1, 4)]
+HISTORY = [
+    {"epoch": float(n), "loss": 1.0 / n, "contact": 0.5 / n, "position": 0.01 / n} for n in range(1, 4)
+]
 SCORES = {
     "contact": {"accuracy": 0.9, "baseline_accuracy": 0.6},
     "position": {"mae": 0.001, "baseline_mae": 0.02},

@@ -6,11 +6,11 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+from tests.fuzz.base import Input, Target, command, taken_from
 
 from monochord.errors import InputError
 from monochord.sessions import Description, SessionClock, SessionWriter, read_session, recover
 from monochord.types import POSE, WRENCH, Block, Feed, Readings
-from tests.fuzz.base import Input, Target, command, taken_from
 
 RATE = 16000
 FEEDS = (
@@ -24,13 +24,22 @@ def write_session(path: Path, seed: int, *, feeds: tuple[Feed, ...] = FEEDS, clo
     """Write a session of some 50 ms with a gap, in six chunks, with one of everything that a session has."""
     random = np.random.default_rng(seed)
     told = Description(
-        name=path.stem, sample_rate=RATE, channels=2, simulated=True, feeds=feeds, day=seed, object="made", material="steel"
+        name=path.stem,
+        sample_rate=RATE,
+        channels=2,
+        simulated=True,
+        feeds=feeds,
+        day=seed,
+        object="made",
+        material="steel",
     )
     writer = SessionWriter(path, told, SessionClock(epoch_ns=10**18, origin=5.0))
     for k in range(6):
         start, now = 160 * k + 80 * (k > 3), 5.0 + 0.01 * k
         samples = np.round(random.standard_normal((2, 160)), 1).astype(np.float32)
-        writer.audio(Block(samples=samples, start=start, dropped=80 * (k == 4), adc_time=now, frame_time=start))
+        writer.audio(
+            Block(samples=samples, start=start, dropped=80 * (k == 4), adc_time=now, frame_time=start)
+        )
         for feed in feeds:
             values = np.round(random.standard_normal((3, len(feed.columns))), 1)
             count = np.arange(3 * k, 3 * k + 3)
@@ -41,7 +50,10 @@ def write_session(path: Path, seed: int, *, feeds: tuple[Feed, ...] = FEEDS, clo
                     status=np.zeros(3, np.uint32),
                 )
             )  # fmt: skip
-        writer.labels(now + 0.002 * np.arange(4), {"contact": np.array([0.0, 1.0, 1.0, 0.0]), "position": np.full(4, 0.08)})
+        writer.labels(
+            now + 0.002 * np.arange(4),
+            {"contact": np.array([0.0, 1.0, 1.0, 0.0]), "position": np.full(4, 0.08)},
+        )
         writer.event(now, "phase", "press", n=k, soft=True)
         writer.clocks(now, {"realtime": 1.5e9 + k, "jack": 0.25})
         writer.flush()

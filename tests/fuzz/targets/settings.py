@@ -5,6 +5,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from tests.fuzz.base import Input, Target
+
 from monochord.cli import live as live_command
 from monochord.cli import record as record_command
 from monochord.config import dump_toml, load_toml, override
@@ -18,7 +20,6 @@ from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
 from monochord.recording import Settings as RecordSettings
 from monochord.training.settings import Settings as TrainSettings
-from tests.fuzz.base import Input, Target
 
 LIVE = """seconds = 5.0
 string = "appendix"
@@ -84,7 +85,13 @@ def _live(file: Path, assignments: Sequence[str]) -> None:
 
 
 def _record(file: Path, assignments: Sequence[str]) -> None:
-    options = {**UNSAID, "object_": None, "config": file, "instruments": ("pose_udp",), "assignments": assignments}
+    options = {
+        **UNSAID,
+        "object_": None,
+        "config": file,
+        "instruments": ("pose_udp",),
+        "assignments": assignments,
+    }
     RecordSettings.read(record_command._tree(options)).job(Path("take.mcap"))
 
 
@@ -124,12 +131,18 @@ class Fuzz(Target):
             texts += [(kind, each.read_text(encoding="utf-8")) for each in found[:3]]
         for kind, text in texts:
             yield {f"{kind}.toml": text.encode()}
-            fitting = [line for line in ASSIGNMENTS.splitlines() if line.partition(".")[0].partition("=")[0] in text]
+            fitting = [
+                line for line in ASSIGNMENTS.splitlines() if line.partition(".")[0].partition("=")[0] in text
+            ]
             yield {f"{kind}.toml": text.encode(), "assignments.set": "\n".join(fitting).encode()}
 
     def run(self, folder: Path) -> None:
         beside = folder / "assignments.set"
-        lines = beside.read_text(encoding="utf-8", errors="surrogateescape").split("\n") if beside.exists() else []
+        lines = (
+            beside.read_text(encoding="utf-8", errors="surrogateescape").split("\n")
+            if beside.exists()
+            else []
+        )
         found = [kind for kind in KINDS if (folder / f"{kind}.toml").exists()]
         if not found:
             raise InputError("no settings", "some")

@@ -5,15 +5,21 @@ import socket
 from collections.abc import Iterator
 from pathlib import Path
 
-from monochord.errors import InputError
-from monochord.instruments import INSTRUMENTS
 from tests.fuzz.base import Input, Target
 from tests.fuzz.mutate import datagrams, packets
 from tests.fuzz.targets._feeds import recorded
 
+from monochord.errors import InputError
+from monochord.instruments import INSTRUMENTS
+
 SENT = {
     "udp": {"stamp": 1.5, "sequence": 7, "values": {"temperature": 293.1, "door": 1}},
-    "pose_udp": {"stamp": 1.5, "position": [0.1, 0.0, 0.0], "orientation": [0.0, 0.0, 0.0, 1.0], "sequence": 7},
+    "pose_udp": {
+        "stamp": 1.5,
+        "position": [0.1, 0.0, 0.0],
+        "orientation": [0.0, 0.0, 0.0, 1.0],
+        "sequence": 7,
+    },
 }
 
 
