@@ -13,7 +13,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 REPOSITORY_RULES := tests/contract/test_layout.py
 
 .DEFAULT_GOAL := help
-.PHONY: help system install check format test test-all bench ros docs demo clean
+.PHONY: help system install check format test test-all fuzz bench ros docs demo clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -64,6 +64,10 @@ test: install ros ## Every test but the slow ones
 test-all: install ros ## Every test
 	@status=0; $(BIN)/pytest -n auto --dist loadfile -m "not real_time" || status=1; \
 	$(BIN)/pytest -m real_time || status=1; exit $$status
+
+FUZZ_SECONDS ?= 60
+fuzz: install ## Every reader and parser fed with damaged and made-up input; FUZZ_SECONDS=60 for each
+	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS)
 
 bench: install ## Every benchmark, each beside its baseline
 	$(BIN)/monochord bench

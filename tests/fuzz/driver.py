@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import re
+import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from tests.fuzz.worker import LIMIT, Verdict, Work, drawn, run
 START = 60.0
 """Seconds that a process may take to begin."""
 SPAWN = multiprocessing.get_context("spawn")
+ROOT = str(Path(__file__).parents[2])
 
 
 @dataclass(slots=True)
@@ -63,7 +65,7 @@ def fuzz(folder: Path, name: str, seeds: tuple[Input, ...], *, seconds: float, s
     for _, verdict, given in verdicts(Work(folder=folder, name=name, given=seeds)):
         found.add(verdict, given)
     for _, verdict, given in verdicts(
-        Work(folder=folder, name=name, seed=seed, seeds=seeds, end=time.monotonic() + seconds)
+        Work(folder=folder, name=name, seed=seed, seeds=seeds, seconds=seconds)
     ):
         found.add(verdict, given)
     return found
@@ -71,19 +73,21 @@ def fuzz(folder: Path, name: str, seeds: tuple[Input, ...], *, seconds: float, s
 
 def verdicts(work: Work) -> Iterator[tuple[int, Verdict, Input | None]]:
     """Yield what came of each case; a process that hangs or dies is followed by another, behind that case."""
-    while True:
+    if ROOT not in sys.path:  # which a process takes over from this one
+        sys.path.append(ROOT)
+    while work.seconds > 0.0:
         ended = yield from _of_one_process(work)
         if ended is None:
             return
-        case, verdict = ended
+        case, verdict, spent = ended
         given = work.given[case] if work.given else drawn(work, load_target(work.folder, work.name), case)
         yield case, verdict, given
-        work = replace(work, first=case + 1)
+        work = replace(work, first=case + 1, seconds=work.seconds - spent)
 
 
 def _of_one_process(work: Work) -> Iterator[tuple[int, Verdict, Input | None]]:  # and what it died of
     with TemporaryDirectory() as place:
-        trace, beat = Path(place, "trace"), SPAWN.Array("d", [float(work.first), time.monotonic() + START])
+        trace, beat = Path(place, "trace"), SPAWN.Array("d", [float(work.first), time.monotonic() + START, 0.0])
         here, there = SPAWN.Pipe(duplex=False)
         process = SPAWN.Process(target=run, args=(work, beat, trace, there), daemon=True)
         process.start()
@@ -91,20 +95,25 @@ def _of_one_process(work: Work) -> Iterator[tuple[int, Verdict, Input | None]]: 
         try:
             while True:
                 while not here.poll(0.2):
-                    case, since = int(beat[0]), beat[1]
+                    since = beat[1]
                     if since and time.monotonic() - since > LIMIT:
-                        return case, _stopped(process, trace, "hang")
+                        return int(beat[0]), _stopped(process, trace, "hang"), _spent(beat[2])
                 try:
                     result = here.recv()
                 except EOFError:
                     process.join(5.0)
-                    return int(beat[0]), _stopped(process, trace, "died")
+                    return int(beat[0]), _stopped(process, trace, "died"), _spent(beat[2])
                 if result is None:
                     return None
                 yield result
         finally:
             process.kill()
             process.join()
+
+
+def _spent(begin: float) -> float:
+    """Return for how long a process fed its target; one that did not come to that is not tried for ever."""
+    return time.monotonic() - begin if begin else START
 
 
 def _stopped(process: "multiprocessing.process.BaseProcess", trace: Path, kind: str) -> Verdict:

@@ -42,7 +42,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Work:
-    """What a process is to do: the cases of `given`, or without them drawn ones from `first` on, until `end`.
+    """What a process is to do: the cases of `given`, or without them drawn ones from `first` on for `seconds`.
 
     With `shrink` the one input of `given` is made smaller as long as it fails in that place.
     """
@@ -51,7 +51,7 @@ class Work:
     name: str
     seed: int = 0
     first: int = 0
-    end: float = float("inf")
+    seconds: float = float("inf")
     seeds: tuple[Input, ...] = ()
     given: tuple[Input, ...] = ()
     shrink: str = ""
@@ -67,7 +67,7 @@ def drawn(work: Work, target: Target, case: int) -> Input:
 def run(work: Work, beat: Any, trace: Path, pipe: Connection) -> None:
     """Feed the target; send (case, verdict, input where it failed) for each case.
 
-    `beat` holds the case, and since when it runs, 0.0 between cases; on SIGUSR1, or where the process dies of
+    `beat` holds the case, since when it runs, 0.0 between cases, and when the first began; on SIGUSR1, or where the process dies of
     itself, the stack goes to `trace`.
     """
     home = trace.parent / f"home-{os.getpid()}"
@@ -82,6 +82,7 @@ def run(work: Work, beat: Any, trace: Path, pipe: Connection) -> None:
         target = load_target(work.folder, work.name)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+        beat[2] = time.monotonic()
         if work.shrink:
             for smaller in _smaller(work, target, home, beat):
                 pipe.send(smaller)
@@ -97,8 +98,8 @@ def _cases(work: Work, target: Target) -> Iterator[tuple[int, Input]]:
     if work.given:
         yield from list(enumerate(work.given))[work.first :]
         return
-    case = work.first
-    while time.monotonic() < work.end:
+    case, end = work.first, time.monotonic() + work.seconds
+    while time.monotonic() < end:
         yield case, drawn(work, target, case)
         case += 1
 
@@ -175,4 +176,4 @@ def _smaller(work: Work, target: Target, home: Path, beat: Any) -> Iterator[Inpu
                     yield best
                 else:
                     at += step
-            step //= 2 if step > 64 else 4
+            step = step // 2 if step > 64 else max(step // 4, min(step - 1, 1))

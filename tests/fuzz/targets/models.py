@@ -16,7 +16,7 @@ from monochord.perceiver.files import TEXT, WEIGHTS, save
 from monochord.perceiver.probe import probed
 from monochord.types import Signal, Window
 
-RATE, SIZE = 8000, 400
+RATE, SIZE = 16000, 400
 SIGNAL = Signal(sample_rate=RATE, channels=2)
 OPTIONS = {"bins": 8}
 

@@ -1,0 +1,89 @@
+"""The fuzzer finds what is planted; every target survives a second of it, and all inputs that once failed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.base import TARGETS, Input, pack, target_names, unpack
+from tests.fuzz.driver import fuzz, seeds_of, shrunk, verdicts
+from tests.fuzz.worker import Work
+
+CORPUS = Path(__file__).with_name("corpus")
+PLANTED = '''
+"""Fails in every way, as its input says."""
+
+import os, time
+from pathlib import Path
+from monochord.errors import InputError
+from tests.fuzz.base import Target
+
+
+class Fuzz(Target):
+    def seeds(self, folder):
+        yield {"a.txt": b"fine " * 20}
+
+    def run(self, folder):
+        text = Path(folder, "a.txt").read_bytes()
+        if b"trace" in text:
+            raise KeyError("planted")
+        if b"hang" in text:
+            time.sleep(1000.0)
+        if b"bomb" in text:
+            bytearray(2 << 30)
+        if b"die" in text:
+            os.abort()
+        if not text.startswith(b"fine"):
+            raise InputError("text", "fine")
+'''
+
+
+@pytest.fixture
+def planted(tmp_path: Path) -> Path:
+    (tmp_path / "planted.py").write_text(PLANTED, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_whatever_ends_badly_is_counted_and_the_rest_goes_on(planted: Path) -> None:
+    texts = (b"fine", b"trace", b"fine", b"hang", b"bomb", b"other", b"die", b"fine")
+    given = tuple({"a.txt": text} for text in texts)
+    found = list(verdicts(Work(folder=planted, name="planted", given=given)))
+    kinds = [verdict.kind for _, verdict, _ in found]
+    assert kinds == ["accepted", "traceback", "accepted", "hang", "memory", "refused", "died", "accepted"]
+    assert [case for case, _, _ in found] == list(range(8))
+    assert "KeyError" in found[1][1].place
+    assert [kept for _, _, kept in found if kept] == [given[n] for n in (1, 3, 4, 6)]
+
+
+def test_equal_seeds_draw_equal_cases_and_a_failure_is_made_smaller(planted: Path) -> None:
+    seeds = ({"a.txt": b"x" * 500 + b"trace" + b"y" * 500},)
+    one, other = (fuzz(planted, "planted", seeds, seconds=1.0, seed=3) for _ in range(2))
+    assert min(one.cases, other.cases) > 20
+    assert one.counts["traceback"] > 0
+    ((place, failure),) = one.failures.items()
+    assert other.failures[place].given == failure.given
+    assert shrunk(planted, "planted", failure.given, place) == {"a.txt": b"trace"}
+
+
+def test_the_command_ends_with_1_where_something_failed_and_tells_how_to_repeat_it(planted: Path) -> None:
+    text = (planted / "planted.py").read_text(encoding="utf-8").replace("fine \" * 20", "trace\"")
+    (planted / "planted.py").write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "tests.fuzz", "planted", "--folder", str(planted)]
+    more = ["--seconds", "0.5", "--out", str(planted / "out")]
+    run = subprocess.run([*command, *more], capture_output=True, text=True, check=False)
+    assert run.returncode == 1, run.stderr
+    file = next((planted / "out" / "planted").glob("*-a.txt"))
+    again = subprocess.run([*command, "--repeat", str(file)], capture_output=True, text=True, check=False)
+    assert again.returncode == 1
+    assert "KeyError: 'planted'" in again.stdout
+
+
+def test_what_is_packed_is_unpacked(tmp_path: Path) -> None:
+    long: Input = {"take.mcap": bytes(100_000)}
+    for given in ({"take.mcap": b"abc"}, long, {"a/b.npy": b"\0", "c.json": b"{}"}):
+        name, content = pack("0", given)
+        (tmp_path / name).write_bytes(content)
+        assert unpack(tmp_path / name) == given
+        assert len(content) < 1000
