@@ -38,7 +38,7 @@ class SessionFile:
         self.full = 0
         self._size = self._reserved = 0
         try:
-            self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+            self._handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         except FileExistsError as error:
             raise InputError(f"file {path} (exists)", "a new file", "choose another name") from error
         except OSError as error:
@@ -54,6 +54,10 @@ class SessionFile:
             done += os.write(self._handle, view[done:])
         self._size += done
         return done
+
+    def read(self, offset: int, count: int) -> bytes:
+        """Return `count` bytes that were written, or as many as there are."""
+        return os.pread(self._handle, count, offset)
 
     def tell(self) -> int:
         """Return how many bytes were written."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from monochord.errors import InputError
 from monochord.sessions import codec
+from monochord.sessions._chunk_list import ChunkList
 from monochord.sessions._contents import END, guarded
 from monochord.sessions._opening import begin
 from monochord.sessions.bounds import MOST_COLUMNS
@@ -31,6 +32,8 @@ MUCH = 1 << 20
 """Bytes that wait for a flush, at most."""
 OF_SUMMARY, OF_CHUNK, OF_TOPIC = 1 << 16, 96, 10
 """Bytes of the ending, at most: of all of it, of each chunk, of each topic in a chunk."""
+CHUNKS = "_Writer__chunk_indices"
+"""Where mcap's writer remembers what it wrote."""
 
 
 class SessionWriter:
@@ -67,6 +70,10 @@ class SessionWriter:
         try:
             text = description.dump()
             self._writer, self._channels = begin(self._file, description, text, self.clock)
+            # The library has no other way to keep its memory from growing with the file.
+            library = vars(self._writer)
+            assert CHUNKS in library, "mcap keeps its chunks elsewhere"
+            library[CHUNKS] = ChunkList(self._file)
             for number in self._channels.values():
                 self._digests[number], self._messages[number] = hashlib.sha256(), 0
             self._put("/description", self.clock.epoch_ns, codec.encode(codec.TEXT, data=text))
