@@ -67,9 +67,8 @@ def _repeat(folder: Path, name: str, file: Path) -> int:
     with TemporaryDirectory() as place:
         lay_out(unpack(file), Path(place))
         verdict = attempt(load_target(folder, name), Path(place))
-    print(
-        f"{verdict.kind} in {verdict.seconds:.2f} s, peak {verdict.peak / 1e6:.0f} MB: {verdict.place}\n{verdict.text}"
-    )
+    print(f"{verdict.kind} in {verdict.seconds:.2f} s, peak {verdict.peak / 1e6:.0f} MB: {verdict.place}")
+    print(verdict.text)
     return int(verdict.failed)
 
 

@@ -6,9 +6,10 @@ import re
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from signal import SIGKILL, SIGUSR1
 from tempfile import TemporaryDirectory
@@ -85,9 +86,15 @@ def verdicts(work: Work) -> Iterator[tuple[int, Verdict, Input | None]]:
         work = replace(work, first=case + 1, seconds=work.seconds - spent)
 
 
-def _of_one_process(work: Work) -> Iterator[tuple[int, Verdict, Input | None]]:  # and what it died of
+def _of_one_process(
+    work: Work,
+) -> Generator[tuple[int, Verdict, Input | None], None, tuple[int, Verdict, float] | None]:
+    """Yield what came of each case; return at which case the process hung or died, if it did."""
     with TemporaryDirectory() as place:
-        trace, beat = Path(place, "trace"), SPAWN.Array("d", [float(work.first), time.monotonic() + START, 0.0])
+        trace, beat = (
+            Path(place, "trace"),
+            SPAWN.Array("d", [float(work.first), time.monotonic() + START, 0.0]),
+        )
         here, there = SPAWN.Pipe(duplex=False)
         process = SPAWN.Process(target=run, args=(work, beat, trace, there), daemon=True)
         process.start()
@@ -116,7 +123,7 @@ def _spent(begin: float) -> float:
     return time.monotonic() - begin if begin else START
 
 
-def _stopped(process: "multiprocessing.process.BaseProcess", trace: Path, kind: str) -> Verdict:
+def _stopped(process: SpawnProcess, trace: Path, kind: str) -> Verdict:
     """Return where a process hung or died, as its own last words tell."""
     if kind == "hang" and process.pid:
         os.kill(process.pid, SIGUSR1)

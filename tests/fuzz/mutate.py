@@ -22,13 +22,16 @@ from tests.fuzz.base import Input
 
 Edit: TypeAlias = Callable[[Random, bytes], bytes]
 INTEGERS = (0, 1, -1, 2, 7, 127, 255, 65535, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**62, 2**63 - 1, 2**64 - 1)
-NUMBERS = (0, 1, -1, 3, 65, 1 << 20, 2**31, 2**53, 2**63 - 1, -(2**63), 2**64, 10**30, 10**400,
-           0.5, -0.5, 1e-320, 1e-9, 1e9, 1e18, 1e300, -1e300, float("inf"), float("-inf"), float("nan"))  # fmt: skip
+NUMBERS = (0, 1, -1, 3, 65, 1 << 20, 2**31, 2**53, 2**63 - 1, -(2**63), 2**64, 10**30, 10**400, 0.5, -0.5,
+           1e-320, 1e-9, 1e9, 1e18, 1e300, -1e300, float("inf"), float("-inf"), float("nan"))  # fmt: skip
 TEXTS = ("", " ", "x", "nan", "-1", "1e999", "inf", "true", "null", "../../x", "/", "a.b", "a\0b", "ä\u2028",
-         "\ud800", "[a-z", "*", "%s{0}", "a" * 300, "9" * 5000, "\r\n", "2024-02-30", "0x1f", "1_000")  # fmt: skip
-WORDS = (b"", b"nan", b"inf", b"-inf", b"-0", b"1e308", b"1e-320", b"-1", b"0", b"9" * 25, b"9" * 5000, b"1.5", b"0x1f",
-         b"true", b"[]", b"{}", b'""', b"\0", b"\xff\xfe", b"\xed\xa0\x80", b"\r", b'"', b"'", b";", b"\t", b"=", b"[" * 3000,
-         b'{"a":' * 2000, b"1979-05-27", b"a" * 200_000)  # fmt: skip
+         "\ud800", "[a-z", "*", "%s{0}", "a" * 300, "9" * 5000, "\r\n", "2024-02-30", "0x1f",
+         "1_000")  # fmt: skip
+WORDS = (b"", b"nan", b"inf", b"-inf", b"-0", b"1e308", b"1e-320", b"-1", b"0", b"9" * 25, b"9" * 5000,
+         b"1.5", b"0x1f", b"true", b"[]", b"{}", b'""', b"\0", b"\xff\xfe", b"\xed\xa0\x80", b"\r",
+         b'"', b"'",
+         b";",
+         b"\t", b"=", b"[" * 3000, b'{"a":' * 2000, b"1979-05-27", b"a" * 200_000)  # fmt: skip
 
 
 def edited(random: Random, given: Input, others: list[Input]) -> Input:
@@ -280,7 +283,7 @@ def _safetensors(random: Random, data: bytes) -> bytes:
     return struct.pack("<Q", len(text)) + text + body
 
 
-def _parquet(random: Random, data: bytes) -> bytes:
+def _parquet(random: Random, data: bytes) -> bytes:  # noqa: C901  (a list of edits)
     """Return a table with other columns, types or values; now and then with bytes that are wrong."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -373,7 +376,7 @@ def _mcap(random: Random, data: bytes) -> bytes:
     records, rest = _records(data[len(MAGIC) :])
     if not records or random.random() < 0.1:
         return _bytes(random, data)
-    whole = [[opcode, body] for opcode, body in records]
+    whole: list[list[Any]] = [[opcode, body] for opcode, body in records]
     chunks = [place for place, (opcode, _) in enumerate(whole) if opcode == CHUNK]
     if chunks and random.random() < 0.7:
         place = random.choice(chunks)
@@ -474,7 +477,7 @@ def _chunk(random: Random, body: bytes) -> bytes:
     if length:  # packed by an edit before
         return _integer(random, body)
     records, rest = _records(packed)
-    inner = [[opcode, content] for opcode, content in records]
+    inner: list[list[Any]] = [[opcode, content] for opcode, content in records]
     if inner:
         # Messages are what most of a chunk is; schemas and channels are edited as often.
         kinds = sorted({opcode for opcode, _ in records})

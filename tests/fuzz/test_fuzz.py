@@ -5,9 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from tests.fuzz.base import TARGETS, Input, pack, target_names, unpack
-from tests.fuzz.driver import fuzz, seeds_of, shrunk, verdicts
+from tests.fuzz.base import Input, pack, unpack
+from tests.fuzz.driver import fuzz, shrunk, verdicts
 from tests.fuzz.worker import Work
 
 CORPUS = Path(__file__).with_name("corpus")
@@ -68,7 +67,7 @@ def test_equal_seeds_draw_equal_cases_and_a_failure_is_made_smaller(planted: Pat
 
 
 def test_the_command_ends_with_1_where_something_failed_and_tells_how_to_repeat_it(planted: Path) -> None:
-    text = (planted / "planted.py").read_text(encoding="utf-8").replace("fine \" * 20", "trace\"")
+    text = (planted / "planted.py").read_text(encoding="utf-8").replace('fine " * 20', 'trace"')
     (planted / "planted.py").write_text(text, encoding="utf-8")
     command = [sys.executable, "-m", "tests.fuzz", "planted", "--folder", str(planted)]
     more = ["--seconds", "0.5", "--out", str(planted / "out")]

@@ -42,7 +42,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Work:
-    """What a process is to do: the cases of `given`, or without them drawn ones from `first` on for `seconds`.
+    """What a process is to do, from a case on: those of `given`, or without them drawn ones for `seconds`.
 
     With `shrink` the one input of `given` is made smaller as long as it fails in that place.
     """
@@ -67,8 +67,8 @@ def drawn(work: Work, target: Target, case: int) -> Input:
 def run(work: Work, beat: Any, trace: Path, pipe: Connection) -> None:
     """Feed the target; send (case, verdict, input where it failed) for each case.
 
-    `beat` holds the case, since when it runs, 0.0 between cases, and when the first began; on SIGUSR1, or where the process dies of
-    itself, the stack goes to `trace`.
+    `beat` holds the case, since when it runs, 0.0 between cases, and when the first began. On SIGUSR1, or
+    where the process dies of itself, the stack goes to `trace`.
     """
     home = trace.parent / f"home-{os.getpid()}"
     home.mkdir()

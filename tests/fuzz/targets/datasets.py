@@ -38,7 +38,7 @@ class Fuzz(Target):
                 time = np.arange(200) / 1000
                 touched = (time > 0.1).astype(float)
                 known = np.where(touched > 0.0, 0.0, np.nan)
-                slides = (time > 0.15) + known
+                slides = (time > 0.15).astype(float) + known
                 labels = {"contact": touched, "position": 0.1 + known, "force": 1.0 + known, "slip": slides}
                 writer.labels(time, labels)
         dataset = build_dataset(files, folder / "dataset", Options(window=0.02, hop=0.02))

@@ -19,6 +19,7 @@ from monochord.types import Signal, Window
 RATE, SIZE = 16000, 400
 SIGNAL = Signal(sample_rate=RATE, channels=2)
 OPTIONS = {"bins": 8}
+HIDDEN = {"position": {"hidden": [3]}, "force": {"hidden": [3]}}
 
 
 def drawn_model(folder: Path, *, heads: tuple[str, ...]) -> None:
@@ -29,7 +30,7 @@ def drawn_model(folder: Path, *, heads: tuple[str, ...]) -> None:
     definition = Definition(
         title="drawn", sample_rate=RATE, channels=2, window=SIZE, hop=SIZE, feature=record, simulated=True,
         reference=Reference(feature=record, settle=0.0),
-        heads={name: HeadRecord(task=HEADS.build(name, {"hidden": [3]} if name in ("position", "force") else {}).task()) for name in heads},
+        heads={name: HeadRecord(task=HEADS.build(name, HIDDEN.get(name)).task()) for name in heads},
     )  # fmt: skip
     weights = {
         name: random.normal(size=shape).astype(np.float32) for name, shape in definition.shapes().items()

@@ -32,7 +32,8 @@ class Fuzz(Target):
         claim(out, Settings.read({"title": "made", "dataset": "dataset", "heads": heads}).resolved())
         weights = {"contact.0.weight": np.ones((1, 4), np.float32)}
         Checkpoint(
-            epoch=3, data="ab12", weights=weights, moments={"0/step": np.array(7.0, np.float32)}, best=weights,
+            epoch=3, data="ab12", weights=weights, best=weights,
+            moments={"0/step": np.array(7.0, np.float32)},
             score={"contact": 0.1}, at={"contact": 2}, history=HISTORY,
         ).write(out / CHECKPOINT)  # fmt: skip
         write_history(out, HISTORY)

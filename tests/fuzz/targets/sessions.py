@@ -43,7 +43,7 @@ def write_session(path: Path, seed: int, *, feeds: tuple[Feed, ...] = FEEDS, clo
         for feed in feeds:
             values = np.round(random.standard_normal((3, len(feed.columns))), 1)
             count = np.arange(3 * k, 3 * k + 3)
-            time = now + 0.003 * np.arange(3)
+            time = now + 0.003 * np.arange(3.0)
             writer.readings(
                 Readings(
                     stream=feed.stream, time=time, values=values, sequence=count, device_time=count * 7 + 1,
@@ -51,7 +51,7 @@ def write_session(path: Path, seed: int, *, feeds: tuple[Feed, ...] = FEEDS, clo
                 )
             )  # fmt: skip
         writer.labels(
-            now + 0.002 * np.arange(4),
+            now + 0.002 * np.arange(4.0),
             {"contact": np.array([0.0, 1.0, 1.0, 0.0]), "position": np.full(4, 0.08)},
         )
         writer.event(now, "phase", "press", n=k, soft=True)

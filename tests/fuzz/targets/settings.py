@@ -1,4 +1,4 @@
-"""What a person writes in TOML: settings of every command, plans, grids and presets; and ``--set`` over them."""
+"""What a person writes in TOML: settings of commands, plans, grids and presets; and ``--set`` over them."""
 
 from collections.abc import Callable, Iterator, Sequence
 from importlib.resources import files
@@ -57,8 +57,8 @@ preamp_gains = [20.0, 19.5]
 start = 1e8
 """
 UNSAID = dict.fromkeys(
-    ("source", "length", "open_frequency", "estimator", "window", "hop", "string", "seconds", "object", "simulated",
-     "material", "radius", "sensor", "note")
+    ("source", "length", "open_frequency", "estimator", "window", "hop", "string", "seconds", "object",
+     "simulated", "material", "radius", "sensor", "note")
 )  # fmt: skip
 ASSIGNMENTS = """seed=3
 window.hop=0.02
@@ -116,9 +116,13 @@ KINDS: dict[str, Callable[[Path, Sequence[str]], Any]] = {
     "sensor": lambda file, _: load_sensor(str(file)),
 }
 FOLDERS = {
-    "train": "monochord.training.configs", "plan": "monochord.lab.plans", "grid": "monochord.evaluation.grids",
-    "string": "monochord.physics.strings", "material": "monochord.physics.materials", "sensor": "monochord.physics.sensors",
-}  # fmt: skip
+    "train": "monochord.training.configs",
+    "plan": "monochord.lab.plans",
+    "grid": "monochord.evaluation.grids",
+    "string": "monochord.physics.strings",
+    "material": "monochord.physics.materials",
+    "sensor": "monochord.physics.sensors",
+}
 
 
 class Fuzz(Target):
@@ -127,7 +131,7 @@ class Fuzz(Target):
     def seeds(self, folder: Path) -> Iterator[Input]:
         texts = [("live", LIVE), ("record", RECORD)]
         for kind, package in FOLDERS.items():
-            found = sorted(each for each in files(package).iterdir() if each.name.endswith(".toml"))
+            found = sorted(Path(str(files(package))).glob("*.toml"))
             texts += [(kind, each.read_text(encoding="utf-8")) for each in found[:3]]
         for kind, text in texts:
             yield {f"{kind}.toml": text.encode()}
