@@ -135,3 +135,9 @@ def test_an_error_line_ends_somewhere(tmp_path: Path, capsys: pytest.CaptureFixt
     assert len(err) < 3000
     assert str(path) in err
     assert "allowed is" in err
+
+
+def test_a_name_is_no_formula(tmp_path: Path) -> None:
+    path = forge(tmp_path / "a.mcap", told=described(name="$\\frac{$ \x1b"))
+    assert run(["sessions", "show", str(path), "--figure", str(tmp_path / "a.svg")]) == 0
+    assert (tmp_path / "a.svg").stat().st_size

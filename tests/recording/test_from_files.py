@@ -4,6 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from tests.sessions.forged import mutated, refused_or_done
 
 from monochord.errors import InputError
 from monochord.recording.from_files import from_files
@@ -167,3 +168,34 @@ def test_a_session_that_is_there_stays(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.mcap \(exists\)"):
         imported(tmp_path / "a.wav")
     assert (tmp_path / "a.mcap").read_text() == "mine"
+
+
+def test_a_file_s_name_may_be_of_any_bytes(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav", seconds=0.1)
+    audio = (tmp_path / "a.wav").rename(tmp_path / "b\udcff\x1b.wav")
+    from_files(audio, None, tmp_path / "a.mcap")
+    assert read_session(tmp_path / "a.mcap").description.name == "b\ufffd\x1b"
+
+
+def test_notes_that_no_file_can_hold_are_refused(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav", seconds=0.1)
+    with pytest.raises(InputError, match="surrogate"):
+        from_files(tmp_path / "a.wav", None, tmp_path / "a.mcap", described={"notes": "\udcff"})
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_mutated_tables_end_in_a_session_or_in_one_line(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav", seconds=0.1)
+    table, out = tmp_path / "a.csv", tmp_path / "a.mcap"
+    rows = [f"{0.01 * k},{k % 2},0.1{k},," for k in range(10)]
+    content = "\n".join(["time,contact,position,force,own", *rows]).encode()
+    spoilt = [mutated(content, seed) for seed in range(100)]
+    many = ",".join(["time", *map(str, range(300))]) + "\n" + "0," * 300 + "0\n"
+    spoilt += [many.encode(), b"time,a\n0," + b"1" * 200_000, b"time,a\n0,\x00\n", b"time,a\n1e400,1\n"]
+    for number, each in enumerate(spoilt):
+        table.write_bytes(each)
+        out.unlink(missing_ok=True)
+        done = refused_or_done(lambda: from_files(tmp_path / "a.wav", table, out), number)
+        assert done == out.exists()
+        assert not done or len(read_session(out).labels.time) <= content.count(b"\n") + 64
+    assert not done

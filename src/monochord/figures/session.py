@@ -12,6 +12,7 @@ import numpy as np
 from monochord.errors import InputError
 from monochord.figures import _style
 from monochord.figures.base import Figure
+from monochord.printable import printable
 from monochord.sessions import AudioTrack, Session, read_session
 from monochord.types import Floats
 from monochord.units import Seconds
@@ -67,7 +68,8 @@ class SessionFigure(Figure):
             _style.dress(axes, letter, "", "", axes.get_ylabel())
         told = session.description
         title = f"{told.name}, simulated" if told.simulated else told.name
-        rows[0].set_title(title, fontsize=_style.LABEL, color=_style.INK, pad=4)
+        title = printable(title)
+        rows[0].set_title(title, parse_math=False, fontsize=_style.LABEL, color=_style.INK, pad=4)
         rows[-1].set_xlabel("time since the session's begin (s)", fontsize=_style.LABEL, color=_style.INK)
         return page
 

@@ -1,5 +1,6 @@
 """Audio and labels that were recorded elsewhere, as a session."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 from monochord.config import from_tree
 from monochord.recording._label_file import read_labels
 from monochord.sessions import Description, SessionClock, SessionWriter
+from monochord.sessions.bounds import json_object
 from monochord.sources import SOURCES
 from monochord.sources.base import Stream
 from monochord.types import Floats
@@ -59,9 +61,10 @@ def from_files(
     with SOURCES.build(AUDIO_FILES, {"path": str(audio)}).open() as probe:
         rate, channels = probe.signal.sample_rate, probe.signal.channels
         frames = sum(block.samples.shape[1] for block in probe)
-    more = {"imported": audio.name, **({"imported_labels": labels.name} if labels else {})}
-    tree: dict[str, Any] = {"name": audio.stem, **told, "sample_rate": rate, "channels": channels}
+    more = {"imported": _text(audio.name), **({"imported_labels": _text(labels.name)} if labels else {})}
+    tree: dict[str, Any] = {"name": _text(audio.stem), **told, "sample_rate": rate, "channels": channels}
     description = from_tree(Description, {**tree, "more": {**more, **told.get("more", {})}}, "session")
+    json_object(description.dump())  # or text that no file can hold would fail as it is written
     length = description.string.length if description.string else None
     time, columns = np.zeros(0), dict[str, Floats]()
     if labels is not None:
@@ -76,6 +79,11 @@ def from_files(
     except BaseException:
         out.unlink(missing_ok=True)
         raise
+
+
+def _text(name: str) -> str:
+    """Return a file's name as text, whatever bytes it is of."""
+    return os.fsencode(name).decode(errors="replace")
 
 
 def _write(writer: SessionWriter, stream: Stream, time: Floats, columns: Mapping[str, Floats]) -> None:

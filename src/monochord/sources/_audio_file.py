@@ -1,5 +1,6 @@
 """Opens a wav or flac file for reading, or says in one line why it cannot be used."""
 
+import os
 from pathlib import Path
 from typing import BinaryIO
 
@@ -48,7 +49,7 @@ def _open(path: Path) -> soundfile.SoundFile:
             magic = file.read(4)
         if magic not in (b"RIFF", b"RIFX", b"RF64", b"fLaC"):
             raise InputError(f"file {path} (begins with {magic!r})", allowed, "convert it")
-        return soundfile.SoundFile(path)
+        return soundfile.SoundFile(os.fsencode(path))  # a name need not be text
     except soundfile.LibsndfileError as error:
         raise InputError(f"file {path} ({error.error_string.rstrip('.')})", allowed) from error
     except OSError as error:

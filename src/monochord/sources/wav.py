@@ -1,6 +1,7 @@
 """A recording on disk, read block by block, as fast as possible or at the pace of a clock."""
 
 import math
+import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -86,7 +87,7 @@ class _FileStream(PacedStream):
             self._file.seek(0)
         except soundfile.LibsndfileError:  # a flac decoder that met the end of a cut file stays where it is
             self._file.close()
-            self._file = soundfile.SoundFile(self._options.path)
+            self._file = soundfile.SoundFile(os.fsencode(self._options.path))
 
     def _read_here(self, frames: Samples) -> np.ndarray:
         try:
