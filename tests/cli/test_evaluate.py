@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +85,7 @@ def test_the_validation_part_is_no_test(home: Path, capsys: pytest.CaptureFixtur
         (["nowhere"], "perceiver nowhere"),
         (["--dataset", "nowhere"], "dataset"),
         (["--dataset", "DATASET", "--sessions", "x"], "--sessions beside --dataset"),
-        (["--dataset", "DATASET", "--split", "nowhere.json"], "split nowhere.json (absent or damaged)"),
+        (["--dataset", "DATASET", "--split", "nowhere.json"], "nowhere.json (No such file"),
         (["--dataset", "DATASET", "--noise", "pimk:3"], "did you mean 'pink'"),
         (["--dataset", "DATASET", "--estimator", "closed_from"], "did you mean 'closed_form'"),
         (["--dataset", "DATASET", "--sensor", "prototipe"], "did you mean 'prototype'"),
@@ -178,7 +179,11 @@ def test_a_run_is_tested_on_what_it_has_not_heard(
 
 @pytest.mark.usefixtures("made_up_features")
 def test_what_is_learned_of_shuffled_labels_is_chance(
-    lesson: dict[str, Any], learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    lesson: dict[str, Any],
+    learnable: Path,
+    tmp_path: Path,
+    reseal: Callable[[Path], None],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     found: dict[str, list[float]] = {"position": [], "force": []}
     for seed in range(4):  # a few touches agree with anything once in a while
@@ -192,6 +197,7 @@ def test_what_is_learned_of_shuffled_labels_is_chance(
                 known = rows[np.isfinite(labels[rows])]
                 labels[known] = stream.permutation(labels[known])
             np.save(shuffled / "labels" / f"{name}.npy", labels)
+        reseal(shuffled)
         folder = learned({**lesson, "dataset": str(shuffled), "cache": str(tmp_path / "own")}, home / "run")
         assert run(["evaluate", str(folder), "--json"]) == 0
         card = json.loads(capsys.readouterr().out)
