@@ -36,7 +36,7 @@ class Levels(Source, Stream):
 class Level(Estimator):
     """The level as a frequency; negative levels are silence."""
 
-    def prepare(self, signal: Signal, size: int) -> Prepared:  # noqa: ARG002
+    def prepare(self, signal: Signal, size: int) -> Prepared:
         def estimate(window: Window) -> dict[str, Estimate]:
             level = float(window.samples[0, 0])
             if level < 0.0:
@@ -70,7 +70,7 @@ def test_a_take_shorter_than_a_window_is_refused() -> None:
 class Deaf(Estimator):
     """Tells nothing at all."""
 
-    def prepare(self, signal: Signal, size: int) -> Prepared:  # noqa: ARG002
+    def prepare(self, signal: Signal, size: int) -> Prepared:
         return lambda window: {}  # noqa: ARG005
 
 

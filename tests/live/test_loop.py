@@ -92,7 +92,7 @@ class Keep(Sink, Writer):
         self.then = then
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+    def open(self, signal: Signal) -> Generator[Writer]:
         try:
             yield self
         finally:

@@ -63,7 +63,7 @@ def decisions(truth: list[int], likely: list[Fraction]) -> dict[str, Any]:
 
 
 def main() -> None:
-    stream = random.Random(SEED)  # noqa: S311
+    stream = random.Random(SEED)
     # Binary fractions, so that what the file holds in decimals is exactly what was reckoned with.
     truth = [Fraction(stream.randint(-900, 900), 256) for _ in range(ROWS)]
     said = [value + Fraction(stream.randint(-300, 300), 256) for value in truth]

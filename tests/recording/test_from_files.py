@@ -192,6 +192,7 @@ def test_mutated_tables_end_in_a_session_or_in_one_line(tmp_path: Path) -> None:
     spoilt = [mutated(content, seed) for seed in range(100)]
     many = ",".join(["time", *map(str, range(300))]) + "\n" + "0," * 300 + "0\n"
     spoilt += [many.encode(), b"time,a\n0," + b"1" * 200_000, b"time,a\n0,\x00\n", b"time,a\n1e400,1\n"]
+    done = True
     for number, each in enumerate(spoilt):
         table.write_bytes(each)
         out.unlink(missing_ok=True)

@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import soundfile
 
@@ -49,7 +49,8 @@ def _open(path: Path) -> soundfile.SoundFile:
             magic = file.read(4)
         if magic not in (b"RIFF", b"RIFX", b"RF64", b"fLaC"):
             raise InputError(f"file {path} (begins with {magic!r})", allowed, "convert it")
-        return soundfile.SoundFile(os.fsencode(path))  # a name need not be text
+        name: Any = os.fsencode(path)  # a name need not be text
+        return soundfile.SoundFile(name)
     except soundfile.LibsndfileError as error:
         raise InputError(f"file {path} ({error.error_string.rstrip('.')})", allowed) from error
     except OSError as error:

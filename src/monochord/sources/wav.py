@@ -6,6 +6,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import soundfile
@@ -87,7 +88,8 @@ class _FileStream(PacedStream):
             self._file.seek(0)
         except soundfile.LibsndfileError:  # a flac decoder that met the end of a cut file stays where it is
             self._file.close()
-            self._file = soundfile.SoundFile(os.fsencode(self._options.path))
+            name: Any = os.fsencode(self._options.path)
+            self._file = soundfile.SoundFile(name)
 
     def _read_here(self, frames: Samples) -> np.ndarray:
         try:
