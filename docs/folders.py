@@ -12,7 +12,7 @@ import click
 
 import monochord
 from monochord.cli import monochord as verbs
-from monochord.registry import Registry
+from monochord.core.registry import Registry
 
 PRESETS = ("sensors", "strings", "materials")
 

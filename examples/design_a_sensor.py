@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from monochord.core.types import Contact
 from monochord.physics.strings import load_string
 from monochord.physics.theory import (
     contact_bound,
@@ -14,7 +15,6 @@ from monochord.physics.theory import (
     geometric_tension,
     segment_frequencies,
 )
-from monochord.types import Contact
 
 SNR = 10.0 ** (20 / 10)  # 20 dB, of each partial to the noise
 WINDOW = 0.1  # s

@@ -9,13 +9,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from monochord.datasets.build import build_dataset
-from monochord.estimators.closed_form import ClosedForm
 from monochord.evaluation.disturbance import Disturbance
 from monochord.evaluation.replay import Course, replay
 from monochord.lab.bench import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 from monochord.metrics import known, mean_absolute_error
+from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.physics.sensors import load_sensor
 
 

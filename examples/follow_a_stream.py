@@ -3,10 +3,10 @@
 Run it: python examples/follow_a_stream.py
 """
 
-from monochord.clock import SampleClock
-from monochord.estimators import ESTIMATORS
-from monochord.sources import SOURCES
-from monochord.windows import windows
+from monochord.capture.sources import SOURCES
+from monochord.core.clock import SampleClock
+from monochord.core.windows import windows
+from monochord.perception.estimators import ESTIMATORS
 
 SECONDS = 4.0
 LENGTH, HOP = 0.1, 0.05  # s, of a window

@@ -5,11 +5,11 @@ Run it: python examples/locate_a_touch.py
 
 import numpy as np
 
-from monochord.estimators import ESTIMATORS
+from monochord.core.types import Contact, Signal, Window
+from monochord.perception.estimators import ESTIMATORS
 from monochord.physics.split_string import SplitString, peaks, simulate
 from monochord.physics.strings import load_string
 from monochord.physics.theory import locate_from_segments
-from monochord.types import Contact, Signal, Window
 
 WINDOW = 4410  # frames: 0.1 s
 

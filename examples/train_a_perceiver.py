@@ -8,17 +8,17 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from monochord.core.types import Signal
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.lab.bench import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
-from monochord.perceiver import load
-from monochord.training.replay import window_of
-from monochord.training.scores import lines
-from monochord.training.settings import Settings
-from monochord.training.train import train
-from monochord.types import Signal
+from monochord.perception.model import load
+from monochord.perception.training.replay import window_of
+from monochord.perception.training.scores import lines
+from monochord.perception.training.settings import Settings
+from monochord.perception.training.train import train
 
 
 def main() -> None:

@@ -18,8 +18,8 @@ import pytest
 import soundfile
 from hypothesis import settings
 
-from monochord import realstrings
-from monochord.errors import DeviceError
+from monochord.core.errors import DeviceError
+from monochord.evaluation import realstrings
 
 # A time limit for each example fails on a machine that is busy, and says nothing of the code.
 settings.register_profile("monochord", deadline=None)
@@ -76,7 +76,7 @@ class JackServer:
     process: "subprocess.Popen[bytes] | None" = None
 
     def start(self) -> None:
-        from monochord.realtime.client import JackClient
+        from monochord.capture.jack.client import JackClient
 
         pace = ["-S", "-R" if self.real_time else "-r"]
         options = ["-n", self.name, *pace, "-d", "dummy", "-r", str(self.rate), "-p", str(self.period)]
@@ -208,10 +208,10 @@ def sung(number: int) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
 @pytest.fixture(scope="session")
 def learnable(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset of eight sessions from which position, force, contact and slip can be learned in seconds."""
+    from monochord.core.types import Block
     from monochord.datasets.build import Options, build_dataset
     from monochord.datasets.split import split_dataset
     from monochord.sessions import Description, SessionClock, SessionWriter
-    from monochord.types import Block
 
     home = tmp_path_factory.mktemp("learnable")
     files: list[Path] = []
@@ -247,13 +247,13 @@ def reseal() -> Callable[[Path], None]:
 @pytest.fixture
 def made_up_features(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Put the features of ``tests/made_up_features`` beside Monochord's own, for the length of a test."""
-    from monochord import features
+    from monochord.perception import features
 
     folder = Path(__file__).with_name("made_up_features")
     monkeypatch.setattr(features, "__path__", [*features.__path__, str(folder)])
     yield
     for file in folder.glob("*.py"):
-        sys.modules.pop(f"monochord.features.{file.stem}", None)
+        sys.modules.pop(f"monochord.perception.features.{file.stem}", None)
         if hasattr(features, file.stem):
             delattr(features, file.stem)
 

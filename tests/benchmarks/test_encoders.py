@@ -1,7 +1,7 @@
 import pytest
 
 from monochord.benchmarks import BENCHMARKS
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 
 def test_every_way_stands_beside_the_spectrogram() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from monochord.benchmarks import BENCHMARKS
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 
 def test_every_feature_stands_beside_the_plain_transform_and_real_time() -> None:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from monochord import realstrings
 from monochord.benchmarks.interference import Interference
+from monochord.evaluation import realstrings
 
 real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 

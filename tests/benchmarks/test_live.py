@@ -10,7 +10,7 @@ import soundfile
 from monochord.benchmarks._process import one_core, resident
 from monochord.benchmarks._take import write_take
 from monochord.benchmarks.live import Live
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.strings import load_string
 
 

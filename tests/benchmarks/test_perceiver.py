@@ -4,9 +4,9 @@ import pytest
 
 from monochord.benchmarks import BENCHMARKS
 from monochord.benchmarks.perceiver import drawn
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Signal
 from monochord.physics.sensors import load_sensor
-from monochord.types import Signal
 
 
 def test_a_perceiver_stands_beside_the_closed_form() -> None:

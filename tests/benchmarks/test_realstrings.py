@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from monochord import realstrings
 from monochord.benchmarks.realstrings import Realstrings
+from monochord.evaluation import realstrings
 from monochord.evaluation.autocorrelation import autocorrelation_errors
 from monochord.evaluation.known_touches import Protocol, recorded_strings
 

@@ -1,7 +1,7 @@
 import pytest
 
 from monochord.benchmarks.recording import Recording
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 
 @pytest.fixture(scope="module")

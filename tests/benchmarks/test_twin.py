@@ -6,7 +6,7 @@ import pytest
 
 from monochord.benchmarks.base import Row
 from monochord.benchmarks.twin import FDTD, SLOW, Twin
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 PARTS = ("free", "ebows", "touch", "full")
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from monochord.cli import run
+from monochord.core.types import Block
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split, split_dataset
 from monochord.sessions import Description, SessionClock, SessionWriter
-from monochord.types import Block
 
 
 @pytest.fixture(name="dataset")

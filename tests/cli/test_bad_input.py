@@ -9,7 +9,7 @@ import pytest
 import soundfile
 
 from monochord.cli import run
-from monochord.types import Floats
+from monochord.core.types import Floats
 
 STRING = ["--length", "0.65", "--open-frequency", "110"]
 RATE = 44100

@@ -15,13 +15,13 @@ from safetensors.numpy import load as unpacked
 from safetensors.numpy import save as packed
 
 from monochord.cli import run
-from monochord.config import from_tree, load_toml
+from monochord.core.config import from_tree, load_toml
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split, split_dataset
 from monochord.datasets.store import open_dataset
 from monochord.lab.bench import make
 from monochord.lab.plan import Plan, assignments
-from monochord.perceiver.bundled import bundled_folder
+from monochord.perception.model.bundled import bundled_folder
 
 Damage = Callable[[Path], None]
 PLAN = """

@@ -6,7 +6,7 @@ import pytest
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.cli import run
 from monochord.cli.bench import _line
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 SHORT = ["--set", "seconds=1", "--set", "minutes=0.05"]
 KEYS = {"benchmark", "name", "value", "unit", "baseline", "baseline_value", "ratio"}

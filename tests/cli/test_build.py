@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from monochord.cli import run
+from monochord.core.types import Block
 from monochord.datasets.store import open_dataset
 from monochord.sessions import Description, SessionClock, SessionWriter
-from monochord.types import Block
 
 RATE = 8000
 

@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
+from monochord.capture.jack.machine import Check
 from monochord.cli import doctor as verb
 from monochord.cli import run
-from monochord.realtime.machine import Check
 
 
 def test_it_prints_a_line_for_each_thing(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monochord.capture.sources.session import SessionSource
 from monochord.cli import run
+from monochord.core.types import Estimates
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split, split_dataset
 from monochord.datasets.store import open_dataset
-from monochord.estimators.perceiver import PerceiverEstimator
 from monochord.evaluation.results_file import read_results
 from monochord.lab.bench import make
 from monochord.lab.plan import assignments
@@ -22,11 +23,10 @@ from monochord.lab.plans import load_plan
 from monochord.live import Session as LiveSession
 from monochord.live import run as live
 from monochord.live.settings import WindowSettings
-from monochord.sinks.base import Listener, Moment
-from monochord.sources.session import SessionSource
-from monochord.training.settings import Settings
-from monochord.training.train import train
-from monochord.types import Estimates
+from monochord.live.sinks.base import Listener, Moment
+from monochord.perception.estimators.perceiver import PerceiverEstimator
+from monochord.perception.training.settings import Settings
+from monochord.perception.training.train import train
 
 PHYSICS = ("--set", "tension_law=geometric")
 

@@ -14,7 +14,7 @@ VERB = '''
 
 import click
 
-from monochord.errors import DeviceError, InputError, MonochordError
+from monochord.core.errors import DeviceError, InputError, MonochordError
 
 FAULTS = {
     "input": InputError("force -1 N", "0 N or more", "press,\\n don't pull"),

@@ -4,12 +4,12 @@ import json
 
 import pytest
 
+from monochord.capture.sources import SOURCES
 from monochord.cli import run
 from monochord.figures import FIGURES
 from monochord.physics.materials import load_material, material_names
 from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.strings import string_names
-from monochord.sources import SOURCES
 
 
 def test_json_lists_every_plugin_and_preset(capsys: pytest.CaptureFixture[str]) -> None:

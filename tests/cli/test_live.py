@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from monochord import realstrings
 from monochord.cli import run
+from monochord.evaluation import realstrings
 
 Take = Callable[..., Path]
 STRING = ["--length", "0.65", "--open-frequency", "110"]

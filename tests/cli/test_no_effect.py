@@ -7,9 +7,9 @@ import pytest
 import soundfile
 
 from monochord.cli import run
+from monochord.core.types import Block
 from monochord.physics.strings import load_string
 from monochord.sessions import Description, SessionClock, SessionWriter
-from monochord.types import Block
 
 STRING = "--length 0.65 --open-frequency 110"
 SAVED = "--sink jsonl={out} --save-config {out}.toml"

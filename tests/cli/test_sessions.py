@@ -8,8 +8,8 @@ import pytest
 import soundfile
 
 from monochord.cli import run
+from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
 from monochord.sessions import Description, SessionClock, SessionWriter, read_session
-from monochord.types import POSE, WRENCH, Block, Feed, Readings
 
 RATE = 44100
 FEEDS = (

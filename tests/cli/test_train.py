@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from monochord.cli import run
-from monochord.config import dump_toml
+from monochord.core.config import dump_toml
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")

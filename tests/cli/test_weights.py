@@ -9,9 +9,9 @@ from safetensors.numpy import save_file
 
 from monochord.cli import run
 from monochord.cli import weights as verb
-from monochord.encoders.ast.reading import OLD, SINGLE
-from monochord.encoders.ast.tensors import random_weights
-from monochord.encoders.weights import load_known
+from monochord.perception.encoders.ast.reading import OLD, SINGLE
+from monochord.perception.encoders.ast.tensors import random_weights
+from monochord.perception.encoders.weights import load_known
 
 FILE = "model.safetensors"
 

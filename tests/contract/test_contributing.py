@@ -12,16 +12,16 @@ import pytest
 
 from monochord import cli
 from monochord.benchmarks import BENCHMARKS
-from monochord.estimators import ESTIMATORS
+from monochord.capture.sources import SOURCES
+from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.core.windows import windows
 from monochord.figures import FIGURES
-from monochord.physics.models import MODELS, Case
+from monochord.live.sinks import SINKS
+from monochord.live.sinks.base import Moment
+from monochord.perception.estimators import ESTIMATORS
+from monochord.physics.simulators import MODELS, Case
 from monochord.physics.strings import load_string
 from monochord.physics.theory import harmonic_frequencies
-from monochord.sinks import SINKS
-from monochord.sinks.base import Moment
-from monochord.sources import SOURCES
-from monochord.types import Estimate, Prediction, Signal, StreamHealth, Window
-from monochord.windows import windows
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -70,7 +70,7 @@ def window(level: float, *, has_gap: bool = False) -> Window:
 
 
 def test_source(load: Load) -> None:
-    load("src/monochord/sources/tone.py")
+    load("src/monochord/capture/sources/tone.py")
     with SOURCES.build("tone", {"frequency": 441, "frames": 1000}).open() as stream:
         assert stream.signal == SIGNAL
         (whole,) = windows(stream, size=1000, hop=1000, sample_rate=44100)
@@ -79,7 +79,7 @@ def test_source(load: Load) -> None:
 
 
 def test_sink(load: Load, tmp_path: Path) -> None:
-    load("src/monochord/sinks/touches.py")
+    load("src/monochord/live/sinks/touches.py")
     diary = tmp_path / "touches.txt"
     here, away = Estimate(value=0.2, std=0.001, unit="m"), Estimate.abstain("m", "silence")
     with SINKS.build("touches", {"path": str(diary)}).open(SIGNAL) as writer:
@@ -91,7 +91,7 @@ def test_sink(load: Load, tmp_path: Path) -> None:
 
 
 def test_estimator(load: Load) -> None:
-    load("src/monochord/estimators/loudness.py")
+    load("src/monochord/perception/estimators/loudness.py")
     estimate = ESTIMATORS.build("loudness", {"full_scale": 0.5}).prepare(SIGNAL, 4410)
     assert estimate(window(0.05))["loudness"].value == pytest.approx(-20.0, abs=1e-5)
     for silent in (window(0.0), window(np.nan), window(0.1, has_gap=True)):
@@ -114,7 +114,7 @@ def test_benchmark(load: Load) -> None:
 
 
 def test_model(load: Load) -> None:
-    load("src/monochord/physics/models/partials.py")
+    load("src/monochord/physics/simulators/partials.py")
     appendix = load_string("appendix")
     case = Case(string=appendix.string, contact=appendix.usual_contact, seconds=0.5)
     sound = MODELS.build("partials", {"count": 3}).run(case)

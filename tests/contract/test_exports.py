@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
-from monochord.exports import EXPORTS, form_of
+from monochord.core.errors import InputError
+from monochord.core.types import Block, Feed, Readings
 from monochord.sessions import Description, Session, SessionClock, SessionWriter, check, read_session
-from monochord.types import Block, Feed, Readings
+from monochord.sessions.exports import EXPORTS, form_of
 
 RATE = 16000
 each_form = pytest.mark.parametrize("form", EXPORTS.names())

@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
-from monochord.features import FEATURES
-from monochord.features.base import Extractor
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Signal
+from monochord.perception.features import FEATURES
+from monochord.perception.features.base import Extractor
 from monochord.physics.strings import load_string
-from monochord.types import Audio, Signal
 
 RATE, SIZE = 44100, 4410
 SIGNAL = Signal(sample_rate=RATE, channels=2, string=load_string("prototype").string)

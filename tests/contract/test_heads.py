@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from monochord.config import from_tree, to_tree
-from monochord.errors import InputError
-from monochord.heads import HEADS
-from monochord.heads.base import CONTACT, Task
+from monochord.core.config import from_tree, to_tree
+from monochord.core.errors import InputError
+from monochord.perception.heads import HEADS
+from monochord.perception.heads.base import CONTACT, Task
 
 TASKS = {name: HEADS.build(name).task() for name in HEADS.names()}
 each_task = pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)

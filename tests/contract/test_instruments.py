@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monochord.errors import DeviceError, InputError
-from monochord.instruments import INSTRUMENTS
-from monochord.instruments.base import Instrument
+from monochord.capture.instruments import INSTRUMENTS
+from monochord.capture.instruments.base import Instrument
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Feed, InstrumentHealth
 from monochord.lab.net_ft_device import NetFtDevice
-from monochord.types import Feed, InstrumentHealth
 
 Options = dict[str, Any]
 each_instrument = pytest.mark.parametrize("name", INSTRUMENTS.names())
@@ -140,8 +140,8 @@ def test_a_rate_that_makes_no_sense_is_refused(name: str, silent: Callable[[str]
 
 def test_options_are_known_without_the_libraries_that_need_a_device() -> None:
     code = (
-        "import sys; from monochord.instruments import INSTRUMENTS as i; [i.load(n) for n in i.names()]; "
-        "print({'cyclonedds', 'monochord.dds.participant', 'numba', 'scipy'} & set(sys.modules) or 'none')"
+        "import sys; from monochord.capture.instruments import INSTRUMENTS as i; [i.load(n) for n in i.names()]; "
+        "print({'cyclonedds', 'monochord.capture.dds.participant', 'numba', 'scipy'} & set(sys.modules) or 'none')"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "none\n"

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from monochord import cli
-from monochord.registry import Registry
+from monochord.core.registry import Registry
 
 SRC = Path(__file__).parents[2] / "src" / "monochord"
 FOLDERS = sorted(".".join(base.relative_to(SRC.parent).parent.parts) for base in SRC.rglob("base.py"))

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from monochord.config import from_tree, to_tree
-from monochord.errors import InputError
-from monochord.registry import Registry
+from monochord.core.config import from_tree, to_tree
+from monochord.core.errors import InputError
+from monochord.core.registry import Registry
 
 SRC = Path(__file__).parents[2] / "src" / "monochord"
 FOLDERS = sorted(".".join(base.relative_to(SRC.parent).parent.parts) for base in SRC.rglob("base.py"))
@@ -49,7 +49,7 @@ def test_nobody_outside_a_folder_names_what_is_in_it(folder: str) -> None:
     names, package = "|".join(registry_of(folder).names()), re.escape(folder)
     named = re.compile(rf"^\s*from {package}(\.({names})\b| import .*\b({names})\b)", re.MULTILINE)
     kind = folder.rpartition(".")[2].removesuffix("s")
-    asked = kind if folder == "monochord.heads" else f"name|{kind}"
+    asked = kind if folder == "monochord.perception.heads" else f"name|{kind}"
     chosen = re.compile(rf"\b({asked}) == [\"']({names})[\"']")
     for path in SRC.rglob("*.py"):
         room = ".".join(path.relative_to(SRC.parent).parent.parts)

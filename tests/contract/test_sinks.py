@@ -10,10 +10,10 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
-from monochord.sinks import SINKS
-from monochord.sinks.base import Moment
-from monochord.types import Audio, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
+from monochord.live.sinks import SINKS
+from monochord.live.sinks.base import Moment
 
 STRING = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
 TONE = (0.3 * np.sin(np.arange(4410) * 0.1)).astype(np.float32)

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 import soundfile
 
-from monochord.errors import DeviceError, InputError
+from monochord.capture.sources import SOURCES
+from monochord.capture.sources.base import Source, Stream
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Block
 from monochord.sessions import Description, SessionWriter
-from monochord.sources import SOURCES
-from monochord.sources.base import Source, Stream
-from monochord.types import Block
 
 RATE = 44100
 DEVICES = {"jack", "soundcard"}  # what they hear is never the same twice

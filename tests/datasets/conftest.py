@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monochord.core.types import Block
 from monochord.datasets.build import Options, build_dataset
 from monochord.datasets.store import Dataset
 from monochord.sessions import Description, SessionClock, SessionWriter
-from monochord.types import Block
 
 RATE = 8000
 SECONDS = 12.0

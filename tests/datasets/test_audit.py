@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
 from monochord.datasets.audit import audit
 from monochord.datasets.split import Split, split_dataset
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError
 
 Make = Callable[..., Dataset]
 RATE = 8000

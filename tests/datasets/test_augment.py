@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import soundfile
 
+from monochord.core.errors import InputError
+from monochord.core.types import Audio
 from monochord.datasets.augment import Augmentation
-from monochord.errors import InputError
-from monochord.types import Audio
 
 RATE = 44100
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from tests.sessions.made import make as make_session
 
+from monochord.core.errors import InputError
 from monochord.datasets.build import Options, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError
 from monochord.sessions import read_session
 
 Make = Callable[..., Dataset]

@@ -6,12 +6,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from monochord.core.types import Audio
 from monochord.datasets.duplicates import find_duplicates
 from monochord.dsp.noise import mixed, pink, white
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Key, Pluck, Scene, Touch, advance, begin
-from monochord.types import Audio
 
 RATE, SECONDS = 44100, 12
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
 from monochord.datasets.labels import Rules, window_labels
-from monochord.errors import InputError
 from monochord.sessions import LabelTrack
 
 

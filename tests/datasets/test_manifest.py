@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from monochord.core.errors import InputError
 from monochord.datasets.manifest import FILE, Manifest, checksum
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError
 
 
 def test_what_is_written_is_read(several: Dataset, tmp_path: Path) -> None:

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
+from monochord.core.types import POSE, WRENCH, Feed
 from monochord.datasets.measured import Thresholds, measured_truth
-from monochord.errors import InputError
 from monochord.sessions import LabelTrack, ReadingTrack
-from monochord.types import POSE, WRENCH, Feed
 
 SECONDS = 20.0
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
 from monochord.datasets.audit import audit
 from monochord.datasets.split import PARTS, Split, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError
 
 
 @pytest.mark.parametrize("by", ["session", "object", "time", "day"])

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from monochord.core.errors import InputError
+from monochord.core.types import Block
+from monochord.core.windows import windows
 from monochord.datasets import store
 from monochord.datasets.store import Dataset, open_dataset, window_starts, write_array
-from monochord.errors import InputError
 from monochord.sessions import read_session
-from monochord.types import Block
-from monochord.windows import windows
 
 Make = Callable[..., Dataset]
 

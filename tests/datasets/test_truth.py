@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
+from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
 from monochord.datasets.truth import truth_of
-from monochord.errors import InputError
 from monochord.lab.bench import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
@@ -20,7 +21,6 @@ from monochord.sessions import (
     SessionWriter,
     read_session,
 )
-from monochord.types import POSE, WRENCH, Block, Feed, Readings
 
 Write = Callable[..., Path]
 

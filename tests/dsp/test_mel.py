@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats
 from monochord.dsp.mel import FLOOR, MEL_RATE, LogMel, frame_indices, mel, mel_filters
-from monochord.errors import InputError
-from monochord.types import Audio, Floats
 
 PLACE = mel(np.arange(257, dtype=np.float64) * 31.25)
 

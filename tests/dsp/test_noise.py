@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
 from monochord.dsp.noise import NOISES, band, hum, mixed, pink, white
-from monochord.errors import InputError
 
 RATE = 44100.0
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from monochord.core.types import Floats
+from monochord.core.units import cents
 from monochord.dsp.pitch import PitchFinder
-from monochord.types import Floats
-from monochord.units import cents
 
 RATE, SIZE = 44100, 4410
 FINDER = PitchFinder(sample_rate=RATE, size=SIZE, lowest=80.0, highest=400.0)

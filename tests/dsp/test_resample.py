@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
+from monochord.core.types import Audio
 from monochord.dsp.resample import Resampler
-from monochord.errors import InputError
-from monochord.types import Audio
 
 RATE, NEW, SIZE = 44100, 16000, 4410
 

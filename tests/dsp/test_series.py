@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from monochord.core.types import Floats
 from monochord.dsp.series import View, fit_series, partial_count, series_evidence
 from monochord.dsp.spectrum import Peaks
-from monochord.types import Floats
 
 PRIOR = (1e-4, 2e-4)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from monochord.core.types import Floats
 from monochord.dsp.spectrum import Analyser, Peaks, noise_floor, power_spectrum
-from monochord.types import Floats
 
 RATE, SIZE, PADDED = 44100, 4410, 16384
 TAPER = np.hanning(SIZE + 1)[:-1]

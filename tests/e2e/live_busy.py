@@ -3,9 +3,9 @@
 import sys
 import threading
 
+from monochord.capture.jack import callbacks
 from monochord.cli import run
-from monochord.estimators import ESTIMATORS
-from monochord.realtime import callbacks
+from monochord.perception.estimators import ESTIMATORS
 
 
 def main() -> int:

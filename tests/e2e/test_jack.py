@@ -14,9 +14,9 @@ import psutil
 import pytest
 import soundfile
 
-from monochord.errors import DeviceError, InputError
-from monochord.sources.jack import Jack
-from monochord.types import Block
+from monochord.capture.sources.jack import Jack
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Block
 
 pytestmark = pytest.mark.jack
 RATE = 44100

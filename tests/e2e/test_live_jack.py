@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 import soundfile
 
-from monochord import realstrings
 from monochord.cli import run
+from monochord.evaluation import realstrings
 
 pytestmark = pytest.mark.jack
 RATE = 44100

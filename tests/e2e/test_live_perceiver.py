@@ -8,9 +8,9 @@ import pytest
 
 from monochord.benchmarks.perceiver import drawn
 from monochord.cli import run
-from monochord.perceiver import save
+from monochord.core.types import Signal
+from monochord.perception.model import save
 from monochord.physics.sensors import load_sensor
-from monochord.types import Signal
 
 pytestmark = pytest.mark.jack
 SIGNAL = Signal(sample_rate=44100, channels=2, string=load_sensor("prototype").string)

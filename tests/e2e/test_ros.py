@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.dds.messages import TYPE_HASHES
-from monochord.instruments.pose_dds import PoseDds
+from monochord.capture.dds.messages import TYPE_HASHES
+from monochord.capture.instruments.pose_dds import PoseDds
 from monochord.lab.pose_publisher import PosePublisher, PublisherSettings
 
 ROOT = Path(__file__).parents[2]

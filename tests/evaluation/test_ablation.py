@@ -13,16 +13,16 @@ import psutil
 import pytest
 from tests.conftest import LEARNABLE, sung
 
+from monochord.core.errors import InputError
+from monochord.core.types import Block
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError
 from monochord.evaluation.ablation import DONE, AblationError, ablate, compared
 from monochord.evaluation.grid import WHOLE, Grid, Variation
 from monochord.evaluation.results import Results
 from monochord.evaluation.scorecard import scorecard
 from monochord.sessions import Description, SessionClock, SessionWriter
-from monochord.types import Block
 
 Oracle = Callable[..., Results]
 PHYSICS = Variation(estimator="closed_form", estimator_set=("tension_law=geometric",))

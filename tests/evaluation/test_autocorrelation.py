@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from monochord.core.types import Window
 from monochord.evaluation.autocorrelation import period
-from monochord.types import Window
 
 
 @pytest.mark.parametrize("frequency", [82.4, 196.0, 440.0, 1000.0])

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
 from monochord.datasets.build import Options, build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import Dataset, open_dataset
-from monochord.errors import InputError
 from monochord.evaluation.dealt import as_dealt
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.detection import by_speed, detection, speed
 from monochord.evaluation.results import Results
 

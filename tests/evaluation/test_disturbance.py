@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.disturbance import Disturbance, disturbances
 
 RATE = 44100

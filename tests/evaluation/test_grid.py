@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.grid import WHOLE, Grid, Variation
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
 from monochord.datasets.split import Split, split_dataset
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError
-from monochord.estimators.closed_form import ClosedForm
 from monochord.evaluation.harness import (
     PAGE,
     RESULTS,
@@ -31,6 +30,7 @@ from monochord.evaluation.replay import Course
 from monochord.evaluation.results import Results
 from monochord.evaluation.results_file import read_results
 from monochord.evaluation.scorecard import scorecard
+from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.physics.sensors import load_sensor
 
 Oracle = Callable[..., Results]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.interference import Interferer, recorded_interference
 from monochord.evaluation.known_touches import Protocol
 

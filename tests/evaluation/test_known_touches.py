@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from monochord import realstrings
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.evaluation import realstrings
 from monochord.evaluation.known_touches import Protocol, located, open_note, position_errors, recorded_strings
 
 real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")

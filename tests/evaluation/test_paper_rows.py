@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.paper_rows import keep_rows, paper_rows
 from monochord.evaluation.results import Results
 from monochord.evaluation.scorecard import scorecard

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.regression import blocks_of, regression, score_of, scored
 from monochord.evaluation.results import Results
 

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.capture.sources.session import SessionSource
+from monochord.core.errors import InputError
+from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError
-from monochord.estimators.base import Estimator
-from monochord.estimators.closed_form import ClosedForm
 from monochord.evaluation.disturbance import Disturbance
 from monochord.evaluation.replay import Course, replay
 from monochord.live import Session, run
 from monochord.live.settings import WindowSettings
+from monochord.live.sinks.base import Listener, Moment
+from monochord.perception.estimators.base import Estimator
+from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.physics.sensors import load_sensor
-from monochord.sinks.base import Listener, Moment
-from monochord.sources.session import SessionSource
-from monochord.types import Estimate, Estimates, Prepared, Signal, Window
 
 STRING = load_sensor("prototype").string
 PHYSICS = ClosedForm(tension_law="geometric")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.results import Results
 from monochord.evaluation.results_file import read_results, write_csv, write_results
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
 from monochord.dsp.noise import pink
-from monochord.errors import InputError
 from monochord.evaluation.sliding import FEATURES, Sliding, feature_values, told_apart, windows_of
 from monochord.physics.materials import load_material
 from monochord.physics.strings import load_string

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 from monochord.evaluation.slip_features import filled_gaps, rumble
-from monochord.types import Floats
 
 RATE = 44100.0
 TIME = np.arange(4410) / RATE

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 from monochord.evaluation.tsne import affinities, tsne
-from monochord.types import Floats
 
 STREAM = np.random.default_rng(0)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.figures.confusion import Confusion
 
 Write = Callable[..., Path]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact
 from monochord.figures.convergence import (
     STEADY,
     TRANSIENT,
@@ -16,7 +17,6 @@ from monochord.figures.convergence import (
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
-from monochord.types import Contact
 
 
 @pytest.fixture(scope="module")

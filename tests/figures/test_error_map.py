@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.figures.error_map import ErrorMapFigure
 
 Write = Callable[..., Path]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monochord.config import dump_toml
-from monochord.errors import InputError
+from monochord.core.config import dump_toml
+from monochord.core.errors import InputError
 from monochord.figures.learning import BEST, MEAN, Learning
-from monochord.training.run_folder import write_history, write_metrics
+from monochord.perception.training.run_folder import write_history, write_metrics
 
 Run = Callable[..., Path]
 FORCE = [0.8, 0.1, 0.3, 0.1]

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.figures import _patterns
 from monochord.figures.modes import Modes, spectrogram
 from monochord.physics.sensors import load_sensor

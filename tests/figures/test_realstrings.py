@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monochord import realstrings
+from monochord.evaluation import realstrings
 from monochord.figures.realstrings import Realstrings, string_errors
 
 pytestmark = pytest.mark.skipif(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.figures.scatter import Scatter
 
 Write = Callable[..., Path]

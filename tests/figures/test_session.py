@@ -4,10 +4,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
 from monochord.figures.session import POINTS, SessionFigure, _thinned, levels
 from monochord.sessions import Description, SessionWriter, read_session
-from monochord.types import POSE, WRENCH, Block, Feed, Readings
 
 RATE = 16000
 FEEDS = (

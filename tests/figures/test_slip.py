@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.figures.slip import Slip
 
 FEW = Slip(runs=3, speeds=(0.01, 0.1), seconds=0.12)

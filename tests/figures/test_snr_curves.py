@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.figures.snr_curves import SnrCurves
 
 Write = Callable[..., Path]

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.figures.touch import PHASES, RATE, SIZE, Touch, spectrogram
 from monochord.physics.twin import Take
 

@@ -5,12 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 from monochord.figures._sweep import Sweep, simulated_spectra, simulator
 from monochord.figures.trends import Trends
 from monochord.physics.strings import load_string
 from monochord.physics.theory import split_frequencies
-from monochord.types import Floats
 
 STRING = load_string("appendix").string
 MODEL = simulator("split_string")

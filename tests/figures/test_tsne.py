@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.core.errors import InputError
 from monochord.datasets.build import build_dataset
-from monochord.errors import InputError
 from monochord.figures.tsne import Tsne
 from monochord.lab.bench import make
 from monochord.lab.plan import assignments

@@ -9,7 +9,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TypeAlias
 
-from monochord.errors import DeviceError, InputError
+from monochord.core.errors import DeviceError, InputError
 
 Input: TypeAlias = dict[str, bytes]
 """Bytes by file name, folders with ``/``."""

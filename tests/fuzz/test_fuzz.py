@@ -15,7 +15,7 @@ PLANTED = '''
 
 import os, time
 from pathlib import Path
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from tests.fuzz.base import Target
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.lab.tiny import LATE, session, tiny
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.lab import bench
 from monochord.lab.bench import Outcome, delays, describe, make, outcome
 from monochord.lab.plan import Assignment, ForceSensor

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 from tests.lab.tiny import tiny
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.lab.collection import Task, checksum, chosen, collect, work
 from monochord.lab.plan import assignments
 

@@ -14,7 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
-from monochord.errors import DeviceError, InputError
+from monochord.core.errors import DeviceError, InputError
 from monochord.lab import fleet
 from monochord.lab.fleet import run_all
 
@@ -26,7 +26,7 @@ JOBS = """
 
     import numpy as np
 
-    from monochord.errors import InputError
+    from monochord.core.errors import InputError
 
 
     def noise(seed):

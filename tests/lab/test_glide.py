@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.lab.glide import ACCELERATION, glide
 
 

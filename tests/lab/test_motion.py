@@ -4,7 +4,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.lab.motion import HEIGHT, Motion, Move, Press, Retreat, Slide, Stay, Tap, Travel, motion
 from monochord.lab.pressing import depth_under, force_at_depth
 from monochord.physics.sensors import load_sensor

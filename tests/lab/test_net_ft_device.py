@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from NetFT import Sensor  # pyright: ignore[reportMissingTypeStubs]
 
-from monochord.errors import DeviceError, InputError
-from monochord.instruments import _rdt as rdt
-from monochord.instruments.net_ft import NetFt
+from monochord.capture.instruments import _rdt as rdt
+from monochord.capture.instruments.net_ft import NetFt
+from monochord.core.errors import DeviceError, InputError
 from monochord.lab._rdt_records import RecordStream
 from monochord.lab.net_ft_device import NetFtDevice, NetFtSettings, write_script
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from tests.lab.tiny import session, tiny
 
-from monochord.config import from_tree, to_tree
-from monochord.errors import InputError
+from monochord.core.config import from_tree, to_tree
+from monochord.core.errors import InputError
 from monochord.lab.plan import Delays, Group, Plan, assignments
 
 GRID = Group(name="a", grid=(5, 4), sessions=3, radii=(0.002, 0.004), days=(1, 2), forces=(0.1, 2.0))

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monochord.errors import DeviceError, InputError
+from monochord.capture.sources.jack import Jack
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Block
 from monochord.lab.player import Player, PlayerSettings, write_script
-from monochord.sources.jack import Jack
-from monochord.types import Block
 
 pytestmark = pytest.mark.jack
 RATE = 44100

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monochord.dds.participant import Participant
-from monochord.errors import InputError
-from monochord.instruments.pose_udp import PoseUdp
+from monochord.capture.dds.participant import Participant
+from monochord.capture.instruments.pose_udp import PoseUdp
+from monochord.core.errors import InputError
 from monochord.lab.pose_publisher import PosePublisher, PublisherSettings, write_script
 
 DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one

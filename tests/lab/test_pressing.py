@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.lab.pressing import depth_under, force_at_depth
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor

@@ -5,6 +5,7 @@ import pytest
 import soundfile
 from tests.lab.tiny import quiet, session, tiny
 
+from monochord.core.types import Floats
 from monochord.lab import render as rendering
 from monochord.lab.course import Course, course
 from monochord.lab.plan import Group
@@ -12,7 +13,6 @@ from monochord.lab.pressing import depth_under
 from monochord.lab.render import pieces, render
 from monochord.lab.rendering import Rendering, joined
 from monochord.physics.twin.outside import untouched_power
-from monochord.types import Floats
 
 GROUPS = (
     Group(name="hold", grid=(2, 1), forces=(0.8, 1.2), hold=0.5),

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from tests.conftest import own_server
 
-from monochord.config import from_tree
+from monochord.capture.recording import Summary
+from monochord.core.config import from_tree
 from monochord.lab.bench import make
 from monochord.lab.plan import Assignment, Plan, assignments
 from monochord.lab.stage import Stage, perform
-from monochord.recording import Summary
 from monochord.sessions import check, read_session
 from monochord.sessions.alignment import align
 

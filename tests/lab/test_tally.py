@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 from monochord.lab.tally import Tally, tally
-from monochord.types import Floats
 
 TIME: Floats = np.arange(2000, dtype=np.float64) * 1e-3
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
-from monochord.estimators.base import Estimator
+from monochord.capture.sources.base import Source, Stream
+from monochord.core.errors import InputError
+from monochord.core.types import Block, Estimate, Prepared, Signal, Window
 from monochord.live import Session, WindowSettings
 from monochord.live.calibration import medians
-from monochord.sources.base import Source, Stream
-from monochord.types import Block, Estimate, Prepared, Signal, Window
+from monochord.perception.estimators.base import Estimator
 
 
 class Levels(Source, Stream):

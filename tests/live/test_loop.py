@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from monochord.errors import DeviceError, InputError
-from monochord.estimators.base import Estimator
+from monochord.capture.sources import SOURCES
+from monochord.capture.sources.base import Source, Stream
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, StreamHealth, Truth, Window
 from monochord.live import Session, WindowSettings, run
-from monochord.sinks.base import Moment, Sink, Writer
-from monochord.sources import SOURCES
-from monochord.sources.base import Source, Stream
-from monochord.types import Audio, Block, Estimate, Prepared, Signal, StreamHealth, Truth, Window
+from monochord.live.sinks.base import Moment, Sink, Writer
+from monochord.perception.estimators.base import Estimator
 
 RATE = 1000
 NOISE = np.random.default_rng(5).standard_normal((2, 2000)).astype(np.float32)

@@ -4,10 +4,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 from monochord.live import Score
 from monochord.live.score import steady
-from monochord.sinks.base import Moment
-from monochord.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.live.sinks.base import Moment
 
 WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
 UNITS = {"position": "m", "force": "N"}

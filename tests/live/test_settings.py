@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from monochord.config import dump_toml, load_toml
-from monochord.errors import InputError
+from monochord.core.config import dump_toml, load_toml
+from monochord.core.errors import InputError
 from monochord.live import Settings, WindowSettings
 
 TREE = {

@@ -1,7 +1,7 @@
 import json
 
+from monochord.core.types import Estimate, Prediction, StreamHealth
 from monochord.live.summary import Meter
-from monochord.types import Estimate, Prediction, StreamHealth
 
 
 def prediction(*, valid: bool, latency: float) -> Prediction:

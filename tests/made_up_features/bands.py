@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.errors import InputError
-from monochord.features.base import Extractor, Feature
-from monochord.types import Audio, Signal
-from monochord.units import Samples
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Signal
+from monochord.core.units import Samples
+from monochord.perception.features.base import Extractor, Feature
 
 LOWEST, HIGHEST = 150.0, 3500.0
 

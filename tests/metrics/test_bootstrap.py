@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.metrics import area_under_curve, bootstrap_interval, time_blocks
 from monochord.metrics.bootstrap import Rows
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.metrics import detection_delays, false_alarm_rate, false_alarms, stretches
 
 EVENTS = np.array([[1.0, 2.0], [3.0, 4.0], [6.0, 7.0]])

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 from monochord.metrics import known, mean_absolute_error, mean_error, pearson_r, rms_error, within
-from monochord.types import Floats
 
 Metric = Callable[[Floats, Floats], float]
 GOLDEN = json.loads(Path(__file__).with_name("golden.json").read_text(encoding="utf-8"))

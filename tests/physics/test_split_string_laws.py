@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monochord.core.types import Contact, Floats
 from monochord.physics.split_string import Drive, Pluck, Recording, Route, SplitString, peaks, simulate
 from monochord.physics.split_string.compiled import leapfrog
 from monochord.physics.split_string.grid import Grid, lay_out, time_step
@@ -12,7 +13,6 @@ from monochord.physics.split_string.segments import split
 from monochord.physics.split_string.simulate import step_grid
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
-from monochord.types import Contact, Floats
 
 APPENDIX = load_string("appendix")
 SETUP = SplitString(string=APPENDIX.string, contact=APPENDIX.contact)

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from monochord.core.types import Floats
 from monochord.figures import _patterns
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import bending_stiffness, split_frequencies
 from monochord.physics.twin import Key, Scene, Touch, advance, begin
-from monochord.types import Floats
 
 RATE = 44100
 SENSOR = load_sensor("prototype")

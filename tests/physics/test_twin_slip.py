@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from monochord.core.types import Floats
 from monochord.evaluation.slip_features import rumble
 from monochord.physics.materials import Material, load_material, material_names
 from monochord.physics.sensors import load_sensor
@@ -15,7 +16,6 @@ from monochord.physics.twin import Ebow, Key, Scene, Sensor, Take, Touch, Twin, 
 from monochord.physics.twin.memory import LOAD, PULL_ALONG, SIDE, SIDE_FORCE
 from monochord.physics.twin.roughness import height
 from monochord.physics.twin.stream import MOVING
-from monochord.types import Floats
 
 RATE = 44100
 PLACE = 0.08

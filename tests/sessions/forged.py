@@ -10,7 +10,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from tests.sessions.made import EPOCH, FEEDS, RATE, description
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.sessions import codec
 from monochord.sessions._contents import END
 from monochord.sessions._opening import BEGIN

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
+from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
 from monochord.sessions import Description, SessionClock, SessionWriter
-from monochord.types import POSE, WRENCH, Block, Feed, Readings
 
 RATE = 44100
 EPOCH = 1_700_000_000_123_456_789

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import POSE, Block, Feed, Readings
+from monochord.core.units import Seconds
 from monochord.figures._tapped import RATE, Tapped, tapped
 from monochord.sessions import (
     Description,
@@ -19,9 +21,7 @@ from monochord.sessions import (
     read_session,
 )
 from monochord.sessions.alignment import Alignment, Lateness, Limits, align, aligned_readings, reading_times
-from monochord.sync.taps import offset_of
-from monochord.types import POSE, Block, Feed, Readings
-from monochord.units import Seconds
+from monochord.sessions.sync.taps import offset_of
 
 Late = Mapping[str, tuple[Seconds, Seconds]]
 

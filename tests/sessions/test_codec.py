@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from monochord.core.types import POSE, WRENCH, Feed
 from monochord.sessions import codec
-from monochord.types import POSE, WRENCH, Feed
 
 
 @pytest.mark.parametrize("name", [*codec.TOPICS.values(), codec.WRENCHES, codec.READINGS, codec.POSES])

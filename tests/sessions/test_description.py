@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from tests.sessions.made import FEEDS
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
 from monochord.sessions import Description, SessionClock
-from monochord.types import StringParams
 
 
 def test_a_description_survives_as_text() -> None:

@@ -30,7 +30,7 @@ from tests.sessions.forged import (
 from tests.sessions.made import EPOCH, make
 
 from monochord.cli._sessions_facts import facts_lines, facts_of
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.sessions import Session, check, codec, read_session, walk
 from monochord.sessions.alignment import align
 from monochord.sessions.bounds import LONGEST, MOST_COLUMNS, UNPACKED_ANYWAY
@@ -247,7 +247,7 @@ BOMBS: dict[str, tuple[bytes, int, str, int]] = {
 CHILD = """
 import resource, sys
 from tests.sessions.test_forged import read_all, limit_memory
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from pathlib import Path
 limit_memory()
 for name in sys.argv[1:]:

@@ -7,7 +7,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from tests.sessions.made import EPOCH, FEEDS, RATE, make
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.sessions import read_session
 
 

@@ -6,7 +6,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from tests.sessions.made import as_killed, block, make
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.sessions import check, read_session, recover
 
 CUTS = 40

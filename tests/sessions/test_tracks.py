@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from monochord.core.types import Feed
 from monochord.sessions import AudioTrack, ReadingTrack
-from monochord.types import Feed
 
 
 def track(frames: np.ndarray, times: np.ndarray) -> AudioTrack:

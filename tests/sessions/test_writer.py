@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from tests.sessions.made import RATE, block, description, make
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Block, Feed, Readings
 from monochord.sessions import Description, SessionClock, SessionWriter, check, read_session
-from monochord.types import Block, Feed, Readings
 
 
 def test_the_same_content_gives_the_same_bytes(tmp_path: Path) -> None:

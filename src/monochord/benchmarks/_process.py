@@ -5,7 +5,7 @@ from collections.abc import Generator, Iterable
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 
 @contextmanager

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from monochord.core.types import Audio
+from monochord.core.units import Seconds
 from monochord.physics.strings import StringPreset
 from monochord.physics.theory import segment_inharmonicity, stiff_partials
-from monochord.types import Audio
-from monochord.units import Seconds
 
 PLUCKS: Seconds = 2.0  # from one to the next
 PARTIALS = np.arange(1.0, 13.0)

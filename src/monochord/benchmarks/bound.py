@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from monochord.benchmarks.base import Benchmark, Row
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, Seconds
 from monochord.dsp.pitch import PitchFinder
-from monochord.errors import InputError
 from monochord.physics.theory import series_bound, stiff_partials
-from monochord.types import Floats
-from monochord.units import Hertz, Seconds
 
 PARTIALS = np.arange(1.0, 11.0)
 STIFFNESS = 1.0e-4

@@ -9,11 +9,11 @@ import numpy as np
 
 from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.errors import DeviceError, InputError, did_you_mean
-from monochord.features import FEATURES
-from monochord.features.base import Extractor
-from monochord.types import Audio, Signal
-from monochord.units import Samples, Seconds
+from monochord.core.errors import DeviceError, InputError, did_you_mean
+from monochord.core.types import Audio, Signal
+from monochord.core.units import Samples, Seconds
+from monochord.perception.features import FEATURES
+from monochord.perception.features.base import Extractor
 
 RATE = 44100
 SETTLE = 3

@@ -8,11 +8,11 @@ import numpy as np
 
 from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
 from monochord.physics.split_string import Pluck, Recording, Route, SplitString, peaks, simulate, time_step
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
-from monochord.units import Seconds
 
 REFERENCE = "NumPy reference"
 FDTD = "compiled FDTD"

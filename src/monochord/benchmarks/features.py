@@ -9,13 +9,13 @@ import numpy as np
 
 from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.errors import InputError
-from monochord.features import FEATURES
+from monochord.capture.sources import SOURCES
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats, Signal
+from monochord.core.units import Seconds
+from monochord.core.windows import windows
+from monochord.perception.features import FEATURES
 from monochord.physics.sensors import load_sensor
-from monochord.sources import SOURCES
-from monochord.types import Audio, Floats, Signal
-from monochord.units import Seconds
-from monochord.windows import windows
 
 SETTLE = 20
 """Windows before the clock starts."""

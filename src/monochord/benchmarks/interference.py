@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from monochord.benchmarks.base import Benchmark, Row
+from monochord.core.types import Floats
 from monochord.evaluation.interference import Interferer, Per, errors_under, recorded_interference
 from monochord.evaluation.known_touches import NEAR, Protocol
-from monochord.types import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,13 +13,13 @@ import numpy as np
 from monochord.benchmarks._process import one_core, resident
 from monochord.benchmarks._take import write_take
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.config import Tree
-from monochord.errors import InputError
+from monochord.core.config import Tree
+from monochord.core.errors import InputError
+from monochord.core.timing import Histogram
+from monochord.core.units import Seconds
 from monochord.live import Session, Settings, Summary, run
+from monochord.live.sinks.base import Listener, Moment
 from monochord.physics.strings import load_string
-from monochord.sinks.base import Listener, Moment
-from monochord.timing import Histogram
-from monochord.units import Seconds
 
 RATE = 44100
 TAKE: Seconds = 10.0  # of audio, played over and over

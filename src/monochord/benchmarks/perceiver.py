@@ -9,19 +9,19 @@ import numpy as np
 
 from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.config import to_tree
-from monochord.errors import InputError
-from monochord.estimators import ESTIMATORS
-from monochord.features import FEATURES
-from monochord.heads import HEADS
-from monochord.perceiver import Definition, Perceiver, load
-from monochord.perceiver.definition import FeatureRecord, HeadRecord, Reference
-from monochord.perceiver.probe import probed
+from monochord.capture.sources import SOURCES
+from monochord.core.config import to_tree
+from monochord.core.errors import InputError
+from monochord.core.types import Prepared, Signal, Window
+from monochord.core.units import Seconds
+from monochord.core.windows import windows
+from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.features import FEATURES
+from monochord.perception.heads import HEADS
+from monochord.perception.model import Definition, Perceiver, load
+from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
+from monochord.perception.model.probe import probed
 from monochord.physics.sensors import load_sensor
-from monochord.sources import SOURCES
-from monochord.types import Prepared, Signal, Window
-from monochord.units import Seconds
-from monochord.windows import windows
 
 SETTLE = 20
 """Windows before the clock starts."""

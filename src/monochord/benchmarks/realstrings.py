@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from monochord.benchmarks.base import Benchmark, Row
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 from monochord.evaluation.autocorrelation import autocorrelation_errors
 from monochord.evaluation.known_touches import (
     NEAR,
@@ -15,9 +17,7 @@ from monochord.evaluation.known_touches import (
     located,
     position_errors,
 )
-from monochord.realstrings import Take
-from monochord.types import Floats
-from monochord.units import Seconds
+from monochord.evaluation.realstrings import Take
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,16 +17,16 @@ from rich.console import Console
 
 from monochord.benchmarks._process import resident
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.errors import InputError
-from monochord.instruments import INSTRUMENTS
-from monochord.instruments.base import Instrument
+from monochord.capture.instruments import INSTRUMENTS
+from monochord.capture.instruments.base import Instrument
+from monochord.capture.recording import Job, Summary, record
+from monochord.capture.recording.progress import Progress
+from monochord.capture.recording.view import viewed
+from monochord.capture.recording.watch import Notice
+from monochord.capture.sources import SOURCES
+from monochord.core.errors import InputError
+from monochord.core.units import Hertz, Seconds
 from monochord.lab.net_ft_device import NetFtSettings, write_script
-from monochord.recording import Job, Summary, record
-from monochord.recording.progress import Progress
-from monochord.recording.view import viewed
-from monochord.recording.watch import Notice
-from monochord.sources import SOURCES
-from monochord.units import Hertz, Seconds
 
 RATE = 44100
 BOUND = 25.0

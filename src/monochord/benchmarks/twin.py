@@ -9,7 +9,8 @@ import numpy as np
 
 from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.split_string import SplitString, simulate
@@ -18,7 +19,6 @@ from monochord.physics.twin import Key, Outside, Pluck, Scene, Sensor, Touch, ad
 from monochord.physics.twin import Twin as VirtualSensor
 from monochord.physics.twin.many import advance_many
 from monochord.physics.twin.reference import advance_slowly
-from monochord.units import Seconds
 
 RATE = 44100
 FDTD = "the paper's FDTD, compiled"

@@ -25,7 +25,7 @@ from typing import Any, NoReturn
 import click
 
 from monochord.cli._output import echo
-from monochord.errors import DeviceError, InputError, MonochordError, did_you_mean
+from monochord.core.errors import DeviceError, InputError, MonochordError, did_you_mean
 
 INTERRUPTED = 130
 """Exit status of a verb that Control-C, SIGTERM or SIGHUP cut off."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import TypeAlias
 
-from monochord.printable import printable
+from monochord.core.printable import printable
 
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Is told what is at hand, how many are done, and of how many."""

@@ -4,7 +4,7 @@ from contextlib import suppress
 from io import StringIO
 from pathlib import Path
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.results import Results
 from monochord.evaluation.scorecard import conditions_of
 from monochord.figures import FIGURES

@@ -9,14 +9,14 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
-from monochord.config import Tree
-from monochord.config import table as table_of
-from monochord.errors import InputError, did_you_mean
+from monochord.capture.sources import SOURCES
+from monochord.core.config import Tree
+from monochord.core.config import table as table_of
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.registry import Registry
+from monochord.core.units import Metres
 from monochord.live import Session, Settings, Summary
 from monochord.live.calibration import medians
-from monochord.registry import Registry
-from monochord.sources import SOURCES
-from monochord.units import Metres
 
 F = TypeVar("F", bound=Callable[..., Any])
 FILES, SESSIONS = "wav", "session"  # the sources that read recordings

@@ -2,7 +2,7 @@
 
 import click
 
-from monochord.printable import printable
+from monochord.core.printable import printable
 
 
 def echo(*lines: str, err: bool = False) -> None:

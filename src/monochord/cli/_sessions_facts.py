@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from monochord.config import Tree, to_tree
+from monochord.core.config import Tree, to_tree
 from monochord.sessions import Session
 
 WIDTH = 12

@@ -9,16 +9,16 @@ import click
 from monochord.cli._kept_rows import keep
 from monochord.cli._options import refuse_without
 from monochord.cli._output import echo
-from monochord.config import load_toml, override
+from monochord.core.config import load_toml, override
+from monochord.core.errors import InputError
 from monochord.datasets.build import find_sessions
 from monochord.datasets.store import open_dataset
-from monochord.errors import InputError
 from monochord.evaluation.ablation import Ablation, compared
 from monochord.evaluation.ablation import ablate as ablated
 from monochord.evaluation.grid import Grid
 from monochord.evaluation.grids import load_grid
-from monochord.training.configs import config_path
-from monochord.training.settings import Settings
+from monochord.perception.training.configs import config_path
+from monochord.perception.training.settings import Settings
 
 
 @click.command()

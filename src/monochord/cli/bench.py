@@ -12,8 +12,8 @@ import numpy as np
 from monochord.benchmarks import BENCHMARKS
 from monochord.benchmarks.base import Row
 from monochord.cli._output import echo
-from monochord.config import override
-from monochord.errors import InputError, MonochordError
+from monochord.core.config import override
+from monochord.core.errors import InputError, MonochordError
 
 
 @click.command()

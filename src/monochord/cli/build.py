@@ -11,6 +11,7 @@ import click
 from monochord.cli._bar import bar_of_sessions
 from monochord.cli._options import amount
 from monochord.cli._output import echo
+from monochord.core.errors import InputError
 from monochord.datasets.audit import audit as audit_split
 from monochord.datasets.build import (
     Labelling,
@@ -22,7 +23,6 @@ from monochord.datasets.build import (
 from monochord.datasets.kinds import KINDS, table_of
 from monochord.datasets.split import PARTS, Split, refuse_impossible, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError
 from monochord.sessions import Description, read_session
 
 SPLIT_FILE = "split.json"

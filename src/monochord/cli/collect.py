@@ -12,7 +12,8 @@ from typing import Any
 import click
 
 from monochord.cli._output import echo
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.ownership import sole_use
 from monochord.lab.bench import Outcome
 from monochord.lab.collection import checksum, chosen, made_folder
 from monochord.lab.collection import collect as carry_out
@@ -20,7 +21,6 @@ from monochord.lab.course import course
 from monochord.lab.plan import Assignment
 from monochord.lab.plans import load_plan
 from monochord.lab.tally import Tally
-from monochord.ownership import sole_use
 
 
 @click.command()
@@ -83,8 +83,8 @@ def _made(
         raise InputError("--real-time with --workers or --cluster", "one of them", "real time takes its time")
     from rich.console import Console  # noqa: PLC0415
 
+    from monochord.capture.recording.view import viewed  # noqa: PLC0415
     from monochord.lab.stage import Stage, play  # noqa: PLC0415
-    from monochord.recording.view import viewed  # noqa: PLC0415
 
     with sole_use(made_folder(out)):
         for session in sessions:

@@ -9,7 +9,7 @@ import click
 
 from monochord.cli._options import amount
 from monochord.cli._output import echo
-from monochord.errors import InputError, did_you_mean
+from monochord.core.errors import InputError, did_you_mean
 from monochord.live import Score, Settings, run
 
 LEARNED, PHYSICS = "perceiver", "closed_form"

@@ -5,9 +5,9 @@ import json
 
 import click
 
-from monochord import realstrings
+from monochord.capture.jack.machine import MISSING, OK, WARN, Check, checks
 from monochord.cli._output import echo
-from monochord.realtime.machine import MISSING, OK, WARN, Check, checks
+from monochord.evaluation import realstrings
 
 MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
 

@@ -17,13 +17,14 @@ from monochord.cli._options import refuse_without
 from monochord.cli._output import echo
 from monochord.cli._scorecard_lines import lines
 from monochord.cli.build import SPLIT_FILE
-from monochord.config import Tree, load_toml, override
+from monochord.core.config import Tree, load_toml, override
+from monochord.core.errors import InputError
+from monochord.core.ownership import scratch_folder
+from monochord.core.types import StringParams
+from monochord.core.units import Newtons
 from monochord.datasets.build import Options, build_dataset, find_sessions
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
-from monochord.errors import InputError
-from monochord.estimators import ESTIMATORS
-from monochord.estimators.base import Estimator
 from monochord.evaluation.harness import (
     Trained,
     audited,
@@ -40,13 +41,12 @@ from monochord.evaluation.limits import force_floor
 from monochord.evaluation.paper_rows import labelled, paper_rows
 from monochord.evaluation.replay import Course
 from monochord.evaluation.scorecard import scorecard
-from monochord.ownership import scratch_folder
-from monochord.perceiver import load
-from monochord.perceiver.definition import Definition
+from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.estimators.base import Estimator
+from monochord.perception.model import load
+from monochord.perception.model.definition import Definition
 from monochord.physics.sensors import load_sensor
 from monochord.sessions import read_session
-from monochord.types import StringParams
-from monochord.units import Newtons
 
 CONFIG = "config.toml"
 """Settings of a run, in its folder."""

@@ -7,8 +7,8 @@ import click
 
 from monochord.cli._options import refuse_unwritable
 from monochord.cli._output import echo
-from monochord.config import override, to_tree
-from monochord.errors import InputError
+from monochord.core.config import override, to_tree
+from monochord.core.errors import InputError
 from monochord.figures import FIGURES
 from monochord.figures.base import Measured
 

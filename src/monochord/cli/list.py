@@ -12,13 +12,13 @@ import click
 
 import monochord
 from monochord.cli._output import echo
-from monochord.config import to_tree
-from monochord.errors import InputError, did_you_mean
+from monochord.core.config import to_tree
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.registry import Registry
 from monochord.lab.plans import load_plan, plan_names
 from monochord.physics.materials import load_material, material_names
 from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.strings import load_string, string_names
-from monochord.registry import Registry
 
 Entry: TypeAlias = dict[str, Any]
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from monochord.capture.sources import SOURCES
 from monochord.cli._options import (
     USUAL_ESTIMATOR,
     amount,
@@ -20,15 +21,14 @@ from monochord.cli._options import (
     window_options,
 )
 from monochord.cli._output import echo
-from monochord.config import Tree, dump_toml, load_toml, override, table
-from monochord.errors import InputError
-from monochord.estimators import ESTIMATORS
+from monochord.core.config import Tree, dump_toml, load_toml, override, table
+from monochord.core.errors import InputError
+from monochord.core.types import Signal
 from monochord.live import Settings, run
-from monochord.perceiver import folder_of, load
-from monochord.sinks import SINKS
-from monochord.sinks.base import Listener, Moment, Sink, Writer
-from monochord.sources import SOURCES
-from monochord.types import Signal
+from monochord.live.sinks import SINKS
+from monochord.live.sinks.base import Listener, Moment, Sink, Writer
+from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.model import folder_of, load
 
 LINES = "jsonl"  # the sink that --json stands for
 LEARNED = "perceiver"  # the estimator that RUN stands for

@@ -19,9 +19,9 @@ from monochord.cli._options import (
     window_options,
 )
 from monochord.cli._output import echo
-from monochord.config import Tree
+from monochord.core.config import Tree
 from monochord.live import Settings, run
-from monochord.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Moment
 
 
 @click.command()

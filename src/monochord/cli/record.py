@@ -11,16 +11,16 @@ from typing import Any
 import click
 from rich.console import Console
 
+from monochord.capture.instruments import INSTRUMENTS
+from monochord.capture.recording import Settings
+from monochord.capture.recording import record as run
+from monochord.capture.recording.settings import kind_of
+from monochord.capture.recording.streams import free_name
+from monochord.capture.recording.view import viewed
 from monochord.cli._options import amount, first_field, put, radius
 from monochord.cli._output import echo
-from monochord.config import Tree, load_toml, override, table
-from monochord.errors import DeviceError, InputError
-from monochord.instruments import INSTRUMENTS
-from monochord.recording import Settings
-from monochord.recording import record as run
-from monochord.recording.settings import kind_of
-from monochord.recording.streams import free_name
-from monochord.recording.view import viewed
+from monochord.core.config import Tree, load_toml, override, table
+from monochord.core.errors import DeviceError, InputError
 
 NAMES = tuple(field.name for field in fields(Settings))
 """Tables that --set reaches by their first word, and so no instrument's name."""

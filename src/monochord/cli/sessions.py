@@ -9,20 +9,20 @@ from typing import Any
 
 import click
 
+from monochord.capture.recording.from_files import from_files
 from monochord.cli._options import radius, refuse_unwritable
 from monochord.cli._output import echo
 from monochord.cli._sessions_facts import facts_lines, facts_of
 from monochord.cli.figure import SUFFIXES
-from monochord.config import override, to_tree
-from monochord.errors import InputError, MonochordError
-from monochord.exports import EXPORTS, form_of
+from monochord.core.config import override, to_tree
+from monochord.core.errors import InputError, MonochordError
 from monochord.figures import FIGURES
 from monochord.physics.strings import load_string
-from monochord.recording.from_files import from_files
 from monochord.sessions import check as look_over
 from monochord.sessions import read_session
 from monochord.sessions import recover as repair
 from monochord.sessions.alignment import Lateness, align
+from monochord.sessions.exports import EXPORTS, form_of
 
 FILE = click.Path(path_type=Path)
 OVERVIEW = "session"  # the figure that shows one

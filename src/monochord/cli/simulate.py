@@ -8,10 +8,10 @@ import click
 
 from monochord.cli._options import refuse_unwritable
 from monochord.cli._output import echo
-from monochord.errors import InputError
-from monochord.physics.models import MODELS, Case, Sound
+from monochord.core.errors import InputError
+from monochord.core.types import Contact
+from monochord.physics.simulators import MODELS, Case, Sound
 from monochord.physics.strings import StringPreset, load_string
-from monochord.types import Contact
 
 SUBTYPES = {".wav": "FLOAT", ".flac": "PCM_24"}
 

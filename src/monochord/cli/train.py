@@ -10,15 +10,15 @@ from typing import Any
 import click
 
 from monochord.cli._output import echo
-from monochord.config import load_toml, override
+from monochord.core.config import load_toml, override
+from monochord.core.printable import printable
 from monochord.figures import FIGURES
-from monochord.printable import printable
-from monochord.training.configs import config_path
-from monochord.training.rows import Told
-from monochord.training.scores import lines
-from monochord.training.settings import Settings
-from monochord.training.train import Result
-from monochord.training.train import train as trained
+from monochord.perception.training.configs import config_path
+from monochord.perception.training.rows import Told
+from monochord.perception.training.scores import lines
+from monochord.perception.training.settings import Settings
+from monochord.perception.training.train import Result
+from monochord.perception.training.train import train as trained
 
 LEARNING = "learning"
 """The figure that is drawn into the folder of a run, under its own name."""

@@ -10,9 +10,9 @@ import click
 
 from monochord.cli._options import refuse_unwritable
 from monochord.cli._output import echo
-from monochord.encoders.weights import checked_sum, find_weights, load_known, weight_names
-from monochord.encoders.weights.fetch import describe, fetch
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.perception.encoders.weights import checked_sum, find_weights, load_known, weight_names
+from monochord.perception.encoders.weights.fetch import describe, fetch
 
 DIR, FILE = click.Path(path_type=Path, file_okay=False), click.Path(path_type=Path)
 json_object = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")

@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.units import Samples
 from monochord.datasets.deal import deal
 from monochord.datasets.store import Dataset, Flags, Indices
-from monochord.errors import InputError, did_you_mean
-from monochord.units import Samples
 
 PARTS = ("train", "validation", "test")
 SHOWN = 12

@@ -11,13 +11,13 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from monochord.core.errors import InputError
+from monochord.core.units import Samples
 from monochord.datasets._ways import is_held_out
 from monochord.datasets.duplicates import find_duplicates
 from monochord.datasets.manifest import FILE, Part, checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, Flags, Indices
-from monochord.errors import InputError
-from monochord.units import Samples
 
 Kind: TypeAlias = Literal[
     "other dataset",

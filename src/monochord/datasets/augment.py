@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Audio, Floats
 from monochord.dsp.noise import NOISES, mixed
-from monochord.errors import InputError, did_you_mean
-from monochord.types import Audio, Floats
 
 RECORDED = "recorded"
 """The kind of noise that is drawn from files of music or speech."""

@@ -11,6 +11,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.errors import InputError
+from monochord.core.ownership import part_folder
+from monochord.core.units import Samples, Seconds
 from monochord.datasets import labels as rules_text
 from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
@@ -27,11 +30,8 @@ from monochord.datasets.store import (
     write_table,
 )
 from monochord.datasets.truth import Truth, truth_of
-from monochord.errors import InputError
-from monochord.ownership import part_folder
 from monochord.sessions import AudioTrack, Session, read_session
 from monochord.sessions.alignment import AUDIO
-from monochord.units import Samples, Seconds
 
 FULL_SCALE = 1.0 - 2.0**-15
 """A sample of this amount or more is clipped: the greatest that a converter of 16 bits gives."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 BLOCK = 1 << 20
 """Bytes that one checksum covers."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.types import Floats
+from monochord.core.types import Floats
 
 
 def deal(

@@ -27,8 +27,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.types import Audio, Floats
-from monochord.units import Samples
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Samples
 
 STEP: Samples = 20
 """Frames that become one where stretches are compared."""

@@ -26,10 +26,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 from monochord.sessions.tracks import LabelTrack
-from monochord.types import Floats
-from monochord.units import Seconds
 
 Columns = dict[str, Floats]
 OF_A_TOUCH = ("position", "force", "slip_across", "slip_along", "slip_velocity")

@@ -10,12 +10,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from monochord.config import from_tree, load_json, to_tree
+from monochord.core.config import from_tree, load_json, to_tree
+from monochord.core.errors import InputError
+from monochord.core.units import Metres, Samples, Seconds
 from monochord.datasets.checksums import BLOCK, REMEDY, FileSums
 from monochord.datasets.labels import Rules
 from monochord.datasets.measured import Thresholds
-from monochord.errors import InputError
-from monochord.units import Metres, Samples, Seconds
 
 FORMAT = 2
 """Version of the layout on disk; from 2 on there are checksums of all files."""

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import MetresPerSecond, Newtons, Seconds
 from monochord.sessions.tracks import LabelTrack, ReadingTrack
-from monochord.types import Floats
-from monochord.units import MetresPerSecond, Newtons, Seconds
 
 Flags = NDArray[np.bool_]
 GRID: Seconds = 1e-3

@@ -23,7 +23,9 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from monochord.config import from_tree, load_json
+from monochord.core.config import from_tree, load_json
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.units import Samples, Seconds
 from monochord.datasets._ways import (
     PARTS,
     by_group,
@@ -34,8 +36,6 @@ from monochord.datasets._ways import (
 )
 from monochord.datasets.manifest import MAX_WINDOWS, checksum
 from monochord.datasets.store import Dataset, Indices
-from monochord.errors import InputError, did_you_mean
-from monochord.units import Samples, Seconds
 
 By: TypeAlias = Literal["session", "object", "time", "day"]
 MORE = "record more, or split by time"

@@ -23,11 +23,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Samples
 from monochord.datasets.checksums import REMEDY, check_blocks
 from monochord.datasets.manifest import TABLE, Layout, Manifest, is_column_name
-from monochord.errors import InputError, did_you_mean
-from monochord.types import Audio, Floats
-from monochord.units import Samples
 
 Flags: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.int64]

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 from monochord.datasets.measured import THRESHOLDS, Thresholds, measured_truth
-from monochord.errors import InputError
 from monochord.sessions import LabelTrack, ReadingTrack, Session
 from monochord.sessions.alignment import AUDIO, Alignment, align, aligned_readings
-from monochord.types import Floats
-from monochord.units import Seconds
 
 Spans = tuple[tuple[Seconds, Seconds], ...]
 RECORDED, MEASURED = "recorded", "measured"

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
-from monochord.types import Audio, Floats
-from monochord.units import Hertz, Samples
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz, Samples
 
 MEL_RATE = 16000
 """Sample rate in Hz of what a log-mel spectrogram is made of."""

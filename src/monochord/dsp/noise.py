@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from monochord.errors import InputError
-from monochord.types import Floats
-from monochord.units import Hertz
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Hertz
 
 Shape = tuple[int, ...]
 Noise = Callable[[np.random.Generator, Shape, float], Floats]

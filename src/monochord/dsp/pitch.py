@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, Samples
 from monochord.dsp import series
 from monochord.dsp.spectrum import FLOOR_WIDTH, Analyser
-from monochord.types import Floats
-from monochord.units import Hertz, Samples
 
 GRID_CENTS = 4.0
 """Distance of neighbouring guesses of f0."""

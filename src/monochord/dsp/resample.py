@@ -4,9 +4,9 @@ from math import gcd
 
 import numpy as np
 
-from monochord.errors import InputError
-from monochord.types import Audio
-from monochord.units import Samples, Seconds
+from monochord.core.errors import InputError
+from monochord.core.types import Audio
+from monochord.core.units import Samples, Seconds
 
 LEAD: Seconds = 0.01
 """Sound on either side of a window that the resampler's filter is given at the least."""

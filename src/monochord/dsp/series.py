@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from monochord.core.types import Floats
+from monochord.core.units import Hertz
 from monochord.dsp.spectrum import Peaks
-from monochord.types import Floats
-from monochord.units import Hertz
 
 GRID_INHARMONICITY = np.array([0.0, 1e-4, 2.5e-4, 5e-4])
 """Guesses of B."""

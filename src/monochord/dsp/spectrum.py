@@ -8,8 +8,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.types import Audio, Floats
-from monochord.units import Hertz, Samples, Seconds
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz, Samples, Seconds
 
 FLOOR_WIDTH: Hertz = 500.0
 """Width of the blocks that the noise floor is taken in; several partials wide."""

@@ -6,7 +6,7 @@ import sys
 import threading
 from dataclasses import dataclass, field
 
-from monochord.errors import MonochordError
+from monochord.core.errors import MonochordError
 
 PROGRAM = (sys.executable, "-c", "from monochord.cli import main; main()")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

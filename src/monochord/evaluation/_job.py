@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from monochord.config import Tree, to_tree
+from monochord.core.config import Tree, to_tree
+from monochord.core.errors import InputError
+from monochord.core.interruption import Interruption
 from monochord.datasets.build import Options, build_dataset, find_sessions
 from monochord.datasets.manifest import FILE, checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
-from monochord.errors import InputError
 from monochord.evaluation._children import AblationError, Children
 from monochord.evaluation.dealt import as_dealt
 from monochord.evaluation.grid import SHARED, Grid, Variation
-from monochord.interruption import Interruption
 
 Told: TypeAlias = Callable[[str, str], None]
 """Is told the name of a variation, and what is being done with it."""

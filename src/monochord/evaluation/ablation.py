@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from monochord.config import Tree
+from monochord.core.config import Tree
+from monochord.core.interruption import Interruption, interruption
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.evaluation._children import AblationError, Children
 from monochord.evaluation._job import DONE, SPLIT, Job, Told
 from monochord.evaluation.grid import WHOLE, Grid
 from monochord.evaluation.paper_rows import RANDOM_WEIGHTS, Row, labelled
-from monochord.interruption import Interruption, interruption
 
 __all__ = ["DONE", "Ablation", "AblationError", "ablate", "compared"]
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from monochord.core.types import Floats, Window
+from monochord.core.units import Hertz
 from monochord.evaluation.known_touches import Mix, Protocol
-from monochord.realstrings import SCALE, Take
-from monochord.types import Floats, Window
-from monochord.units import Hertz
+from monochord.evaluation.realstrings import SCALE, Take
 
 
 def autocorrelation_errors(

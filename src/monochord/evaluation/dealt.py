@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from monochord.core.errors import InputError
 from monochord.datasets.manifest import FILE, checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError
 
 
 def as_dealt(dataset: Dataset, base: Dataset, split: Split, share: float = 1.0, seed: int = 0) -> Split:

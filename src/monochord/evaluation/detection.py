@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import MetresPerSecond, Seconds
 from monochord.evaluation.regression import DRAWS, NONE, Blocks, Rows, Score, blocks_of, score_of
 from monochord.evaluation.results import Results
 from monochord.metrics import (
@@ -21,8 +23,6 @@ from monochord.metrics import (
     known,
     stretches,
 )
-from monochord.types import Floats
-from monochord.units import MetresPerSecond, Seconds
 
 HALF = 0.5
 """A probability above it says yes."""

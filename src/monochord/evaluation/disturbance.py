@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Audio, Floats
 from monochord.dsp.noise import NOISES
-from monochord.errors import InputError, did_you_mean
 from monochord.evaluation.room_sounds import babble, motor
-from monochord.types import Audio, Floats
 
 MADE = {"motor": motor, "speech": babble}
 """Sounds that are made up where no recording of this name is given."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
-from monochord.errors import InputError, did_you_mean
-from monochord.units import Seconds
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.units import Seconds
 
 WHOLE = "whole"
 """The variation that leaves everything in."""

@@ -8,12 +8,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from monochord import realstrings
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Audio
 from monochord.datasets.audit import audit
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset
-from monochord.errors import InputError, did_you_mean
-from monochord.estimators.base import Estimator
+from monochord.evaluation import realstrings
 from monochord.evaluation.disturbance import Disturbance, disturbances
 from monochord.evaluation.interference import RATE, recorded_interference
 from monochord.evaluation.replay import Course, Progress, replay
@@ -21,7 +21,7 @@ from monochord.evaluation.report import page
 from monochord.evaluation.results import Results, join
 from monochord.evaluation.results_file import write_csv, write_results
 from monochord.evaluation.scorecard import Scorecard
-from monochord.types import Audio
+from monochord.perception.estimators.base import Estimator
 
 Noises: TypeAlias = tuple[Disturbance, ...]
 SUITE_RATIOS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)

@@ -5,8 +5,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from monochord import realstrings
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats
+from monochord.evaluation import realstrings
 from monochord.evaluation.autocorrelation import autocorrelation_errors
 from monochord.evaluation.known_touches import (
     Mix,
@@ -15,8 +16,7 @@ from monochord.evaluation.known_touches import (
     located,
     position_errors,
 )
-from monochord.realstrings import Take
-from monochord.types import Audio, Floats
+from monochord.evaluation.realstrings import Take
 
 Per: TypeAlias = Literal["window", "take"]
 RATE = 44100  # of the takes that interference is added to

@@ -6,12 +6,12 @@ from functools import cache
 
 import numpy as np
 
-from monochord import realstrings
-from monochord.errors import InputError
-from monochord.estimators import ESTIMATORS
-from monochord.realstrings import SCALE, Take
-from monochord.types import Audio, Estimate, Floats, Signal, Window
-from monochord.units import Metres, Seconds
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Estimate, Floats, Signal, Window
+from monochord.core.units import Metres, Seconds
+from monochord.evaluation import realstrings
+from monochord.evaluation.realstrings import SCALE, Take
+from monochord.perception.estimators import ESTIMATORS
 
 Calibration = tuple[tuple[float, ...], ...]
 """Takes of known touch, as the closed-form estimator takes them; the open note comes first."""

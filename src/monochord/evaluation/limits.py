@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monochord.core.types import Contact, StringParams
+from monochord.core.units import Newtons, Seconds
 from monochord.evaluation.regression import scored
 from monochord.evaluation.results import Results
 from monochord.physics.theory import TensionLaw, contact_bound
 from monochord.sessions import Session
-from monochord.types import Contact, StringParams
-from monochord.units import Newtons, Seconds
 
 MOST = 200
 """Windows that the bound is worked out for, spread evenly over all."""

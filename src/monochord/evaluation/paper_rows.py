@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.regression import Score
 from monochord.evaluation.scorecard import Scorecard
 

@@ -13,7 +13,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
 from monochord.evaluation.results import Results
 from monochord.metrics import (
     bootstrap_interval,
@@ -24,7 +25,6 @@ from monochord.metrics import (
     pearson_r,
     time_blocks,
 )
-from monochord.units import Seconds
 
 Rows: TypeAlias = NDArray[np.bool_]
 Blocks: TypeAlias = NDArray[np.int64]

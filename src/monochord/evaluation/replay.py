@@ -8,14 +8,14 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.config import to_tree
+from monochord.core.config import to_tree
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
 from monochord.datasets.manifest import Part
 from monochord.datasets.store import Dataset, Indices
-from monochord.errors import InputError
-from monochord.estimators.base import Estimator
 from monochord.evaluation.disturbance import Disturbance
 from monochord.evaluation.results import Results, Trial
-from monochord.types import Audio, Estimates, Floats, Signal, StringParams, Window
+from monochord.perception.estimators.base import Estimator
 
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Is told what is played, how many sessions are done, and how many there are."""
@@ -134,7 +134,7 @@ def columns(told: list[Estimates]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from monochord.types import Estimate
+    >>> from monochord.core.types import Estimate
     >>> told = columns([{"force": Estimate(value=1.0, std=0.5, unit="N")}, {}])
     >>> told["value"]["force"].tolist(), [told["reasons"][at] for at in told["why"]["force"].tolist()]
     ([1.0, nan], ['', 'not estimated'])

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
-from monochord.types import Floats
-from monochord.units import Metres, Seconds
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Metres, Seconds
 
 CLEAN = "clean"
 """The condition in which nothing disturbs."""

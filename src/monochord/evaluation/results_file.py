@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.config import from_tree, to_tree
-from monochord.errors import InputError
+from monochord.core.config import from_tree, to_tree
+from monochord.core.errors import InputError
 from monochord.evaluation.results import COLUMNS, Results, Trial
 
 FORMAT = 1

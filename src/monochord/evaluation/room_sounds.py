@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, Seconds
 from monochord.dsp.noise import band
-from monochord.types import Floats
-from monochord.units import Hertz, Seconds
 
 TURNS: tuple[Hertz, Hertz] = (35.0, 55.0)
 """Revolutions a second that a motor's speed is drawn from."""

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.config import Tree, to_tree
+from monochord.core.config import Tree, to_tree
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Metres, Newtons, Seconds
 from monochord.evaluation.detection import Band, Detection, by_speed, detection
 from monochord.evaluation.limits import Bound, against_bound
 from monochord.evaluation.regression import DRAWS, Regression, Rows, regression, scored
 from monochord.evaluation.results import CLEAN, Results
-from monochord.types import Floats, StringParams
-from monochord.units import Metres, Newtons, Seconds
 
 QUANTITIES = ("position", "force")
 STATES = ("touched", "at rest", "sliding")

@@ -6,15 +6,15 @@ from math import exp, log
 
 import numpy as np
 
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import MetresPerSecond, Newtons, Seconds
 from monochord.dsp.noise import pink
-from monochord.errors import InputError
 from monochord.evaluation.slip_features import filled_gaps, rumble
 from monochord.metrics.ranking import Groups, area_interval, area_under_curve
 from monochord.physics.materials import Material
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Scene, Sensor, advance, begin, hold
-from monochord.types import Floats
-from monochord.units import MetresPerSecond, Newtons, Seconds
 
 RATE = 44100
 FEATURES = ("rumble", "filled gaps")

@@ -9,9 +9,9 @@ gaps fill up. Neither feature knows position or force, and nothing in them is fi
 
 import numpy as np
 
-from monochord.errors import InputError
-from monochord.types import Audio, Floats
-from monochord.units import Hertz
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz
 
 LOWEST = 30.0
 """Hz from which a rumble is heard; a preamplifier passes little below."""

@@ -4,8 +4,8 @@ from math import log
 
 import numpy as np
 
-from monochord.errors import InputError
-from monochord.types import Floats
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 
 COMPONENTS = 50
 """Principal components that distances are told from."""

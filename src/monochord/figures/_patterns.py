@@ -5,12 +5,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Newtons, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Key, Pluck, Scene, Sensor, Touch, advance, begin
-from monochord.types import Audio, Floats
-from monochord.units import Newtons, Seconds
 
 RATE = 44100
 PARTIALS = 8

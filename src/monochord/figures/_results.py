@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from monochord.errors import InputError, did_you_mean
+from monochord.core.errors import InputError, did_you_mean
 from monochord.evaluation.results import Results
 from monochord.evaluation.results_file import read_results
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from monochord.physics.models import MODELS, Case, Model
+from monochord.core.types import Contact, Floats, StringParams
+from monochord.physics.simulators import MODELS, Case, Model
 from monochord.physics.theory import TensionLaw, split_frequencies
-from monochord.types import Contact, Floats, StringParams
 
 SETTLE, LISTEN = 0.3, 0.2  # s: what is let pass of each touch, and the window that is looked at
 USUAL_ROUTE = "modal"

@@ -9,12 +9,12 @@ from types import MappingProxyType
 
 import numpy as np
 
+from monochord.core.types import POSE, WRENCH, Audio, Block, Feed, Floats, Readings
+from monochord.core.units import Metres, MetresPerSecond, Newtons, Samples, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Key, Scene, Touch, advance, begin
 from monochord.sessions import Description, SessionClock, SessionWriter
-from monochord.types import POSE, WRENCH, Audio, Block, Feed, Floats, Readings
-from monochord.units import Metres, MetresPerSecond, Newtons, Samples, Seconds
 
 RATE = 44100
 TURN: Seconds = 0.003

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monochord.core.types import Floats
 from monochord.evaluation.detection import HALF, judged
 from monochord.evaluation.results import CLEAN, Results
 from monochord.figures import _style
 from monochord.figures._results import in_condition, whose
 from monochord.figures.base import Measured
 from monochord.metrics import confusion
-from monochord.types import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

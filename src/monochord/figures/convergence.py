@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, Floats
+from monochord.core.units import Hertz, Newtons, Seconds
 from monochord.figures import _style
 from monochord.figures.base import Figure
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency, segment_frequencies
-from monochord.types import Contact, Floats
-from monochord.units import Hertz, Newtons, Seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

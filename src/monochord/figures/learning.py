@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monochord.config import load_toml
-from monochord.errors import InputError
+from monochord.core.config import load_toml
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 from monochord.figures import _style
 from monochord.figures.base import Measured
-from monochord.heads import HEADS
-from monochord.training.run_folder import CONFIG, HISTORY, METRICS
-from monochord.types import Floats
+from monochord.perception.heads import HEADS
+from monochord.perception.training.run_folder import CONFIG, HISTORY, METRICS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Seconds
 from monochord.figures import _style
 from monochord.figures._patterns import (
     ALIKE,
@@ -22,8 +24,6 @@ from monochord.figures._patterns import (
 from monochord.figures.base import Measured
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
-from monochord.types import Audio, Floats
-from monochord.units import Seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

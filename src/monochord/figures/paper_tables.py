@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from monochord.errors import InputError, did_you_mean
+from monochord.core.errors import InputError, did_you_mean
 from monochord.evaluation.paper import NOISE, PAPER, reported
 from monochord.evaluation.paper_rows import Row
 from monochord.evaluation.results import CLEAN

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monochord.core.types import Floats
+from monochord.core.units import Metres
 from monochord.evaluation.interference import Interferer, errors_under, recorded_interference
 from monochord.evaluation.known_touches import NEAR, Protocol, calibrated_strings, located, position_errors
 from monochord.figures import _style
 from monochord.figures.base import Figure
-from monochord.types import Floats
-from monochord.units import Metres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monochord.config import to_tree
-from monochord.errors import InputError
+from monochord.core.config import to_tree
+from monochord.core.errors import InputError
 from monochord.evaluation.regression import NEAR, regression, scored
 from monochord.evaluation.results import CLEAN, Results
 from monochord.figures import _style

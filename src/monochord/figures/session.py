@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.printable import printable
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 from monochord.figures import _style
 from monochord.figures.base import Figure
-from monochord.printable import printable
 from monochord.sessions import AudioTrack, Session, read_session
-from monochord.types import Floats
-from monochord.units import Seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monochord.config import to_tree
-from monochord.errors import InputError
+from monochord.core.config import to_tree
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.evaluation.sliding import RATE, Sliding, Told, told_apart
 from monochord.figures import _style
 from monochord.figures.base import Measured
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin.stream import MOVING
-from monochord.types import Floats
-from monochord.units import Metres, MetresPerSecond, Newtons, Seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.evaluation.detection import detection
 from monochord.evaluation.regression import Score, regression
 from monochord.evaluation.results import CLEAN, Results

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 from monochord.figures import _style
 from monochord.figures._tapped import tapped
 from monochord.figures.base import Measured
 from monochord.sessions import Session, read_session
 from monochord.sessions.alignment import AUDIO, Alignment, align, reading_times
-from monochord.types import Floats
-from monochord.units import Seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

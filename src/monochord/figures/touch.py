@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz, MetresPerSecond, Newtons, Seconds
 from monochord.figures import _style
 from monochord.figures.base import Figure
 from monochord.physics.materials import load_material
@@ -15,8 +17,6 @@ from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import split_frequencies
 from monochord.physics.twin import Key, Pluck, Scene, Take, advance, begin
 from monochord.physics.twin import Touch as Object
-from monochord.types import Audio, Floats
-from monochord.units import Hertz, MetresPerSecond, Newtons, Seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

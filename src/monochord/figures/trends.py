@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Hertz, Newtons
 from monochord.figures import _style
 from monochord.figures._sweep import Sweep, simulated_spectra, simulator
 from monochord.figures.base import Figure
-from monochord.physics.models import Model
+from monochord.physics.simulators import Model
 from monochord.physics.strings import load_string
 from monochord.physics.theory import TensionLaw, open_frequency
-from monochord.types import Floats, StringParams
-from monochord.units import Hertz, Newtons
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monochord.core.errors import InputError
+from monochord.core.types import Floats, Signal
 from monochord.datasets.store import Dataset, Indices, open_dataset
-from monochord.errors import InputError
 from monochord.evaluation.tsne import MOST_ROWS, tsne
-from monochord.features import FEATURES
 from monochord.figures import _style
 from monochord.figures.base import Measured
 from monochord.metrics import known, pearson_r
+from monochord.perception.features import FEATURES
 from monochord.physics.sensors import load_sensor
-from monochord.types import Floats, Signal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,10 +13,10 @@ from distributed import Client, KilledWorker, LocalCluster, as_completed
 from distributed.client import FutureCancelledError
 from distributed.versions import VersionMismatchWarning
 
-from monochord.errors import DeviceError, InputError
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.ownership import scratch_folder
+from monochord.core.units import Seconds
 from monochord.lab._worker import ALONE, TRIES, do, one_thread_each, pack, undisturbed, unreadable
-from monochord.ownership import scratch_folder
-from monochord.units import Seconds
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")

@@ -7,7 +7,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-from monochord.errors import DeviceError
+from monochord.core.errors import DeviceError
 from monochord.lab._worker import TRIES, do, one_thread_each, pack, prepare, undisturbed
 
 Job = TypeVar("Job")

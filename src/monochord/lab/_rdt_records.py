@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
-from monochord.instruments import _rdt as rdt
-from monochord.types import Floats
-from monochord.units import Hertz, Seconds
+from monochord.capture.instruments import _rdt as rdt
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, Seconds
 
 FOR_EVER = -1
 MOST_AT_ONCE = 70_000  # after a pause of the process; what is older is left out and counted lost

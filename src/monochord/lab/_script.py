@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from monochord.config import from_tree
-from monochord.errors import InputError
-from monochord.types import Floats
-from monochord.units import Seconds
+from monochord.core.config import from_tree
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 
 T = TypeVar("T")
 

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from multiprocessing import parent_process, resource_tracker
 from typing import Any
 
-from monochord.errors import DeviceError
-from monochord.interruption import interruption
+from monochord.core.errors import DeviceError
+from monochord.core.interruption import interruption
 
 TRIES = 3
 """Workers that may die over one job before it counts as hopeless."""

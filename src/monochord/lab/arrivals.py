@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.types import Floats
-from monochord.units import Seconds
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,16 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from monochord.config import dump_toml, to_tree
-from monochord.errors import InputError
+from monochord.core.config import dump_toml, to_tree
+from monochord.core.errors import InputError
+from monochord.core.types import POSE, WRENCH, Block, Feed, Floats, Readings
+from monochord.core.units import Samples, Seconds
 from monochord.lab.arrivals import Line, arrive
 from monochord.lab.plan import Assignment
 from monochord.lab.render import pieces
 from monochord.lab.rendering import Rendering
 from monochord.lab.tally import Tally, tally
 from monochord.sessions import Description, SessionClock, SessionWriter, read_session
-from monochord.types import POSE, WRENCH, Block, Feed, Floats, Readings
-from monochord.units import Samples, Seconds
 
 BATCH: Seconds = 0.01
 """Readings that a machine takes from its socket at once."""

@@ -7,11 +7,11 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from monochord.errors import InputError, did_you_mean
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.ownership import sole_use
 from monochord.lab.bench import Outcome, make
 from monochord.lab.fleet import run_all
 from monochord.lab.plan import Assignment, Plan, assignments
-from monochord.ownership import sole_use
 
 _log = logging.getLogger("monochord")
 

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Metres, Seconds
 from monochord.lab.motion import Motion, Move, Press, Retreat, Slide, Stay, Tap, Travel, motion
 from monochord.lab.plan import Assignment
 from monochord.lab.pressing import depth_under
-from monochord.types import Floats, StringParams
-from monochord.units import Metres, Seconds
 
 PAUSES = (0.24, 0.31)
 """Rests between the taps in s: unequal, so that no tap is taken for its neighbour."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator, Sequence
 from importlib.util import find_spec
 from typing import TypeVar
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")

@@ -5,10 +5,10 @@ from math import ceil
 
 import numpy as np
 
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, MetresPerSecond
 from monochord.lab.plan import ForceSensor
 from monochord.physics.materials import Material
-from monochord.types import Floats
-from monochord.units import Hertz, MetresPerSecond
 
 STANDSTILL: MetresPerSecond = 5e-4
 """Sliding speed at which friction is mostly there; a touch at rest is taken to hold nothing across."""

@@ -2,8 +2,8 @@
 
 from math import ceil
 
-from monochord.errors import InputError
-from monochord.units import Metres, MetresPerSecond, Seconds
+from monochord.core.errors import InputError
+from monochord.core.units import Metres, MetresPerSecond, Seconds
 
 ACCELERATION = 1.5
 """Of the robot's tool, in m/s^2: assumed, within what a seven-axis arm of 14 kg payload can do."""

@@ -16,12 +16,12 @@ from math import hypot
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.lab.glide import glide
 from monochord.lab.pressing import depth_under, force_at_depth
 from monochord.physics.twin import Key
-from monochord.types import Floats, StringParams
-from monochord.units import Metres, MetresPerSecond, Newtons, Seconds
 
 HEIGHT: Metres = 3e-3
 """How far above the string the tool travels: many times the string's swing."""

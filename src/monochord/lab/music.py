@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from monochord.types import Audio, Floats
-from monochord.units import Hertz, Seconds
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz, Seconds
 
 BEATS_A_MINUTE = 112.0
 CHORDS = ((57, 60, 64), (53, 57, 60), (48, 52, 55), (55, 59, 62))

@@ -22,12 +22,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from monochord.errors import DeviceError, InputError
-from monochord.instruments import _rdt as rdt
+from monochord.capture.instruments import _rdt as rdt
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 from monochord.lab._rdt_records import NetFtSettings, RecordStream
 from monochord.lab._script import obey, read_script, write_script
-from monochord.types import Floats
-from monochord.units import Seconds
 
 __all__ = ["NetFtDevice", "NetFtSettings", "serve", "write_script"]
 
@@ -60,7 +60,7 @@ class NetFtDevice:
     Examples
     --------
     >>> import numpy as np
-    >>> from monochord.instruments.net_ft import NetFt
+    >>> from monochord.capture.instruments.net_ft import NetFt
     >>> with NetFtDevice(np.array([[0.0, 0.0, 1.5, 0.0, 0.0, 0.0]])) as device:
     ...     with NetFt(address=device.address, http_port=device.http_port).open() as sensor:
     ...         float(sensor.poll()[0].values[0, 2])

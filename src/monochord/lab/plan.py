@@ -9,13 +9,13 @@ from zlib import crc32
 import numpy as np
 from msgspec import Meta
 
-from monochord.errors import InputError, did_you_mean
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Sensor
 from monochord.physics.twin.variation import build, day
-from monochord.types import Floats
-from monochord.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 
 Range: TypeAlias = tuple[float, float]
 Count = Annotated[int, Meta(ge=1, le=100000)]

@@ -17,15 +17,15 @@ from typing import Self
 
 import numpy as np
 
-from monochord.errors import DeviceError, InputError
+from monochord.capture.jack import arena as at
+from monochord.capture.jack import libjack
+from monochord.capture.jack.arena import Arena
+from monochord.capture.jack.atomics import store
+from monochord.capture.jack.client import JackClient
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Audio
+from monochord.core.units import Samples, Seconds
 from monochord.lab._script import obey, read_script, write_script
-from monochord.realtime import arena as at
-from monochord.realtime import libjack
-from monochord.realtime.arena import Arena
-from monochord.realtime.atomics import store
-from monochord.realtime.client import JackClient
-from monochord.types import Audio
-from monochord.units import Samples, Seconds
 
 __all__ = ["Player", "PlayerSettings", "serve", "write_script"]
 
@@ -154,7 +154,7 @@ class Player:
             raise InputError(what, f"the JACK server's {rate} Hz", "resample them first")
 
     def _start(self) -> list[str]:
-        from monochord.realtime import callbacks  # noqa: PLC0415  (compiled by now)
+        from monochord.capture.jack import callbacks  # noqa: PLC0415  (compiled by now)
 
         return self._client.start(self._tape, callbacks.play.address, libjack.IS_OUTPUT, "out")
 

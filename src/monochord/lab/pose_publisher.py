@@ -21,12 +21,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from monochord.clock import clock_offsets
-from monochord.dds.participant import Participant
-from monochord.errors import InputError
+from monochord.capture.dds.participant import Participant
+from monochord.core.clock import clock_offsets
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, Seconds
 from monochord.lab._script import obey, read_script, write_script
-from monochord.types import Floats
-from monochord.units import Hertz, Seconds
 
 __all__ = ["PosePublisher", "PublisherSettings", "serve", "write_script"]
 
@@ -102,7 +102,7 @@ class PosePublisher:
     Examples
     --------
     >>> import numpy as np
-    >>> from monochord.instruments.pose_dds import PoseDds
+    >>> from monochord.capture.instruments.pose_dds import PoseDds
     >>> with PosePublisher(np.array([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])) as robot:
     ...     with PoseDds().open() as sensor:
     ...         while not (readings := sensor.poll()):
@@ -214,7 +214,7 @@ class _Outlets:
         stamp = self._stamp(taken)
         writer = self._writers.get("PoseStamped")
         if writer:
-            from monochord.dds import messages as ros  # noqa: PLC0415
+            from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
             pose = ros.Pose(position=ros.Point(*row[:3]), orientation=ros.Quaternion(*row[3:]))
             writer.write(ros.PoseStamped(header=ros.header(stamp, self._settings.frame), pose=pose), stamp)
@@ -227,7 +227,7 @@ class _Outlets:
         stamp = self._stamp(taken)
         writer = self._writers.get("WrenchStamped")
         if writer:
-            from monochord.dds import messages as ros  # noqa: PLC0415
+            from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
             wrench = ros.Wrench(force=ros.Vector3(*row[:3]), torque=ros.Vector3(*row[3:]))
             writer.write(

@@ -1,8 +1,8 @@
 """How deep a string is pressed by a force, and with what force it answers a depth: statics in closed form."""
 
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Metres, Newtons
 from monochord.physics.theory import geometric_tension, stretch_stiffness
-from monochord.types import Floats, StringParams
-from monochord.units import Metres, Newtons
 
 
 def depth_under(string: StringParams, position: Metres | Floats, force: Newtons | Floats) -> Floats:

@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz, Samples, Seconds
 from monochord.lab.course import Course, course
 from monochord.lab.gauge import Noise, Touched, mount, wrench_of
 from monochord.lab.music import loop
@@ -21,8 +23,6 @@ from monochord.lab.rendering import Happening, Rendering, first_reading, joined
 from monochord.physics.materials import load_material
 from monochord.physics.twin import Outside, Scene, Sensor, Touch, Twin, advance, begin, switch
 from monochord.physics.twin.outside import outside_at
-from monochord.types import Audio, Floats
-from monochord.units import Hertz, Samples, Seconds
 
 PIECE: Seconds = 2.0
 """What is rendered at once."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.types import Audio, Floats
-from monochord.units import Hertz, Samples, Seconds
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz, Samples, Seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

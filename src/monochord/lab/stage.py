@@ -19,9 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from monochord.errors import DeviceError
-from monochord.instruments import INSTRUMENTS
-from monochord.instruments.base import Connection, Instrument
+from monochord.capture.instruments import INSTRUMENTS
+from monochord.capture.instruments.base import Connection, Instrument
+from monochord.capture.recording import Job, Notice, Progress, Summary, record
+from monochord.capture.sources import SOURCES
+from monochord.core.errors import DeviceError
+from monochord.core.ownership import scratch_folder
+from monochord.core.types import Feed, Floats, InstrumentHealth, Readings, Signal
+from monochord.core.units import Seconds
 from monochord.lab._script import write_script
 from monochord.lab.bench import Outcome, delays, describe, made_before, outcome
 from monochord.lab.net_ft_device import NetFtSettings
@@ -30,12 +35,7 @@ from monochord.lab.player import PlayerSettings
 from monochord.lab.pose_publisher import PublisherSettings
 from monochord.lab.render import render
 from monochord.lab.rendering import Rendering
-from monochord.ownership import scratch_folder
-from monochord.recording import Job, Notice, Progress, Summary, record
 from monochord.sessions import Description
-from monochord.sources import SOURCES
-from monochord.types import Feed, Floats, InstrumentHealth, Readings, Signal
-from monochord.units import Seconds
 
 LEAD: Seconds = 1.0
 """From the word to begin to the begin: the player sets its first frame 0.2 s before."""
@@ -80,7 +80,7 @@ def perform(
     stage
         Where the parts meet.
     show
-        As `monochord.recording.record` takes it.
+        As `monochord.capture.recording.record` takes it.
 
     Returns
     -------

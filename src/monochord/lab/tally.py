@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from monochord.errors import InputError
-from monochord.types import Floats
-from monochord.units import Seconds
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 
 WINDOW: Seconds = 0.1
 STEADY = 0.1

@@ -3,10 +3,10 @@
 import dataclasses
 import statistics
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.live.loop import run
 from monochord.live.settings import Session
-from monochord.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Moment
 
 
 def medians(take: Session) -> dict[str, float]:

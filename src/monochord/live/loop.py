@@ -8,17 +8,17 @@ from contextlib import ExitStack, contextmanager
 
 import numpy as np
 
-from monochord.clock import SampleClock
-from monochord.errors import InputError
-from monochord.interruption import interruption
+from monochord.capture.sources.base import Stream
+from monochord.core.clock import SampleClock
+from monochord.core.errors import InputError
+from monochord.core.interruption import interruption
+from monochord.core.types import Block, Prediction, Signal, Window
+from monochord.core.units import Samples, Seconds
+from monochord.core.windows import windows
 from monochord.live.settings import Session
+from monochord.live.sinks.base import Moment
 from monochord.live.summary import Meter, Summary
 from monochord.physics.strings import load_string
-from monochord.sinks.base import Moment
-from monochord.sources.base import Stream
-from monochord.types import Block, Prediction, Signal, Window
-from monochord.units import Samples, Seconds
-from monochord.windows import windows
 
 
 def run(session: Session) -> Summary:

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord import metrics
-from monochord.sinks.base import Listener, Moment
-from monochord.types import Floats
-from monochord.units import Metres, Seconds
+from monochord.core.types import Floats
+from monochord.core.units import Metres, Seconds
+from monochord.live.sinks.base import Listener, Moment
 
 CHANCES = ("contact", "slip")
 AMOUNTS: Mapping[str, tuple[float, str, float, str]] = {

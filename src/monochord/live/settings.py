@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from monochord.config import Tree, from_tree, to_tree
-from monochord.errors import InputError
-from monochord.estimators import ESTIMATORS
-from monochord.estimators.base import Estimator
-from monochord.registry import Registry
-from monochord.sinks import SINKS
-from monochord.sinks.base import Sink
-from monochord.sources import SOURCES
-from monochord.sources.base import Source
-from monochord.units import Samples, Seconds
+from monochord.capture.sources import SOURCES
+from monochord.capture.sources.base import Source
+from monochord.core.config import Tree, from_tree, to_tree
+from monochord.core.errors import InputError
+from monochord.core.registry import Registry
+from monochord.core.units import Samples, Seconds
+from monochord.live.sinks import SINKS
+from monochord.live.sinks.base import Sink
+from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.estimators.base import Estimator
 
 T = TypeVar("T")
 SHORTEST: Seconds = 0.01  # holds a period of 100 Hz

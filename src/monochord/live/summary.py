@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from monochord.timing import Histogram, Percentiles
-from monochord.types import Prediction, StreamHealth
-from monochord.units import Samples, Seconds
+from monochord.core.timing import Histogram, Percentiles
+from monochord.core.types import Prediction, StreamHealth
+from monochord.core.units import Samples, Seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
-from monochord.types import Floats
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 
 
 def numbers(**named: Floats) -> tuple[Floats, ...]:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 from monochord.metrics._checked import numbers
-from monochord.types import Floats
-from monochord.units import Seconds
 
 Rows = NDArray[np.int64]
 

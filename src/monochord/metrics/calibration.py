@@ -5,9 +5,9 @@ from math import erf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 from monochord.metrics._checked import decisions, numbers, probabilities
-from monochord.types import Floats
 
 
 def coverage(reference: Floats, estimate: Floats, std: Floats, sigmas: float = 1.0) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.metrics._checked import decisions
 
 

@@ -9,10 +9,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, Seconds
 from monochord.metrics._checked import decisions, numbers
-from monochord.types import Floats
-from monochord.units import Hertz, Seconds
 
 
 def stretches(time: Floats, on: NDArray[np.bool_], hop: Seconds) -> Floats:

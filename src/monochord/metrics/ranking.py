@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from monochord.errors import InputError
-from monochord.types import Floats
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 
 Groups = list[Floats]
 """Values of one kind, one array for each independent run that they come from."""

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 from monochord.metrics._checked import numbers
-from monochord.types import Floats
 
 
 def known(*columns: Floats) -> NDArray[np.bool_]:

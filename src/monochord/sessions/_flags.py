@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monochord.units import Seconds
+from monochord.core.units import Seconds
 
 if TYPE_CHECKING:
     from monochord.sessions.alignment import Lateness, Limits

@@ -7,8 +7,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from monochord.errors import InputError
-from monochord.units import Seconds
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
 
 PATIENCE: Seconds = 0.3
 """How long a lock is tried for: whoever only looks whether there is one holds it for an instant."""

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 from monochord.sessions._flags import AUDIO, flags_of, mute, steps_of_the_wall_clock, strays
 from monochord.sessions.reader import Session
+from monochord.sessions.sync.arrival import Taken, times_taken
+from monochord.sessions.sync.pulses import Taps, groups_of, taps_of_force, taps_of_height
+from monochord.sessions.sync.taps import Offset, audio_offset, height_offset, travel_time
 from monochord.sessions.tracks import ReadingTrack
-from monochord.sync.arrival import Taken, times_taken
-from monochord.sync.pulses import Taps, groups_of, taps_of_force, taps_of_height
-from monochord.sync.taps import Offset, audio_offset, height_offset, travel_time
-from monochord.types import Floats
-from monochord.units import Seconds
 
 BEYOND: Seconds = 0.5
 """How much further than allowed an offset is looked for, so that it can be told."""
@@ -123,7 +123,7 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
 
     The reference is the force where there is one, else the microphones, of which the pose then tells when to
     listen. Every other stream's offset is measured in the first and in the last group of taps (see
-    `monochord.sync.taps` for the method and the sign: positive is late); between them it is taken to change
+    `monochord.sessions.sync.taps` for the method and the sign: positive is late); between them it is taken to change
     linearly.
 
     Parameters
@@ -177,7 +177,7 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
 def reading_times(track: ReadingTrack) -> Taken:
     """Return when readings were taken, in session seconds, from the sender's clock or else its count.
 
-    See `monochord.sync.arrival.times_taken`; where the sender has neither, they are the times of arrival.
+    See `monochord.sessions.sync.arrival.times_taken`; where the sender has neither, they are the times of arrival.
     """
     feed = track.feed
     if feed.ticks > 0.0 and (track.device_time >= 0).all():

@@ -7,8 +7,8 @@ import json
 import os
 from typing import Any
 
-from monochord.errors import InputError
-from monochord.units import Seconds
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
 
 LONGEST: Seconds = 7 * 24 * 3600.0
 """How far from its begin any time of a session lies, either way; audio ends by then, its gaps counted in."""

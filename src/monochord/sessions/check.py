@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
 from monochord.sessions import walk
 from monochord.sessions._contents import Contents, contents
 from monochord.sessions._lock import being_written
 from monochord.sessions.bounds import json_object
 from monochord.sessions.description import Description
 from monochord.sessions.reader import Session, read_session
-from monochord.units import Seconds
 
 DISTURBANCES = (
     "clock_step",

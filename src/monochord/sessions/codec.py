@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import POSE, WRENCH, Feed
 from monochord.sessions.bounds import MOST_COLUMNS, json_object
 from monochord.sessions.description import NANO
-from monochord.types import POSE, WRENCH, Feed
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from monochord.config import Tree, from_tree, to_tree
-from monochord.errors import InputError
+from monochord.core.config import Tree, from_tree, to_tree
+from monochord.core.errors import InputError
+from monochord.core.types import Feed, Floats, StringParams
+from monochord.core.units import Metres, Seconds
 from monochord.sessions.bounds import HIGHEST_RATE, LONGEST, MOST_COLUMNS, MOST_STREAMS, json_object
-from monochord.types import Feed, Floats, StringParams
-from monochord.units import Metres, Seconds
 
 NANO = 1_000_000_000
 LATEST_STAMP = 2**31 * NANO

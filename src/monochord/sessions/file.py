@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.sessions._lock import lock
 
 KEEP_SIZE = 1  # of fallocate(2): blocks are set aside, the file's size stays

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Feed
 from monochord.sessions import codec, walk
 from monochord.sessions._contents import END
 from monochord.sessions._opening import BEGIN
@@ -21,7 +22,6 @@ from monochord.sessions.bounds import (
 from monochord.sessions.description import NANO, Description, SessionClock
 from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, LabelTrack, ReadingTrack
 from monochord.sessions.writer import LABELS
-from monochord.types import Feed
 
 
 def read_session(path: Path) -> "Session":

@@ -10,14 +10,14 @@ from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
 from monochord.sessions import walk
 from monochord.sessions._contents import contents, told_at_begin
 from monochord.sessions._ending import ending_after
 from monochord.sessions._lock import refuse_recorded
 from monochord.sessions._opening import BEGIN, FORMAT, opening
 from monochord.sessions.reader import read_session
-from monochord.units import Seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

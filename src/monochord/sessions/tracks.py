@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
-from monochord.types import Audio, Feed, Floats
-from monochord.units import Samples, Seconds
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Feed, Floats
+from monochord.core.units import Samples, Seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class AudioTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingTrack:
-    """All readings of an instrument; see `monochord.types.Readings` for what the arrays are."""
+    """All readings of an instrument; see `monochord.core.types.Readings` for what the arrays are."""
 
     feed: Feed
     time: Floats

@@ -10,7 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 if TYPE_CHECKING:
     from mcap.data_stream import ReadDataStream

@@ -11,7 +11,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Block, Floats, Readings
+from monochord.core.units import Samples, Seconds
 from monochord.sessions import codec
 from monochord.sessions._chunk_list import ChunkList
 from monochord.sessions._contents import END, guarded
@@ -19,8 +21,6 @@ from monochord.sessions._opening import begin
 from monochord.sessions.bounds import MOST_COLUMNS
 from monochord.sessions.description import LATEST_STAMP, Description, SessionClock
 from monochord.sessions.file import SessionFile
-from monochord.types import Block, Floats, Readings
-from monochord.units import Samples, Seconds
 
 LABELS = "labels"
 """The stream whose readings are what is known to be true."""

@@ -4,17 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from monochord.errors import InputError
-from monochord.estimators import ESTIMATORS
+from monochord.core.errors import InputError
 from monochord.evaluation.grid import WHOLE
 from monochord.evaluation.grids import grid_names, load_grid
+from monochord.perception.estimators import ESTIMATORS
 
 
 @pytest.mark.parametrize("name", grid_names())
 def test_every_preset_is_a_grid_of_settings_that_there_are(name: str) -> None:
-    from monochord.config import load_toml, override
-    from monochord.training.configs import config_path
-    from monochord.training.settings import Settings
+    from monochord.core.config import load_toml, override
+    from monochord.perception.training.configs import config_path
+    from monochord.perception.training.settings import Settings
 
     grid = load_grid(name)
     assert grid.title

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from monochord.instruments.base import Instrument
+from monochord.capture.instruments.base import Instrument
 from monochord.sessions import Description, SessionClock, SessionWriter, check, read_session
 
 

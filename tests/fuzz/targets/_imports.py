@@ -6,9 +6,9 @@ from pathlib import Path
 from tests.fuzz.base import Input, Target, command, taken_from
 from tests.fuzz.targets.sessions import FEEDS, write_session
 
-from monochord.errors import InputError
-from monochord.exports import EXPORTS
+from monochord.core.errors import InputError
 from monochord.sessions import read_session
+from monochord.sessions.exports import EXPORTS
 
 
 def brought_in(out: Path, *arguments: object) -> None:

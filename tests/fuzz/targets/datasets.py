@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 from tests.fuzz.base import Input, Target, command, taken_from
 
+from monochord.core.errors import InputError
+from monochord.core.types import Block
 from monochord.datasets.build import Options, build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import open_dataset
-from monochord.errors import InputError
+from monochord.perception.training.examples import chosen
+from monochord.perception.training.prepare import examples_of, material, read_split
+from monochord.perception.training.settings import Settings
 from monochord.sessions import Description, SessionClock, SessionWriter
-from monochord.training.examples import chosen
-from monochord.training.prepare import examples_of, material, read_split
-from monochord.training.settings import Settings
-from monochord.types import Block
 
 RATE = 16000
 FEATURE = {"name": "log_mel"}

@@ -8,7 +8,7 @@ import soundfile
 from tests.fuzz.base import Input, Target, taken_from
 from tests.fuzz.targets._imports import brought_in
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 
 TABLES = (
     "time,contact,position,force,slip\n0.0,0,,,\n0.01,1,0.12,1.5,0\n0.02,1,0.12,1.5,1\n",

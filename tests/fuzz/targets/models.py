@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from tests.fuzz.base import Input, Target, taken_from
 
-from monochord.features import FEATURES
-from monochord.heads import HEADS
-from monochord.perceiver import Definition, Perceiver, load
-from monochord.perceiver.definition import FeatureRecord, HeadRecord, Reference
-from monochord.perceiver.files import TEXT, WEIGHTS, save
-from monochord.perceiver.probe import probed
-from monochord.types import Signal, Window
+from monochord.core.types import Signal, Window
+from monochord.perception.features import FEATURES
+from monochord.perception.heads import HEADS
+from monochord.perception.model import Definition, Perceiver, load
+from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
+from monochord.perception.model.files import TEXT, WEIGHTS, save
+from monochord.perception.model.probe import probed
 
 RATE, SIZE = 16000, 400
 SIGNAL = Signal(sample_rate=RATE, channels=2)

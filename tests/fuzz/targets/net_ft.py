@@ -11,7 +11,7 @@ from tests.fuzz.base import Input, Target
 from tests.fuzz.mutate import datagrams, packets
 from tests.fuzz.targets._feeds import recorded
 
-from monochord.instruments.net_ft import NetFt
+from monochord.capture.instruments.net_ft import NetFt
 from monochord.lab.net_ft_device import NetFtSettings, _page
 
 RECORD = struct.Struct(">IIIiiiiii")

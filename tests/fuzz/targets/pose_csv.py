@@ -6,8 +6,8 @@ from pathlib import Path
 from tests.fuzz.base import Input, Target
 from tests.fuzz.targets._feeds import recorded
 
-from monochord.errors import InputError
-from monochord.instruments.pose_csv import PoseCsv
+from monochord.capture.instruments.pose_csv import PoseCsv
+from monochord.core.errors import InputError
 
 
 class Fuzz(Target):

@@ -7,12 +7,12 @@ import numpy as np
 from tests.fuzz.base import Input, Target, command, taken_from
 from tests.fuzz.targets.models import drawn_model
 
-from monochord.config import load_toml
-from monochord.errors import InputError
+from monochord.core.config import load_toml
+from monochord.core.errors import InputError
 from monochord.figures import FIGURES
-from monochord.training.checkpoint import Checkpoint
-from monochord.training.run_folder import CHECKPOINT, CONFIG, claim, write_history, write_metrics
-from monochord.training.settings import Settings
+from monochord.perception.training.checkpoint import Checkpoint
+from monochord.perception.training.run_folder import CHECKPOINT, CONFIG, claim, write_history, write_metrics
+from monochord.perception.training.settings import Settings
 
 HISTORY = [
     {"epoch": float(n), "loss": 1.0 / n, "contact": 0.5 / n, "position": 0.01 / n} for n in range(1, 4)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from tests.fuzz.base import Input, Target, command, taken_from
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
 from monochord.sessions import Description, SessionClock, SessionWriter, read_session, recover
-from monochord.types import POSE, WRENCH, Block, Feed, Readings
 
 RATE = 16000
 FEEDS = (

@@ -7,19 +7,19 @@ from typing import Any
 
 from tests.fuzz.base import Input, Target
 
+from monochord.capture.recording import Settings as RecordSettings
 from monochord.cli import live as live_command
 from monochord.cli import record as record_command
-from monochord.config import dump_toml, load_toml, override
-from monochord.errors import InputError
+from monochord.core.config import dump_toml, load_toml, override
+from monochord.core.errors import InputError
 from monochord.evaluation.grids import load_grid
 from monochord.lab.collection import chosen
 from monochord.lab.plans import load_plan
 from monochord.live import Settings as LiveSettings
+from monochord.perception.training.settings import Settings as TrainSettings
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
-from monochord.recording import Settings as RecordSettings
-from monochord.training.settings import Settings as TrainSettings
 
 LIVE = """seconds = 5.0
 string = "appendix"
@@ -116,7 +116,7 @@ KINDS: dict[str, Callable[[Path, Sequence[str]], Any]] = {
     "sensor": lambda file, _: load_sensor(str(file)),
 }
 FOLDERS = {
-    "train": "monochord.training.configs",
+    "train": "monochord.perception.training.configs",
     "plan": "monochord.lab.plans",
     "grid": "monochord.evaluation.grids",
     "string": "monochord.physics.strings",

@@ -9,8 +9,8 @@ from tests.fuzz.base import Input, Target
 from tests.fuzz.mutate import datagrams, packets
 from tests.fuzz.targets._feeds import recorded
 
-from monochord.errors import InputError
-from monochord.instruments import INSTRUMENTS
+from monochord.capture.instruments import INSTRUMENTS
+from monochord.core.errors import InputError
 
 SENT = {
     "udp": {"stamp": 1.5, "sequence": 7, "values": {"temperature": 293.1, "door": 1}},

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.lab.course import course
 from monochord.lab.plan import Plan, assignments
 from monochord.lab.plans import load_plan, plan_names

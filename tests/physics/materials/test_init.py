@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.materials import load_material, material_names
 from monochord.physics.strings import load_string
 from monochord.physics.theory import hertz_stiffness

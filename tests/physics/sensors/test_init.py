@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.strings import load_string

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from monochord.core.types import Contact, Floats
 from monochord.physics.split_string import SplitString
 from monochord.physics.split_string.carry_over import carry_over
 from monochord.physics.split_string.modes import ModalString, find_modes, plucked
 from monochord.physics.strings import load_string
-from monochord.types import Contact, Floats
 
 STRING = load_string("appendix").string
 PLUCKED = SplitString(string=STRING, contact=Contact(position=0.2, force=0.0))

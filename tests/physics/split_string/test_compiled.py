@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from monochord.core.types import Contact, Floats
 from monochord.physics.split_string import Drive, SplitString, compiled, reference, simulate
 from monochord.physics.strings import load_string
-from monochord.types import Contact, Floats
 
 APPENDIX = load_string("appendix").string
 

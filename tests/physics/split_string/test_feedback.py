@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monochord.core.types import Contact, Floats
 from monochord.physics.split_string import Drive, SplitString
 from monochord.physics.split_string.feedback import advance, begin, lines, listen, retune
 from monochord.physics.strings import load_string
-from monochord.types import Contact, Floats
 
 APPENDIX = load_string("appendix")
 RATE = 44100

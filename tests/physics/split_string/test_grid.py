@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact
 from monochord.physics.split_string import Pluck, SplitString
 from monochord.physics.split_string.grid import lay_out, time_step
 from monochord.physics.split_string.reference import leapfrog
 from monochord.physics.split_string.segments import split
 from monochord.physics.strings import load_string
-from monochord.types import Contact
 
 APPENDIX = load_string("appendix")
 SETUP = SplitString(string=APPENDIX.string, contact=APPENDIX.contact, nodes=101, pluck=Pluck(width=1e-3))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.split_string import Recording, peaks
 from monochord.physics.theory import mixing_matrix
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from monochord.core.types import Contact
 from monochord.physics.split_string.segments import (
     drive_density,
     gaussian_modes,
@@ -13,7 +14,6 @@ from monochord.physics.split_string.segments import (
 from monochord.physics.split_string.setup import Drive, Pluck, SplitString
 from monochord.physics.strings import load_string
 from monochord.physics.theory import geometric_tension, segment_frequencies
-from monochord.types import Contact
 
 APPENDIX = load_string("appendix").string
 

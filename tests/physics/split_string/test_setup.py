@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact
 from monochord.physics.split_string import Drive, Pluck, SplitString
 from monochord.physics.strings import load_string
-from monochord.types import Contact
 
 STRING = load_string("appendix").string
 

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact
 from monochord.physics.split_string import Route, SplitString, peaks, simulate
 from monochord.physics.split_string.simulate import _resample
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, segment_frequencies
-from monochord.types import Contact
 
 APPENDIX = load_string("appendix")
 SETUP = SplitString(string=APPENDIX.string, contact=APPENDIX.contact)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, Floats
 from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, simulate, touch
 from monochord.physics.split_string.feedback import lines
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
-from monochord.types import Contact, Floats
 
 APPENDIX = load_string("appendix")
 SETUP = SplitString(string=APPENDIX.string, contact=APPENDIX.contact)

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact
 from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import harmonic_frequencies, inharmonicity
-from monochord.types import Contact
 
 GOOD = """
 title = "My string"

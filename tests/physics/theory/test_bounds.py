@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, Floats, StringParams
 from monochord.physics.theory.bounds import contact_bound, far_segment_bound, series_bound, tone_bound
 from monochord.physics.theory.segments import (
     locate_from_segments,
@@ -14,7 +15,6 @@ from monochord.physics.theory.segments import (
 )
 from monochord.physics.theory.stiffness import partial_numbers, segment_inharmonicity
 from monochord.physics.theory.tension import force_from_tension
-from monochord.types import Contact, Floats, StringParams
 
 STRING = StringParams(
     length=0.65, linear_density=6.5e-4, tension=65.0, core_diameter=2.54e-4, tension_per_force=6.0

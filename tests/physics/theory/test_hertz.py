@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ellipe, ellipk
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
 from monochord.physics.theory.hertz import (
     _elliptic,
     contact_width,
@@ -18,7 +19,6 @@ from monochord.physics.theory.hertz import (
     outer_diameter,
 )
 from monochord.physics.theory.loaded import bending_stiffness
-from monochord.types import StringParams
 
 PLAIN = StringParams(length=0.2, linear_density=3.978e-4, tension=65.0, core_diameter=2.54e-4)
 FLEXIBLE = dataclasses.replace(PLAIN, core_diameter=0.0)

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, Floats, StringParams
 from monochord.physics.theory.loaded import bending_stiffness, loaded_frequencies, static_compliance
 from monochord.physics.theory.segments import harmonic_frequencies
 from monochord.physics.theory.stiffness import inharmonicity
-from monochord.types import Contact, Floats, StringParams
 
 PLAIN = StringParams(length=0.65, linear_density=4e-4, tension=73.0, core_diameter=2.54e-4)
 SPEED = np.sqrt(73.0 / 4e-4)

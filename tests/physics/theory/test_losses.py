@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.special import kve
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
 from monochord.physics.strings import load_string
 from monochord.physics.theory.hertz import outer_diameter
 from monochord.physics.theory.loaded import bending_stiffness
 from monochord.physics.theory.losses import Losses, decay_rates
-from monochord.types import StringParams
 
 PLAIN = StringParams(length=0.2, linear_density=3.978e-4, tension=65.0, core_diameter=2.54e-4)
 FREQUENCIES = np.geomspace(100.0, 20000.0, 12)

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, StringParams
 from monochord.physics.theory.segments import (
     harmonic_frequencies,
     locate_from_segments,
@@ -18,7 +19,6 @@ from monochord.physics.theory.segments import (
     tension_from_segments,
 )
 from monochord.physics.theory.tension import TensionLaw, force_from_tension, geometric_tension, linear_tension
-from monochord.types import Contact, StringParams
 
 APPENDIX = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0, tension_per_force=6.0)
 PLAIN = StringParams(length=0.65, linear_density=4e-4, tension=73.0, core_diameter=2.54e-4)

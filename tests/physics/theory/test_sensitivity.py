@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from monochord.core.types import Contact, StringParams
 from monochord.physics.theory.segments import position_from_far_segment, split_frequencies
 from monochord.physics.theory.sensitivity import far_segment_sensitivity, frequency_sensitivities
 from monochord.physics.theory.tension import TensionLaw
-from monochord.types import Contact, StringParams
 
 STRING = StringParams(
     length=0.2, linear_density=4e-4, tension=65.0, core_diameter=2.54e-4, tension_per_force=6.0

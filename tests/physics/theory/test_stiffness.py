@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
 from monochord.physics.theory.stiffness import (
     inharmonicity,
     partial_numbers,
     segment_inharmonicity,
     stiff_partials,
 )
-from monochord.types import StringParams
 
 PLAIN = StringParams(length=0.65, linear_density=4e-4, tension=73.0, core_diameter=2.54e-4)
 

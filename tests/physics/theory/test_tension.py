@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
 from monochord.physics.theory.tension import (
     check_law,
     damping_under,
@@ -16,7 +17,6 @@ from monochord.physics.theory.tension import (
     tension_from_force,
     wave_speed,
 )
-from monochord.types import StringParams
 
 PLAIN = StringParams(
     length=0.65,

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monochord.core.types import Floats, StringParams
 from monochord.physics.materials import load_material
 from monochord.physics.strings import load_string
 from monochord.physics.theory import Losses
 from monochord.physics.twin import Ebow, Key, Pickups, Sensor, Touch, Twin, advance, stream
 from monochord.physics.twin import bank as layout
 from monochord.physics.twin.rate import Plan
-from monochord.types import Floats, StringParams
 
 STRING = load_string("prototype").string
 COILS = (Ebow(sense=0.02, drive=0.03, gain=0.05), Ebow(sense=0.18, drive=0.17, gain=0.05))

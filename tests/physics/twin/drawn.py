@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses
 from monochord.physics.twin import Ebow, Key, Outside, Pickups, Pluck, Scene, Sensor, Touch, Twin, begin
 from monochord.physics.twin.rate import HALVES, TOPS, mode_count, padded
-from monochord.types import StringParams
 
 Draw = np.random.Generator
 

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from monochord.types import Floats
+from monochord.core.types import Floats
 
 Indices: TypeAlias = npt.NDArray[np.int64]
 Curve: TypeAlias = Callable[[Floats], Floats]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from monochord.types import Floats
+from monochord.core.types import Floats
 
 
 def still(t: float) -> float:

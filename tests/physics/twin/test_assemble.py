@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.physics.twin.built import COILS, NONE, PLASTIC, SENSOR, fixed, modes
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.theory import Losses, decay_rates, hertz_stiffness, static_compliance
 from monochord.physics.twin import Outside, Pluck, Scene, begin, hold
 from monochord.physics.twin import bank as layout

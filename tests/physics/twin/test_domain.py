@@ -5,7 +5,7 @@ import pytest
 from tests.physics.twin import drawn
 from tests.physics.twin.built import SENSOR, modes, moving
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.twin import Scene, Twin, advance, begin, hold
 from monochord.physics.twin import bank as layout
 from monochord.physics.twin.rate import HALVES

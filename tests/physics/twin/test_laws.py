@@ -26,13 +26,13 @@ from tests.physics.twin.built import (
     with_touch,
 )
 
+from monochord.core.types import Floats
 from monochord.physics.strings import load_string
 from monochord.physics.theory import loaded_frequencies, static_compliance
 from monochord.physics.theory.stiffness import inharmonicity
 from monochord.physics.twin import Pluck, Scene, Twin, advance, begin, hold
 from monochord.physics.twin import bank as layout
 from monochord.physics.twin.rate import mode_frequencies, touch_weights
-from monochord.types import Floats
 
 AT = 0.077
 

@@ -10,7 +10,7 @@ from scipy.special import ellipk
 from tests.physics.twin import fdtd_string as grid
 from tests.physics.twin import ode_string as ode
 
-from monochord.types import Floats
+from monochord.core.types import Floats
 
 RATE = 44100.0
 LENGTH, DENSITY, TENSION = 0.65, 6.5e-4, 65.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Scene, advance, begin
 from monochord.physics.twin.outside import outside_at, untouched_power

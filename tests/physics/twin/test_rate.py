@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.physics.twin.built import STRING
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import bending_stiffness
 from monochord.physics.twin import rate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.physics.twin.built import PLASTIC, SENSOR, STRING, key, touch
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import MOST_TOUCHES, Ebow, Outside, Pickups, Pluck, Scene, Touch, hold
 

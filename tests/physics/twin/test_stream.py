@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.physics.twin.built import FOAM, PLASTIC, SENSOR, key, moving, touch
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
 from monochord.physics.twin import Outside, Pluck, Scene, Twin, advance, begin, hold, retouch, switch
 from monochord.physics.twin.memory import HOLD
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from tests.physics.twin.built import SENSOR, changed, modes
 
+from monochord.core.types import Floats
 from monochord.physics.twin import Pluck, Scene, Twin, advance, begin
 from monochord.physics.twin import bank as layout
-from monochord.types import Floats
 
 FREE = Scene(pluck=Pluck(position=0.07, height=1e-4), drivers=(False, False), tension_law="linear")
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from monochord.config import from_tree
-from monochord.errors import InputError
+from monochord.core.config import from_tree
+from monochord.core.errors import InputError
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin.tolerance import Changes, Tolerances
 

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from monochord.config import from_tree, load_toml, override
+from monochord.core.config import from_tree, load_toml, override
+from monochord.core.presets import preset_names, preset_path
 from monochord.evaluation.grid import Grid
-from monochord.physics.presets import preset_names, preset_path
 
 
 def grid_names() -> list[str]:

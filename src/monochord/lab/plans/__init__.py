@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from monochord.config import from_tree, load_toml, override
+from monochord.core.config import from_tree, load_toml, override
+from monochord.core.presets import preset_names, preset_path
 from monochord.lab.plan import Plan
-from monochord.physics.presets import preset_names, preset_path
 
 
 def plan_names() -> list[str]:

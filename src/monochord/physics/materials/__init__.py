@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from monochord.config import from_tree, load_toml
-from monochord.errors import InputError
-from monochord.physics.presets import preset_names, preset_path
-from monochord.units import Metres, MetresPerSecond, Pascals
+from monochord.core.config import from_tree, load_toml
+from monochord.core.errors import InputError
+from monochord.core.presets import preset_names, preset_path
+from monochord.core.units import Metres, MetresPerSecond, Pascals
 
 _RANGES = {
     "young_modulus": (1.0e3, 2.0e12, "Pa"),

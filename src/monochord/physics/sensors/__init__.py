@@ -7,9 +7,9 @@ rest is laid out as `monochord.physics.twin.Sensor` is.
 from pathlib import Path
 from typing import Any
 
-from monochord.config import from_tree, load_toml, to_tree
-from monochord.errors import InputError
-from monochord.physics.presets import preset_names, preset_path
+from monochord.core.config import from_tree, load_toml, to_tree
+from monochord.core.errors import InputError
+from monochord.core.presets import preset_names, preset_path
 from monochord.physics.strings import load_string
 from monochord.physics.twin.setup import Sensor
 

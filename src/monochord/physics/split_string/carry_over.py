@@ -4,9 +4,9 @@ from math import pi
 
 import numpy as np
 
+from monochord.core.types import Floats
 from monochord.physics.split_string.modes import ModalString
 from monochord.physics.split_string.segments import Segment
-from monochord.types import Floats
 
 
 def carry_over(old: ModalString, q: Floats, v: Floats, new: ModalString) -> tuple[Floats, Floats]:

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from monochord.types import Floats
+from monochord.core.types import Floats
 
 
 @njit(cache=True, error_model="numpy", fastmath=False)

@@ -9,10 +9,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.types import Floats
+from monochord.core.units import Samples, Seconds
 from monochord.physics.split_string.setup import Drive, Feedback, SplitString
 from monochord.physics.theory import mixing_matrix
-from monochord.types import Floats
-from monochord.units import Samples, Seconds
 
 Complexes: TypeAlias = NDArray[np.complex128]
 

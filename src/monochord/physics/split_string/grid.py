@@ -7,7 +7,9 @@ from math import floor
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
 from monochord.physics.split_string.segments import (
     Segment,
     drive_density,
@@ -17,8 +19,6 @@ from monochord.physics.split_string.segments import (
 )
 from monochord.physics.split_string.setup import SplitString
 from monochord.physics.theory import step_limit
-from monochord.types import Floats
-from monochord.units import Seconds
 
 Kernel = Callable[
     [Floats, Floats, tuple[float, float, float], Floats, Floats, NDArray[np.int64], Floats, Floats], None

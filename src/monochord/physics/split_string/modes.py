@@ -5,6 +5,7 @@ from math import pi
 
 import numpy as np
 
+from monochord.core.types import Floats
 from monochord.physics.split_string.feedback import Complexes
 from monochord.physics.split_string.segments import (
     Segment,
@@ -15,7 +16,6 @@ from monochord.physics.split_string.segments import (
     support,
 )
 from monochord.physics.split_string.setup import Pluck, SplitString
-from monochord.types import Floats
 
 _PASSBAND = 0.456
 """Share of the sample rate up to which modes sound: where the resampler of the FDTD route begins to cut."""

@@ -5,10 +5,10 @@ from math import nan
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, Seconds
 from monochord.physics.split_string.feedback import lines
-from monochord.types import Floats
-from monochord.units import Hertz, Seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.types import Floats
+from monochord.core.types import Floats
 
 
 def leapfrog(

@@ -2,7 +2,7 @@
 
 from numba import njit
 
-from monochord.types import Floats
+from monochord.core.types import Floats
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})

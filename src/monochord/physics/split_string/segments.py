@@ -6,10 +6,10 @@ from math import ceil, pi
 
 import numpy as np
 
+from monochord.core.types import Floats
+from monochord.core.units import KilogramsPerMetre, Metres, MetresPerSecond
 from monochord.physics.split_string.setup import Drive, Pluck, SplitString
 from monochord.physics.theory import damping_under, tension_from_force
-from monochord.types import Floats
-from monochord.units import KilogramsPerMetre, Metres, MetresPerSecond
 
 _REACH = 6.5
 """A Gaussian is below 1e-9 of its peak beyond so many standard deviations, in place or in wavenumber."""

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Literal, TypeAlias
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, StringParams
+from monochord.core.units import Hertz, Metres, Newtons, Seconds
 from monochord.physics.theory import TensionLaw
-from monochord.types import Contact, StringParams
-from monochord.units import Hertz, Metres, Newtons, Seconds
 
 Feedback: TypeAlias = Literal["per-driver", "literal", "off"]
 Damping: TypeAlias = Literal["continuous", "printed"]

@@ -7,15 +7,15 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from monochord.errors import InputError, did_you_mean
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Floats
+from monochord.core.units import Samples, Seconds
 from monochord.physics.split_string import feedback, stream
 from monochord.physics.split_string.grid import Kernel, lay_out, time_step
 from monochord.physics.split_string.recording import Recording
 from monochord.physics.split_string.segments import split
 from monochord.physics.split_string.setup import SplitString
 from monochord.physics.theory import mixing_matrix
-from monochord.types import Floats
-from monochord.units import Samples, Seconds
 
 Route: TypeAlias = Literal["fdtd", "modal", "reference"]
 

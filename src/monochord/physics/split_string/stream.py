@@ -5,14 +5,14 @@ from math import pi
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, Floats
+from monochord.core.units import Samples
 from monochord.physics.split_string import feedback
 from monochord.physics.split_string.carry_over import carry_over
 from monochord.physics.split_string.feedback import Complexes, Drivers
 from monochord.physics.split_string.modes import ModalString, find_modes, plucked, response
 from monochord.physics.split_string.setup import Pluck, SplitString
-from monochord.types import Contact, Floats
-from monochord.units import Samples
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from monochord.config import from_tree, load_toml, to_tree
-from monochord.errors import InputError
-from monochord.physics.presets import preset_names, preset_path
-from monochord.types import Contact, StringParams
-from monochord.units import Hertz
+from monochord.core.config import from_tree, load_toml, to_tree
+from monochord.core.errors import InputError
+from monochord.core.presets import preset_names, preset_path
+from monochord.core.types import Contact, StringParams
+from monochord.core.units import Hertz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

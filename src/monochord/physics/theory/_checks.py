@@ -4,8 +4,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from monochord.errors import InputError
-from monochord.types import Floats
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
 
 Number = TypeVar("Number", float, Floats)
 """A float or an array of them; what goes in as one comes out as one."""

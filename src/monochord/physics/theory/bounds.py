@@ -7,13 +7,13 @@ ratio is a power ratio (no decibels): half the squared amplitude of a partial ov
 import numpy as np
 from numpy.typing import ArrayLike
 
+from monochord.core.types import Contact, Floats, StringParams
+from monochord.core.units import Hertz, Metres, Newtons, Seconds
 from monochord.physics.theory._checks import refuse_not_positive
 from monochord.physics.theory.segments import split_frequencies
 from monochord.physics.theory.sensitivity import far_segment_sensitivity, frequency_sensitivities
 from monochord.physics.theory.stiffness import partial_numbers, segment_inharmonicity, stiff_partials
 from monochord.physics.theory.tension import TensionLaw
-from monochord.types import Contact, Floats, StringParams
-from monochord.units import Hertz, Metres, Newtons, Seconds
 
 
 def tone_bound(duration: Seconds, sample_rate: Hertz, snr: ArrayLike) -> Floats:

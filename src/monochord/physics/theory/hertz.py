@@ -2,11 +2,11 @@
 
 import math
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
+from monochord.core.units import Metres, Pascals
 from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_pull
 from monochord.physics.theory.loaded import bending_stiffness
-from monochord.types import StringParams
-from monochord.units import Metres, Pascals
 
 STEEL_DENSITY = 7850.0
 """Of plain carbon steel, in kg/m^3: the handbook value."""

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Metres
 from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_outside
-from monochord.types import Floats, StringParams
-from monochord.units import Metres
 
 _HALVINGS = 60
 """Of a bracket no wider than pi: what is left lies below the spacing of floating-point numbers near pi."""

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats, StringParams
 from monochord.physics.theory._checks import refuse_not_positive
 from monochord.physics.theory.hertz import outer_diameter
 from monochord.physics.theory.loaded import bending_stiffness
-from monochord.types import Floats, StringParams
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, Floats, StringParams
+from monochord.core.units import Hertz, KilogramsPerMetre, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_outside
 from monochord.physics.theory.tension import TensionLaw, tension_from_force, wave_speed
-from monochord.types import Contact, Floats, StringParams
-from monochord.units import Hertz, KilogramsPerMetre, Metres, MetresPerSecond, Newtons, Seconds
 
 
 def harmonic_frequencies(

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from monochord.core.types import Contact, Floats, StringParams
+from monochord.core.units import Hertz, Metres
 from monochord.physics.theory._checks import Number, refuse_not_positive
 from monochord.physics.theory.segments import split_frequencies
 from monochord.physics.theory.tension import TensionLaw, stretch_stiffness, tension_from_force
-from monochord.types import Contact, Floats, StringParams
-from monochord.units import Hertz, Metres
 
 
 def frequency_sensitivities(string: StringParams, contact: Contact, law: TensionLaw = "linear") -> Floats:

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Hertz, Metres
 from monochord.physics.theory._checks import Number, refuse_not_positive
-from monochord.types import Floats, StringParams
-from monochord.units import Hertz, Metres
 
 
 def inharmonicity(string: StringParams) -> float:

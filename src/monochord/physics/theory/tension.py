@@ -4,9 +4,9 @@ from typing import Literal, TypeAlias, overload
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats, StringParams
 from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_outside, refuse_pull
-from monochord.types import Floats, StringParams
 
 TensionLaw: TypeAlias = Literal["linear", "geometric"]
 """How a press raises the tension: the paper's trend k_T F, or the stretch of the deflected string."""

@@ -5,11 +5,11 @@ from math import exp, floor, hypot, sqrt
 
 import numpy as np
 
+from monochord.core.types import Floats
 from monochord.physics.twin import bank as layout
 from monochord.physics.twin import friction, motion, roughness
 from monochord.physics.twin import memory as k
 from monochord.physics.twin.memory import Sensor, State
-from monochord.types import Floats
 
 ALIKE = 1e-14
 """Relative change at which tension, and several touches among themselves, have settled."""

@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz
 from monochord.physics.theory import (
     bending_stiffness,
     contact_width,
@@ -29,8 +31,6 @@ from monochord.physics.twin.bank import (
 )
 from monochord.physics.twin.rate import Plan, mode_frequencies, padded, touch_weights
 from monochord.physics.twin.setup import Ebow, Pluck, Scene, Sensor, Touch
-from monochord.types import Audio, Floats
-from monochord.units import Hertz
 
 TABLE = 513
 """Entries of a table of compliance along the string."""

@@ -6,9 +6,9 @@ trapezoidal state-variable one (Zavalishin 2012), and the force held over a samp
 extrapolated.
 """
 
+from monochord.core.types import Floats
 from monochord.physics.twin.memory import GATE
 from monochord.physics.twin.part import part
-from monochord.types import Floats
 
 WARP, DAMP, GAIN, LIMIT, SCALE = range(5)
 """Parameters: g = tan(pi f / rate), k = 1 / Q, gain over limit in s/m, limit in N, and 1 / (1 + g (g +

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from monochord.core.units import Samples
 from monochord.physics.twin.memory import Sensor, State
 from monochord.physics.twin.rate import padded
 from monochord.physics.twin.stream import FIXED, Take, Twin, refuse_negative, room, taken
-from monochord.units import Samples
 
 KEYS = FIXED.index("keys")
 SHARES = 4

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.types import Audio, Floats
+from monochord.core.types import Audio, Floats
 
 Integers = NDArray[np.int64]
 Flags = NDArray[np.uint8]

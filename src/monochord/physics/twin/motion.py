@@ -6,9 +6,9 @@ which a string at rest would press back with it; the string then decides what fo
 
 import numpy as np
 
+from monochord.core.types import Floats
 from monochord.physics.twin.part import called, part
 from monochord.physics.twin.press import root_of_compression
-from monochord.types import Floats
 
 TIME, POSITION, FORCE, CLEARANCE, ACROSS = range(5)
 """Columns of a key: s, m, N, m above the string at rest, and m/s across it."""

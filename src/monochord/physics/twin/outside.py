@@ -4,11 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Audio
+from monochord.core.units import Metres, Seconds
 from monochord.physics.twin.setup import Outside, Pluck, Scene, Sensor
 from monochord.physics.twin.stream import advance, begin
-from monochord.types import Audio
-from monochord.units import Metres, Seconds
 
 SETTLING: Seconds = 1.0
 """What is let pass of the untouched string before its level is taken."""

@@ -48,8 +48,8 @@ def fingerprint(modules: Iterable[ModuleType]) -> int:
 
     Examples
     --------
-    >>> import math, monochord.units
-    >>> fingerprint([monochord.units]) == fingerprint([monochord.units])
+    >>> import math, monochord.core.units
+    >>> fingerprint([monochord.core.units]) == fingerprint([monochord.core.units])
     True
     """
     digest = hashlib.sha256()

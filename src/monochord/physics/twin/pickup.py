@@ -6,9 +6,9 @@ air-borne sound besides; a preamplifier passes its band; the converter adds its 
 
 import numpy as np
 
+from monochord.core.types import Floats
 from monochord.physics.twin.part import part
 from monochord.physics.twin.roughness import mixed_bits
-from monochord.types import Floats
 
 OWN_1, OWN_2, GAIN_1, GAIN_2, LOW_CUT, HIGH_WARP, HIGH_DAMP, HISS, AIR_1, AIR_2, SCALE = range(11)
 """Parameters: mixing, gain to full scale a newton, filters, rms of the converter's noise, share of

@@ -16,10 +16,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Hertz
 from monochord.physics.theory import bending_stiffness, static_compliance
-from monochord.types import Floats, StringParams
-from monochord.units import Hertz
 
 CHOICES = (1, 2, 4, 8)
 HALVES = (16, 32, 48, 96, 256)

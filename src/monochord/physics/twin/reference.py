@@ -11,6 +11,8 @@ from math import hypot, pi, sqrt
 
 import numpy as np
 
+from monochord.core.types import Floats
+from monochord.core.units import Samples
 from monochord.physics.twin import bank as layout
 from monochord.physics.twin import memory as k
 from monochord.physics.twin import motion, pickup, roughness
@@ -29,8 +31,6 @@ from monochord.physics.twin._slow_touch import (
 )
 from monochord.physics.twin.memory import Out, Sensor, State
 from monochord.physics.twin.stream import Labels, Take, Twin
-from monochord.types import Floats
-from monochord.units import Samples
 
 
 def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:

@@ -9,12 +9,12 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from msgspec import Meta
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, StringParams
+from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses, TensionLaw
 from monochord.physics.twin.tolerance import Changes, Tolerances
-from monochord.types import Audio, StringParams
-from monochord.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 
 MOST_TOUCHES = 8
 """How many objects may touch the string at once."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from monochord.core.types import Floats
 from monochord.physics.twin import motion, pickup
 from monochord.physics.twin.memory import (
     ACROSS,
@@ -37,7 +38,6 @@ from monochord.physics.twin.memory import (
     State,
 )
 from monochord.physics.twin.part import part
-from monochord.types import Floats
 
 
 @part

@@ -4,7 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monochord.errors import InputError
+from monochord.core.errors import InputError
+from monochord.core.types import Audio
+from monochord.core.units import Samples
 from monochord.physics.twin.assemble import plucked, sensor_arrays, touch_arrays
 from monochord.physics.twin.bank import FORCE, PRESS, RUB, SHAPE, STRETCH, Q, rows
 from monochord.physics.twin.memory import (
@@ -24,8 +26,6 @@ from monochord.physics.twin.memory import (
 from monochord.physics.twin.memory import Sensor as Fixed
 from monochord.physics.twin.rate import Plan, padded, plan
 from monochord.physics.twin.setup import Scene, Sensor, Touch
-from monochord.types import Audio
-from monochord.units import Samples
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ compiled let a row be one run of vector instructions.
 
 import numpy as np
 
+from monochord.core.types import Floats
 from monochord.physics.twin.bank import (
     BEND,
     DRIVE_1,
@@ -43,7 +44,6 @@ from monochord.physics.twin.bank import (
     V,
 )
 from monochord.physics.twin.part import part
-from monochord.types import Floats
 
 LITTLE = 0.1
 """Share of a mode's motion in a sample up to which an extra tension is little."""

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from monochord.units import Metres, Newtons
+from monochord.core.units import Metres, Newtons
 
 Share = Annotated[float, Meta(ge=0.0, le=0.3)]
 """A standard deviation relative to the value."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from monochord.core.types import Floats
 from monochord.physics.twin import friction, motion, press, roughness, string
 from monochord.physics.twin.memory import (
     ACROSS,
@@ -77,7 +78,6 @@ from monochord.physics.twin.memory import (
     Z,
 )
 from monochord.physics.twin.part import called, part
-from monochord.types import Floats
 
 
 @called

@@ -9,10 +9,10 @@ from zlib import crc32
 
 import numpy as np
 
+from monochord.core.types import StringParams
+from monochord.core.units import Newtons
 from monochord.physics.theory import Losses, stretch_stiffness
 from monochord.physics.twin.setup import Ebow, Pickups, Sensor
-from monochord.types import StringParams
-from monochord.units import Newtons
 
 CUT = 2.5
 """Standard deviations at which draws are cut: what is further off would be sent back."""

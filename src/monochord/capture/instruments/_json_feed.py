@@ -1,0 +1,75 @@
+"""An instrument whose readings come as JSON, one a datagram."""
+
+import socket
+from collections.abc import Callable
+from typing import Generic, TypeAlias, TypeVar
+
+import msgspec
+
+from monochord.capture.instruments._arrivals import Arrivals
+from monochord.capture.instruments._collected import NANOSECONDS, NONE, Collected
+from monochord.capture.instruments._datagrams import Receiver
+from monochord.capture.instruments.base import Connection
+from monochord.core.types import Feed, InstrumentHealth, Readings
+
+LONGEST = 4096
+LATEST = 9.2e9  # s, what 64 bits of nanoseconds hold
+
+
+class Stamped(msgspec.Struct):
+    """A datagram: `stamp` is its sender's clock in s, `sequence` its count; both may be absent."""
+
+    stamp: float | None = None
+    sequence: int | None = None
+
+
+T = TypeVar("T", bound=Stamped)
+Read: TypeAlias = Callable[[T], tuple[float, ...] | None]
+"""Returns the values of a datagram in the order of the feed's columns, or None where they make no sense."""
+
+
+class JsonConnection(Connection, Generic[T]):
+    """Reads datagrams of one kind from a socket; what is not of this kind counts as faulty."""
+
+    def __init__(self, sock: socket.socket, feed: Feed, kind: type[T], read: Read[T]) -> None:
+        self._receiver, self._decoder, self._values = (
+            Receiver(sock, LONGEST),
+            msgspec.json.Decoder(kind),
+            read,
+        )
+        self._arrivals = Arrivals()
+        self._collected = Collected(feed)
+
+    @property
+    def feed(self) -> Feed:
+        """What the readings are."""
+        return self._collected.feed
+
+    @property
+    def health(self) -> InstrumentHealth:
+        """Counters so far."""
+        return self._collected.health
+
+    def poll(self) -> list[Readings]:
+        """Return what has come since the last poll."""
+        datagrams = self._receiver.take()
+        times = self._arrivals.times(datagrams.stamp)
+        for payload, length, time in zip(datagrams.payload, datagrams.length, times, strict=True):
+            said = self._read(payload[:length].tobytes()) if length <= LONGEST else None
+            values = self._values(said) if said else None
+            if said is None or values is None:
+                self._collected.refuse()
+                continue
+            tick = NONE if said.stamp is None else round(said.stamp * NANOSECONDS)
+            count = NONE if said.sequence is None else said.sequence
+            self._collected.add(values, time=float(time), tick=tick, count=count)
+        return self._collected.take()
+
+    def _read(self, text: bytes) -> T | None:
+        try:
+            said = self._decoder.decode(text)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            return None
+        stamp, sequence = said.stamp, said.sequence
+        fits = (stamp is None or 0.0 <= stamp < LATEST) and (sequence is None or 0 <= sequence < 1 << 62)
+        return said if fits else None

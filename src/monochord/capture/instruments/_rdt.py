@@ -1,0 +1,209 @@
+"""Raw Data Transfer, the protocol of an ATI Net F/T: its packets, and the settings that give them a scale."""
+
+import socket
+import struct
+import time
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from http.client import HTTPConnection, HTTPException
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from monochord.core.errors import DeviceError
+from monochord.core.types import Floats
+from monochord.core.units import Hertz, Seconds
+
+RDT_PORT = 49152
+SETTINGS = "/netftapi2.xml"
+INTERNAL_RATE = 7000.0
+
+STOP, STREAM, RESET_LATCH, BIAS = 0x0000, 0x0002, 0x0041, 0x0042
+HEADER = 0x1234
+
+RECORD = np.dtype([("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("counts", ">i4", 6)])
+"""A reply: number in this stream, number of the internal sample, status word, Fx Fy Fz Tx Ty Tz in counts."""
+
+LONGEST_SETTINGS = 1 << 20
+LONGEST_DETAIL = 100
+COUNTS_PER_UNIT = (1e-6, 1e15)
+RATES = (1e-2, 1e6)
+"""What a device may say, in counts a unit and Hz: anything else is garbage, and overflows."""
+QUOTED = 40
+NEWTONS = MappingProxyType(
+    {"n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
+)
+NEWTON_METRES = MappingProxyType(
+    {
+        "nm": 1.0,
+        "nmm": 1e-3,
+        "knm": 1e3,
+        "lbfin": 0.1129848290276,
+        "lbfft": 1.3558179483314,
+        "kgfcm": 0.0980665,
+    }
+)
+KEPT = (
+    "prodname",
+    "setserial",
+    "cfgnam",
+    "cfgcalsel",
+    "calsn",
+    "comrdtrate",
+    "runrate",
+    "scfgfu",
+    "scfgtu",
+    "cfgcpf",
+    "cfgcpt",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """What gives a device's counts their scale.
+
+    `scale` (6,) is in N and N m a count, `rate` that of its records and `internal_rate` that of the samples
+    inside; `details` are its settings as it words them.
+    """
+
+    scale: Floats
+    rate: Hertz
+    internal_rate: Hertz
+    details: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+
+def request(command: int, count: int = 0) -> bytes:
+    """Return the datagram of a command; `count` is how many records to stream, 0 for no end."""
+    return struct.pack(">HHI", HEADER, command, count)
+
+
+def fetch_calibration(host: str, place: str, port: int, deadline: Seconds) -> Calibration:
+    """Read a device's settings over HTTP from its IPv4 address `place`, all of it until a monotonic time.
+
+    Raises `DeviceError` where there are none by then, or none that make sense.
+    """
+    page = f"http://{host}:{port}{SETTINGS}"
+    begin = time.monotonic()
+    try:
+        with closing(_HttpConnection(place, port, deadline)) as connection:
+            connection.request("GET", SETTINGS)
+            with connection.getresponse() as reply:
+                text = reply.read(LONGEST_SETTINGS + 1) if reply.status == HTTPStatus.OK else b""
+    except TimeoutError as error:
+        line = f"Net F/T at {host}: {page}: no whole reply within {deadline - begin:.2g} s"
+        raise DeviceError(f"{line}; is it on, and at this address?") from error
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise DeviceError(f"Net F/T at {host}: {page}: {reason}; is it on, and at this address?") from error
+    except (HTTPException, ValueError) as error:
+        line = f"Net F/T at {host}: {page} answers no HTTP ({_quoted(str(error))}); is it a Net F/T?"
+        raise DeviceError(line) from error
+    if reply.status != HTTPStatus.OK:
+        raise DeviceError(f"Net F/T at {host}: {page} answers {reply.status}; is it a Net F/T?")
+    return read_calibration(text, f"Net F/T at {host}")
+
+
+class _HttpConnection(HTTPConnection):
+    """An HTTP connection that is over at a monotonic time, however slowly the other end goes on."""
+
+    def __init__(self, place: str, port: int, deadline: Seconds) -> None:
+        super().__init__(place, port)
+        self._deadline = deadline
+
+    def connect(self) -> None:
+        self.sock = _HurriedSocket(self._deadline)
+        self.sock.connect((self.host, self.port))
+
+
+class _HurriedSocket(socket.socket):
+    """A TCP socket each of whose waits lasts until a monotonic time at most."""
+
+    def __init__(self, deadline: Seconds) -> None:
+        super().__init__(socket.AF_INET, socket.SOCK_STREAM)
+        self._deadline = deadline
+
+    def connect(self, address: Any) -> None:
+        self._hurry()
+        super().connect(address)
+
+    def recv_into(self, buffer: Any, nbytes: int = 0, flags: int = 0) -> int:
+        self._hurry()
+        return super().recv_into(buffer, nbytes, flags)
+
+    def _hurry(self) -> None:
+        left = self._deadline - time.monotonic()
+        if left <= 0.0:
+            raise TimeoutError
+        self.settimeout(left)
+
+
+def read_calibration(text: bytes, device: str) -> Calibration:
+    """Return the calibration that ``netftapi2.xml`` tells; raises `DeviceError` where it makes no sense.
+
+    The text is UTF-8, or else Latin-1, whatever it says of itself: so what is looked through is what is read.
+    """
+    if len(text) > LONGEST_SETTINGS:
+        raise DeviceError(
+            f"{device}: its settings are longer than {LONGEST_SETTINGS} bytes; is it a Net F/T?"
+        )
+    try:
+        plain = text.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        plain = text.decode("latin-1")
+    # From a NUL expat takes it that a text is UTF-16, whatever it was said to be.
+    if any(mark in plain for mark in ("\0", "<!DOCTYPE", "<!ENTITY")):
+        raise DeviceError(
+            f"{device}: its settings hold a NUL, a document type or XML entities; no Net F/T's do"
+        )
+    try:
+        elements = ET.fromstring(plain).iter()  # noqa: S314  (no entities)
+    except (ET.ParseError, ValueError) as error:
+        given = f"{device}: its settings are not XML, but begin with {_quoted(plain)}"
+        raise DeviceError(f"{given}; is it a Net F/T?") from error
+    found = {e.tag.rpartition("}")[2].lower(): (e.text or "").strip() for e in elements}
+    force = _per_unit(found, device, "cfgcpf", "scfgfu", NEWTONS)
+    torque = _per_unit(found, device, "cfgcpt", "scfgtu", NEWTON_METRES)
+    return Calibration(
+        scale=np.array([force] * 3 + [torque] * 3),
+        rate=_number(found, device, "comrdtrate", INTERNAL_RATE, RATES),
+        internal_rate=_number(found, device, "runrate", INTERNAL_RATE, RATES),
+        details=MappingProxyType({name: found[name][:LONGEST_DETAIL] for name in KEPT if found.get(name)}),
+    )
+
+
+def _per_unit(
+    found: Mapping[str, str], device: str, counts: str, unit: str, units: Mapping[str, float]
+) -> float:
+    """Return SI units a count."""
+    if counts not in found:
+        raise DeviceError(f"{device}: its settings have no '{counts}'; is it a Net F/T?")
+    word = found.get(unit, "")
+    plain = "".join(filter(str.isalpha, word)).lower() or next(iter(units))
+    if plain not in units:
+        raise DeviceError(f"{device}: unit {_quoted(word)} ({unit}): known are {', '.join(units)}")
+    return units[plain] / _number(found, device, counts, 0.0, COUNTS_PER_UNIT)
+
+
+def _number(
+    found: Mapping[str, str], device: str, name: str, default: float, allowed: tuple[float, float]
+) -> float:
+    text = found.get(name) or str(default)
+    try:
+        number = float(text)
+    except ValueError:
+        number = np.nan
+    least, most = allowed
+    if not least <= number <= most:
+        raise DeviceError(
+            f"{device}: setting {name} is {_quoted(text)}, not a number from {least:g} to {most:g}"
+        )
+    return number
+
+
+def _quoted(text: str) -> str:
+    """Return the begin of what a device said in quotes, with whatever is not plain ASCII escaped."""
+    return ascii(text[:QUOTED]) + ("..." if len(text) > QUOTED else "")

@@ -1,0 +1,211 @@
+"""An ATI Net F/T force/torque sensor over its network protocol, RDT."""
+
+import socket
+import time
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.capture.instruments import _rdt as rdt
+from monochord.capture.instruments._address import is_port, resolved
+from monochord.capture.instruments._arrivals import Arrivals
+from monochord.capture.instruments._datagrams import Receiver, wait_readable
+from monochord.capture.instruments._sequence import Sequence
+from monochord.capture.instruments.base import Connection, Instrument
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import WRENCH, Feed, InstrumentHealth, Readings
+from monochord.core.units import Hertz, Seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetFt(Instrument):
+    """A Net F/T box at `address`, which streams force and torque over UDP.
+
+    The counts' scale comes from the device's own settings. Readings bear the kernel's time of arrival; their
+    `sequence` is the device's count of records, carried on over a new beginning, `device_time` its count of
+    internal samples and `status` its status word. A device that falls silent is asked again until it answers.
+    Between polls the kernel holds the records: those of a second need about 6 MB, which ``net.core.rmem_max``
+    may not grant.
+
+    Parameters
+    ----------
+    address
+        Host name or number; ``HOST:PORT`` for another port than `rdt_port`.
+    rdt_port
+        UDP port of its stream.
+    http_port
+        TCP port of its web pages, which tell the counts a newton.
+    rate
+        Records a second that it is set to send; 0 for what its settings say.
+    bias
+        Whether to make the load of this moment zero.
+    reset_latch
+        Whether to clear what its threshold conditions latched.
+    timeout_seconds
+        How long opening may take, in seconds: to find its name, to read its settings, to the first record.
+    silence_seconds
+        After how long a silence, in seconds, it is asked to stream again.
+    """
+
+    address: str = "127.0.0.1"
+    rdt_port: int = rdt.RDT_PORT
+    http_port: int = 80
+    rate: Hertz = 0.0
+    bias: bool = False
+    reset_latch: bool = False
+    timeout_seconds: Seconds = 2.0
+    silence_seconds: Seconds = 0.2
+
+    @contextmanager
+    def open(self) -> Generator["_NetFtConnection"]:
+        """Read its settings and start its stream; raises `DeviceError` if it does not answer."""
+        host, port = self._place()
+        deadline = time.monotonic() + self.timeout_seconds
+        place = resolved(host, self.timeout_seconds)
+        calibration = rdt.fetch_calibration(host, place, self.http_port, deadline)
+        if self.rate:
+            calibration = replace(calibration, rate=self.rate)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            try:
+                # From here on the kernel keeps every other sender's datagrams away.
+                sock.connect((place, port))
+            except OSError as error:
+                raise DeviceError(f"Net F/T at {self.address}: {error.strerror or error}") from error
+            connection = _NetFtConnection(self, sock, calibration)
+            try:
+                connection.start(deadline)
+                yield connection
+            finally:
+                connection.stop()
+
+    def _place(self) -> tuple[str, int]:
+        host, colon, text = self.address.partition(":")
+        port = text if colon else str(self.rdt_port)
+        if not host:
+            raise InputError(f"address '{self.address}'", "HOST or HOST:PORT")
+        if not is_port(port):
+            raise InputError(f"RDT port {port}", "1 to 65535")
+        if not 0 < self.http_port < 65536:
+            raise InputError(f"HTTP port {self.http_port}", "1 to 65535")
+        if not 0.0 <= self.rate <= 100e3:
+            raise InputError(f"rate of {self.rate} Hz", "0 to 100000 Hz, 0 for what the device says")
+        if not 0.01 <= self.timeout_seconds <= 60.0:
+            raise InputError(f"timeout of {self.timeout_seconds} s", "0.01 to 60 s")
+        if not 0.01 <= self.silence_seconds <= 60.0:
+            raise InputError(f"silence of {self.silence_seconds} s", "0.01 to 60 s")
+        return host, int(port)
+
+
+class _NetFtConnection(Connection):
+    def __init__(self, options: NetFt, sock: socket.socket, calibration: rdt.Calibration) -> None:
+        self._options, self._socket, self._scale = options, sock, calibration.scale
+        self._receiver = Receiver(sock, rdt.RECORD.itemsize)
+        self._arrivals = Arrivals()
+        self._sequence = Sequence(
+            wraps=True,
+            ticks=calibration.internal_rate / calibration.rate,
+            rate=calibration.rate,
+            patience=calibration.internal_rate,
+        )
+        self._health = InstrumentHealth()
+        self._asked = self._heard = time.monotonic()
+        self._away = False
+        self._tick = 0
+        self._feed = Feed(
+            stream="wrench",
+            columns=WRENCH,
+            units=("N",) * 3 + ("N m",) * 3,
+            rate=calibration.rate,
+            ticks=calibration.internal_rate,
+            details=MappingProxyType(
+                {
+                    **calibration.details,
+                    "address": options.address,
+                    "receive_buffer": f"{self._receiver.buffer} bytes",
+                }
+            ),
+        )
+
+    @property
+    def feed(self) -> Feed:
+        return self._feed
+
+    @property
+    def health(self) -> InstrumentHealth:
+        return replace(self._health, missing=self._sequence.missing, out_of_order=self._sequence.late)
+
+    def start(self, deadline: Seconds) -> None:
+        for wanted, command in (
+            (True, rdt.STOP),
+            (self._options.reset_latch, rdt.RESET_LATCH),
+            (self._options.bias, rdt.BIAS),
+            (True, rdt.STREAM),
+        ):
+            if wanted:
+                self._send(command)
+        if not wait_readable(self._socket, max(deadline - time.monotonic(), 0.0)):
+            raise DeviceError(
+                f"Net F/T at {self._options.address}: no record within {self._options.timeout_seconds} s; "
+                "is RDT enabled on its communication page, and UDP let through?"
+            )
+
+    def stop(self) -> None:
+        self._send(rdt.STOP)
+
+    def poll(self) -> list[Readings]:
+        datagrams = self._receiver.take()
+        times = self._arrivals.times(datagrams.stamp)
+        right = datagrams.length == rdt.RECORD.itemsize
+        now = time.monotonic()
+        faulty = int(np.count_nonzero(~right))
+        if faulty:
+            self._health = replace(self._health, faulty=self._health.faulty + faulty)
+        if not right.any():
+            self._ask_again(now)
+            return []
+        record = np.ascontiguousarray(datagrams.payload[right, : rdt.RECORD.itemsize]).view(rdt.RECORD)[:, 0]
+        times, tick = times[right], record["ft"].astype(np.int64)
+        numbers, kept = self._sequence.follow(record["rdt"].astype(np.int64), tick, times, away=self._away)
+        self._heard = now
+        status = record["status"][kept].astype(np.uint32)
+        self._health = replace(
+            self._health,
+            readings=self._health.readings + status.size,
+            faulty=self._health.faulty + int(np.count_nonzero(status)),
+            reconnects=self._health.reconnects + self._away,
+        )
+        self._away = False
+        if not status.size:
+            return []
+        return [
+            Readings(
+                stream="wrench",
+                time=times[kept],
+                values=record["counts"][kept] * self._scale,
+                sequence=numbers[kept],
+                device_time=self._unwrapped(tick[kept]),
+                status=status,
+            )
+        ]
+
+    def _unwrapped(self, tick: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the count of internal samples, (n,), carried on where it wraps round."""
+        before = self._tick if self._health.readings > tick.size else int(tick[0])
+        ticks = before + np.cumsum((np.diff(tick, prepend=before) + (1 << 31)) % (1 << 32) - (1 << 31))
+        self._tick = int(ticks[-1])
+        return ticks
+
+    def _ask_again(self, now: Seconds) -> None:
+        silence = self._options.silence_seconds
+        if now - max(self._heard, self._asked) > silence:
+            self._asked, self._away = now, True
+            self._send(rdt.STREAM)
+
+    def _send(self, command: int) -> None:
+        # A network or a device that is down is what polling again is for.
+        with suppress(OSError):
+            self._socket.send(rdt.request(command))

@@ -1,0 +1,125 @@
+"""The robot's pose as ROS 2 says it, over DDS, without ROS."""
+
+from collections import deque
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from monochord.capture.instruments._collected import Collected
+from monochord.capture.instruments._pose import pose_feed, unit_pose
+from monochord.capture.instruments.base import Connection, Instrument
+from monochord.core.errors import InputError
+from monochord.core.types import Feed, InstrumentHealth, Readings
+from monochord.core.units import Hertz, Seconds
+
+if TYPE_CHECKING:
+    from monochord.capture.dds.participant import Reader
+
+HELD = 100_000  # poses that wait for a poll
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseDds(Instrument):
+    """A pose on a `topic` of ROS 2; needs the extra ``ros``, but no ROS.
+
+    Each reading bears the time at which it came, seen by a thread of DDS, and as `device_time` its header's
+    stamp in ns of the sender's wall clock. A publisher that goes and comes back is followed. What is no pose
+    counts as faulty, and so does a place more than 1e7 m away or a stamp that is no time. CycloneDDS listens
+    at all addresses; what comes in over another interface is dropped by the kernel.
+
+    Parameters
+    ----------
+    topic
+        Name of the topic as ROS 2 has it.
+    kind
+        ``pose`` for ``geometry_msgs/PoseStamped``, ``tf`` for ``tf2_msgs/TFMessage``.
+    frame
+        Of ``tf``, the child frame whose transform is the pose; of ``pose``, the header's frame, empty for
+        any.
+    domain
+        DDS domain; None for ``$ROS_DOMAIN_ID``, or else 0.
+    interface
+        Network interface; ``lo`` keeps to this machine, empty lets the library choose.
+    rate
+        Poses a second that are due; 0 where that is not known.
+    """
+
+    topic: str = "/pose"
+    kind: Literal["pose", "tf"] = "pose"
+    frame: str = ""
+    domain: int | None = None
+    interface: str = "lo"
+    rate: Hertz = 0.0
+
+    @contextmanager
+    def open(self) -> Generator["_PoseDdsConnection"]:
+        """Join the domain; raises `InputError` without the library. That nobody publishes is no error."""
+        if self.kind == "tf" and not self.frame:
+            raise InputError("kind 'tf' without a frame", "a frame", "set frame=tool0")
+        from monochord.capture.dds.participant import Participant  # noqa: PLC0415
+
+        details = {"topic": self.topic, "kind": self.kind, "frame": self.frame, "interface": self.interface}
+        feed = pose_feed(self.rate, details)
+        with Participant(domain=self.domain, interface=self.interface) as participant:
+            connection = _PoseDdsConnection(self, feed)
+            message = "PoseStamped" if self.kind == "pose" else "TFMessage"
+            connection.reader = participant.reader(self.topic, message, connection.hear)
+            yield connection
+
+
+class _PoseDdsConnection(Connection):
+    def __init__(self, options: PoseDds, feed: Feed) -> None:
+        self._options = options
+        self._collected = Collected(feed)
+        self.reader: Reader | None = None
+        self._heard: deque[tuple[tuple[float, ...] | None, int, Seconds]] = deque(maxlen=HELD)
+        self._lost = 0
+
+    @property
+    def feed(self) -> Feed:
+        return self._collected.feed
+
+    @property
+    def health(self) -> InstrumentHealth:
+        counted, reader = self._collected.health, self.reader
+        if reader is None:
+            return counted
+        return replace(
+            counted,
+            missing=self._lost,
+            faulty=counted.faulty + reader.faulty,
+            reconnects=reader.returns,
+        )
+
+    def hear(self, message: Any, now: Seconds) -> None:
+        """Keep the poses of a message for the next poll; called by a thread of DDS."""
+        for header, position, orientation in self._poses(message):
+            pose = unit_pose(
+                (position.x, position.y, position.z),
+                (orientation.x, orientation.y, orientation.z, orientation.w),
+            )
+            stamp = header.stamp
+            right = pose if stamp.sec >= 0 and stamp.nanosec < 1_000_000_000 else None
+            self._lost += len(self._heard) == HELD
+            self._heard.append((right, stamp.sec * 1_000_000_000 + stamp.nanosec, now))
+
+    def poll(self) -> list[Readings]:
+        for _ in range(len(self._heard)):
+            pose, tick, now = self._heard.popleft()
+            if pose is None:
+                self._collected.refuse()
+            else:
+                self._collected.add(pose, time=now, tick=tick)
+        return self._collected.take()
+
+    def _poses(self, message: Any) -> Iterator[tuple[Any, Any, Any]]:
+        """Yield header, place and orientation of each pose in a message that is the one asked for."""
+        frame = self._options.frame
+        if self._options.kind == "pose":
+            if frame in {"", message.header.frame_id}:
+                yield message.header, message.pose.position, message.pose.orientation
+            return
+        for part in message.transforms:
+            if part.child_frame_id == frame:
+                yield part.header, part.transform.translation, part.transform.rotation

@@ -1,0 +1,44 @@
+"""The robot's pose as JSON datagrams: the least that a robot controller can be asked for."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from monochord.capture.instruments._address import listening
+from monochord.capture.instruments._json_feed import JsonConnection, Stamped
+from monochord.capture.instruments._pose import UPRIGHT, pose_feed, unit_pose
+from monochord.capture.instruments.base import Instrument
+from monochord.core.units import Hertz
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseUdp(Instrument):
+    """Poses sent to `address`, each a datagram of JSON.
+
+    A datagram is ``{"stamp": 1.5, "position": [x, y, z], "orientation": [x, y, z, w], "sequence": 7}``:
+    seconds of the sender's clock, metres, a quaternion and the sender's count; all but the position may be
+    left out. The stamp becomes `device_time`, in ns. What cannot be read counts as faulty,
+    and so does a place more than 1e7 m away.
+
+    Parameters
+    ----------
+    address
+        Where to listen: ``HOST:PORT``, or ``PORT`` for this machine alone.
+    rate
+        Poses a second that are due; 0 where that is not known.
+    """
+
+    address: str = "127.0.0.1:9871"
+    rate: Hertz = 0.0
+
+    @contextmanager
+    def open(self) -> Generator["JsonConnection[_Pose]"]:
+        """Listen; raises `DeviceError` if the port is taken. That nobody sends is no error."""
+        feed = pose_feed(self.rate, {"address": self.address})
+        with listening(self.address) as sock:
+            yield JsonConnection(sock, feed, _Pose, lambda said: unit_pose(said.position, said.orientation))
+
+
+class _Pose(Stamped, kw_only=True):
+    position: tuple[float, float, float]
+    orientation: tuple[float, float, float, float] = UPRIGHT

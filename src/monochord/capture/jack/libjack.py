@@ -1,0 +1,77 @@
+"""The JACK C library: the functions that Monochord calls, declared once, and its messages silenced.
+
+Declared with ctypes and not through a binding, so that nothing but compiled code is ever entered from JACK's
+threads. The names are JACK's own (https://jackaudio.org/api/).
+"""
+
+import ctypes
+from ctypes import POINTER, c_char_p, c_float, c_int, c_uint32, c_uint64, c_ulong, c_void_p
+from functools import cache
+from typing import Any, ClassVar
+
+from monochord.core.errors import DeviceError
+
+NAMES = ("libjack.so.0", "libjack.so", "libjack.dylib", "/opt/homebrew/lib/libjack.dylib")
+AUDIO = b"32 bit float mono audio"
+NO_START_SERVER, SERVER_NAME = 0x01, 0x04  # jack_options_t
+IS_INPUT, IS_OUTPUT, IS_PHYSICAL = 0x1, 0x2, 0x4  # enum JackPortFlags
+CAPTURE_LATENCY = 0  # jack_latency_callback_mode_t
+
+
+class LatencyRange(ctypes.Structure):
+    """``jack_latency_range_t``: smallest and largest latency in frames."""
+
+    _fields_: ClassVar = [("min", c_uint32), ("max", c_uint32)]
+
+
+DECLARATIONS: dict[str, tuple[Any, list[Any]]] = {
+    "jack_client_close": (c_int, [c_void_p]),
+    "jack_get_client_name": (c_char_p, [c_void_p]),
+    "jack_get_sample_rate": (c_uint32, [c_void_p]),
+    "jack_get_buffer_size": (c_uint32, [c_void_p]),
+    "jack_is_realtime": (c_int, [c_void_p]),
+    "jack_activate": (c_int, [c_void_p]),
+    "jack_set_process_callback": (c_int, [c_void_p, c_void_p, c_void_p]),
+    "jack_set_xrun_callback": (c_int, [c_void_p, c_void_p, c_void_p]),
+    "jack_set_port_registration_callback": (c_int, [c_void_p, c_void_p, c_void_p]),
+    "jack_on_shutdown": (None, [c_void_p, c_void_p, c_void_p]),
+    "jack_port_register": (c_void_p, [c_void_p, c_char_p, c_char_p, c_ulong, c_ulong]),
+    "jack_port_name": (c_char_p, [c_void_p]),
+    "jack_port_connected": (c_int, [c_void_p]),
+    "jack_port_get_latency_range": (None, [c_void_p, c_int, POINTER(LatencyRange)]),
+    "jack_get_ports": (POINTER(c_char_p), [c_void_p, c_char_p, c_char_p, c_ulong]),
+    "jack_free": (None, [c_void_p]),
+    "jack_connect": (c_int, [c_void_p, c_char_p, c_char_p]),
+    "jack_get_time": (c_uint64, []),
+    "jack_time_to_frames": (c_uint32, [c_void_p, c_uint64]),
+    "jack_get_cycle_times": (
+        c_int,
+        [c_void_p, POINTER(c_uint32), POINTER(c_uint64), POINTER(c_uint64), POINTER(c_float)],
+    ),
+    "jack_set_error_function": (None, [c_void_p]),
+    "jack_set_info_function": (None, [c_void_p]),
+}
+
+
+@cache
+def path() -> str:
+    """Return the name under which the dynamic linker finds JACK; raises `DeviceError` where there is none."""
+    for name in NAMES:
+        try:
+            ctypes.CDLL(name)
+        except OSError:
+            continue
+        return name
+    raise DeviceError("JACK library libjack: not found; install JACK 2 (Debian: apt install jackd2)")
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Return the library with its functions declared."""
+    jack = ctypes.CDLL(path())
+    for name, (result, arguments) in DECLARATIONS.items():
+        function = getattr(jack, name)
+        function.restype, function.argtypes = result, arguments
+    # This one takes the server's name as a variable argument, so only its result is declared.
+    jack.jack_client_open.restype = c_void_p
+    return jack

@@ -1,0 +1,77 @@
+"""Streams of instruments by names of their own, so that two of a kind can be recorded side by side."""
+
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+from monochord.capture.instruments.base import Connection, Instrument
+from monochord.core.errors import InputError
+from monochord.core.types import POSE, WRENCH, Feed, InstrumentHealth, Readings
+
+COLUMNS = {"wrench": WRENCH, "pose": POSE}
+"""What streams of these names hold, on which alignment and measured labels rely."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedInstrument(Instrument):
+    """An `instrument` whose stream is called `stream`, whatever it would call it itself."""
+
+    instrument: Instrument
+    stream: str
+
+    @contextmanager
+    def open(self) -> Generator[Connection]:
+        """Open the instrument; raises `InputError` where a stream of this name holds something else."""
+        with self.instrument.open() as connection:
+            columns = COLUMNS.get(self.stream, connection.feed.columns)
+            if connection.feed.columns != columns:
+                given = f"stream '{self.stream}' of {', '.join(connection.feed.columns)}"
+                raise InputError(given, ", ".join(columns), "give it another name")
+            yield _NamedConnection(connection, self.stream)
+
+
+class _NamedConnection(Connection):
+    def __init__(self, connection: Connection, stream: str) -> None:
+        self._connection, self._stream = connection, stream
+
+    @property
+    def feed(self) -> Feed:
+        return replace(self._connection.feed, stream=self._stream)
+
+    @property
+    def health(self) -> InstrumentHealth:
+        return self._connection.health
+
+    def poll(self) -> list[Readings]:
+        return [replace(readings, stream=self._stream) for readings in self._connection.poll()]
+
+
+def told_apart(connections: Mapping[str, Connection]) -> dict[str, Connection]:
+    """Return the connections, each with a stream of its own.
+
+    Of those whose stream has no name of its own, the first keeps the usual one, and the others get a number:
+    ``pose``, ``pose_2``, ``pose_3``.
+    """
+    taken = {each.feed.stream for each in connections.values() if isinstance(each, _NamedConnection)}
+    found: dict[str, Connection] = {}
+    for name, connection in connections.items():
+        found[name] = connection
+        if not isinstance(connection, _NamedConnection):
+            stream = free_name(connection.feed.stream, taken)
+            taken.add(stream)
+            if stream != connection.feed.stream:
+                found[name] = _NamedConnection(connection, stream)
+    return found
+
+
+def free_name(name: str, taken: "Mapping[str, object] | set[str]") -> str:
+    """Return a name that is not taken: itself, or with the least number from 2 on behind it.
+
+    >>> free_name("pose", {"pose", "pose_2"})
+    'pose_3'
+    """
+    number, free = 1, name
+    while free in taken:
+        number += 1
+        free = f"{name}_{number}"
+    return free

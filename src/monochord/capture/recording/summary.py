@@ -1,0 +1,134 @@
+"""What a recording came to."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from monochord.capture.recording.feeds import FeedNow
+from monochord.capture.recording.progress import Progress
+from monochord.core.units import Samples, Seconds, decibels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeedSummary:
+    """One instrument: what was saved, and what it counted itself; `rate` is over the whole recording."""
+
+    stream: str
+    readings: int
+    missing: int
+    faulty: int
+    out_of_order: int
+    reconnects: int
+    rate: float
+
+    @classmethod
+    def of(cls, feed: FeedNow, elapsed: Seconds) -> "FeedSummary":
+        """Return what an instrument came to in some time."""
+        health = feed.health
+        return cls(
+            stream=feed.feed.stream,
+            readings=feed.readings,
+            missing=health.missing,
+            faulty=max(feed.faulty, health.faulty),
+            out_of_order=health.out_of_order,
+            reconnects=health.reconnects,
+            rate=feed.readings / elapsed if elapsed > 0.0 else 0.0,
+        )
+
+
+ASKED = "stopped by request"
+"""Why a recording ended that somebody ended."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """A recording that has ended; its file is complete and valid.
+
+    `frames` were saved and `dropped` lost in `gaps`, with `xruns` and `reconnects` as the source counts them.
+    `peak` is the highest of each microphone as a share of full scale, `clipped` and `not_numbers` count its
+    samples. `instruments` are by name. `flags` counts the events by kind. `size` is the file's in bytes,
+    `stopped` says why it ended, and `failure`, empty where all is well, what kept it from going on. Where a
+    disk filled up, the file may hold a tenth of a second more than is counted here.
+    """
+
+    path: Path
+    seconds: Seconds
+    frames: Samples
+    dropped: Samples
+    gaps: int
+    xruns: int
+    reconnects: int
+    peak: tuple[float, ...]
+    clipped: tuple[Samples, ...]
+    not_numbers: tuple[Samples, ...]
+    instruments: Mapping[str, FeedSummary]
+    flags: Mapping[str, int]
+    size: int
+    stopped: str
+    failure: str = ""
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether somebody ended it."""
+        return self.stopped == ASKED
+
+    @classmethod
+    def of(
+        cls, path: Path, now: Progress, *, flags: Mapping[str, int], size: int, stopped: str, failure: str
+    ) -> "Summary":
+        """Return what a recording came to that stands as `now` says."""
+        return cls(
+            path=path,
+            seconds=now.elapsed,
+            frames=now.frames,
+            dropped=now.dropped,
+            gaps=now.gaps,
+            xruns=now.health.xruns,
+            reconnects=now.health.reconnects,
+            peak=tuple(level.highest for level in now.levels),
+            clipped=tuple(level.clipped for level in now.levels),
+            not_numbers=tuple(level.not_numbers for level in now.levels),
+            instruments={feed.name: FeedSummary.of(feed, now.elapsed) for feed in now.feeds},
+            flags=dict(sorted(flags.items())),
+            size=size,
+            stopped=stopped,
+            failure=failure,
+        )
+
+    def lines(self) -> list[str]:
+        """Return the summary as lines of text."""
+        peaks = " / ".join(f"{decibels(peak):.1f}" for peak in self.peak)
+        audio = {
+            "frames": self.frames,
+            "dropped": self.dropped,
+            "gaps": self.gaps,
+            "xruns": self.xruns,
+            "reconnects": self.reconnects,
+            "clipped": sum(self.clipped),
+        }
+        if any(self.not_numbers):
+            audio["not numbers"] = sum(self.not_numbers)
+        flags = ", ".join(f"{kind} {count}" for kind, count in self.flags.items()) or "none"
+        return [
+            f"{self.path}  {self.seconds:.1f} s  {1e-6 * self.size:.1f} MB  {self.stopped}",
+            f"audio  {_counts(audio)}  peak {peaks} dBFS",
+            *(_feed_line(name, feed) for name, feed in self.instruments.items()),
+            f"flags  {flags}",
+        ]
+
+    def tree(self) -> dict[str, Any]:
+        """Return the summary as plain values."""
+        return {**dataclasses.asdict(self), "path": str(self.path)}
+
+
+def _feed_line(name: str, feed: FeedSummary) -> str:
+    counted = {"readings": feed.readings, "missing": feed.missing, "faulty": feed.faulty}
+    if feed.out_of_order:
+        counted["out of order"] = feed.out_of_order
+    return f"{name}  {_counts(counted)}  reconnects {feed.reconnects}  {feed.rate:.1f} a second"
+
+
+def _counts(counted: Mapping[str, int]) -> str:
+    return "  ".join(f"{name} {count}" for name, count in counted.items())

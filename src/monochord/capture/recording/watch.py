@@ -1,0 +1,153 @@
+"""What is worth an event: whatever a person who trusts a recording would want to know later."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from monochord.capture.recording.feeds import FeedNow
+from monochord.capture.recording.progress import Progress
+from monochord.core.units import Seconds
+
+AT_MOST: Seconds = 1.0
+"""Events of one kind about one stream are this far apart; what happens between is counted together."""
+STEP: Seconds = 0.05
+"""A clock that moved by more than this against the monotonic one was set."""
+HELD_UP: Seconds = 0.25
+"""What waited longer than this for the disk is told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notice:
+    """One event of a recording; `time` is the monotonic clock's, `text` what a person reads."""
+
+    time: Seconds
+    kind: str
+    text: str
+    data: Mapping[str, str | float | bool] = field(default_factory=dict[str, str | float | bool])
+
+
+class Watch:
+    """Compares each look at a recording with the one before, and notices what got worse or came back."""
+
+    def __init__(self, disk_warning: Seconds) -> None:
+        self._disk_warning = disk_warning
+        self._totals: dict[tuple[str, str], float] = {}
+        self._next: dict[tuple[str, str], Seconds] = {}
+        self._silent: dict[str, Seconds] = {}
+        self._offsets: Mapping[str, Seconds] = {}
+        self._disk_low = self._doubted = False
+
+    def look(self, now: Progress, *, last: bool = False) -> list[Notice]:
+        """Return what is to be noted; with `last`, whatever is still counted together too."""
+        found = [
+            *self._audio(now, last=last),
+            *(notice for feed in now.feeds for notice in self._feed(feed, now.time, last=last)),
+            *self._disk(now, last=last),
+        ]
+        return [notice for notice in found if notice]
+
+    def clocks(self, time: Seconds, offsets: Mapping[str, Seconds]) -> list[Notice]:
+        """Return a notice for each clock that was set since the last look at them."""
+        before, self._offsets = self._offsets, dict(offsets)
+        steps = {name: offset - before[name] for name, offset in offsets.items() if name in before}
+        return [
+            Notice(
+                time=time,
+                kind="clock_step",
+                text=f"clock {name} was set by {step:+.3f} s",
+                data={"clock": name, "seconds": step},
+            )
+            for name, step in steps.items()
+            if abs(step) > STEP
+        ]
+
+    def _audio(self, now: Progress, *, last: bool) -> Iterator[Notice | None]:
+        def rise(kind: str, total: float) -> float:
+            return self._rise(kind, "audio", total, now.time, last=last)
+
+        if gaps := rise("gap", now.gaps):
+            frames = self._since("gap frames", "audio", now.dropped)
+            text = f"audio: {_counted(frames, 'frame')} lost in {_counted(gaps, 'gap')}"
+            yield _about("audio", now.time, "gap", text, frames=frames, gaps=gaps)
+        if count := rise("xrun", now.health.xruns):
+            yield _about("audio", now.time, "xrun", f"audio: {_counted(count, 'xrun')}", count=count)
+        if count := rise("reconnect", now.health.reconnects):
+            yield _about("audio", now.time, "reconnect", "audio: connected again", count=count)
+        yield self._silence("audio", now.silent, now.time)
+        if now.doubt and not self._doubted:
+            text = f"audio: the device says that a block of now began {now.doubt:+.3f} s ago"
+            yield _about("audio", now.time, "clock_doubt", text, seconds=now.doubt)
+        self._doubted = bool(now.doubt)
+        if slipped := rise("uncounted", now.slipped):
+            text = (
+                f"audio: its times moved by {slipped:+.3f} s against its frames, which nobody counted as lost"
+            )
+            yield _about("audio", now.time, "uncounted", text, seconds=slipped)
+        clipped = sum(level.clipped for level in now.levels)
+        if count := rise("clipping", clipped):
+            ears = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.clipping)
+            text = f"audio: {_counted(count, 'sample')} clipped, microphone {ears}"
+            yield _about("audio", now.time, "clipping", text, samples=count)
+        if count := rise("nan", sum(level.not_numbers for level in now.levels)):
+            text = f"audio: {count:.0f} samples that are not numbers"
+            yield _about("audio", now.time, "nan", text, samples=count)
+
+    def _feed(self, feed: FeedNow, time: Seconds, *, last: bool) -> Iterator[Notice | None]:
+        name, health = feed.name, feed.health
+        yield self._silence(name, feed.silent, time)
+        for kind, total, words in (
+            ("missing", health.missing, "{} missing"),
+            ("out_of_order", health.out_of_order, "{} out of order"),
+            ("reconnect", health.reconnects, "connected again"),
+            ("fault", max(feed.faulty, health.faulty), f"{{}} with faults, status {feed.status:#010x}"),
+        ):
+            if count := self._rise(kind, name, total, time, last=last):
+                said = _counted(count, "reading")
+                more: dict[str, float] = {"status": feed.status} if kind == "fault" else {}
+                yield _about(name, time, kind, f"{name}: {words.format(said)}", count=count, **more)
+
+    def _disk(self, now: Progress, *, last: bool) -> Iterator[Notice]:
+        low = now.elapsed > 1.0 and now.space.left < self._disk_warning
+        if low and not self._disk_low:
+            left, free = now.space.left, 1e-6 * now.space.free
+            text = f"disk: room for {left:.0f} s, {free:.0f} MB free"
+            yield Notice(time=now.time, kind="disk_low", text=text, data={"seconds": left, "megabytes": free})
+        self._disk_low = low
+        if now.held_up - self._totals.get(("disk_slow", "disk"), 0.0) > HELD_UP and (
+            seconds := self._rise("disk_slow", "disk", now.held_up, now.time, last=last)
+        ):
+            text = f"disk: too slow, capture waited {seconds:.2f} s"
+            yield Notice(time=now.time, kind="disk_slow", text=text, data={"seconds": seconds})
+
+    def _silence(self, name: str, silent: Seconds, time: Seconds) -> Notice | None:
+        """Return a notice where a stream falls silent or comes back."""
+        since = self._silent.get(name)
+        if silent and since is None:
+            self._silent[name] = time - silent
+            return _about(name, time, "silent", f"{name}: silent for {silent:.1f} s", seconds=silent)
+        if not silent and since is not None:
+            del self._silent[name]
+            away = time - since
+            return _about(name, time, "back", f"{name}: back after {away:.1f} s", seconds=away)
+        return None
+
+    def _rise(self, kind: str, name: str, total: float, time: Seconds, *, last: bool) -> float:
+        """Return by how much a count grew since it was last told, 0 if it is too soon to tell again."""
+        if not last and time < self._next.get((kind, name), -1.0):
+            return 0.0
+        rise = self._since(kind, name, total)
+        if rise:
+            self._next[kind, name] = time + AT_MOST
+        return rise
+
+    def _since(self, kind: str, name: str, total: float) -> float:
+        rise = total - self._totals.get((kind, name), 0.0)
+        self._totals[kind, name] = total
+        return rise
+
+
+def _about(stream: str, time: Seconds, kind: str, text: str, **data: float) -> Notice:
+    return Notice(time=time, kind=kind, text=text, data={"stream": stream, **data})
+
+
+def _counted(number: float, noun: str) -> str:
+    return f"{number:.0f} {noun}{'' if number == 1 else 's'}"

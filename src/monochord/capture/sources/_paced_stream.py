@@ -1,0 +1,98 @@
+"""An open source that is made or read here: as fast as it can be, or at the pace of a clock."""
+
+import math
+import threading
+import time
+from abc import abstractmethod
+from collections.abc import Iterator
+
+from monochord.capture.sources.base import Stream
+from monochord.core.types import Audio, Block, Signal, StreamHealth
+from monochord.core.units import Samples, Seconds
+
+
+class PacedStream(Stream):
+    """Blocks of `block` frames at `speed` times real time, each when its last frame would have been heard.
+
+    A speed of 0 keeps no pace. The stream ends at frame `end`, or before that where a subclass, which reads
+    or makes the frames, has no more.
+    """
+
+    def __init__(self, signal: Signal, *, block: Samples, speed: float, end: float = math.inf) -> None:
+        self._signal, self._block, self._speed, self._end = signal, block, speed, end
+        self._closed = threading.Event()
+        self._reading = threading.Lock()
+        self._start: Samples = 0  # index of the next block's first frame
+        self._dropped: Samples = 0
+        self._gaps = 0
+        self._began: Seconds | None = None  # when the pace began; None before the first block
+
+    @abstractmethod
+    def _read(self, frames: Samples) -> Audio:
+        """Return the next frames, (channels, n), fewer where the source ends and none after that."""
+
+    def _lost(self) -> Samples:
+        """Return how many frames are missing at the next block's place; only a recording misses any."""
+        return 0
+
+    def _leave(self) -> None:
+        """Give back what was opened; a stream that opened nothing may leave this out."""
+
+    @property
+    def signal(self) -> Signal:
+        """Rate, channels and, where known, the string."""
+        return self._signal
+
+    @property
+    def pending(self) -> Samples:
+        """Frames in whole blocks that are due by the clock; zero where no pace is kept."""
+        if not self._speed or self._began is None:
+            return 0
+        due = (time.monotonic() - self._began) * self._signal.sample_rate * self._speed
+        return max(int((min(due, self._end) - self._start) // self._block) * self._block, 0)
+
+    @property
+    def health(self) -> StreamHealth:
+        """Frames so far, and what a recording misses of them."""
+        return StreamHealth(frames=self._start - self._dropped, dropped=self._dropped, gaps=self._gaps)
+
+    def __iter__(self) -> Iterator[Block]:
+        """Yield blocks at the pace that was asked for."""
+        if self._began is None:
+            self._began = time.monotonic()
+        while (block := self._next()) is not None:
+            yield block
+
+    def close(self) -> None:
+        """End the iteration, from whatever thread."""
+        self._closed.set()
+
+    def release(self) -> None:
+        """Close, wait until the reader has left, and give back what was opened."""
+        self.close()
+        with self._reading:
+            self._leave()
+
+    def _next(self) -> Block | None:
+        with self._reading:
+            if self._closed.is_set() or self._start >= self._end:
+                return None
+            lost = self._lost()
+            self._start += lost
+            self._dropped += lost
+            self._gaps += lost > 0
+            samples = self._read(int(min(self._block, self._end - self._start)))
+            if not samples.shape[1]:
+                return None
+            adc_time = self._await(self._start + samples.shape[1])
+            block = Block(samples=samples, start=self._start, dropped=lost, adc_time=adc_time)
+            self._start += samples.shape[1]
+            return None if self._closed.is_set() else block
+
+    def _await(self, stop: Samples) -> Seconds | None:
+        """Wait until frame `stop` is due; return the time of the block's first frame, where that is real."""
+        speed, rate, began = self._speed, self._signal.sample_rate, self._began
+        if not speed or began is None:
+            return None
+        self._closed.wait(max(began + stop / (rate * speed) - time.monotonic(), 0.0))
+        return began + self._start / rate if speed == 1.0 else None

@@ -1,0 +1,55 @@
+"""The contract of a source: frozen options, opened into a stream of blocks."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+
+from monochord.core.types import Block, Signal, StreamHealth, Truth
+from monochord.core.units import Samples
+
+
+class Stream(ABC):
+    """An open source. Iterating yields blocks in order until the source ends.
+
+    Frame indices never go back: ``block.start == previous end + block.dropped``. Lost frames are counted
+    in `health` and marked on the next block; a stream never invents samples. `close` (or leaving the
+    context) may be called from another thread and ends the iteration.
+    """
+
+    @property
+    @abstractmethod
+    def signal(self) -> Signal:
+        """Rate, channels and, where known, the string."""
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[Block]:
+        """Yield blocks; waits where the device is slower than the reader."""
+
+    def close(self) -> None:  # noqa: B027
+        """End the iteration, from whatever thread; a stream that never waits may leave this out."""
+
+    @property
+    def pending(self) -> Samples:
+        """Frames captured and not yet yielded: how far the reader is behind. Zero for a file."""
+        return 0
+
+    @property
+    def health(self) -> StreamHealth:
+        """Counters so far."""
+        return StreamHealth()
+
+    def truth(self, start: Samples, stop: Samples) -> Truth:  # noqa: ARG002
+        """Return what is known to be true over [start, stop), empty where nothing is (real hardware)."""
+        return {}
+
+
+class Source(ABC):
+    """Options of a source, as a frozen keyword-only dataclass whose first field is what to open.
+
+    The command line's INPUT argument fills that first field. A source's `open` raises `InputError` for
+    options or a file that cannot be used, and `DeviceError` for a device or server that is not there.
+    """
+
+    @abstractmethod
+    def open(self) -> AbstractContextManager[Stream]:
+        """Open the source; leaving the context releases the device or file."""

@@ -1,0 +1,179 @@
+"""The split-string simulation in place of the two contact microphones, with the truth at hand."""
+
+import math
+from collections import deque
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monochord.capture.sources._paced_stream import PacedStream
+from monochord.capture.sources._touches import Touch, play_at_random, play_script
+from monochord.capture.sources.base import Source
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Contact, Signal, StringParams, Truth
+from monochord.core.units import MetresPerSecond, Newtons, Samples, Seconds
+from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, touch
+from monochord.physics.strings import load_string
+from monochord.physics.theory import mixing_matrix, open_frequency
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplitStringSource(Source):
+    """A driven string that is touched now and then, simulated: `monochord.physics.split_string`.
+
+    Parameters
+    ----------
+    preset
+        The string, by its name or as a TOML file.
+    speed
+        Pace against real time: 1 gives each block when its last frame would have been heard, 0 as fast as the
+        reader takes it.
+    duration
+        Length in seconds; 0 without end.
+    script
+        Touches in the order of their starts, such as ``[{start = 1.0, position = 0.2, force = 0.5}]``; one
+        without a position is a release. Empty: touches drawn at random.
+    seed
+        Of the random touches and of the noise; equal seeds give equal sounds.
+    hold
+        Mean time in seconds that a random touch, or none, lasts.
+    forces
+        Least and greatest normal force of a random touch in N.
+    places
+        Where random touches fall, as fractions of the length.
+    settle
+        For how many seconds after a change of touch the truth counts as unsettled.
+    level
+        About the velocity in m/s that the drivers sustain at a pickup, whatever the string; samples are
+        velocities in m/s.
+    strike
+        How strongly the string is plucked by each change of touch, in multiples of `level`. A weak strike
+        leaves it to history which harmonics sound: see the drivers' feedback.
+    noise
+        Standard deviation of the microphones' own white noise, as a sample value.
+    block
+        Frames a block; the last one holds what is left.
+    sample_rate
+        In Hz.
+    """
+
+    preset: str = "appendix"
+    speed: float = 1.0
+    duration: Seconds = 0.0
+    script: tuple[Touch, ...] = ()
+    seed: int = 0
+    hold: Seconds = 1.5
+    forces: tuple[Newtons, Newtons] = (0.2, 2.0)
+    places: tuple[float, float] = (0.25, 0.75)
+    settle: Seconds = 0.15
+    level: MetresPerSecond = 0.1
+    strike: float = 3.0
+    noise: float = 1e-4
+    block: Samples = 256
+    sample_rate: int = 44100
+
+    @contextmanager
+    def open(self) -> Generator["_SimulatedStream"]:
+        """Begin with the untouched string; raises `InputError` for a preset or option that cannot be used."""
+        string = load_string(self.preset).string
+        self._refuse_impossible(string)
+        stream = _SimulatedStream(self, string)
+        try:
+            yield stream
+        finally:
+            stream.release()
+
+    def _refuse_impossible(self, string: StringParams) -> None:
+        for name in ("speed", "duration", "noise", "level", "strike"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise InputError(f"{name} {getattr(self, name):g}", "0 or more")
+        if self.block < 1 or self.seed < 0:
+            raise InputError(f"block {self.block}, seed {self.seed}", "1 frame or more, and 0 or more")
+        if not 0.05 <= self.hold < math.inf:
+            raise InputError(f"hold {self.hold:g} s", "0.05 s or more")
+        low, high = self.forces
+        if not 0.0 <= low <= high < math.inf:
+            raise InputError(f"forces {low:g} to {high:g} N", "0 N or more, the least first")
+        low, high = self.places
+        if not 0.0 < low <= high < 1.0:
+            raise InputError(f"places {low:g} to {high:g}", "fractions between 0 and 1, the least first")
+        for each in self.script:
+            each.refuse_impossible(string.length)
+        if list(self.script) != sorted(self.script, key=lambda each: each.start):
+            raise InputError("script out of order", "touches by their start, the earliest first")
+
+
+def _setup(string: StringParams, level: MetresPerSecond) -> SplitString:
+    """Return the untouched string with a drive and a first pluck that both give about the level asked for.
+
+    At resonance the drive makes up for the loss: one driver on half the string, or two on the whole, at a
+    quarter of the segment, sustain 2 A / (d L) at a pickup there.
+    """
+    return SplitString(
+        string=string,
+        drive=Drive(amplitude=level * string.damping * string.length / 2.0),
+        pluck=Pluck(height=level / (2.0 * math.pi * open_frequency(string))),
+    )
+
+
+class _SimulatedStream(PacedStream):
+    def __init__(self, options: SplitStringSource, string: StringParams) -> None:
+        rate = options.sample_rate
+        signal = Signal(
+            sample_rate=rate,
+            channels=2,
+            string=string,
+        )
+        end = round(options.duration * rate) if options.duration else math.inf
+        super().__init__(signal, block=options.block, speed=options.speed, end=end)
+        self._options = options
+        setup = _setup(string, options.level)
+        self._mixing = mixing_matrix(*setup.mixing)
+        self._strike = replace(setup.pluck, height=options.strike * setup.pluck.height)
+        self._ringing: Ringing = begin(setup, rate)
+        advance(self._ringing, 1)  # compiles here, where nobody waits for a block
+        self._random = np.random.default_rng([options.seed, 1])
+        touches = options.script or play_at_random(
+            seed=options.seed,
+            hold=options.hold,
+            positions=(options.places[0] * string.length, options.places[1] * string.length),
+            forces=options.forces,
+        )
+        self._changes = play_script(touches, rate)
+        self._change = next(self._changes, None)
+        self._history: deque[tuple[Samples, Contact | None]] = deque([(0, None)], maxlen=256)
+
+    def truth(self, start: Samples, stop: Samples) -> Truth:
+        """Return the touch at the end of the range; a release has neither position nor force.
+
+        `settled` is 1 where the touch has not changed since `settle` seconds before the range began.
+        """
+        past = [(at, contact) for at, contact in self._history if at < stop]
+        if not past:
+            return {}
+        changed, contact = past[-1]
+        calm = start - changed >= self._options.settle * self._signal.sample_rate
+        known = {"contact": 0.0 if contact is None else 1.0, "settled": float(calm)}
+        if contact is None:
+            return known
+        return known | {"position": contact.position, "force": contact.force}
+
+    def _read(self, frames: Samples) -> Audio:
+        """Return the next frames, with touches that change at their own sample and not at a block's."""
+        parts: list[np.ndarray] = []
+        while frames:
+            now = self._ringing.start
+            while self._change is not None and self._change[0] <= now:
+                self._ringing = touch(self._ringing, self._change[1], pluck=self._strike)
+                self._history.append((now, self._change[1]))
+                self._change = next(self._changes, None)
+            part = frames if self._change is None else min(frames, self._change[0] - now)
+            velocity, self._ringing = advance(self._ringing, part)
+            parts.append(velocity)
+            frames -= part
+        sound = self._mixing @ np.concatenate(parts, axis=1)
+        # Drawn frame by frame, so that the noise does not depend on the size of blocks either.
+        sound += self._options.noise * self._random.standard_normal(sound.shape[::-1]).T
+        return sound.astype(np.float32)

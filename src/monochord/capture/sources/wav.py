@@ -1,0 +1,101 @@
+"""A recording on disk, read block by block, as fast as possible or at the pace of a clock."""
+
+import math
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import soundfile
+
+from monochord.capture.sources._audio_file import open_audio
+from monochord.capture.sources._paced_stream import PacedStream
+from monochord.capture.sources.base import Source
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Signal
+from monochord.core.units import Samples
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wav(Source):
+    """A wav or flac file of one or two channels at 16 to 96 kHz.
+
+    Parameters
+    ----------
+    path
+        The file.
+    block
+        Frames a block; the last one holds what is left.
+    speed
+        Pace against real time: 1 gives each block when its last frame would have been heard, 20 twenty times
+        as fast, 0 as fast as it is read.
+    repeat
+        How many times to play the file, the sample index growing on; 0 without end.
+    allow_truncated
+        Whether to read what is there of a file that was cut short, to the last whole block.
+    """
+
+    path: Path
+    block: Samples = 512
+    speed: float = 0.0
+    repeat: int = 1
+    allow_truncated: bool = False
+
+    @contextmanager
+    def open(self) -> Generator["_FileStream"]:
+        """Open the file; raises `InputError` where it or an option cannot be used."""
+        if self.block < 1:
+            raise InputError(f"block of {self.block} frames", "1 frame or more")
+        if not 0.0 <= self.speed < math.inf:
+            raise InputError(f"speed {self.speed}", "0 (as fast as possible) or more")
+        if self.repeat < 0:
+            raise InputError(f"repeat {self.repeat}", "0 (without end) or more")
+        file = open_audio(Path(self.path), allow_truncated=self.allow_truncated)
+        stream = _FileStream(file, self)
+        try:
+            yield stream
+        finally:
+            stream.release()
+
+
+class _FileStream(PacedStream):
+    def __init__(self, file: soundfile.SoundFile, options: Wav) -> None:
+        signal = Signal(sample_rate=file.samplerate, channels=file.channels)
+        end = file.frames * options.repeat or math.inf
+        super().__init__(signal, block=options.block, speed=options.speed, end=end)
+        self._file, self._options = file, options
+        self._round = 1
+
+    def _leave(self) -> None:
+        self._file.close()
+
+    def _read(self, frames: Samples) -> Audio:
+        """Return the next frames, running on from the file's end to its beginning."""
+        parts = [self._read_here(frames)]
+        while (missing := frames - sum(map(len, parts))) and self._round != self._options.repeat:
+            self._round += 1
+            self._rewind()
+            parts.append(self._read_here(missing))
+            if not len(parts[-1]):
+                break  # nothing of it can be read
+        return np.ascontiguousarray(np.concatenate(parts).T)
+
+    def _rewind(self) -> None:
+        try:
+            self._file.seek(0)
+        except soundfile.LibsndfileError:  # a flac decoder that met the end of a cut file stays where it is
+            self._file.close()
+            name: Any = os.fsencode(self._options.path)
+            self._file = soundfile.SoundFile(name)
+
+    def _read_here(self, frames: Samples) -> np.ndarray:
+        try:
+            return self._file.read(frames, dtype="float32", always_2d=True)
+        except soundfile.LibsndfileError as error:
+            if self._options.allow_truncated:
+                return np.zeros((0, self._signal.channels), np.float32)
+            where = f"file {self._options.path} (unreadable after frame {self._start})"
+            raise InputError(where, "an undamaged file", "copy it again") from error

@@ -1,0 +1,1 @@
+"""The vocabulary: units, types, errors, clock, configuration, registries, presets, windows."""

@@ -1,0 +1,155 @@
+"""Folders and files that one running process owns, and what processes that ended left behind.
+
+Ownership is a lock of `flock`, which the system releases when its process ends, however that ends: no lock is
+ever stale, and a process number that was given out again deceives nobody. Children do not inherit it, unless
+they are forked without starting a program.
+"""
+
+import fcntl
+import logging
+import os
+import re
+import shutil
+import tempfile
+import uuid
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from monochord.core.errors import InputError
+
+LOCK = ".monochord.lock"
+"""File in a folder that one run at a time writes to; it holds the number of that run's process."""
+PREFIX = "monochord-scratch-"
+MARK = ".monochord-scratch"
+"""File in a temporary folder of ours, which tells it from one that a person called so."""
+_log = logging.getLogger("monochord")
+
+
+@contextmanager
+def sole_use(folder: Path) -> Generator[None]:
+    """Own a folder that exists until the context is left.
+
+    Raises
+    ------
+    InputError
+        If another run owns it, or its disk has no locks.
+    """
+    file = folder / LOCK
+    number = _locked(file, folder)
+    try:
+        os.truncate(number, 0)
+        os.write(number, f"{os.getpid()}\n".encode())
+        yield
+    finally:
+        file.unlink(missing_ok=True)  # before the lock is released: see `_locked`
+        os.close(number)
+
+
+def _locked(file: Path, folder: Path) -> int:
+    """Return the descriptor of a locked file; raises `InputError` where another process has it."""
+    while True:
+        number = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            owner = os.read(number, 20).decode("ascii", "replace").strip() or "unknown"
+            os.close(number)
+            raise InputError(
+                f"folder '{folder}' (process {owner} is writing to it)",
+                "a folder that no other run writes to",
+                "wait until that run has ended, or name another folder",
+            ) from error
+        except OSError as error:
+            os.close(number)
+            given = f"folder '{folder}' (its disk has no locks: {error.strerror})"
+            raise InputError(given, "a folder on a disk that has them") from error
+        if _is(number, file):
+            return number
+        os.close(number)  # the run before removed it between our opening and our locking
+
+
+@contextmanager
+def part_folder(out: Path) -> Generator[Path]:
+    """Give a new folder beside `out` to fill and then rename; what is still there at the end is removed.
+
+    What processes that ended left of the same `out` is removed first, with a warning in the log.
+    """
+    ours = re.compile(re.escape(f".{out.name}.part-") + r"\d+(-[0-9a-f]{8})?")
+    parent = out.absolute().parent
+    _remove_abandoned(each for each in parent.iterdir() if ours.fullmatch(each.name))
+    part = parent / f".{out.name}.part-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+    number: int | None = None
+    try:
+        while number is None or not _is(number, part):  # another's cleaning may come before our lock
+            if number is not None:
+                os.close(number)
+            with suppress(FileExistsError):
+                part.mkdir()
+            number = _own(part)
+        yield part
+    finally:
+        if part.exists():
+            shutil.rmtree(part)
+        if number is not None:
+            os.close(number)
+
+
+@contextmanager
+def scratch_folder() -> Generator[Path]:
+    """Give a new temporary folder; it is removed at the end.
+
+    What processes of this user that ended left of their own is removed first, with a warning in the log.
+    """
+    place = Path(tempfile.gettempdir())
+    _remove_abandoned(each for each in place.glob(f"{PREFIX}*") if _is_ours(each))
+    with tempfile.TemporaryDirectory(prefix=PREFIX) as name:
+        folder = Path(name)
+        number = _own(folder)
+        try:
+            (folder / MARK).touch()  # locked before: without its mark nobody removes it
+            yield folder
+        finally:
+            if number is not None:
+                os.close(number)
+
+
+def _remove_abandoned(folders: Iterator[Path]) -> None:
+    """Remove folders that nobody owns; those that cannot be read or locked are left."""
+    for folder in folders:
+        with suppress(OSError):
+            number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                size = sum(file.lstat().st_size for file in folder.rglob("*"))
+                shutil.rmtree(folder)
+                _log.warning(
+                    "monochord: removed %s (%.1f MB), left by a run that was killed", folder, 1e-6 * size
+                )
+            finally:
+                os.close(number)
+
+
+def _is_ours(folder: Path) -> bool:
+    """Return whether a temporary folder is one that a process of this user made here."""
+    with suppress(OSError):
+        return folder.lstat().st_uid == os.getuid() and (folder / MARK).is_file()
+    return False
+
+
+def _own(folder: Path) -> int | None:
+    """Return the descriptor of a folder that is now ours; None where it is gone, or its disk has no locks."""
+    try:
+        number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except FileNotFoundError:
+        return None
+    with suppress(OSError):
+        fcntl.flock(number, fcntl.LOCK_EX)
+    return number
+
+
+def _is(number: int, path: Path) -> bool:
+    """Return whether a descriptor is of what stands at a path."""
+    with suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(number), path.stat())
+    return False

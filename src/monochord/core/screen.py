@@ -1,0 +1,74 @@
+"""The lower part of a terminal, of which a new picture rewrites only the lines that it changes."""
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from types import TracebackType
+
+from rich.color import ColorSystem
+from rich.console import COLOR_SYSTEMS, Console
+from rich.text import Text
+
+from monochord.core.printable import printable
+
+HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
+CLEAR_LINE, CLEAR_BELOW = "\x1b[K", "\x1b[J"
+
+
+def can_draw(console: Console) -> bool:
+    """Tell whether a console is a terminal that a `Screen` can draw on."""
+    return (
+        console.is_terminal
+        and not console.is_dumb_terminal
+        and not console.legacy_windows
+        and console.encoding.startswith("utf")
+    )
+
+
+class Screen(AbstractContextManager["Screen"]):
+    """Pictures one over the other, below what stood there before; the last one stays.
+
+    `console` must be a terminal that takes ANSI's control sequences.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._colours: ColorSystem | None = COLOR_SYSTEMS.get(console.color_system or "")
+        self._shown: list[Text] = []
+        self._columns = console.width
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the cursor below the picture."""
+        if self._shown:
+            self._write("\n" + SHOW_CURSOR)
+
+    def show(self, picture: Sequence[Text]) -> None:
+        """Draw a picture, cropped to the terminal; the caller leaves its lines unchanged from then on."""
+        size = self._console.size
+        lines = list(picture[: max(size.height - 1, 1)])
+        for line in lines:
+            line.truncate(size.width, overflow="crop")
+        # A terminal of another width may have folded lines, so none is where it was.
+        kept = self._shown if (size.width, len(lines)) == (self._columns, len(self._shown)) else []
+        above = len(self._shown) - 1
+        drawn = ["\r", f"\x1b[{above}A" if above > 0 else "", "" if kept else HIDE_CURSOR + CLEAR_BELOW]
+        for k, line in enumerate(lines):
+            drawn.append("\n" if k else "")
+            if not kept or line != kept[k]:
+                drawn.append(self._ansi(line) + CLEAR_LINE)
+        self._shown, self._columns = lines, size.width
+        self._write("".join(drawn))
+
+    def _ansi(self, line: Text) -> str:
+        """Return a line with its styles as control sequences."""
+        parts: list[str] = []
+        for text, style, _ in Text.assemble(line).render(self._console):  # its own style becomes a span
+            plain = style.without_color if style and self._console.no_color else style
+            shown = printable(text)
+            parts.append(plain.render(shown, color_system=self._colours) if plain else shown)
+        return "".join(parts)
+
+    def _write(self, text: str) -> None:
+        self._console.file.write(text)
+        self._console.file.flush()

@@ -1,0 +1,214 @@
+"""The nouns of Monochord: frozen, keyword-only, in SI units.
+
+Sample arrays are channel-first, ``(channel, sample)``, as the paper's A in R^{2xT}.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.units import (
+    KilogramsPerMetre,
+    Metres,
+    MetresPerSecond,
+    Newtons,
+    NewtonSecondsPerSquareMetre,
+    Pascals,
+    Samples,
+    Seconds,
+)
+
+Floats: TypeAlias = NDArray[np.float64]
+Audio: TypeAlias = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StringParams:
+    """A string as built: what fixes its vibration before anything touches it.
+
+    `tension_per_force` is the paper's k_T (Eq. 6), `damping` its d_0 and `damping_per_force` its k_d
+    (Eq. 7). `core_diameter` is the load-bearing wire's, which stiffness and stretch depend on; zero
+    means an ideally flexible string.
+    """
+
+    length: Metres
+    linear_density: KilogramsPerMetre
+    tension: Newtons
+    core_diameter: Metres = 0.0
+    young_modulus: Pascals = 2.0e11
+    damping: NewtonSecondsPerSquareMetre = 0.02
+    damping_per_force: float = 0.0
+    tension_per_force: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """One touch; no contact is ``None``, never a force of zero. `position` is from pickup 1."""
+
+    position: Metres
+    force: Newtons
+    slip_velocity: MetresPerSecond = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """Consecutive sample frames as a source delivers them.
+
+    `samples` is (channels, n) float32; `start` is the sample index of the first frame. `dropped` frames
+    were lost just before it (so `start` has already skipped them): a gap is data. `adc_time` is the
+    monotonic-clock time of the block's first frame at the converter, where the source knows it, and
+    `frame_time` the device's own count of frames there (JACK's frame time, modulo 2^32).
+    """
+
+    samples: Audio
+    start: Samples
+    dropped: Samples = 0
+    adc_time: Seconds | None = None
+    frame_time: Samples | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """A stretch of audio to look at; `samples` is (channels, n) float32 beginning at index `start`."""
+
+    samples: Audio
+    start: Samples
+    sample_rate: int
+    has_gap: bool = False
+
+    @property
+    def duration(self) -> Seconds:
+        """Length of the window."""
+        return self.samples.shape[-1] / self.sample_rate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One estimated quantity with its standard error, or an abstention with its reason.
+
+    `std` is one standard deviation in the unit of `value`. Where `valid` is false, `value` and `std` are
+    NaN and `why_not` says in a few words why.
+    """
+
+    value: float
+    std: float
+    unit: str
+    valid: bool = True
+    why_not: str = ""
+
+    @classmethod
+    def abstain(cls, unit: str, why_not: str) -> "Estimate":
+        """Return an abstention.
+
+        >>> Estimate.abstain("m", "silence").valid
+        False
+        """
+        return cls(value=float("nan"), std=float("nan"), unit=unit, valid=False, why_not=why_not)
+
+
+Estimates: TypeAlias = Mapping[str, Estimate]
+"""What an estimator says of a window, by name; an open set."""
+Prepared: TypeAlias = Callable[[Window], Estimates]
+"""An estimator made ready for a signal."""
+Truth: TypeAlias = Mapping[str, float]
+"""What a simulated source knows of itself: ``contact`` 0 or 1, ``position``, ``force`` ...; an open set."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prediction:
+    """What one window told: estimates by name (an open set), on the sample clock.
+
+    `time` is the start of the window in seconds since the stream began; `latency` is the time from the
+    window's last sample being at hand to this prediction.
+    """
+
+    start: Samples
+    time: Seconds
+    estimates: Mapping[str, Estimate]
+    latency: Seconds = 0.0
+
+    def estimate(self, name: str) -> Estimate:
+        """Return an estimate by name, or an abstention where the estimator has none of this name.
+
+        >>> Prediction(start=0, time=0.0, estimates={}).estimate("force").why_not
+        'not estimated'
+        """
+        return self.estimates.get(name) or Estimate.abstain("", "not estimated")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signal:
+    """What an open source says of its audio: rate, channels, and the string if it knows that."""
+
+    sample_rate: int
+    channels: int
+    string: StringParams | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamHealth:
+    """Counters of a running stream; `xruns` are the server's own, the rest is counted from frame times."""
+
+    frames: Samples = 0
+    dropped: Samples = 0
+    gaps: int = 0
+    xruns: int = 0
+    reconnects: int = 0
+    clock_offsets: Mapping[str, Seconds] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feed:
+    """What an open instrument says of its readings.
+
+    `stream` is what kind they are, and their topic in a session: ``wrench``, ``pose``, or a name of its own.
+    `columns` name the values of a reading and `units` their units, one each. `rate` is how many readings a
+    second are due, and `ticks` how many ticks a second the device's own clock has; 0 where that is not known.
+    `details` is whatever else is needed to read them again: calibration, serial number, address.
+    """
+
+    stream: str
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
+    rate: float = 0.0
+    ticks: float = 0.0
+    details: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+"""Columns of the stream ``wrench``: force in N, then torque in N m."""
+POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of the stream ``pose``: place in m, then orientation as a unit quaternion."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """Consecutive readings of one instrument, n of them, in the order in which they came.
+
+    `time` (n,) is when each arrived at this machine, in seconds of the monotonic clock, as near to the wire
+    as could be had; `values` (n, columns) are in the units of the `Feed`. `sequence` (n,) is the sender's own
+    count and `device_time` (n,) its own clock in ticks, both -1 where it sends none; `status` (n,) is its
+    status word, 0 where all is well. What was lost leaves a gap in `sequence`; nothing is made up for it.
+    """
+
+    stream: str
+    time: Floats
+    values: Floats
+    sequence: NDArray[np.int64]
+    device_time: NDArray[np.int64]
+    status: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InstrumentHealth:
+    """Counters of an open instrument: `missing` never came, `faulty` are unreadable or tell of a fault."""
+
+    readings: int = 0
+    missing: int = 0
+    faulty: int = 0
+    out_of_order: int = 0
+    reconnects: int = 0

@@ -1,0 +1,99 @@
+"""Blocks into overlapping windows on an exact sample clock."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Block, Window
+from monochord.core.units import Samples
+
+
+def windows(blocks: Iterable[Block], *, size: Samples, hop: Samples, sample_rate: int) -> Iterator[Window]:
+    """Yield windows of `size` frames that start at every multiple of `hop`, as soon as each is complete.
+
+    Window k covers frames [k hop, k hop + size) of the sample clock, whatever the block sizes. Frames that
+    were dropped are zeros in the samples, and the windows that touch them have `has_gap` set. A window whose
+    every frame was dropped is still yielded, so that the output keeps the clock's pace. Memory does not grow
+    with the stream, nor with the length of a gap.
+
+    Parameters
+    ----------
+    blocks
+        Blocks in order, from one stream.
+    size, hop
+        Window length and distance of window starts, in frames, both at least 1.
+    sample_rate
+        Frames a second.
+
+    Yields
+    ------
+    Window
+        With samples (channels, size) that own their memory.
+
+    Raises
+    ------
+    InputError
+        If `size` or `hop` is below 1.
+
+    Examples
+    --------
+    >>> ones = np.ones((1, 3), np.float32)
+    >>> blocks = [Block(samples=ones, start=0), Block(samples=ones, start=4, dropped=1)]
+    >>> [(w.start, w.has_gap) for w in windows(blocks, size=2, hop=2, sample_rate=44100)]
+    [(0, False), (2, True), (4, False)]
+    """
+    if size < 1 or hop < 1:
+        raise InputError(f"window of {size} frames, hop {hop}", "1 frame or more each")
+    tape: _Tape | None = None
+    start = gap_end = 0
+    for block in blocks:
+        if tape is None:
+            tape = _Tape(block.samples.shape[0], size)
+        for run, is_gap in _runs(block, tape.end, size):
+            tape.append(run)
+            if is_gap:
+                gap_end = tape.end
+            # Every window that this run completes ends inside the run, so all earlier gaps end before it.
+            while start + size <= tape.end:
+                samples = tape.cut(start, size)
+                yield Window(samples=samples, start=start, sample_rate=sample_rate, has_gap=start < gap_end)
+                start += hop
+
+
+def _runs(block: Block, end: Samples, longest: Samples) -> Iterator[tuple[Audio, bool]]:
+    """Yield what follows clock index `end`, lost frames as zeros, in runs of bounded length."""
+    lost = block.start - end
+    if lost < 0:
+        raise ValueError(f"block starts at frame {block.start}, before the end {end} of the one before it")
+    zeros = np.zeros((block.samples.shape[0], min(lost, longest)), np.float32)
+    for done in range(0, lost, longest):
+        yield zeros[:, : lost - done], True
+    for done in range(0, block.samples.shape[1], longest):
+        yield block.samples[:, done : done + longest], False
+
+
+class _Tape:
+    """The newest frames of a stream, at least `size` of them, in memory that is taken once."""
+
+    SPARE = 8  # windows held before the oldest are shed: each frame is moved 1/7 times on average
+
+    def __init__(self, channels: int, size: Samples) -> None:
+        self.size = size
+        self.buffer = np.zeros((channels, self.SPARE * size), np.float32)
+        self.filled = 0
+        self.end = 0  # clock index just after the newest frame
+
+    def append(self, run: Audio) -> None:
+        """Add at most `size` frames."""
+        if self.filled + run.shape[1] > self.buffer.shape[1]:
+            self.buffer[:, : self.size] = self.buffer[:, self.filled - self.size : self.filled]
+            self.filled = self.size
+        self.buffer[:, self.filled : self.filled + run.shape[1]] = run
+        self.filled += run.shape[1]
+        self.end += run.shape[1]
+
+    def cut(self, start: Samples, size: Samples) -> Audio:
+        """Return a copy of the frames from clock index `start` on."""
+        at = self.filled - (self.end - start)
+        return self.buffer[:, at : at + size].copy()

@@ -1,0 +1,119 @@
+"""The live view in a terminal, or one plain line a second where there is none."""
+
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from rich.console import Console
+from rich.text import Text
+
+from monochord.core.printable import printable
+from monochord.core.screen import Screen, can_draw
+from monochord.core.timing import Histogram
+from monochord.core.types import Signal
+from monochord.core.units import Metres, Seconds
+from monochord.live.sinks import _view
+from monochord.live.sinks.base import Moment, Sink, Writer
+
+ASSUMED_LENGTH: Metres = 0.65  # to draw a string of which nobody told the length
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Terminal(Sink):
+    """Draw the string with the touch on it, the estimates, levels, latency and the stream's health.
+
+    Parameters
+    ----------
+    length
+        Length of the drawn string in metres; 0 takes the signal's string, or 0.65 m.
+    interval
+        Shortest time between two pictures in seconds. A picture that takes long to draw makes it longer:
+        drawing is allowed one eighth of the loop's time.
+    plain
+        Whether to print one plain line a second, as without a terminal.
+    stderr
+        Whether to draw on standard error, which leaves standard output to data.
+    """
+
+    length: Metres = 0.0
+    interval: Seconds = 0.1
+    plain: bool = False
+    stderr: bool = False
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:
+        """Take over the terminal's lower part; the last picture stays."""
+        console = Console(file=sys.stderr if self.stderr else sys.stdout, highlight=False)
+        if self.plain or not can_draw(console):
+            lines = _Lines(console)
+            yield lines
+            lines.close()
+            return
+        length = self.length or (signal.string.length if signal.string else ASSUMED_LENGTH)
+        with Screen(console) as screen:
+            picture = _Picture(console, screen, signal, length, self.interval)
+            yield picture
+            picture.close()
+
+
+class _Picture(Writer):
+    """Draws the newest moment, at most every `interval`, within its share of the time."""
+
+    def __init__(
+        self, console: Console, screen: Screen, signal: Signal, length: Metres, interval: Seconds
+    ) -> None:
+        self._console, self._screen = console, screen
+        self._signal, self._length, self._interval = signal, length, interval
+        self._latency = Histogram()
+        self._next: Seconds = 0.0
+        self._waiting: Moment | None = None
+
+    def write(self, moment: Moment) -> None:
+        self._latency.add(moment.prediction.latency)
+        begin = time.monotonic()
+        if begin < self._next:
+            self._waiting = moment
+            return
+        self._draw(moment)
+        end = time.monotonic()
+        self._next = begin + max(self._interval, 8.0 * (end - begin))
+
+    def close(self) -> None:
+        """Draw what came since the last picture."""
+        if self._waiting is not None:
+            self._draw(self._waiting)
+
+    def _draw(self, moment: Moment) -> None:
+        self._waiting = None
+        size = self._console.size
+        latency = self._latency.percentiles()
+        columns = min(size.width, 110)
+        self._screen.show(_view.frame(moment, self._signal, self._length, latency, columns, size.height))
+
+
+class _Lines(Writer):
+    """Prints one line a second, and the last one."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._latency = Histogram()
+        self._next: Seconds = 0.0
+        self._waiting: Moment | None = None
+
+    def write(self, moment: Moment) -> None:
+        self._latency.add(moment.prediction.latency)
+        now = time.monotonic()
+        self._waiting = moment
+        if now >= self._next:
+            self._next = now + 1.0
+            self.close()
+
+    def close(self) -> None:
+        """Print the newest moment, unless it was printed."""
+        if self._waiting is not None:
+            line = _view.plain(self._waiting, self._latency.percentiles())
+            self._console.print(Text(printable(line)), soft_wrap=True)
+            self._console.file.flush()
+        self._waiting = None

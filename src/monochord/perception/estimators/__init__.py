@@ -1,0 +1,8 @@
+"""From a window to estimates: one file an estimator, found by its name."""
+
+from monochord.core.registry import Registry
+from monochord.perception.estimators.base import Estimator
+
+ESTIMATORS: Registry[Estimator] = Registry("monochord.perception.estimators", Estimator)
+
+__all__ = ["ESTIMATORS"]

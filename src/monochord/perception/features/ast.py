@@ -1,0 +1,124 @@
+"""The embedding of a window by the frozen Audio Spectrogram Transformer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Signal
+from monochord.core.units import Samples, Seconds
+from monochord.perception.encoders.ast.patches import BINS
+from monochord.perception.encoders.ast.tensors import AstWeights, random_weights
+from monochord.perception.features._mel import FINE, Spectrogram
+from monochord.perception.features.base import Extractor, Feature
+
+AUDIOSET = 160
+"""Samples from frame to frame in AudioSet."""
+FRAMES = 100
+"""Frames that AudioSet's framing is padded to, at the least."""
+Embed = Callable[[Audio], Audio]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ast(Feature):
+    """Mean and maximum over all patches of the transformer's last layer, microphone by microphone.
+
+    Each microphone is resampled to 16 kHz; its log-mel spectrogram of 128 bands (100 frames of 0.1 s) is
+    normalised with AudioSet's mean and deviation and embedded by the frozen network of 12 layers, 768 wide:
+    mean(768) and max(768) over the patch tokens, 3072 columns of two microphones. Columns begin with the
+    first eight digits of the weights' SHA-256, so that rows of other weights cannot be taken for these.
+
+    The weights are no part of Monochord: `monochord weights get ast` fetches them. Where nothing but speed
+    matters, or as a baseline in which nothing was learned, there are random ones, on request alone; their
+    columns begin with ``random``.
+
+    A window is embedded by itself, since the network's last bits depend on how many are embedded at once, and
+    int8 on which.
+
+    Parameters
+    ----------
+    weights
+        A safetensors file or a Hugging Face folder; empty for what MONOCHORD_AST names or was fetched.
+    random
+        Use random weights; `weights` must be empty then.
+    seed
+        Of the random weights.
+    backend
+        ``onnx`` (float32) or ``int8`` by ONNX Runtime, ``torch`` on the processor, ``cuda`` for PyTorch on a
+        GPU. In float32 they differ in the last bits, int8 by a few hundredths of the spread: train and
+        predict with the same.
+    framing
+        ``fine``: frames 1 ms apart, mirrored at the ends, 100 of 0.1 s. ``audioset``: 10 ms apart, as the
+        network was trained, 8 of 0.1 s, and zeros up to 100.
+    threads
+        Of ONNX Runtime.
+    context
+        Seconds at the begin of each window that only settle the resampler and are not looked at.
+    """
+
+    weights: str = ""
+    random: bool = False
+    seed: int = 0
+    backend: Literal["onnx", "int8", "torch", "cuda"] = "onnx"
+    framing: Literal["fine", "audioset"] = "fine"
+    threads: int = 1
+    context: Seconds = 0.0
+
+    def __post_init__(self) -> None:
+        if self.random and self.weights:
+            given = f"ast.weights '{self.weights}' and ast.random"
+            raise InputError(given, "one of them", "leave out ast.weights for random ones")
+        if not 1 <= self.threads <= 256:
+            raise InputError(f"ast.threads {self.threads}", "1 to 256")
+
+    def prepare(self, signal: Signal, size: Samples) -> Extractor:
+        """Read the weights and build the network; seconds. See `Feature.prepare` for what it raises."""
+        fine = self.framing == "fine"
+        spectrogram = Spectrogram(
+            signal, size, hop=FINE if fine else AUDIOSET, centred=fine, bins=BINS, context=self.context
+        )
+        frames = spectrogram.frames if fine else max(spectrogram.frames, FRAMES)
+        weights = self._weights()
+        return _Embedded(spectrogram, frames, self._network(weights, frames), weights)
+
+    def _weights(self) -> AstWeights:
+        if self.random:
+            return random_weights(seed=self.seed)
+        from monochord.perception.encoders.ast.reading import read_weights  # noqa: PLC0415
+
+        return read_weights(self.weights)
+
+    def _network(self, weights: AstWeights, frames: int) -> Embed:
+        if self.backend in {"torch", "cuda"}:
+            from monochord.perception.encoders.ast.on_torch import OnTorch  # noqa: PLC0415
+
+            return OnTorch(weights, frames=frames, device="cpu" if self.backend == "torch" else "cuda")
+        from monochord.perception.encoders.ast.on_onnx import OnOnnx  # noqa: PLC0415
+
+        return OnOnnx(weights, frames=frames, int8=self.backend == "int8", threads=self.threads)
+
+
+class _Embedded(Extractor):
+    def __init__(self, spectrogram: Spectrogram, frames: int, embed: Embed, weights: AstWeights) -> None:
+        self._spectrogram, self._frames, self._embed = spectrogram, frames, embed
+        self._columns = tuple(
+            f"{weights.label} mic {microphone + 1} {how} {number + 1}"
+            for microphone in range(spectrogram.channels)
+            for how in ("mean", "max")
+            for number in range(weights.width)
+        )
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return self._columns
+
+    def __call__(self, windows: Audio) -> Audio:
+        self._spectrogram.refuse_other(windows)
+        rows = np.empty((windows.shape[0], len(self._columns)), np.float32)
+        for row, window in zip(rows, windows, strict=True):
+            energies = self._spectrogram(window)
+            short = self._frames - energies.shape[1]
+            row[:] = self._embed(np.pad(energies, ((0, 0), (0, short), (0, 0)))).ravel()
+        return rows

@@ -1,0 +1,64 @@
+"""Log-mel energies of a window, pooled over time alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Signal
+from monochord.core.units import Samples, Seconds
+from monochord.perception.features._mel import FINE, Spectrogram
+from monochord.perception.features.base import Extractor, Feature
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogMel(Feature):
+    """Mean and maximum over time of each mel band's log energy, microphone by microphone.
+
+    Frequency is kept, since it is what tells a touch. A window is resampled to 16 kHz and cut into frames of
+    25 ms, 1 ms apart (100 frames of 0.1 s), as `monochord.dsp.mel.LogMel` describes. 512 columns of two
+    microphones with the defaults.
+
+    Parameters
+    ----------
+    bins
+        Mel bands from 20 Hz to 8 kHz.
+    context
+        Seconds at the begin of each window that only settle the resampler and are not looked at.
+    """
+
+    bins: int = 128
+    context: Seconds = 0.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.bins <= 256:
+            raise InputError(f"log_mel.bins {self.bins}", "1 to 256")
+
+    def prepare(self, signal: Signal, size: Samples) -> Extractor:
+        """Make filters and frames; raises `InputError` below 16 kHz or for a window without a frame."""
+        return _Pooled(
+            Spectrogram(signal, size, hop=FINE, centred=True, bins=self.bins, context=self.context), self.bins
+        )
+
+
+class _Pooled(Extractor):
+    def __init__(self, spectrogram: Spectrogram, bins: int) -> None:
+        self._spectrogram = spectrogram
+        self._columns = tuple(
+            f"mic {microphone + 1} {how} of band {band + 1}"
+            for microphone in range(spectrogram.channels)
+            for how in ("mean", "max")
+            for band in range(bins)
+        )
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return self._columns
+
+    def __call__(self, windows: Audio) -> Audio:
+        self._spectrogram.refuse_other(windows)
+        rows = np.empty((windows.shape[0], len(self._columns)), np.float32)
+        for row, window in zip(rows, windows, strict=True):
+            energies = self._spectrogram(window)
+            row[:] = np.concatenate([energies.mean(axis=1), energies.max(axis=1)], axis=1).ravel()
+        return rows

@@ -1,0 +1,198 @@
+"""What a perceiver is, but for the numbers that it learned: the text that stands beside its weights."""
+
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from itertools import pairwise
+from math import inf, isfinite
+from typing import Any
+
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
+from monochord.core.units import Samples, Seconds
+from monochord.perception.heads.base import CONTACT, Task
+
+FORMAT = 1
+"""Version of a perceiver's folder."""
+MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS = 1 << 17, 64, 16, 64
+"""What is read from a file is bounded before it takes memory."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureRecord:
+    """A feature by its name, with all its options, and the columns that it gave in training."""
+
+    name: str
+    options: dict[str, Any]
+    columns: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reference:
+    """How the untouched reference is kept; `monochord.perception.model.context` tells what each number does.
+
+    `feature` reads the numbers that are kept of a window. A window is believed untouched where the
+    probability of contact is below `below`. The reference is the median of the last `keep` such windows,
+    `every` or more apart, none of which began within `settle` after a window that was not believed untouched,
+    or within `guard` before one.
+    """
+
+    feature: FeatureRecord
+    below: float = 0.1
+    keep: int = 8
+    every: Seconds = 0.1
+    settle: Seconds = 0.2
+    guard: Seconds = 0.1
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.below < 1.0:
+            raise InputError(f"context.below {self.below:g}", "a probability above 0 and below 1")
+        if not 1 <= self.keep <= 1000:
+            raise InputError(f"context.keep {self.keep} windows", "1 to 1000")
+        for name in ("every", "settle", "guard"):
+            if not 0.0 <= getattr(self, name) <= 60.0:
+                raise InputError(f"context.{name} {getattr(self, name):g} s", "0 to 60 s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """What makes the doubt that a head states come true on windows that it was not trained on.
+
+    Logits of a chance are divided by `factor`; the standard error of an amount is multiplied by it.
+    `measured` holds what was found on the `windows` of the `sessions` that it comes from.
+    """
+
+    factor: float = 1.0
+    windows: int = 0
+    sessions: int = 0
+    measured: dict[str, float] = field(default_factory=dict[str, float])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadRecord:
+    """A head: its task, and how its answers relate to the label.
+
+    An amount is ``offset + scale`` times the network's answer, and its standard error `scale` times the
+    spread, both before calibration.
+    """
+
+    task: Task
+    offset: float = 0.0
+    scale: float = 1.0
+    calibration: Calibration = Calibration()
+
+    def __post_init__(self) -> None:
+        scales = (self.scale, self.calibration.factor)
+        if not (isfinite(self.offset) and all(0.0 < scale < inf for scale in scales)):
+            given = f"offset {self.offset:g}, scale {self.scale:g} or factor {self.calibration.factor:g}"
+            raise InputError(given, "finite numbers, scale and factor above 0")
+        if len(self.task.hidden) > MAX_LAYERS or len(self.task.columns) > MAX_PATTERNS:
+            given = f"{len(self.task.hidden)} hidden layers and {len(self.task.columns)} patterns of columns"
+            raise InputError(given, f"{MAX_LAYERS} and {MAX_PATTERNS} at most")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Definition:
+    """All of a perceiver that is no array.
+
+    `window` and `hop` are those of the training data, in frames. `clip` bounds the scaled columns, so that a
+    strange window is no stranger than that; one whose root mean square is below `quietest` is silence: the
+    drivers do not drive the string. `string` is the string as the sensor's design states it.
+    `sessions` are the checksums of the sessions that it was trained and calibrated on, by name; `dataset` is
+    that of their dataset. `weights` is the sha256 of the file of weights.
+    """
+
+    format: int = FORMAT
+    title: str = ""
+    sample_rate: int
+    channels: int
+    window: Samples
+    hop: Samples
+    feature: FeatureRecord
+    reference: Reference | None = None
+    heads: dict[str, HeadRecord]
+    clip: float = 8.0
+    quietest: float = 0.0
+    string: StringParams | None = None
+    simulated: bool = False
+    dataset: str = ""
+    sessions: dict[str, str] = field(default_factory=dict[str, str])
+    versions: dict[str, str] = field(default_factory=dict[str, str])
+    weights: str = ""
+
+    def __post_init__(self) -> None:
+        for name, value, most in (
+            ("sample_rate", self.sample_rate, 10_000_000),
+            ("channels", self.channels, 256),
+            ("window", self.window, 60 * self.sample_rate),
+            ("hop", self.hop, 60 * self.sample_rate),
+            ("columns", len(self.feature.columns) or 1, MAX_COLUMNS),
+            ("heads", len(self.heads) or 1, MAX_HEADS),
+        ):
+            if not 1 <= value <= most:
+                raise InputError(f"{name} {value} of a model", f"1 to {most}")
+        if not (0.0 < self.clip < inf and 0.0 <= self.quietest < inf):
+            given = f"clip {self.clip:g} or quietest {self.quietest:g} of a model"
+            raise InputError(given, "a finite clip above 0, and quietest 0 or more")
+        if sum(record.task.label == CONTACT for record in self.heads.values()) != 1:
+            given = f"heads {', '.join(self.heads) or '(none)'}"
+            raise InputError(given, f"one that learns the label {CONTACT}, beside others", "add it")
+
+    @property
+    def gate(self) -> str:
+        """Name of the head that tells whether something touches."""
+        return next(name for name, record in self.heads.items() if record.task.label == CONTACT)
+
+    @property
+    def widths(self) -> tuple[int, int]:
+        """Columns of the window's own feature, and of the reference with its mark; 0 without one."""
+        kept = self.reference
+        return len(self.feature.columns), len(kept.feature.columns) + 1 if kept else 0
+
+    def seen(self, name: str) -> tuple[int, ...]:
+        """Return the numbers of the feature's columns that a head sees.
+
+        Raises
+        ------
+        InputError
+            If a pattern of the head's columns fits none.
+        """
+        columns, patterns = self.feature.columns, self.heads[name].task.columns
+        for pattern in patterns:
+            if not any(fnmatchcase(column, pattern) for column in columns):
+                given = f"columns '{pattern}' for the head '{name}'"
+                such = f"such as '{columns[0]}'" if columns else "which has none here"
+                raise InputError(given, f"those of {self.feature.name}, {such}")
+        return tuple(
+            number
+            for number, column in enumerate(columns)
+            if not patterns or any(fnmatchcase(column, pattern) for pattern in patterns)
+        )
+
+    def inputs(self, name: str) -> int:
+        """Return how many columns a head sees, of the feature and of the reference."""
+        return len(self.seen(name)) + (self.widths[1] if self.heads[name].task.context else 0)
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return the names and shapes of all weights.
+
+        Scaling comes first, with what the features answer to made-up windows, then each head's layers in the
+        order in which they are applied, each with a matrix (outputs, inputs) and a bias (outputs,).
+        """
+        base, context = self.widths
+        found: dict[str, tuple[int, ...]] = {
+            "scaler.mean": (base,),
+            "scaler.scale": (base,),
+            "scaler.probe": (3, base),
+        }
+        if context:
+            found |= {
+                "context.mean": (context,),
+                "context.scale": (context,),
+                "context.probe": (3, context - 1),
+            }
+        for name, record in self.heads.items():
+            units = (self.inputs(name), *record.task.hidden, record.task.outputs)
+            for number, (inputs, outputs) in enumerate(pairwise(units)):
+                found[f"{name}.{number}.weight"] = (outputs, inputs)
+                found[f"{name}.{number}.bias"] = (outputs,)
+        return found

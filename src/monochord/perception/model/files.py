@@ -1,0 +1,156 @@
+"""A perceiver on disk: a folder with a text and an array file, each checked by the other.
+
+::
+
+    perceiver.json           the definition: feature, heads, calibration, where it comes from
+    weights.safetensors      the arrays, whose sha256 stands in the text
+
+There is no pickle in it, so that reading one runs nobody's code. Some come with Monochord, and are loaded by
+their names (`monochord.perception.model.bundled`).
+"""
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from monochord.core.config import from_tree, load_json, to_tree
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Audio
+from monochord.perception.model.bundled import bundled_folder, bundled_names
+from monochord.perception.model.definition import FORMAT, Definition
+from monochord.perception.model.perceiver import Perceiver
+
+TEXT, WEIGHTS = "perceiver.json", "weights.safetensors"
+INSIDE_A_RUN = "perceiver"
+"""Folder of the perceiver in the folder of a training run."""
+MAX_HEADER = 1 << 20
+"""Bytes in the file of weights beside the weights themselves."""
+AGAIN = "copy the folder again, or train again"
+
+
+def folder_of(path: Path) -> Path | None:
+    """Return the folder of the perceiver that a path means, None if there is none.
+
+    A path is that of a perceiver, that of a training run, or, where nothing stands there, the name of a
+    perceiver that comes with Monochord.
+
+    >>> folder_of(Path("no-such-run")) is None
+    True
+    """
+    found = (folder for folder in (path, path / INSIDE_A_RUN) if (folder / TEXT).is_file())
+    return next(found, None if path.exists() else bundled_folder(str(path)))
+
+
+def save(perceiver: Perceiver, folder: Path) -> Perceiver:
+    """Write a perceiver into a folder, and return it with the checksum that it then has.
+
+    The same perceiver gives the same bytes. The text is written last, so that a folder with a text is whole.
+    """
+    from safetensors.numpy import save as packed  # noqa: PLC0415
+
+    names = perceiver.definition.shapes()
+    blob = packed({name: np.ascontiguousarray(perceiver.weights[name], np.float32) for name in names})
+    told = dataclasses.replace(perceiver.definition, weights=hashlib.sha256(blob).hexdigest())
+    text = json.dumps(_finite(to_tree(told)), indent=1, ensure_ascii=False, allow_nan=False)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in ((WEIGHTS, blob), (TEXT, text.encode() + b"\n")):
+        part = folder / f".{name}.part"
+        part.write_bytes(content)
+        os.replace(part, folder / name)  # noqa: PTH105  (what stood there is replaced at once)
+    return dataclasses.replace(perceiver, definition=told)
+
+
+def load(path: Path | str) -> Perceiver:
+    """Return the perceiver in a folder or in that of a training run, or one that comes along by its name.
+
+    Raises
+    ------
+    InputError
+        If there is none, or anything of it is damaged, has another checksum, or is of another format.
+
+    Examples
+    --------
+    >>> load("demo").definition.simulated
+    True
+    """
+    folder = folder_of(Path(path))
+    if folder is None:
+        names = bundled_names()
+        given = f"perceiver {path} ({f'there is no {TEXT} in it' if Path(path).exists() else 'not there'})"
+        allowed = f"a folder that monochord train made, or {', '.join(names)}"
+        raise InputError(given, allowed, did_you_mean(str(path), names))
+    told = _definition(folder / TEXT)
+    file = folder / WEIGHTS
+    due = 4 * sum(prod(shape) for shape in told.shapes().values())
+    try:
+        if file.stat().st_size > due + MAX_HEADER:
+            given = f"{file} of {file.stat().st_size} bytes"
+            raise InputError(given, f"{due + MAX_HEADER} bytes at most, as {TEXT} says", AGAIN)
+        blob = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"{file} ({error.strerror})", "a readable file", AGAIN) from error
+    own = hashlib.sha256(blob).hexdigest()
+    if own != told.weights:
+        given = f"{file} with sha256 {own[:12]}..."
+        raise InputError(given, f"{told.weights[:12] or '(none)'}..., as {TEXT} says", AGAIN)
+    return Perceiver(definition=told, weights=_weights(file, blob, told))
+
+
+def _definition(file: Path) -> Definition:
+    tree = load_json(file, AGAIN)
+    if not isinstance(tree, dict) or tree.get("format") != FORMAT:
+        raise InputError(f"{file} of another format", f"format {FORMAT}", "train again with this version")
+    try:
+        return from_tree(Definition, _infinite(tree), file.name)
+    except RecursionError as error:
+        raise InputError(f"{file} (nested too deep)", "what monochord train wrote", AGAIN) from error
+
+
+def _weights(file: Path, blob: bytes, told: Definition) -> Mapping[str, Audio]:
+    from safetensors import SafetensorError  # noqa: PLC0415
+    from safetensors.numpy import load as unpacked  # noqa: PLC0415
+
+    try:
+        arrays = unpacked(blob)
+    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{file} (damaged)", "a safetensors file", AGAIN) from error
+    for name, shape in told.shapes().items():
+        array = arrays.get(name)
+        is_there = array is not None and array.shape == shape and array.dtype == np.float32
+        if array is None or not is_there or not np.isfinite(array).all():
+            wrong = (
+                "absent"
+                if array is None
+                else f"{array.dtype} {array.shape}"
+                if not is_there
+                else "not finite"
+            )
+            raise InputError(f"{file}: {name} is {wrong}", f"finite float32 {shape}", AGAIN)
+        if name.endswith(".scale") and not (array > 0.0).all():
+            raise InputError(f"{file}: {name} is 0 or less somewhere", "above 0", AGAIN)
+    return {name: arrays[name] for name in told.shapes()}
+
+
+def _finite(tree: Any) -> Any:
+    """Return a tree without the infinities that JSON has no word for."""
+    if isinstance(tree, dict):
+        return {key: _finite(value) for key, value in tree.items()}
+    if isinstance(tree, list):
+        return [_finite(value) for value in tree]
+    return "inf" if tree == float("inf") else tree
+
+
+def _infinite(tree: Any) -> Any:
+    """Return a tree as it was before `_finite`."""
+    if isinstance(tree, dict):
+        return {key: _infinite(value) for key, value in tree.items()}
+    if isinstance(tree, list):
+        return [_infinite(value) for value in tree]
+    return float("inf") if tree == "inf" else tree

@@ -1,0 +1,125 @@
+"""Where training stands after an epoch, on disk, so that a run that was killed goes on as if it were not.
+
+One safetensors file, replaced at once: a kill leaves the one before or this one, never half of one.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from monochord.core.config import from_tree
+from monochord.core.errors import InputError
+from monochord.core.types import Audio
+
+Line = dict[str, float]
+REMEDY = "remove it to begin anew"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _State:
+    """What stands beside the tensors in the file; `sum` is the SHA-256 of those, by name."""
+
+    epoch: int
+    data: str
+    sum: str
+    score: dict[str, float]
+    at: dict[str, int]
+    history: Sequence[Mapping[str, int | float]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checkpoint:
+    """`epoch` epochs are done, on data that have the checksum `data`; `history` has a line for each.
+
+    `weights` and the optimiser's `moments` are as they stand; `best` are each head's at its best, and `score`
+    and `at` tell how good that is and after which epoch.
+    """
+
+    epoch: int
+    data: str
+    weights: dict[str, Audio]
+    moments: dict[str, Audio]
+    best: dict[str, Audio]
+    score: dict[str, float]
+    at: dict[str, int]
+    history: list[Line] = field(default_factory=list[Line])
+
+    def write(self, file: Path) -> None:
+        """Write it, replacing the one before."""
+        from safetensors.numpy import save  # noqa: PLC0415
+
+        parts = {"weights": self.weights, "moments": self.moments, "best": self.best}
+        tensors = {
+            f"{part}/{name}": np.asarray(array, order="C")
+            for part, held in parts.items()
+            for name, array in held.items()
+        }
+        state = _State(
+            epoch=self.epoch,
+            data=self.data,
+            sum=_sum(tensors),
+            score=self.score,
+            at=self.at,
+            history=self.history,
+        )
+        part = file.with_name(f".{file.name}.part")
+        with part.open("wb") as stream:
+            stream.write(save(tensors, metadata={"state": json.dumps(asdict(state))}))
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(part, file)  # noqa: PTH105
+
+    @classmethod
+    def read(cls, file: Path) -> "Checkpoint | None":
+        """Return what stands in a file, None where there is none; raises `InputError` if it is damaged."""
+        from safetensors import SafetensorError, safe_open  # noqa: PLC0415
+
+        if not file.is_file():
+            return None
+        damaged = InputError(f"checkpoint {file} (damaged)", "a whole file", REMEDY)
+        try:
+            with safe_open(file, framework="numpy") as held:
+                tensors: dict[str, Audio] = {key: held.get_tensor(key) for key in held.keys()}  # noqa: SIM118  (no mapping)
+                state = from_tree(_State, json.loads(held.metadata()["state"]), f"checkpoint {file}")
+        except InputError as error:
+            raise InputError(error.given, error.allowed, REMEDY) from error
+        except (
+            SafetensorError,
+            OSError,
+            ValueError,
+            KeyError,
+            TypeError,
+            AttributeError,
+            RecursionError,
+        ) as error:
+            raise damaged from error
+        if state.sum != _sum(tensors):
+            raise damaged
+        parts: dict[str, dict[str, Audio]] = {"weights": {}, "moments": {}, "best": {}}
+        for key, array in tensors.items():
+            part, _, name = key.partition("/")
+            if part not in parts or array.dtype != np.float32 or not np.isfinite(array).all():
+                given = f"checkpoint {file} ({key} of {array.dtype}, or not finite)"
+                raise InputError(given, "finite float32 numbers", REMEDY)
+            parts[part][name] = array
+        return cls(
+            **parts,
+            epoch=state.epoch,
+            data=state.data,
+            score=state.score,
+            at=state.at,
+            history=[dict(line) for line in state.history],
+        )
+
+
+def _sum(tensors: Mapping[str, Audio]) -> str:
+    own = sha256()
+    for name in sorted(tensors):
+        own.update(f"{name} {tensors[name].dtype} {tensors[name].shape} ".encode())
+        own.update(np.ascontiguousarray(tensors[name]).tobytes())
+    return own.hexdigest()

@@ -1,0 +1,32 @@
+"""Training runs as data: what to learn and how, one TOML file each, found by its name."""
+
+from pathlib import Path
+
+from monochord.core.presets import preset_names, preset_path
+
+
+def config_names() -> list[str]:
+    """Return the names of the presets, sorted.
+
+    Examples
+    --------
+    >>> "paper" in config_names()
+    True
+    """
+    return preset_names(__name__)
+
+
+def config_path(name: str) -> Path:
+    """Return the file of a preset by its name, or the file that is named itself.
+
+    Raises
+    ------
+    InputError
+        If there is no such preset.
+
+    Examples
+    --------
+    >>> config_path("small").name
+    'small.toml'
+    """
+    return preset_path(__name__, "configuration", name)

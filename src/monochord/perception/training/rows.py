@@ -1,0 +1,135 @@
+"""Rows of a feature for windows of a dataset, computed once and kept on disk.
+
+What is kept is found again by a key: the feature's name and options, the window, the dataset's checksum, the
+noise that was added, the rows that were asked for, and a fingerprint of what the feature does to three
+made-up windows. So a feature whose code changed is computed anew, without anyone telling, and so is what was
+damaged on disk: behind the array stands its SHA-256.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from monochord.core.config import to_tree
+from monochord.core.errors import InputError
+from monochord.core.types import Audio
+from monochord.core.units import Samples
+from monochord.datasets.augment import Augmentation
+from monochord.datasets.manifest import FILE, checksum
+from monochord.datasets.store import Dataset, Indices
+from monochord.perception.features.base import Extractor
+from monochord.perception.model.probe import probed
+
+Told: TypeAlias = Callable[[str, int, int], None]
+"""Is told what is being done, how much of it is done, and of how much."""
+CHUNK = 2048
+"""Rows in a file: what a kill costs at most."""
+BATCH = 64
+SEAL, MAX_HEADER = 32, 1024
+"""Bytes of the SHA-256 behind the array, and at most before it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """Noise as added to one copy of the windows."""
+
+    augmentation: Augmentation
+    copy: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """A feature on a dataset, by the name and the options that the feature was built from."""
+
+    dataset: Dataset
+    name: str
+    options: dict[str, object]
+    extractor: Extractor
+    folder: Path
+
+    def of(self, rows: Indices, noise: Noise | None = None, told: Told = lambda *_: None) -> Audio:
+        """Return the feature (k, columns) float32 of k windows, from disk as far as it is there.
+
+        Raises
+        ------
+        InputError
+            If the feature gives values that are not finite, or another shape than its columns.
+        """
+        place = self.folder / self._key(rows, noise)
+        what = self.name if noise is None else f"{self.name}, with noise {noise.copy}"
+        parts: list[Audio] = []
+        for number, first in enumerate(range(0, len(rows), CHUNK)):
+            told(what, first, len(rows))
+            chunk = rows[first : first + CHUNK]
+            parts.append(self._chunk(place / f"{number:04d}.npy", chunk, noise))
+        told(what, len(rows), len(rows))
+        return np.concatenate([np.zeros((0, len(self.extractor.columns)), np.float32), *parts])
+
+    def _chunk(self, file: Path, rows: Indices, noise: Noise | None) -> Audio:
+        shape = (len(rows), len(self.extractor.columns))
+        kept = _kept(file, shape)
+        if kept is not None:
+            return kept
+        found = np.empty(shape, np.float32)
+        for first in range(0, len(rows), BATCH):
+            some = rows[first : first + BATCH]
+            windows = self.dataset.batch(some)
+            if noise is not None:
+                windows = noise.augmentation(windows, some, epoch=noise.copy)
+            answer = self.extractor(windows)
+            if answer.shape != (len(some), shape[1]) or not np.isfinite(answer).all():
+                given = f"feature '{self.name}' with rows {answer.shape} or values that are not finite"
+                raise InputError(given, f"finite rows {(len(some), shape[1])}", "mend the feature")
+            found[first : first + BATCH] = answer
+        file.parent.mkdir(parents=True, exist_ok=True)
+        part = file.with_name(f".{file.name}.{os.getpid()}")
+        with part.open("wb") as stream:
+            stream.write(_sealed(found))
+        os.replace(part, file)  # noqa: PTH105  (another run may have written the same)
+        return found
+
+    def _key(self, rows: Indices, noise: Noise | None) -> str:
+        about = {
+            "feature": self.name,
+            "options": to_tree(self.options),
+            "columns": list(self.extractor.columns),
+            "does": fingerprint(self.extractor, self.dataset.manifest.channels, self.dataset.manifest.window),
+            "window": self.dataset.manifest.window,
+            "dataset": checksum(self.dataset.path / FILE),
+            "noise": None if noise is None else {"copy": noise.copy, **to_tree(noise.augmentation)},
+            "rows": hashlib.sha256(np.ascontiguousarray(rows, np.int64).tobytes()).hexdigest(),
+        }
+        return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def fingerprint(extractor: Extractor, channels: int, size: Samples) -> str:
+    """Return the sha256 of what a feature makes of made-up windows."""
+    return hashlib.sha256(np.ascontiguousarray(probed(extractor, channels, size)).tobytes()).hexdigest()
+
+
+def _sealed(rows: Audio) -> bytes:
+    """Return the bytes of a .npy file with their SHA-256 behind, which NumPy does not look at."""
+    out = BytesIO()
+    np.save(out, rows)
+    return out.getvalue() + hashlib.sha256(out.getvalue()).digest()
+
+
+def _kept(file: Path, shape: tuple[int, int]) -> Audio | None:
+    """Return what a file keeps, or None where it is absent, damaged or something else."""
+    try:
+        if file.stat().st_size > MAX_HEADER + 4 * shape[0] * shape[1] + SEAL:
+            return None
+        data = file.read_bytes()
+        if hashlib.sha256(data[:-SEAL]).digest() != data[-SEAL:]:
+            return None
+        found: Audio = np.load(BytesIO(data))
+    except (OSError, ValueError, EOFError):
+        return None
+    return found if found.shape == shape and found.dtype == np.float32 else None

@@ -1,0 +1,228 @@
+"""What a person configures of a training run."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from monochord.core.config import Tree, from_tree, to_tree
+from monochord.core.errors import InputError
+from monochord.core.registry import Registry
+from monochord.core.units import Seconds
+from monochord.datasets.augment import Augmentation
+from monochord.dsp.noise import NOISES
+from monochord.perception.features import FEATURES
+from monochord.perception.features.base import Feature
+from monochord.perception.heads import HEADS
+from monochord.perception.heads.base import Head, Task
+from monochord.perception.model.definition import FeatureRecord, Reference
+
+USUAL_HEADS = ("contact", "slip", "position", "force")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContextSettings:
+    """The untouched reference: whether heads see it, which feature is kept of a window, and how it is kept.
+
+    The times and numbers are those of `monochord.perception.model.definition.Reference`. `drop` is the share of
+    training windows that are shown without it, so that a stream's begin is no surprise.
+    """
+
+    on: bool = True
+    feature: dict[str, Any] = field(default_factory=lambda: {"name": "untouched"})
+    below: float = 0.1
+    keep: int = 8
+    every: Seconds = 0.1
+    settle: Seconds = 0.2
+    guard: Seconds = 0.1
+    drop: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.drop <= 1.0:
+            raise InputError(f"context.drop {self.drop:g}", "0 to 1")
+
+    def rule(self) -> Reference:
+        """Return the rule by which the reference is kept, for a feature whose columns are not known yet."""
+        name, options = named(FEATURES, self.feature)
+        record = FeatureRecord(name=name, options=options, columns=())
+        return Reference(
+            feature=record,
+            below=self.below,
+            keep=self.keep,
+            every=self.every,
+            settle=self.settle,
+            guard=self.guard,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseSettings:
+    """Noise that is added to training windows: `copies` of each beside the clean one; 0 adds none.
+
+    `kinds`, `ratios` (dB), `share` and `recordings` are those of `monochord.datasets.augment.Augmentation`.
+    """
+
+    copies: int = 0
+    kinds: tuple[str, ...] = tuple(NOISES)
+    ratios: tuple[float, float] = (5.0, 25.0)
+    share: float = 1.0
+    recordings: tuple[Path, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.copies <= 100:
+            raise InputError(f"noise.copies {self.copies}", "0 to 100")
+
+    def augmentation(self, seed: int, sample_rate: int) -> Augmentation:
+        """Return what adds the noise."""
+        return Augmentation(
+            kinds=self.kinds,
+            ratios=self.ratios,
+            share=self.share,
+            recordings=self.recordings,
+            seed=seed,
+            sample_rate=sample_rate,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectSettings:
+    """Objects that were never touched: `copies` of each training window, noisy ones too; 0 adds none.
+
+    Each is the window's row as an object would have given it that gives way by another amount, between the
+    two shares `give` of what the real one does, drawn evenly in the logarithm. The feature must be able to
+    tell: `fft_harmonic` with `tones` is.
+    """
+
+    copies: int = 0
+    give: tuple[float, float] = (0.05, 4.0)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.copies <= 100:
+            raise InputError(f"objects.copies {self.copies}", "0 to 100")
+        if not 0.0 < self.give[0] <= self.give[1] < math.inf:
+            given = f"objects.give {self.give[0]:g} to {self.give[1]:g}"
+            raise InputError(given, "shares above 0, the least first")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OptimiserSettings:
+    """How the weights are found: AdamW, its rate falling to zero by half a cosine over all epochs.
+
+    `rate` is its first rate, `decay` the weight decay of heads with hidden layers (their biases and linear
+    heads have none), `batch` the windows a step. Training ends after `epochs`, or when no head has become
+    better on validation for `patience` of them. Each head keeps the weights of its own best epoch. `threads`
+    are torch's: the result depends on their number, if hardly.
+    """
+
+    rate: float = 1e-3
+    decay: float = 1e-3
+    batch: int = 512
+    epochs: int = 60
+    patience: int = 20
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("batch", "epochs", "patience", "threads"):
+            if getattr(self, name) < 1:
+                raise InputError(f"optimiser.{name} {getattr(self, name)}", "1 or more")
+        if not 0.0 < self.rate < 1.0 or not 0.0 <= self.decay < 1.0 / self.rate:
+            given = f"optimiser.rate {self.rate:g} with decay {self.decay:g}"
+            raise InputError(given, "a rate above 0 and below 1, their product below 1")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """A training run as configured.
+
+    Parameters
+    ----------
+    title
+        What it is, in a few words.
+    dataset
+        Folder of the dataset.
+    split
+        File of the split; by default the one in the dataset's folder.
+    sensor
+        Name of the sensor's design, whose string features may use.
+    seed
+        Of all that is drawn.
+    feature
+        Name and options of the feature.
+    context
+        The untouched reference.
+    heads
+        Options by name of each head that is trained.
+    noise
+        What is added to training windows.
+    objects
+        What is made of training windows for objects that were never touched.
+    optimiser
+        How the weights are found.
+    cache
+        Folder for features that were computed; by default ``features`` in the dataset's folder.
+    board
+        Also write TensorBoard events into ``board`` in the run's folder. Nothing that is learned depends on
+        it, so that it is no part of what `resolved` tells, and a run that has begun may go on with it.
+    """
+
+    title: str = ""
+    dataset: Path = Path("dataset")
+    split: Path | None = None
+    sensor: str = "prototype"
+    seed: int = 0
+    feature: dict[str, Any] = field(default_factory=lambda: {"name": "fft_harmonic"})
+    context: ContextSettings = ContextSettings()
+    heads: dict[str, dict[str, Any]] = field(
+        default_factory=lambda: dict[str, dict[str, Any]]((name, {}) for name in USUAL_HEADS)
+    )
+    noise: NoiseSettings = NoiseSettings()
+    objects: ObjectSettings = ObjectSettings()
+    optimiser: OptimiserSettings = OptimiserSettings()
+    cache: Path | None = None
+    board: bool = False
+
+    @classmethod
+    def read(cls, tree: Mapping[str, Any]) -> "Settings":
+        """Build from plain values, strictly; relative paths are those of the caller."""
+        found = from_tree(cls, tree)
+        if found.seed < 0:
+            raise InputError(f"seed {found.seed}", "0 or more")
+        return found
+
+    def tasks(self) -> dict[str, Task]:
+        """Return the task of each head; raises `InputError` for an unknown name or option."""
+        built: dict[str, Head] = {
+            name.replace("-", "_"): HEADS.build(name, options) for name, options in self.heads.items()
+        }
+        return {name: head.task() for name, head in built.items()}
+
+    def feature_named(self) -> tuple[str, dict[str, Any]]:
+        """Return the name of the feature, and all its options."""
+        return named(FEATURES, self.feature)
+
+    def resolved(self) -> Tree:
+        """Return every option that makes a run, defaults too, and paths in full: what is saved with it."""
+        name, options = self.feature_named()
+        tree = to_tree(self)
+        del tree["board"]
+        tree["dataset"] = str(self.dataset.absolute())
+        tree |= {key: str(path.absolute()) for key in ("split", "cache") if (path := getattr(self, key))}
+        tree["feature"] = {"name": name, **options}
+        tree["heads"] = {
+            head.replace("-", "_"): to_tree(HEADS.build(head, options))
+            for head, options in self.heads.items()
+        }
+        if self.context.on:
+            name, options = named(FEATURES, self.context.feature)
+            tree["context"]["feature"] = {"name": name, **options}
+        return tree
+
+
+def named(registry: Registry[Feature], table: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return the name of the plug-in that a table asks for, and all its options with their values."""
+    options = dict(table)
+    name = options.pop("name", None)
+    if not isinstance(name, str):
+        raise InputError(f"{registry.kind} without a name", ", ".join(registry.names()), "write its name")
+    return name.replace("-", "_"), to_tree(registry.build(name, options))

@@ -1,0 +1,45 @@
+"""The contract of a model: frozen options, run for one string and touch into a sound."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from monochord.core.types import Contact, Floats, StringParams
+from monochord.core.units import Seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """What is to be simulated.
+
+    `assignments` are texts such as ``drive.amplitude=0.002`` that a model lays over its own setup of the
+    string and the touch, refusing what it does not know.
+    """
+
+    string: StringParams
+    contact: Contact | None
+    seconds: Seconds
+    assignments: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sound:
+    """What a model answers.
+
+    `microphones` is (2, n) in m/s, or in full scale from a model that has converters; `summary` holds plain
+    values for a person or for JSON, among them ``position`` and ``force`` of the touch (None for none),
+    ``peaks``, the dominant frequency on each side of it, and ``theory``, what the closed forms expect there.
+    """
+
+    microphones: Floats
+    sample_rate: int
+    summary: Mapping[str, Any]
+
+
+class Model(ABC):
+    """Options of a model, as a frozen keyword-only dataclass."""
+
+    @abstractmethod
+    def run(self, case: Case) -> Sound:
+        """Simulate; raises `InputError` for what the model cannot do."""

@@ -1,0 +1,50 @@
+"""The paper's simulator as a model."""
+
+from dataclasses import dataclass
+from math import isnan
+
+from monochord.core.config import from_tree, override, to_tree
+from monochord.physics.simulators.base import Case, Model, Sound
+from monochord.physics.split_string import Route, SplitString, peaks, simulate
+from monochord.physics.theory import open_frequency, segment_frequencies
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplitStringModel(Model):
+    """Two independent segments, driven and heard: `monochord.physics.split_string`.
+
+    Parameters
+    ----------
+    route
+        "fdtd", "modal" or "reference": three ways through the same physics.
+    sample_rate
+        Of the sound, in Hz.
+    """
+
+    route: Route = "fdtd"
+    sample_rate: int = 44100
+
+    def run(self, case: Case) -> Sound:
+        """Simulate, and find the two dominant peaks after the transient."""
+        plain = SplitString(string=case.string, contact=case.contact)
+        setup = from_tree(SplitString, override(to_tree(plain), case.assignments))
+        recording = simulate(setup, case.seconds, route=self.route, sample_rate=self.sample_rate)
+        found = [None if isnan(peak) else peak for peak in peaks(recording)]
+        return Sound(
+            microphones=recording.microphones,
+            sample_rate=self.sample_rate,
+            summary={
+                "position": setup.contact.position if setup.contact else None,
+                "force": setup.contact.force if setup.contact else None,
+                "peaks": found,
+                "theory": list(_expected(setup)),
+                "route": self.route,
+            },
+        )
+
+
+def _expected(setup: SplitString) -> tuple[float, float]:
+    if setup.contact is None:
+        both = open_frequency(setup.string)
+        return both, both
+    return segment_frequencies(setup.string, setup.contact, setup.tension_law)

@@ -1,0 +1,220 @@
+"""The twin as a model: a whole driven string, touched as a case says."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from monochord.core.config import from_tree, override, to_tree
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, Floats, StringParams
+from monochord.core.units import Hertz, Metres, MetresPerSecond, Samples, Seconds
+from monochord.dsp.spectrum import Analyser
+from monochord.physics.materials import load_material
+from monochord.physics.sensors import load_sensor, sensor_names
+from monochord.physics.simulators.base import Case, Model, Sound
+from monochord.physics.theory import TensionLaw, mixing_matrix, open_frequency, segment_frequencies
+from monochord.physics.twin import Ebow, Key, Pluck, Scene, Sensor, Take, Touch, advance, begin
+
+CLEAR: Metres = 1e-3
+"""How far above the string the object begins."""
+ARRIVAL: Seconds = 0.02
+"""When it meets the string at rest."""
+PRESS: Seconds = 0.02
+"""How long the press takes to reach its force."""
+SHORTEST: Seconds = 0.01
+LONGEST: Seconds = 600.0
+"""Shortest sound of which peaks can be told, and longest that is kept in memory at once."""
+STANDS_OUT = 8.0
+"""Least height of a peak over the noise floor, in nepers of power."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwinCase:
+    """What the twin is told of a case, for assignments to be laid over.
+
+    The string stands in `sensor`, see `monochord.physics.twin.Sensor`. `material` is a preset's name or file,
+    `across` the speed in m/s at which the object moves across the string, `drivers` which are on, and `pluck`
+    the history that the sound begins with.
+    """
+
+    sensor: Sensor
+    contact: Contact | None = None
+    tension_law: TensionLaw = "geometric"
+    material: str = "plastic"
+    across: MetresPerSecond = 0.0
+    drivers: tuple[bool, bool] = (True, True)
+    pluck: Pluck | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwinModel(Model):
+    """The virtual sensor: `monochord.physics.twin`, plucked at time zero and touched at once.
+
+    A touch of 0 N rests against the string and does not divide it.
+
+    Parameters
+    ----------
+    tension_law
+        How force raises tension: "geometric", the stretch of the deflected string, or "linear", the paper's.
+    sample_rate
+        Of the sound, in Hz.
+    """
+
+    tension_law: TensionLaw = "geometric"
+    sample_rate: int = 44100
+
+    def run(self, case: Case) -> Sound:
+        """Simulate, and find the strongest line on each side of the touch after the transient."""
+        if not SHORTEST <= case.seconds <= LONGEST:
+            raise InputError(f"{case.seconds:g} seconds", f"{SHORTEST:g} to {LONGEST:g} s")
+        plain = TwinCase(
+            sensor=sensor_of(case.string),
+            contact=case.contact,
+            tension_law=self.tension_law,
+            pluck=Pluck(position=0.15 * case.string.length, height=5e-4 * case.string.length),
+        )
+        setup = from_tree(TwinCase, override(to_tree(plain), case.assignments))
+        take = _simulate(setup, round(case.seconds * self.sample_rate), self.sample_rate)
+        late = _after_the_transient(take)
+        theory = _expected(setup)
+        found = _peaks(take.microphones[:, late:], setup.sensor, self.sample_rate)
+        summary: dict[str, Any] = {
+            "position": setup.contact.position if setup.contact else None,
+            "force": setup.contact.force if setup.contact else None,
+            "peaks": found,
+            "theory": list(theory),
+            "partials": [_partial(peak, base) for peak, base in zip(found, theory, strict=True)],
+            "sensor": setup.sensor.name,
+            "material": setup.material if setup.contact else None,
+            "tension_law": setup.tension_law,
+            **_told(take, late),
+        }
+        microphones = take.microphones.astype(np.float64)
+        return Sound(microphones=microphones, sample_rate=self.sample_rate, summary=summary)
+
+
+def sensor_of(string: StringParams) -> Sensor:
+    """Return the sensor preset that holds this very string, or else a sensor made around the string.
+
+    A made-up one is the prototype with this string: drivers and sensing range at the same shares of the
+    length, the drivers' band moved with the open frequency, their gain with the string's impedance
+    sqrt(T mu) and their limit with its tension, so that they keep it ringing alike. All of that is assumed.
+
+    Raises
+    ------
+    InputError
+        If no sensor can be made of the string.
+
+    Examples
+    --------
+    >>> from monochord.physics.strings import load_string
+    >>> sensor_of(load_string("prototype").string).name
+    'prototype'
+    >>> sensor_of(load_string("appendix").string).range
+    (0.1625, 0.4875)
+    """
+    for sensor in map(load_sensor, sensor_names()):
+        if sensor.string == string:
+            return sensor
+    model = load_sensor("prototype")
+    share = string.length / model.string.length
+    drivers = tuple(_fitted(driver, model.string, string) for driver in model.drivers)
+    return replace(
+        model,
+        name="unnamed",
+        title="A sensor made around a string",
+        source="",
+        notes="Drivers, range and pickups are the prototype's, fitted to the string; assumed.",
+        string=string,
+        drivers=(drivers[0], drivers[1]),
+        range=(share * model.range[0], share * model.range[1]),
+    )
+
+
+def _fitted(driver: Ebow, old: StringParams, new: StringParams) -> Ebow:
+    share = new.length / old.length
+    pitch = open_frequency(new) / open_frequency(old)
+    heavier = ((new.tension * new.linear_density) / (old.tension * old.linear_density)) ** 0.5
+    return replace(
+        driver,
+        sense=share * driver.sense,
+        drive=share * driver.drive,
+        aperture=min(0.05, share * driver.aperture),
+        centre=min(12000.0, max(20.0, pitch * driver.centre)),
+        gain=min(10.0, max(-10.0, heavier * driver.gain)),
+        limit=min(1.0, new.tension / old.tension * driver.limit),
+    )
+
+
+def _simulate(setup: TwinCase, frames: Samples, rate: int) -> Take:
+    touches: tuple[Touch, ...] = ()
+    if setup.contact is not None:
+        place, force = setup.contact.position, setup.contact.force
+        motion = (
+            Key(time=0.0, position=place, clearance=CLEAR),
+            Key(time=ARRIVAL, position=place),
+            Key(time=ARRIVAL + PRESS, position=place, force=force, across=setup.across),
+        )
+        touches = (Touch(material=load_material(setup.material), motion=motion),)
+    scene = Scene(touches=touches, pluck=setup.pluck, drivers=setup.drivers, tension_law=setup.tension_law)
+    return advance(begin(setup.sensor, scene, sample_rate=rate, seed=setup.seed), frames)[0]
+
+
+def _after_the_transient(take: Take) -> Samples:
+    """Return the first frame after which all is settled, but never one of the last half."""
+    unsettled = np.flatnonzero(take.labels.settled == 0)
+    half = take.labels.settled.size // 2
+    return min(int(unsettled[-1]) + 1, half) if unsettled.size else 0
+
+
+def _told(take: Take, late: Samples) -> dict[str, float | None]:
+    """Return what the labels say after the transient; without a touch, slip and the force felt are None."""
+    labels = take.labels
+    told: dict[str, float | None] = {
+        "settled": float(labels.settled[-1]),
+        "transient": late / labels.settled.size,
+        "contact": 0.0,
+        "slip": None,
+        "slip_velocity": None,
+        "felt": None,
+    }
+    if labels.contact.shape[0]:
+        speeds = np.hypot(labels.across[0, late:], labels.along[0, late:])
+        told |= {
+            "contact": float(labels.contact[0, late:].mean()),
+            "slip": float(labels.slip[0, late:].mean()),
+            "slip_velocity": float(speeds.mean()),
+            "felt": float(labels.force[0, late:].mean()),
+        }
+    return told
+
+
+def _peaks(microphones: np.ndarray, sensor: Sensor, rate: int) -> list[Hertz | None]:
+    """Return the strongest line of each end, the microphones' mixing undone; None for one that is silent."""
+    mixing = mixing_matrix(*sensor.pickups.own)
+    if abs(np.linalg.det(mixing)) < 1e-6 or min(sensor.pickups.gain) == 0.0:
+        raise InputError(
+            f"pickups.own {sensor.pickups.own}", "two microphones that hear the ends differently"
+        )
+    gains = np.array(sensor.pickups.gain)[:, None]
+    ends: Floats = np.linalg.inv(mixing).astype(np.float64) @ (microphones / gains)
+    analyser = Analyser(sample_rate=rate, size=ends.shape[1], top=0.45 * rate)
+    return [_strongest(analyser, power) for power in analyser.powers(ends)]
+
+
+def _strongest(analyser: Analyser, power: Floats) -> Hertz | None:
+    peaks = analyser.peaks(power, analyser.salience(power), STANDS_OUT)
+    return float(peaks.frequency[peaks.power.argmax()]) if peaks.power.size else None
+
+
+def _partial(peak: Hertz | None, base: Hertz) -> int | None:
+    return None if peak is None else max(1, round(peak / base))
+
+
+def _expected(setup: TwinCase) -> tuple[Hertz, Hertz]:
+    if setup.contact is None:
+        both = open_frequency(setup.sensor.string)
+        return both, both
+    return segment_frequencies(setup.sensor.string, setup.contact, setup.tension_law)

@@ -1,0 +1,9 @@
+"""Sessions in other forms: one file a form, found by its name."""
+
+from monochord.core.registry import Registry
+from monochord.sessions.exports._contents import form_of
+from monochord.sessions.exports.base import Export
+
+EXPORTS: Registry[Export] = Registry("monochord.sessions.exports", Export)
+
+__all__ = ["EXPORTS", "form_of"]

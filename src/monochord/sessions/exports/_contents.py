@@ -1,0 +1,299 @@
+"""What a session holds as plain columns, and back: what every form that loses nothing has in common."""
+
+import json
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from monochord.core.config import Tree
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Block, Feed, Readings
+from monochord.core.units import Samples, Seconds
+from monochord.sessions import Description, Session, SessionClock, SessionWriter
+from monochord.sessions.bounds import LARGEST_TEXT, LONGEST, MOST_COLUMNS, json_object
+from monochord.sessions.writer import MESSAGE
+
+ABOUT = "session.json"
+"""The file that says what the others are."""
+OF_ALL = ("labels", "events", "clocks")
+"""Tables that every session has; each stream of readings has one of its own name beside them."""
+Columns: TypeAlias = dict[str, np.ndarray[Any, np.dtype[Any]]]
+"""Columns (n,) by name; text is of type object. The first is ``time`` in s since the session's begin."""
+KEPT_BESIDE = {"sequence": np.int64, "device_time": np.int64, "status": np.uint32}
+"""What is kept of a reading beside its time and its values, under the types it has in a session."""
+LONGEST_STRETCH = 1 << 25
+"""Frames of a stretch, which is read and written in one piece: some 10 minutes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretch:
+    """Consecutive frames as the session holds them: samples (channels, n); `time` is of the first.
+
+    Where not `timed`, the device did not say when, and `time` follows from `start`. `device_frame` is the
+    device's own count, -1 where it has none.
+    """
+
+    start: Samples
+    dropped: Samples
+    time: Seconds
+    timed: bool
+    device_frame: Samples
+    samples: Audio
+
+
+def stretches(session: Session) -> Iterator[Stretch]:
+    """Yield a session's audio as it lies in the file."""
+    for message, block in session.decoded("/audio"):
+        yield Stretch(
+            start=int(block.start),
+            dropped=int(block.dropped),
+            time=float(session.clock.seconds(message.log_time)),
+            timed=bool(block.timed),
+            device_frame=int(block.frame_time),
+            samples=block.samples.reshape(session.description.channels, -1),
+        )
+
+
+def tables(session: Session) -> dict[str, Columns]:
+    """Return everything else that a session holds, by the name that its file has."""
+    found: dict[str, Columns] = {}
+    for stream in session.streams:
+        track = session.readings(stream)
+        beside = {name: getattr(track, name) for name in KEPT_BESIDE}
+        values = {name: track.values[:, number] for number, name in enumerate(_columns(track.feed))}
+        found[stream] = {"time": track.time, **beside, **values}
+    labels, events, clocks = session.labels, session.events, session.clocks
+    if "time" in labels.columns or "time" in clocks.offsets:
+        given = f"session {session.path} with a label or a clock called 'time'"
+        raise InputError(given, "other names beside the times of a table")
+    found["labels"] = {"time": labels.time, **labels.columns}
+    found["events"] = {
+        "time": np.array([event.time for event in events], dtype=np.float64),
+        "kind": np.array([event.kind for event in events], dtype=object),
+        "text": np.array([event.text for event in events], dtype=object),
+        "data": np.array([json.dumps(event.data, sort_keys=True) for event in events], dtype=object),
+    }
+    found["clocks"] = {"time": clocks.time, **clocks.offsets}
+    return found
+
+
+def about(session: Session, form: str) -> Tree:
+    """Return what tells a reader of the form which session this is."""
+    return {
+        "form": form,
+        "clock": session.clock.dump(),
+        "complete": session.complete,
+        "description": json.loads(session.description.dump()),
+    }
+
+
+def form_of(folder: Path) -> str:
+    """Return which form a folder was exported as; raises `InputError` where it is no session's."""
+    return str(_told(folder, "a folder that a session was exported to")["form"])
+
+
+def read_about(folder: Path, form: str) -> tuple[Description, SessionClock]:
+    """Read what `about` told, from a folder that a form wrote; raises `InputError` where it is none."""
+    allowed = f"a folder that was exported as {form}"
+    told = _told(folder, allowed)
+    if told["form"] != form:
+        raise InputError(f"folder {folder} ({told['form']})", allowed)
+    parts = {name: told.get(name) for name in ("description", "clock")}
+    for name, part in parts.items():
+        if not isinstance(part, dict):
+            raise InputError(f"file {folder / ABOUT} (not as it was written: no table '{name}')", allowed)
+    try:
+        return Description.load(json.dumps(parts["description"])), SessionClock.load(told["clock"])
+    except InputError as error:
+        given = f"file {folder / ABOUT} (not as it was written: {error.given})"
+        raise InputError(given, error.allowed, error.remedy) from error
+
+
+def _told(folder: Path, allowed: str) -> Tree:
+    path = folder / ABOUT
+    try:
+        with path.open("rb") as file:
+            content = file.read(4 * LARGEST_TEXT + 1)  # of one character, UTF-8 makes 4 bytes at most
+        told = json_object(content.decode())
+    except OSError as error:
+        raise InputError(f"folder {folder} (no {ABOUT}: {error.strerror})", allowed) from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"file {path} (not as it was written: {error})", "JSON in UTF-8") from error
+    except InputError as error:
+        raise InputError(f"file {path} (not as it was written: {error.given})", error.allowed) from error
+    if not isinstance(told.get("form"), str):
+        raise InputError(f"file {path} (not as it was written: it names no form)", allowed)
+    return told
+
+
+def checked(path: Path, name: str, columns: Columns, description: Description) -> Columns:
+    """Return a table that was read from the file `path`, with the types that a session has.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, of another kind or out of its range, a time is not within a session, or an
+        event's data is no JSON object.
+    """
+    needed = columns_of(name, description)
+    if missing := sorted(set(needed) - set(columns)):
+        raise InputError(f"file {path} without {', '.join(missing)}", ", ".join(needed))
+    extra = [key for key in columns if key not in needed] if name in ("labels", "clocks") else []
+    if len(extra) > MOST_COLUMNS:
+        raise InputError(f"file {path} with {len(extra)} columns", f"{MOST_COLUMNS} at most")
+    found = {key: _cells(f"file {path}, column {key}", name, key, columns[key]) for key in (*needed, *extra)}
+    wrong = np.flatnonzero(~(np.abs(found["time"]) <= LONGEST))
+    if len(wrong):
+        given = f"file {path}, {wrong[0] + 1}. time {found['time'][wrong[0]]:g}"
+        raise InputError(given, f"seconds since the session's begin, at most {LONGEST:g} either way")
+    for number, data in enumerate(found["data"] if name == "events" else (), start=1):
+        try:
+            json_object(data)
+        except InputError as error:
+            raise InputError(f"file {path}, {number}. data ({error.given})", error.allowed) from error
+    return found
+
+
+def _cells(
+    what: str, name: str, key: str, column: np.ndarray[Any, np.dtype[Any]]
+) -> np.ndarray[Any, np.dtype[Any]]:
+    """Return a column with the type that it has in a session."""
+    if name == "events" and key != "time":
+        if not all(isinstance(cell, str) for cell in column):
+            raise InputError(f"{what} with cells that are not text", "text")
+        return column
+    if column.dtype.kind not in "fiub":
+        raise InputError(f"{what} of {column.dtype}", "numbers")
+    if name not in OF_ALL and key in KEPT_BESIDE:
+        return _whole(what, column, KEPT_BESIDE[key])
+    return column.astype(np.float64)
+
+
+def _whole(what: str, column: np.ndarray[Any, np.dtype[Any]], kind: type) -> np.ndarray[Any, np.dtype[Any]]:
+    """Return whole numbers as a type that holds them all."""
+    bounds = np.iinfo(kind)
+    if column.dtype.kind not in "iu":
+        raise InputError(f"{what} of {column.dtype}", "whole numbers")
+    if len(column) and not (bounds.min <= int(column.min()) and int(column.max()) <= bounds.max):
+        given = f"{what} from {column.min()} to {column.max()}"
+        raise InputError(given, f"{bounds.min} to {bounds.max}")
+    return column.astype(kind)
+
+
+def write_back(
+    path: Path,
+    description: Description,
+    clock: SessionClock,
+    audio: Iterable[Stretch],
+    held: Mapping[str, Columns],
+) -> None:
+    """Write a session of what the others gave, everything in the order of its time.
+
+    A session that was cut off comes back as one that was closed. Tables are as `checked` returns them; a
+    stretch that no session can hold is refused here, with `InputError`.
+    """
+    with _whole_or_not_at_all(SessionWriter(path, description, clock)) as writer:
+        rest = {name: _Rest(writer, name, columns) for name, columns in held.items()}
+        for stretch in audio:
+            _refuse_stretch(stretch, description)
+            for each in rest.values():
+                each.write(stretch.time)
+            writer.audio(
+                Block(
+                    samples=stretch.samples,
+                    start=stretch.start,
+                    dropped=stretch.dropped,
+                    adc_time=clock.origin + stretch.time if stretch.timed else None,
+                    frame_time=None if stretch.device_frame < 0 else stretch.device_frame,
+                )
+            )
+            if stretch.samples.shape[1] < MESSAGE * description.sample_rate:
+                writer.flush()  # or it would be joined to the next one
+        for each in rest.values():
+            each.write(np.inf)
+
+
+def _refuse_stretch(stretch: Stretch, description: Description) -> None:
+    stop, most = stretch.start + stretch.samples.shape[1], round(LONGEST * description.sample_rate)
+    if not (stretch.start >= 0 and stop <= most and 0 <= stretch.dropped <= most):
+        given = f"audio from frame {stretch.start} to {stop}, {stretch.dropped} lost before"
+        raise InputError(given, f"0 to {most} frames, or {LONGEST:g} s")
+    if not abs(stretch.time) <= LONGEST:
+        given = f"audio at {stretch.time:g} s"
+        raise InputError(given, f"seconds since the session's begin, at most {LONGEST:g} either way")
+    if not -1 <= stretch.device_frame < 2**63:
+        raise InputError(f"device frame {stretch.device_frame}", f"-1, or 0 to {2**63 - 1}")
+
+
+@contextmanager
+def _whole_or_not_at_all(writer: SessionWriter) -> Generator[SessionWriter]:
+    try:
+        with writer:
+            yield writer
+    except BaseException:
+        writer.path.unlink(missing_ok=True)
+        raise
+
+
+class _Rest:
+    """What of a table is not yet written."""
+
+    def __init__(self, writer: SessionWriter, name: str, columns: Columns) -> None:
+        self._writer, self._name, self._columns = writer, name, columns
+        # A time may step back; what came after it is still written after it.
+        self._due = np.maximum.accumulate(columns["time"]) if len(columns["time"]) else columns["time"]
+        self._next = 0
+
+    def write(self, until: Seconds) -> None:
+        stop = int(np.searchsorted(self._due, until))
+        if stop <= self._next:
+            return
+        part = {name: column[self._next : stop] for name, column in self._columns.items()}
+        self._next = stop
+        time = self._writer.clock.origin + part.pop("time")
+        if self._name == "labels":
+            self._writer.labels(time, part)
+        elif self._name == "clocks":
+            for row, at in enumerate(time):
+                self._writer.clocks(float(at), {name: float(column[row]) for name, column in part.items()})
+        elif self._name == "events":
+            for at, kind, text, data in zip(time, part["kind"], part["text"], part["data"], strict=True):
+                self._writer.event(float(at), kind, text, **json_object(data))
+        else:
+            self._readings(self._name, time, part)
+
+    def _readings(self, stream: str, time: Any, part: Columns) -> None:
+        names = _columns(self._writer.description.feed(stream))
+        self._writer.readings(
+            Readings(
+                stream=stream,
+                time=time,
+                values=np.stack([part[name] for name in names], axis=1),
+                sequence=part["sequence"],
+                device_time=part["device_time"],
+                status=part["status"],
+            )
+        )
+
+
+def _columns(feed: Feed) -> tuple[str, ...]:
+    """Return names for a feed's columns that no other column of its table has."""
+    taken = {"time", *KEPT_BESIDE}
+    return tuple(f"value_{name}" if name in taken else name for name in feed.columns)
+
+
+def columns_of(name: str, description: Description) -> tuple[str, ...]:
+    """Return the columns that a table must have."""
+    if name in OF_ALL:
+        return ("time", "kind", "text", "data") if name == "events" else ("time",)
+    return "time", *KEPT_BESIDE, *_columns(description.feed(name))
+
+
+def table_names(description: Description) -> tuple[str, ...]:
+    """Return the names of all tables that a session of this description is written as."""
+    streams = (feed.stream for feed in description.feeds if feed.stream not in OF_ALL)
+    return *streams, *OF_ALL

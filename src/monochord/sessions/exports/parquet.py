@@ -1,0 +1,211 @@
+"""A folder of Parquet files a session, one a stream."""
+
+import json
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.sessions import Description, Session
+from monochord.sessions.bounds import MOST_COLUMNS, refuse_unpacking
+from monochord.sessions.exports._arrow import arrow
+from monochord.sessions.exports._contents import (
+    ABOUT,
+    KEPT_BESIDE,
+    LONGEST_STRETCH,
+    Columns,
+    Stretch,
+    about,
+    checked,
+    read_about,
+    stretches,
+    table_names,
+    tables,
+    write_back,
+)
+from monochord.sessions.exports._folders import folder_each
+from monochord.sessions.exports.base import Export
+
+FORM = "parquet"
+ROWS = 64
+"""Stretches of audio, some seconds of it, that are held in memory at once."""
+CHECKED = {"write_page_checksum": True}
+"""Damage shows when a page is read; without it, other values would be read for those that were written."""
+MOST_TABLE_COLUMNS = MOST_COLUMNS + len(KEPT_BESIDE) + 1
+"""Columns of a file: those of a stream, what is kept beside them, and the times."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parquet(Export):
+    """A folder a session: audio.parquet, one file an instrument, labels, events, clocks; nothing is lost.
+
+    A row of ``audio.parquet`` is a stretch of frames that follow each other, some 0.1 s: ``start`` is the
+    index of its first frame, ``dropped`` how many were lost before it, ``channel_1`` ... hold the samples as
+    float32. The other files have a row a reading (label, event) and a column a quantity, times in s since the
+    session's begin; ``session.json`` tells the rest. `compression` is zstd, snappy, gzip or none.
+    """
+
+    compression: str = "zstd"
+
+    def write(self, sessions: Sequence[Session], out: Path) -> list[Path]:
+        """Write each session to a folder of its file's name below `out`."""
+        known = ("zstd", "snappy", "gzip", "none")
+        if self.compression not in known:
+            raise InputError(f"compression '{self.compression}'", ", ".join(known))
+        pa, pq = arrow(FORM)
+        written: list[Path] = []
+        for session, folder in folder_each(sessions, out):
+            written.append(self._write_audio(pa, pq, session, folder / "audio.parquet"))
+            for name, columns in tables(session).items():
+                path = folder / f"{name}.parquet"
+                # Text is told to be text, or a table without rows would not know.
+                texts = {key: pa.string() for key, column in columns.items() if column.dtype.kind == "O"}
+                arrays = {key: pa.array(column, texts.get(key)) for key, column in columns.items()}
+                pq.write_table(pa.table(arrays), path, compression=self.compression, **CHECKED)
+                written.append(path)
+            text = json.dumps(about(session, FORM), indent=1, sort_keys=True, ensure_ascii=False)
+            (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
+            written.append(folder / ABOUT)
+        return written
+
+    def read(self, folder: Path, path: Path) -> None:
+        """Write the session that a folder holds to the new file `path`."""
+        pa, pq = arrow(FORM)
+        description, clock = read_about(folder, FORM)
+        held: dict[str, Columns] = {}
+        for name in table_names(description):
+            held[name] = _table_of(pa, pq, folder / f"{name}.parquet", name, description)
+        path_of_audio, schema = folder / "audio.parquet", _audio_schema(pa, description.channels)
+        with _opened(pa, pq, path_of_audio) as file:
+            if tuple(file.schema_arrow.names) != tuple(schema.names):
+                given = f"file {path_of_audio} with {', '.join(file.schema_arrow.names)}"
+                raise InputError(given, ", ".join(schema.names))
+            _refuse_groups(path_of_audio, file.metadata)
+            write_back(path, description, clock, _stretches(pa, file, path_of_audio, schema), held)
+
+    def _write_audio(self, pa: Any, pq: Any, session: Session, path: Path) -> Path:
+        schema = _audio_schema(pa, session.description.channels)
+        rows: list[dict[str, Any]] = []
+        with pq.ParquetWriter(path, schema, compression=self.compression, **CHECKED) as writer:
+            for stretch in stretches(session):
+                rows.append(_row(stretch))
+                if len(rows) == ROWS:
+                    writer.write_table(_table(pa, schema, rows))
+                    rows = []
+            writer.write_table(_table(pa, schema, rows))
+        return path
+
+
+def _audio_schema(pa: Any, channels: int) -> Any:
+    kinds = {
+        "time": pa.float64(),
+        "start": pa.int64(),
+        "dropped": pa.int64(),
+        "timed": pa.bool_(),
+        "device_frame": pa.int64(),
+    }
+    samples = {f"channel_{number}": pa.list_(pa.float32()) for number in range(1, channels + 1)}
+    return pa.schema(list({**kinds, **samples}.items()))
+
+
+def _row(stretch: Stretch) -> dict[str, Any]:
+    names = ("time", "start", "dropped", "timed", "device_frame")
+    channels = {f"channel_{number}": each for number, each in enumerate(stretch.samples, start=1)}
+    return {name: getattr(stretch, name) for name in names} | channels
+
+
+def _table(pa: Any, schema: Any, rows: list[dict[str, Any]]) -> Any:
+    return pa.table({name: [row[name] for row in rows] for name in schema.names}, schema=schema)
+
+
+def _stretches(pa: Any, file: Any, path: Path, schema: Any) -> Iterator[Stretch]:
+    row = 0
+    with _readable(pa, path):
+        batches = file.iter_batches(batch_size=ROWS)
+    while True:
+        with _readable(pa, path):
+            batch = next(batches, None)
+            if batch is None:
+                return
+            rows = _columns(pa, path, batch, schema)
+        for columns in zip(*rows.values(), strict=True):
+            told = dict(zip(rows, columns, strict=True))
+            samples = [told.pop(name) for name in schema.names if name.startswith("channel_")]
+            frames = len(samples[0])
+            if any(len(each) != frames for each in samples) or frames > LONGEST_STRETCH:
+                given = f"file {path} row {row}, with {', '.join(str(len(each)) for each in samples)} samples"
+                raise InputError(given, f"as many in each channel, {LONGEST_STRETCH} at most")
+            row += 1
+            yield Stretch(samples=np.stack(samples), **told)
+
+
+def _columns(pa: Any, path: Path, batch: Any, schema: Any) -> dict[str, list[Any]]:
+    """Return the columns of a batch of audio, a value or an array of samples for each row."""
+    table = pa.Table.from_batches([batch]).cast(schema).combine_chunks()
+    table.validate(full=True)
+    found: dict[str, list[Any]] = {}
+    for name in schema.names:
+        column = table[name]
+        lists = pa.types.is_list(column.type)
+        if column.null_count or (lists and any(part.flatten().null_count for part in column.chunks)):
+            raise InputError(f"file {path}, column {name} with empty cells", "a value in each")
+        found[name] = [each.values.to_numpy() for each in column] if lists else column.to_pylist()
+    return found
+
+
+def _table_of(pa: Any, pq: Any, path: Path, name: str, description: Description) -> Columns:
+    """Return a table of a session other than the audio."""
+    with _opened(pa, pq, path) as file:
+        names, rows = file.schema_arrow.names, file.metadata.num_rows
+        if len(set(names)) < len(names) or len(names) > MOST_TABLE_COLUMNS:
+            given = f"file {path} with {len(names)} columns"
+            raise InputError(given, f"{MOST_TABLE_COLUMNS} at most, each with a name of its own")
+        claimed = 8 * max(rows, 0) * len(names)
+        refuse_unpacking(f"file {path}", path.stat().st_size, claimed, "export the session again")
+        _refuse_groups(path, file.metadata)
+        with _readable(pa, path):
+            table = file.read()
+            table.validate(full=True)
+            texts = {"kind", "text", "data"} if name == "events" else set[str]()
+            columns: Columns = {}
+            for key in names:
+                column = table[key].cast(pa.string()) if key in texts else table[key]
+                if column.null_count and (key in texts or not pa.types.is_floating(column.type)):
+                    raise InputError(f"file {path}, column {key} with empty cells", "a value in each")
+                columns[key] = column.to_numpy()
+    return checked(path, name, columns, description)
+
+
+def _refuse_groups(path: Path, metadata: Any) -> None:
+    """Refuse row groups that hold far more values than their bytes can, before memory is taken for one."""
+    for number in range(metadata.num_row_groups):
+        group = metadata.row_group(number)
+        for place in range(group.num_columns):
+            column = group.column(place)
+            packed, values = max(column.total_compressed_size, 0), max(column.num_values, 0)
+            what = f"file {path}, column {column.path_in_schema}"
+            refuse_unpacking(what, packed, 8 * values, "export the session again")
+            refuse_unpacking(what, packed, column.total_uncompressed_size, "export the session again")
+
+
+@contextmanager
+def _opened(pa: Any, pq: Any, path: Path) -> Generator[Any]:
+    with _readable(pa, path):
+        file = pq.ParquetFile(path, page_checksum_verification=True)
+    with file:
+        with _readable(pa, path):
+            _ = file.schema_arrow.names  # which need not be UTF-8
+        yield file
+
+
+@contextmanager
+def _readable(pa: Any, path: Path) -> Generator[None]:
+    """Say of what the library finds wrong with a file that it cannot be used."""
+    try:
+        yield
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        raise InputError(f"file {path} ({error})", "the Parquet file that was exported") from error

@@ -1,0 +1,157 @@
+"""A folder a session that any program opens: WAV, CSV and JSON."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import soundfile
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio
+from monochord.core.units import Samples
+from monochord.sessions import Session
+from monochord.sessions.exports._contents import (
+    ABOUT,
+    KEPT_BESIDE,
+    LONGEST_STRETCH,
+    Columns,
+    Stretch,
+    about,
+    checked,
+    read_about,
+    stretches,
+    table_names,
+    tables,
+    write_back,
+)
+from monochord.sessions.exports._csv_file import read_csv, write_csv
+from monochord.sessions.exports._folders import folder_each
+from monochord.sessions.exports.base import Export
+
+FORM = "wav_csv"
+SOUND, STRETCHES = "audio.wav", "audio.csv"
+FORMATS = ("WAV", "WAVEX", "RF64")
+"""What the sound may be read from; of others no file's size says how long they can be."""
+LONGEST_WAV = 0xFFFF0000
+"""Bytes of sound that a WAV file can tell of; more is written as RF64."""
+KINDS: dict[str, Any] = {
+    **KEPT_BESIDE,
+    **dict.fromkeys(("start", "frames", "dropped", "timed", "device_frame"), np.int64),
+    **dict.fromkeys(("kind", "text", "data"), str),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WavCsv(Export):
+    """A folder a session: audio.wav in 32-bit floats, tables as CSV, session.json; nothing is lost.
+
+    Lost frames are zeros in the WAV file, so that its time runs on; ``audio.csv`` tells for each stretch
+    where it starts, how many frames were lost before it, and when its first frame was at the converter. Of
+    every instrument there is a ``NAME.csv``, and of every session ``labels.csv``, ``events.csv`` and
+    ``clocks.csv``. All times are in s since the session's begin; a cell is empty where nothing is known.
+    There are no options.
+    """
+
+    def write(self, sessions: Sequence[Session], out: Path) -> list[Path]:
+        """Write each session to a folder of its file's name below `out`."""
+        written: list[Path] = []
+        for session, folder in folder_each(sessions, out):
+            written += [_write_sound(session, folder), folder / STRETCHES]
+            for name, columns in tables(session).items():
+                written.append(write_csv(folder / f"{name}.csv", columns))
+            text = json.dumps(about(session, FORM), indent=1, sort_keys=True, ensure_ascii=False)
+            (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
+            written.append(folder / ABOUT)
+        return written
+
+    def read(self, folder: Path, path: Path) -> None:
+        """Write the session that a folder holds to the new file `path`."""
+        description, clock = read_about(folder, FORM)
+        held: dict[str, Columns] = {}
+        for name in table_names(description):
+            file = folder / f"{name}.csv"
+            held[name] = checked(file, name, read_csv(file, KINDS), description)
+        with _opened(folder / SOUND) as sound:
+            if (sound.samplerate, sound.channels) != (description.sample_rate, description.channels):
+                given = f"file {folder / SOUND} with {sound.channels} channels at {sound.samplerate} Hz"
+                raise InputError(given, f"{description.channels} at {description.sample_rate} Hz")
+            write_back(path, description, clock, _stretches(folder, sound), held)
+
+
+def _write_sound(session: Session, folder: Path) -> Path:
+    """Write sound and its table as they are read: a long session needs no more memory than a short one."""
+    path, told = folder / SOUND, session.description
+    rows: list[tuple[Any, ...]] = []
+    ends = [stretch.start + stretch.samples.shape[1] for stretch in stretches(session)]
+    size = max(ends, default=0) * told.channels * 4
+    form = "RF64" if size > LONGEST_WAV else "WAV"
+    with soundfile.SoundFile(path, "w", told.sample_rate, told.channels, "FLOAT", format=form) as sound:
+        for stretch in stretches(session):
+            while stretch.start > sound.tell():
+                lost = min(stretch.start - sound.tell(), LONGEST_STRETCH)
+                sound.write(np.zeros((lost, told.channels), np.float32))
+            sound.write(np.ascontiguousarray(stretch.samples.T))
+            frames = stretch.samples.shape[1]
+            beside = (stretch.timed, stretch.device_frame)
+            rows.append((stretch.time, stretch.start, frames, stretch.dropped, *map(int, beside)))
+    names = ("time", "start", "frames", "dropped", "timed", "device_frame")
+    columns = zip(*rows, strict=True) if rows else [[] for _ in names]
+    kinds = {name: KINDS.get(name, np.float64) for name in names}
+    write_csv(
+        folder / STRETCHES,
+        {name: np.array(column, kinds[name]) for name, column in zip(names, columns, strict=True)},
+    )
+    return path
+
+
+def _opened(path: Path) -> soundfile.SoundFile:
+    allowed = "the WAV file that was exported"
+    try:
+        file = soundfile.SoundFile(path)
+    except (soundfile.LibsndfileError, OSError) as error:
+        raise InputError(f"file {path} ({error})", allowed) from error
+    if file.format not in FORMATS:
+        file.close()
+        raise InputError(f"file {path} of format {file.format}", allowed)
+    return file
+
+
+def _stretches(folder: Path, sound: soundfile.SoundFile) -> Iterator[Stretch]:
+    path = folder / STRETCHES
+    rows = read_csv(path, KINDS)
+    names = ("time", "start", "frames", "dropped", "timed", "device_frame")
+    if set(names) - set(rows):
+        raise InputError(f"file {path} with {', '.join(rows) or 'no header'}", ", ".join(names))
+    reached = 0
+    for row, (time, start, frames, dropped, timed, device_frame) in enumerate(
+        zip(*(rows[n].tolist() for n in names), strict=True), start=2
+    ):
+        if not (reached <= start <= start + frames <= sound.frames and frames <= LONGEST_STRETCH):
+            given = f"file {path} row {row}, frames {start} to {start + frames}"
+            allowed = f"those of {SOUND}, {reached} to {sound.frames}, {LONGEST_STRETCH} at most"
+            raise InputError(given, allowed, "give rows in order, none over the other")
+        reached = start + frames
+        yield Stretch(
+            start=start,
+            dropped=dropped,
+            time=time,
+            timed=bool(timed),
+            device_frame=device_frame,
+            samples=_samples(folder / SOUND, sound, start, frames),
+        )
+
+
+def _samples(path: Path, sound: soundfile.SoundFile, start: Samples, frames: Samples) -> Audio:
+    """Return frames (channels, n) of a file; raises `InputError` where it does not hold them."""
+    try:
+        sound.seek(start)
+        samples: Any = sound.read(frames, dtype="float32", always_2d=True)
+    except soundfile.LibsndfileError as error:
+        raise InputError(f"file {path} ({error})", "the WAV file that was exported") from error
+    if len(samples) < frames:
+        given = f"file {path} (ends after frame {start + len(samples)})"
+        raise InputError(given, f"{sound.frames} frames, as it says itself")
+    return np.ascontiguousarray(samples.T)

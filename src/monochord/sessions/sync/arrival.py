@@ -1,0 +1,219 @@
+"""When readings were taken, from the sender's count and the times at which they arrived."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
+from monochord.sessions.sync.envelope import line_under
+
+STRETCH: Seconds = 60.0
+"""How long two clocks are taken to keep their ratio; a longer recording has a line for each stretch."""
+WATCH: Seconds = 2.0
+"""Over how long the least delay must have changed before the sender's clock counts as stepped."""
+SURE: Seconds = 1.0
+"""A change of so much is a step wherever it is; a smaller one must be seen for so long on both sides."""
+LOST = 64
+"""So many readings in a row are seldom lost: a count that leaps further has been stepped."""
+LEAST_STEP: Seconds = 2e-3
+"""No smaller step of the sender's clock is looked for; jitter raises it."""
+SLACK: Seconds = 0.1
+"""Median delay over the line beyond which a count tells nothing of time."""
+APART: Seconds = 1e-9
+"""What readings with equal times are set apart by."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A run of readings [first, stop) over which the sender's count went on evenly.
+
+    `rate` is the count's fitted rate in ticks a second of the host's clock and `ppm` how far that is from the
+    nominal one, in millionths (NaN where none is given). `jitter_median` and `jitter_p99` tell how much later
+    than the fastest of them readings arrived. Where not `steady`, the count was of no use and arrivals stand.
+    """
+
+    first: int
+    stop: int
+    rate: float
+    ppm: float
+    jitter_median: Seconds
+    jitter_p99: Seconds
+    steady: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Taken:
+    """When each reading was taken, `time` (n,), in seconds of the host's clock, and the pieces it is made of.
+
+    Without a count there are no pieces, and `time` is that of arrival.
+    """
+
+    time: Floats
+    pieces: tuple[Piece, ...]
+
+
+def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float = 0.0) -> Taken:
+    """Return when readings were taken, by the line under their arrivals.
+
+    A reading that the sender counts as k was taken at a + k / r and arrived later by a delay that is never
+    negative. Of all lines under the points (k, arrival) the one with the least mean distance to them is
+    taken: that is the edge of their lower convex hull above their mean (Moon, Skelly and Towsley 1999).
+    Jitter and packets that come in bunches lie above it and do not move it, and lost ones do not matter. The
+    least delay itself cannot be told from the sender's clock being late; taps tell it.
+
+    Readings are cut into pieces where the count restarted or its clock stepped by more than some
+    milliseconds, and long pieces into stretches of a minute, between the middles of which times run linearly,
+    for clocks drift with temperature.
+
+    Parameters
+    ----------
+    arrival
+        Times of arrival (n,) in s, in any order of the counts.
+    count
+        The sender's count or clock (n,) in ticks; None, or any below zero, where it sends none.
+    rate
+        Nominal ticks a second; 0 where unknown.
+
+    Returns
+    -------
+    Times (n,) in s and pieces. Times rise strictly with the count in each piece, and from piece to piece.
+
+    Raises
+    ------
+    InputError
+        If arrivals are not finite, or shapes differ.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> count = np.arange(7000)
+    >>> arrival = 5.0 + count / 7000.0 + rng.exponential(1e-3, 7000)
+    >>> taken = times_taken(arrival, count, rate=7000.0)
+    >>> bool(np.abs(taken.time - 5.0 - count / 7000.0).max() < 2e-5)
+    True
+    """
+    if arrival.ndim != 1 or (count is not None and count.shape != arrival.shape):
+        raise InputError(
+            f"arrivals {arrival.shape} and counts {None if count is None else count.shape}",
+            "one count to each arrival",
+        )
+    if not np.isfinite(arrival).all():
+        raise InputError("arrivals that are not finite", "seconds")
+    if count is None or arrival.size == 0 or (count < 0).any():
+        return Taken(time=_rising(arrival, np.arange(arrival.size)), pieces=())
+    elapsed = (count - count[0]).astype(np.float64)
+    own = _own_rate(arrival, elapsed, rate)
+    time, pieces = np.empty(arrival.size), list[Piece]()
+    edges = [0, *_breaks(arrival - elapsed / own, own, elapsed), arrival.size]
+    for first, stop in pairwise(edges):
+        cut = slice(first, stop)
+        time[cut], found = _fit(arrival[cut], elapsed[cut], own)
+        late = arrival[cut] - time[cut]
+        steady = bool(np.median(late) <= SLACK)
+        if not steady:
+            time[cut] = arrival[cut]
+        median, high = np.quantile(late, (0.5, 0.99))
+        pieces.append(
+            Piece(
+                first=first,
+                stop=stop,
+                rate=found,
+                ppm=1e6 * (found / rate - 1.0) if rate > 0.0 else math.nan,
+                jitter_median=float(median),
+                jitter_p99=float(high),
+                steady=steady,
+            )
+        )
+    order = np.concatenate(
+        [piece.first + np.argsort(count[piece.first : piece.stop], kind="stable") for piece in pieces]
+    )
+    return Taken(time=_rising(time, order), pieces=tuple(pieces))
+
+
+def _rising(time: Floats, order: NDArray[np.int64]) -> Floats:
+    """Return times that rise strictly in an order, changed no more than that takes."""
+    apart = APART * np.arange(order.size)
+    risen = np.empty_like(time)
+    risen[order] = np.maximum.accumulate(time[order] - apart) + apart
+    return risen
+
+
+def _own_rate(arrival: Floats, elapsed: Floats, nominal: float) -> float:
+    """Return the median rate of the count over stretches of a second or so; restarts do not move it."""
+    span = float(arrival[-1] - arrival[0])
+    step = min(max(math.ceil(arrival.size / max(span, 1e-9)), 1), max(arrival.size // 2, 1))
+    over, ticks = arrival[step:] - arrival[:-step], elapsed[step:] - elapsed[:-step]
+    runs = (over > 0.0) & (ticks > 0.0)
+    if runs.sum() >= 8:
+        return float(np.median(ticks[runs] / over[runs]))
+    return nominal if nominal > 0.0 else 1.0
+
+
+def _breaks(residual: Floats, rate: float, elapsed: Floats) -> list[int]:
+    """Return where a new piece begins: where the least delay of what follows differs from what was before."""
+    from scipy.ndimage import minimum_filter1d  # noqa: PLC0415
+
+    n = residual.size
+    if n < 8:
+        return []
+    ticks = np.diff(elapsed)
+    each = float(np.median(np.abs(ticks)))
+    reach, seen = (int(max(span * rate / each, 8.0)) if each > 0.0 else 16 for span in (WATCH, SURE))
+    before = minimum_filter1d(
+        residual, min(reach, n), mode="constant", cval=np.inf, origin=(min(reach, n) - 1) // 2
+    )
+    after = minimum_filter1d(
+        residual, min(reach, n), mode="constant", cval=np.inf, origin=-(min(reach, n) // 2)
+    )
+    change = after[1:] - before[:-1]
+    usual = float(np.median(np.abs(change - np.median(change))))
+    # At either end a hold-up of the network looks like a step, if the count goes on.
+    least = np.full(n - 1, max(LEAST_STEP, 12.0 * usual))
+    ends = np.ones(n - 1, np.bool_)
+    ends[seen : n - seen] = False
+    least[ends & (ticks > 0.0) & (ticks < LOST * each)] = SURE
+    later = np.flatnonzero(change > least) + 1
+    sooner = np.flatnonzero(residual[1:] < before[:-1] - least) + 1
+    found: list[int] = []
+    for place in sorted({*later[np.diff(later, prepend=-2) > 1].tolist(), *sooner.tolist()}):
+        # For a while, what comes after a break is still compared with what was before it.
+        since = residual[found[-1] : place] if found else residual[:0]
+        level, enough = since.min(initial=np.inf), least[place - 1]
+        fell, rose = residual[place] < level - enough, after[place] > level + enough
+        if not 0 < since.size < reach or fell or rose:
+            found.append(int(place))
+    return found
+
+
+def _fit(arrival: Floats, elapsed: Floats, rate: float) -> tuple[Floats, float]:
+    """Return times by lines under the arrivals, one a stretch, and the rate over all of them."""
+    residual = arrival - elapsed / rate
+    low, high = float(elapsed.min()), float(elapsed.max())
+    # A count that claims far more time than went by is of no use, however many stretches it had.
+    span = min((high - low) / rate, 2.0 * float(np.ptp(arrival)) + STRETCH)
+    count = max(1, math.floor(span / STRETCH))
+    edges = np.linspace(low, high, count + 1)
+    middles, heights, slopes = list[float](), list[float](), list[float]()
+    for left, right in pairwise(edges):
+        inside = (elapsed >= left) & (elapsed <= right)
+        if inside.sum() >= 2:
+            middle = 0.5 * (left + right)
+            height, slope = line_under(elapsed[inside] - middle, residual[inside])
+            middles.append(middle)
+            heights.append(height)
+            slopes.append(slope)
+    if not middles:
+        return arrival.copy(), rate
+    if len(middles) == 1:
+        line, slope = heights[0] + slopes[0] * (elapsed - middles[0]), slopes[0]
+    else:
+        # The outer stretches go on along their own lines.
+        ends = (heights[0] + slopes[0] * (low - middles[0]), heights[-1] + slopes[-1] * (high - middles[-1]))
+        line = np.interp(elapsed, [low, *middles, high], [ends[0], *heights, ends[1]])
+        slope = (heights[-1] - heights[0]) / (middles[-1] - middles[0])
+    return elapsed / rate + line, 1.0 / (1.0 / rate + slope)

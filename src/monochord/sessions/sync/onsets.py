@@ -1,0 +1,145 @@
+"""When something strikes the string: onsets in the microphones' sound."""
+
+import numpy as np
+
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Samples
+
+ORDER = 48
+"""Order of the prediction; it follows two dozen sinusoids."""
+FAINT = 0.1
+"""Share of the greatest error below which no onset begins: waves of high pitch run ahead of a touch's own."""
+LOUDER = 3.0
+"""How many times louder than before an event must be that comes before a louder one."""
+APART: Samples = 8
+"""Frames left out before that one, which its own begin may reach into."""
+STRIKING = 5.0
+"""Nepers of power beyond which all is equally new; it keeps one loud event from standing for many."""
+FLOOR = 1e-7
+"""Share of white noise that is added, below which nothing is predicted away."""
+
+
+def surprise(samples: Audio | Floats) -> Floats:
+    """Return what linear prediction cannot tell of each channel from its past, over its usual size.
+
+    The best linear prediction over the whole stretch takes away what goes on: a ringing string, hum, tones of
+    music. What comes new stands out, and is as broad in frequency as its cause was sudden.
+
+    Parameters
+    ----------
+    samples
+        Audio (channels, n), at least a few hundred frames.
+
+    Returns
+    -------
+    Prediction errors (channels, n), each channel over its median absolute error; zero for silence.
+
+    Examples
+    --------
+    >>> time = np.arange(4410) / 44100
+    >>> sound = np.sin(2 * np.pi * 400 * time) + 1e-4 * np.random.default_rng(0).standard_normal(4410)
+    >>> sound[2000:] += 0.05
+    >>> int(np.abs(surprise(sound[np.newaxis])[0]).argmax())
+    2000
+    """
+    from scipy.linalg import solve_toeplitz  # noqa: PLC0415
+
+    errors = np.zeros(samples.shape)
+    for row, channel in enumerate(samples.astype(np.float64)):
+        size = 1 << int(np.ceil(np.log2(channel.size + ORDER + 1)))
+        power = np.abs(np.fft.rfft(channel, size)) ** 2
+        likeness = np.fft.irfft(power)[: ORDER + 1]
+        if not likeness[0] > 0.0:
+            continue
+        likeness[0] *= 1.0 + FLOOR
+        weights = solve_toeplitz(likeness[:-1], likeness[1:])
+        error = np.convolve(channel, np.concatenate([[1.0], -weights]))[: channel.size]
+        error[:ORDER] = 0.0
+        usual = float(np.median(np.abs(error)))
+        errors[row] = error / (usual if usual > 0.0 else float(np.abs(error).max()) or 1.0)
+    return errors
+
+
+def novelty(sound: Audio | Floats, size: Samples) -> Floats:
+    """Return how much louder each frame of `size` samples is than the 20 before it, in nepers.
+
+    `sound` is (channels, n), the result (n // size,). Channels count alike. What is not louder counts as
+    zero.
+
+    Examples
+    --------
+    >>> errors = np.random.default_rng(0).standard_normal((2, 4400))
+    >>> errors[:, 2200:2244] *= 20.0
+    >>> int(novelty(errors, 44).argmax())
+    50
+    """
+    frames = sound.shape[1] // size
+    cut = sound[:, : frames * size].astype(np.float64).reshape(sound.shape[0], frames, size)
+    power = np.mean(cut**2, axis=2)
+    usual = np.median(power, axis=1, keepdims=True)
+    level = np.log(np.mean(power / np.where(usual > 0.0, usual, 1.0), axis=0) + 1e-12)
+    padded = np.concatenate([np.full(20, level[:20].max(initial=0.0)), level])
+    before = np.lib.stride_tricks.sliding_window_view(padded, 20)[:frames]
+    return np.clip(level - np.quantile(before, 0.9, axis=1), 0.0, STRIKING)
+
+
+def pick(errors: Floats) -> float:
+    """Return where noise turns into an event, by Akaike's criterion, as a sample index; NaN if nowhere.
+
+    The index k at which k log var(e[:k]) + (n - k - 1) log var(e[k:]) is least (Maeda 1985): two stretches of
+    constant variance that tell most. A hundredth of the greatest square is added to both variances.
+
+    Parameters
+    ----------
+    errors
+        One channel (n,), noise at its begin and the event before its end.
+
+    Examples
+    --------
+    >>> errors = np.random.default_rng(0).standard_normal(400)
+    >>> errors[250:] *= 10.0
+    >>> abs(pick(errors) - 250) <= 2
+    True
+    """
+    n = errors.size
+    if n < 16 or not np.any(errors):
+        return float("nan")
+    count, tiny = np.arange(1, n), float(FAINT * np.abs(errors).max()) ** 2
+    total, square = np.cumsum(errors), np.cumsum(errors**2)
+    left = square[:-1] / count - (total[:-1] / count) ** 2
+    right = (square[-1] - square[:-1]) / (n - count) - ((total[-1] - total[:-1]) / (n - count)) ** 2
+    told = count * np.log(left + tiny) + (n - count - 1) * np.log(right + tiny)
+    inner = slice(6, n - 8)
+    return float(np.argmin(told[inner]) + inner.start + 1)
+
+
+def first_onset(errors: Floats) -> float:
+    """Return the sample index where the first event begins that is no trifle beside the greatest, or NaN.
+
+    A touch is followed by louder things, such as its end. `pick` finds the strongest of them, and again what
+    came before that, as long as that is several times louder than what went before it.
+
+    Parameters
+    ----------
+    errors
+        One channel (n,), noise at its begin.
+
+    Examples
+    --------
+    >>> errors = np.random.default_rng(0).standard_normal(600)
+    >>> errors[250:] *= 10.0
+    >>> errors[450:] *= 5.0
+    >>> abs(pick(errors) - 450) <= 3, abs(first_onset(errors) - 250) <= 3
+    (True, True)
+    """
+    found, least = pick(errors), FAINT * float(np.abs(errors).max(initial=0.0))
+    while np.isfinite(found):
+        stop = int(found) - APART
+        sooner = pick(errors[: max(stop, 0)])
+        if not np.isfinite(sooner):
+            break
+        noise, event = (np.sqrt(np.mean(e**2)) for e in (errors[: int(sooner)], errors[int(sooner) : stop]))
+        if event < max(LOUDER * noise, 0.5 * least):
+            break
+        found = sooner
+    return found

@@ -1,0 +1,258 @@
+"""Taps as a force sensor and a robot see them: short pulses of force, short dips of height."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.core.units import Metres, Newtons, Seconds
+
+LONGEST: Seconds = 0.04
+QUIET: Seconds = 0.06
+BLOCK: Seconds = 0.1
+BOUNCE: Seconds = 0.008
+"""A force that is gone for no longer belongs to the same tap."""
+CLEAR = 5.0
+"""How many standard deviations of the noise count as touched."""
+FAINT: Newtons = 0.02
+"""No less force than this counts as touched, however quiet the sensor."""
+TELLING = 2.2
+"""The same beside a touch that is sure."""
+BUILD_UP: Seconds = 3e-4
+"""How long the first wave takes from a touch to an end of the string and back."""
+RISING = 1.2
+"""How much more the next reading must have for the slope to count."""
+LOWEST: Metres = 1e-3
+"""Least depth of a dip."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Taps:
+    """Taps in one stream: `begin` and `end` (n,) of each contact in s of that stream's time.
+
+    `spacing` is how long the stream takes from one reading to the next.
+    """
+
+    begin: Floats
+    end: Floats
+    spacing: Seconds
+
+    @property
+    def middle(self) -> Floats:
+        """Return the middles of the contacts."""
+        return 0.5 * (self.begin + self.end)
+
+    def __len__(self) -> int:
+        return self.begin.size
+
+
+def taps_of_force(time: Floats, force: Floats, *, least: Newtons = 0.1) -> Taps:
+    """Return the taps in a force: pulses shorter than 40 ms, with 60 ms of no touch before and after.
+
+    The level of no touch is taken from the quietest fifth of every ten seconds, so that neither a bias nor
+    its drift matters. A tap begins midway between the last reading that is no more than noise and the first
+    that is more.
+
+    Parameters
+    ----------
+    time, force
+        Readings (n,), in s and N, by rising time.
+    least
+        Least peak of a tap in N.
+
+    Returns
+    -------
+    The taps, by rising time.
+
+    Raises
+    ------
+    InputError
+        If shapes differ or times do not rise.
+
+    Examples
+    --------
+    >>> time = np.arange(3000) / 1000.0
+    >>> force = np.where(np.abs(time % 1.0 - 0.5) < 0.003, 1.0, 0.0)
+    >>> taps_of_force(time, force).middle.round(3).tolist()
+    [0.5, 1.5, 2.5]
+    """
+    spacing = _refuse_unordered(time, force)
+    size = max(int(BLOCK / spacing), 3) if spacing > 0.0 else 3
+    if time.size < 4 * size:
+        return Taps(begin=np.zeros(0), end=np.zeros(0), spacing=spacing)
+    level, noise = _level(force, size)
+    noise = max(noise, FAINT / CLEAR)
+    above = CLEAR * noise
+    rest = force - level
+    runs = _runs(time, rest > above, BOUNCE)
+    found = [
+        (_edge(time, rest, i, -1, noise), _edge(time, rest, j, 1, noise))
+        for i, j in _alone(time, runs, LONGEST)
+        if rest[i : j + 1].max() >= max(least, 2.0 * above)
+    ]
+    begin, end = np.array(found, dtype=np.float64).reshape(-1, 2).T
+    return Taps(begin=begin, end=end, spacing=spacing)
+
+
+def taps_of_height(time: Floats, height: Floats, *, longest: Seconds = 0.08) -> Taps:
+    """Return the taps in a tool's height: dips, deeper than a millimetre, that last no longer than 80 ms.
+
+    A dip's middle is that of its area, which does not depend on where the readings fall in it. Its begin and
+    end are the same, for the height does not tell them.
+
+    Parameters
+    ----------
+    time, height
+        Readings (n,), in s and m, by rising time.
+    longest
+        How long the tool may be halfway down or lower, in s.
+
+    Raises
+    ------
+    InputError
+        If shapes differ or times do not rise.
+
+    Examples
+    --------
+    >>> time = np.arange(400) / 200.0
+    >>> height = np.minimum(3e-3, 0.2 * np.abs(time - 1.0012))
+    >>> taps_of_height(time, height).middle.round(3).tolist()
+    [1.001]
+    """
+    spacing = _refuse_unordered(time, height)
+    reach = 1.5 * longest
+    if time.size < 8 or time[-1] - time[0] < 2.0 * reach:
+        return Taps(begin=np.zeros(0), end=np.zeros(0), spacing=spacing)
+    down = dip(time, height)
+    runs = _runs(time, down > LOWEST, 0.0)
+    middles = [
+        middle_of_dip(time, down, 0.5 * (time[i] + time[j])) for i, j in runs if time[j] - time[i] < longest
+    ]
+    middle = np.array(middles, dtype=np.float64)
+    middle = middle[np.isfinite(middle)]
+    return Taps(begin=middle, end=middle.copy(), spacing=spacing)
+
+
+def dip(time: Floats, height: Floats) -> Floats:
+    """Return how far a tool is below where it was and will be some 50 ms before and after, (n,) in m.
+
+    Only short dips show: the lower of both sides counts, so that going down to stay is none.
+
+    Examples
+    --------
+    >>> time = np.arange(100) / 100.0
+    >>> float(dip(time, np.where(time > 0.5, 0.0, 0.1)).max())
+    0.0
+    """
+    sides = [np.interp(time + shift, time, height) for shift in (-0.07, -0.05, 0.05, 0.07)]
+    return np.maximum(np.minimum(np.median(sides[:2], axis=0), np.median(sides[2:], axis=0)) - height, 0.0)
+
+
+def middle_of_dip(time: Floats, down: Floats, near: Seconds, reach: Seconds = 0.05) -> Seconds:
+    """Return the middle of the area of a dip, as `dip` gives it, around a time; NaN if there is none.
+
+    Examples
+    --------
+    >>> time = np.arange(100) / 100.0
+    >>> down = np.maximum(0.02 - np.abs(time - 0.502), 0.0)
+    >>> abs(middle_of_dip(time, down, 0.51) - 0.502) < 1e-3
+    True
+    """
+    around = np.linspace(near - reach, near + reach, 401)
+    depth = np.interp(around, time, down, left=0.0, right=0.0)
+    depth = np.maximum(depth - 0.2 * depth.max(), 0.0)
+    if not (time[0] <= near <= time[-1] and depth.sum() > 0.0):
+        return float("nan")
+    return float(around @ depth / depth.sum())
+
+
+def groups_of(taps: Taps, *, apart: Seconds = 2.0, least: int = 2) -> tuple[Taps, ...]:
+    """Return taps that belong together: no more than `apart` seconds from one to the next, `least` of them.
+
+    Examples
+    --------
+    >>> times = np.array([1.0, 1.3, 2.0, 60.0, 60.5])
+    >>> [len(group) for group in groups_of(Taps(begin=times, end=times, spacing=1e-3))]
+    [3, 2]
+    """
+    edges = [0, *(np.flatnonzero(np.diff(taps.begin) > apart) + 1).tolist(), len(taps)]
+    cuts = [slice(i, j) for i, j in pairwise(edges) if j - i >= least]
+    return tuple(Taps(begin=taps.begin[cut], end=taps.end[cut], spacing=taps.spacing) for cut in cuts)
+
+
+def _refuse_unordered(time: Floats, values: Floats) -> Seconds:
+    """Return the usual time from one reading to the next; raises `InputError` where there is none."""
+    if time.ndim != 1 or time.shape != values.shape:
+        raise InputError(f"times {time.shape} and values {values.shape}", "as many of both")
+    steps = np.diff(time)
+    if (steps <= 0.0).any():
+        raise InputError("times that do not rise", "readings in order")
+    return float(np.median(steps)) if steps.size else 0.0
+
+
+def _level(force: Floats, size: int) -> tuple[Floats, float]:
+    """Return the level of no touch (n,) and the standard deviation of the noise about it.
+
+    A sensor that repeats a reading, as before it begins, tells nothing of its noise then.
+    """
+    blocks = force[: force.size // size * size].reshape(-1, size)
+    middle = np.median(blocks, axis=1)
+    spread = 1.4826 * np.median(np.abs(blocks - middle[:, None]), axis=1)
+    wide = round(10.0 / BLOCK)
+    far = max(len(middle) // wide, 1)
+    parts = np.array_split(np.arange(len(middle)), far)
+    quiet = np.array([np.quantile(middle[part], 0.2) for part in parts])
+    centre = np.array([size * (part.mean() + 0.5) for part in parts])
+    noise = np.quantile(spread[spread > 0.0], 0.3) if spread.any() else 0.0
+    return np.interp(np.arange(force.size), centre, quiet), float(noise)
+
+
+def _runs(time: Floats, on: np.ndarray, gap: Seconds) -> list[tuple[int, int]]:
+    """Return first and last index of each stretch that is on, those joined no more than `gap` apart."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
+    runs: list[tuple[int, int]] = []
+    for first, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if runs and time[first] - time[runs[-1][1]] <= gap:
+            runs[-1] = runs[-1][0], stop - 1
+        else:
+            runs.append((first, stop - 1))
+    return runs
+
+
+def _edge(time: Floats, rest: Floats, inside: int, step: int, noise: Newtons) -> Seconds:
+    """Return where a pulse begins (step -1) or ends (1), from a reading that is surely inside it.
+
+    A soft touch begins with less than what stands out surely: the mean over some 0.3 ms still tells. Where
+    readings are as far apart as that, the line through the first of them is followed back to no force, though
+    no further than a reading and a half.
+    """
+    usual = float(time[min(inside + 1, len(time) - 1)] - time[inside - 1]) / 2.0
+    many = max(round(BUILD_UP / usual), 1)
+    for _ in range(len(rest) if many > 1 else 0):
+        beyond = inside + step * np.arange(1, many + 1)
+        if beyond[-1] not in range(len(rest)) or rest[beyond].mean() <= TELLING * noise / math.sqrt(many):
+            break
+        inside += step
+    beyond = min(max(inside + step, 0), len(time) - 1)
+    rising = [inside]
+    while many == 1 and len(rising) < 4 and rest[rising[-1] - step] > RISING * rest[rising[-1]]:
+        rising.append(rising[-1] - step)
+    if len(rising) > 1:
+        slope, height = np.polyfit(time[rising] - time[inside], rest[rising], 1)
+        back = float(np.clip(height / slope * -step, 0.0, 1.5 * usual))
+        return float(time[inside]) + step * back
+    return 0.5 * float(time[inside] + time[beyond])
+
+
+def _alone(time: Floats, runs: list[tuple[int, int]], longest: Seconds) -> list[tuple[int, int]]:
+    """Return the runs that are short, and quiet around, and whole."""
+    kept: list[tuple[int, int]] = []
+    for k, (i, j) in enumerate(runs):
+        before = time[runs[k - 1][1]] if k else time[0]
+        after = time[runs[k + 1][0]] if k + 1 < len(runs) else time[-1]
+        if time[j] - time[i] < longest and time[i] - before >= QUIET and after - time[j] >= QUIET:
+            kept.append((i, j))
+    return kept

@@ -1,0 +1,256 @@
+"""By how much streams are apart, from taps that all of them notice.
+
+An offset is positive where the stream comes late: a stream's time minus its offset is the reference's time.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Metres, Seconds
+from monochord.sessions.sync._group import shifts_of_group
+from monochord.sessions.sync.onsets import first_onset, novelty, surprise
+from monochord.sessions.sync.pulses import Taps, dip, middle_of_dip
+
+REACH: Seconds = 1.0
+FRAME: Seconds = 1e-3
+"""Resolution of the search over a group of taps."""
+BEFORE, AFTER = 0.012, 0.0015
+"""Where, around what the group tells, a tap's onset is looked for."""
+UNSURE = 0.8
+"""A second peak this high, of the first, leaves the offset open."""
+AGREED: Seconds = 0.5e-3
+"""Standard uncertainty below which three taps or more agree as chance would not have it."""
+BEATEN = 3.0
+"""How many times more uncertain a rival must be to be left out."""
+ALONE: Seconds = 2e-3
+"""Scatter allowed to fewer than three taps, of which a wrong one does not show."""
+PROMPT: Seconds = 0.1e-3
+"""How well an onset's instant is defined: a contact takes that long to build up."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offset:
+    """How late a stream is against a reference, `value` in s with its standard uncertainty `std`.
+
+    `each` (n,) are the offsets of the single taps, NaN where one was not noticed or is far from the others,
+    and `taps` counts the rest. `rival` is how high the second best of the coarse search was, of the best:
+    near 1 the taps might as well lie elsewhere. Without a usable tap value and uncertainty are NaN and
+    infinite.
+    """
+
+    value: Seconds
+    std: Seconds
+    taps: int
+    rival: float
+    each: Floats
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a value, and no other that does nearly as well.
+
+        >>> offset_of(np.array([0.01, 0.0102]), spacing=1e-3).known
+        True
+        """
+        return self.taps > 0 and self.rival < UNSURE
+
+
+def offset_of(each: Floats, *, spacing: Seconds, rival: float = 0.0) -> Offset:
+    """Return the mean of single taps' offsets with its standard uncertainty, outliers left out.
+
+    u^2 = s^2 / n + d^2, where s is the scatter over the n taps, no less than `spacing` sqrt(1/12), which is
+    what reading times that far apart leaves open (nor than 2 ms where there are fewer than three), and d the
+    build-up of a contact. Left out is what is off the median by more than six times the median of those
+    distances and more than `spacing`.
+
+    Parameters
+    ----------
+    each
+        Offsets of single taps (n,) in s, NaN where a tap was missed.
+    spacing
+        Time between readings in s; of two streams, the root of the sum of squares.
+    rival
+        Passed on to the result.
+
+    Examples
+    --------
+    >>> found = offset_of(np.array([0.0101, 0.0099, 0.0100, 0.3]), spacing=1e-4)
+    >>> round(found.value, 6), found.taps
+    (0.01, 3)
+    """
+    kept = np.array(each, dtype=np.float64)
+    if not np.isfinite(kept).any():
+        return Offset(value=math.nan, std=math.inf, taps=0, rival=rival, each=kept)
+    off = np.abs(kept - np.nanmedian(kept))
+    kept[~(off <= max(6.0 * float(np.nanmedian(off)), spacing, 2.0 * PROMPT))] = np.nan
+    good = kept[np.isfinite(kept)]
+    n = good.size
+    floor = spacing * math.sqrt(1.0 / 12.0)
+    scatter = max(float(np.std(good, ddof=1)) if n > 1 else 0.0, floor, ALONE if n < 3 else 0.0)
+    # Few taps tell their own scatter badly: the factor is that of Student's distribution.
+    wide = math.sqrt((n - 1) / (n - 3)) if n > 3 else 1.7
+    std = math.hypot(scatter * (wide if scatter > floor else 1.0) / math.sqrt(n), PROMPT)
+    return Offset(value=float(good.mean()), std=std, taps=n, rival=rival, each=kept)
+
+
+def audio_offset(
+    taps: Taps,
+    samples: Audio,
+    *,
+    first: Seconds,
+    rate: float,
+    travel: Seconds | tuple[Seconds, ...] = 0.0,
+    reach: Seconds = REACH,
+) -> Offset:
+    """Return how late the sound of taps is against when they began.
+
+    First all taps at once: the shift at which most of them meet something new in the sound, to a millisecond,
+    which unequal times between taps make unambiguous. Then each alone: the onset in each microphone's
+    prediction error (see `monochord.sessions.sync.onsets`), less what the wave took to get there.
+
+    Parameters
+    ----------
+    taps
+        Taps in the reference, with their begin in s.
+    samples
+        Audio (channels, n) around them, best with `reach` to spare on both sides.
+    first
+        Time of its first frame in s, as the audio's own stamps say.
+    rate
+        Its frames a second, as measured.
+    travel
+        What the wave takes from the touch to each microphone, in s: x / c and (L - x) / c. Where x is not
+        known, L / 2c for both is right for their mean.
+    reach
+        How far off the sound may be in s, either way.
+
+    Returns
+    -------
+    The offset; in `each`, one value a tap, the mean over the microphones.
+
+    Raises
+    ------
+    InputError
+        If there are no samples, or not as many travel times as channels.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> sound = 1e-3 * rng.standard_normal((2, 3 * 44100))
+    >>> begin = np.array([0.7, 1.0, 1.7])
+    >>> for place in np.rint((begin + 0.05) * 44100).astype(int):
+    ...     sound[:, place : place + 200] += 0.1
+    >>> taps = Taps(begin=begin, end=begin + 0.006, spacing=1 / 7000)
+    >>> found = audio_offset(taps, sound.astype(np.float32), first=0.0, rate=44100.0)
+    >>> round(found.value, 3), found.taps
+    (0.05, 3)
+    """
+    channels = samples.shape[0]
+    travels = (float(travel),) * channels if isinstance(travel, int | float) else travel
+    if samples.ndim != 2 or not channels or len(travels) != channels:
+        raise InputError(f"samples {samples.shape} and {len(travels)} travel times", "one to each channel")
+    size = max(round(FRAME * rate), 1)
+    if not len(taps) or samples.shape[1] < 64 * size:
+        return offset_of(np.full(len(taps), np.nan), spacing=taps.spacing)
+    errors = surprise(samples)
+    # What is broad shows among tones, what is loud among noises.
+    news = novelty(errors, size) + novelty(samples, size)
+    when = np.arange(news.size, dtype=np.float64) * (size / rate) + (first + 0.5 * size / rate)
+    spacing = math.hypot(taps.spacing, 1.0 / rate)
+
+    def heard(shift: Seconds) -> Floats:
+        """Return the offset of each tap, from its onset near where a shift puts it."""
+        each = np.full((len(taps), channels), np.nan)
+        for k, begin in enumerate(taps.begin):
+            start = round((begin + shift - BEFORE - first) * rate)
+            stop = round((begin + shift + AFTER - first) * rate)
+            if start >= 0 and stop <= samples.shape[1]:
+                onsets = np.array([first_onset(errors[c, start:stop]) for c in range(channels)])
+                each[k] = first + (start + onsets) / rate - begin - np.array(travels)
+        return each.mean(axis=1)
+
+    return _most_agreed(
+        [
+            offset_of(heard(shift), spacing=spacing, rival=share)
+            for shift, share in shifts_of_group(taps.begin, when, news, reach)
+        ]
+    )
+
+
+def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = REACH) -> Offset:
+    """Return how late a tool's height is against taps: the middle of each dip against the contact's middle.
+
+    Parameters
+    ----------
+    taps
+        Taps in the reference, with begin and end in s.
+    time, height
+        The tool's readings (n,), in s and m, by rising time, best with `reach` to spare on both sides.
+    reach
+        How far off they may be in s, either way.
+
+    Returns
+    -------
+    The offset; in `each`, one value a tap.
+
+    Raises
+    ------
+    InputError
+        If there are not as many times as heights.
+
+    Examples
+    --------
+    >>> middle = np.array([1.003, 1.402, 2.001])
+    >>> taps = Taps(begin=middle - 0.003, end=middle + 0.003, spacing=1 / 7000)
+    >>> time = np.arange(0.0, 4.0, 0.004)
+    >>> height = np.minimum(np.abs(time[:, None] - 0.1 - middle).min(axis=1) * 0.2, 3e-3)
+    >>> found = height_offset(taps, time, height)
+    >>> abs(found.value - 0.1) < 2e-3, found.taps
+    (True, 3)
+    """
+    if time.ndim != 1 or time.shape != height.shape:
+        raise InputError(f"times {time.shape} and heights {height.shape}", "as many of both")
+    if not len(taps) or time.size < 8:
+        return offset_of(np.full(len(taps), np.nan), spacing=taps.spacing)
+    spacing = float(np.median(np.diff(time)))
+    down = dip(time, height)
+    depth = 1.0 / (1.0 + 1e-3 / np.maximum(down, 1e-9))  # a deep dip counts little more than one of some mm
+    when = np.arange(time[0], time[-1], FRAME)
+    (shift, _), (_, rival) = shifts_of_group(taps.middle, when, np.interp(when, time, depth), reach)[:2]
+    near = taps.middle + shift
+    each = np.array([middle_of_dip(time, down, float(t)) for t in near]) - taps.middle
+    return offset_of(each, spacing=math.hypot(taps.spacing, spacing), rival=rival)
+
+
+def travel_time(length: Metres, wave_speed: float, position: Metres | None = None) -> tuple[Seconds, Seconds]:
+    """Return what a wave takes from a touch to the two ends of a string, in s: x / c and (L - x) / c.
+
+    Without a position both get the mean of the two.
+
+    Examples
+    --------
+    >>> travel_time(0.25, 512.0, 0.125)
+    (0.000244140625, 0.000244140625)
+    """
+    if position is None:
+        mean = 0.5 * length / wave_speed
+        return mean, mean
+    return position / wave_speed, (length - position) / wave_speed
+
+
+def _most_agreed(candidates: list[Offset]) -> Offset:
+    """Return the candidate whose taps agree best, of those whose share, held in `rival`, is near the best.
+
+    Its `rival` becomes the greatest share, of its own, of those whose taps agree too or that are well below.
+    With fewer than three taps there is no agreement, and the greatest share it is.
+    """
+    near = [offset for offset in candidates if offset.rival >= UNSURE]
+    agreed = [o for o in near if o.taps >= max(3, o.each.size - o.each.size // 5)]
+    chosen = min(agreed, key=lambda offset: offset.std) if agreed else candidates[0]
+    sure = bool(agreed) and chosen.std < AGREED
+    beaten = [o for o in near if sure and (o.taps < 3 or o.std > BEATEN * chosen.std)]
+    others = [o.rival for o in candidates if o is not chosen and not any(o is b for b in beaten)]
+    return replace(chosen, rival=max(others, default=0.0) / chosen.rival)

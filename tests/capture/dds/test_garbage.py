@@ -1,0 +1,165 @@
+"""Garbage sent to a domain's ports, from this machine and from another network."""
+
+import os
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+DOMAIN = 100 + os.getpid() % 99  # another run of the tests has another one
+PORT = 7400 + 250 * DOMAIN + 10  # discovery of the first participant; the next is for messages
+PACKETS = 10_000
+LOGGED = 1000
+"""Bytes that a listener may say of it all."""
+GROWTH = 8 << 20
+
+LISTEN = f"""
+import sys, time
+from pathlib import Path
+from monochord.capture.dds import messages as ros
+from monochord.capture.dds.participant import Participant
+
+def resident():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+heard = []
+turn = ros.Quaternion(0.0, 0.0, 0.0, 1.0)
+pose = ros.Pose(position=ros.Point(1.0, 0.0, 0.0), orientation=turn)
+said = ros.PoseStamped(header=ros.header(1, "f"), pose=pose)
+with Participant(domain={DOMAIN}) as here, Participant(domain={DOMAIN}) as there:
+    here.reader("pose", "PoseStamped", lambda message, _: heard.append(message))
+    writer = there.writer("pose", "PoseStamped")
+    while not writer.listeners:
+        time.sleep(0.01)
+    before = resident()
+    print("ready", flush=True)
+    sys.stdin.readline()
+    for k in range(200):
+        writer.write(said, k)
+        time.sleep(0.002)
+    time.sleep(0.5)
+    print(len(heard), resident() - before, flush=True)
+    sys.stdin.readline()
+"""
+
+SEND = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from test_garbage import send
+send(sys.argv[2], int(sys.argv[3]))
+"""
+
+
+def garbage(rng: np.random.Generator) -> Iterator[bytes]:
+    """Packets that are no DDSI, that begin as such, and that hold one malformed submessage."""
+    begin = b"RTPS\x02\x01\x01\x10"
+    while True:
+        body = rng.bytes(4 * int(rng.integers(1, 50)))
+        yield body
+        yield b"RTPS" + body
+        yield begin + rng.bytes(12) + b"\x15\x05" + struct.pack("<H", len(body)) + body
+        kind = int(rng.choice([6, 7, 8, 9, 0x12, 0x13, 0x16]))
+        yield begin + rng.bytes(12) + bytes([kind]) + body
+
+
+def send(host: str, port: int) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        for k, packet in zip(range(PACKETS), garbage(np.random.default_rng(1)), strict=False):
+            sock.sendto(packet, (host, port + k % 2))
+            if k % 50 == 49:
+                time.sleep(2e-3)  # or the kernel drops them before anyone looks
+
+
+@dataclass
+class Listener:
+    """A process that takes part in the domain over ``lo``; `errors` is what it wrote to stderr."""
+
+    process: "subprocess.Popen[str]"
+    errors: Path
+
+    def dropped(self) -> int:
+        """How many datagrams the kernel kept from its sockets."""
+        rows = Path(f"/proc/{self.process.pid}/net/udp").read_text(encoding="ascii").splitlines()[1:]
+        ports = (f"00000000:{PORT:04X}", f"00000000:{PORT + 1:04X}")
+        return sum(int(row.split()[-1]) for row in rows if row.split()[1] in ports)
+
+    def outcome(self) -> tuple[int, int]:
+        """How many of 200 poses it heard, and by how many bytes it grew."""
+        assert self.process.stdin
+        assert self.process.stdout
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+        heard, grown = map(int, self.process.stdout.readline().split())
+        return heard, grown
+
+
+@contextmanager
+def listener(errors: Path, *before: str) -> Generator[Listener]:
+    pipe = subprocess.PIPE
+    command = [*before, sys.executable, "-c", LISTEN]
+    with (
+        errors.open("w") as file,
+        subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=file, text=True) as process,
+    ):
+        try:
+            assert process.stdout
+            assert process.stdout.readline() == "ready\n"
+            yield Listener(process, errors)
+        finally:
+            process.communicate(timeout=20)
+
+
+def test_garbage_from_this_machine_is_not_logged_and_takes_no_memory(tmp_path: Path) -> None:
+    with listener(tmp_path / "errors") as here:
+        send("127.0.0.1", PORT)
+        heard, grown = here.outcome()
+    assert heard == 200
+    assert grown < GROWTH
+    assert (tmp_path / "errors").stat().st_size < LOGGED
+
+
+@contextmanager
+def two_networks() -> Generator[tuple[str, str, str]]:
+    """Two network namespaces with a cable between them: their names, and the address of the first."""
+    if os.geteuid() or not shutil.which("ip"):
+        pytest.skip("a network of its own takes root and iproute2")
+    near, far = (f"monochord-{side}-{os.getpid()}" for side in ("near", "far"))
+    with ExitStack() as stack:
+        for name in (near, far):
+            made = subprocess.run(["ip", "netns", "add", name], capture_output=True, text=True, check=False)
+            if made.returncode:
+                pytest.skip(f"no network namespace can be made here: {made.stderr.strip()}")
+            stack.callback(subprocess.run, ["ip", "netns", "del", name], check=True)
+        for words in (
+            f"-n {near} link add cable type veth peer name cable netns {far}",
+            f"-n {near} link set lo up",
+            f"-n {near} link set cable up",
+            f"-n {far} link set cable up",
+            f"-n {near} addr add 192.0.2.1/24 dev cable",
+            f"-n {far} addr add 192.0.2.2/24 dev cable",
+        ):
+            subprocess.run(["ip", *words.split()], check=True)
+        yield near, far, "192.0.2.1"
+
+
+def test_what_comes_from_another_network_does_not_get_in(tmp_path: Path) -> None:
+    with two_networks() as (near, far, address):
+        inside, outside = (("ip", "netns", "exec", name) for name in (near, far))
+        with listener(tmp_path / "errors", *inside) as here:
+            root = str(Path(__file__).parent)
+            subprocess.run([*outside, sys.executable, "-c", SEND, root, address, str(PORT)], check=True)
+            dropped = here.dropped()
+            heard, grown = here.outcome()
+    assert dropped >= PACKETS
+    assert heard == 200
+    assert grown < GROWTH
+    assert (tmp_path / "errors").stat().st_size < LOGGED

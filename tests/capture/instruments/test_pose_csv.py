@@ -1,0 +1,149 @@
+import os
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.capture.instruments.pose_csv import PoseCsv
+from monochord.core.errors import DeviceError, InputError
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "pose.csv"
+    path.write_text("time,x,y,z\n0.5,9,9,9\n")
+    return path
+
+
+def append(file: Path, text: str) -> None:
+    with file.open("a") as writer:
+        writer.write(text)
+
+
+def test_what_is_appended_is_read_line_by_complete_line(file: Path) -> None:
+    with PoseCsv(path=str(file)).open() as connection:
+        assert connection.poll() == []
+        append(file, "1.0,0.1,0.2,0.3\n1.5,0.4,0.5")
+        (got,) = connection.poll()
+        assert got.values.tolist() == [[0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]]
+        assert got.device_time.tolist() == [1_000_000_000]
+        append(file, ",0.6\n")
+        (got,) = connection.poll()
+        assert got.values[0, :3].tolist() == [0.4, 0.5, 0.6]
+        assert connection.health.readings == 2
+        assert connection.health.faulty == 0
+
+
+def test_a_line_that_was_begun_before_the_opening_is_read_once_complete(file: Path) -> None:
+    append(file, "1.0,0.1,")
+    with PoseCsv(path=str(file)).open() as connection:
+        assert connection.poll() == []
+        append(file, "0.2,0.3\n")
+        (got,) = connection.poll()
+        assert got.values[0, :3].tolist() == [0.1, 0.2, 0.3]
+        assert connection.health.faulty == 0
+
+
+def test_from_the_start_what_is_there_counts_too(file: Path) -> None:
+    with PoseCsv(path=str(file), from_start=True).open() as connection:
+        (got,) = connection.poll()
+    assert got.values[0, 0] == 9.0
+
+
+def test_columns_are_found_by_name_and_orientation_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "pose.csv"
+    path.write_bytes(b"\xef\xbb\xbfmode, QW, qx,qy,qz, z,y,x,time\r\nauto,0.8,0,0,0.6,3,2,1,7\r\n")
+    with PoseCsv(path=str(path), from_start=True).open() as connection:
+        (got,) = connection.poll()
+    assert np.allclose(got.values, [[1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8]])
+
+
+def test_a_line_that_is_no_pose_is_counted(file: Path) -> None:
+    with PoseCsv(path=str(file)).open() as connection:
+        append(file, "1,2,3\n1,2,3,4,5\n1,nan,0,0\n\n1,x,0,0\n1e99,0,0,0\n2,0,0,0\n1,0,0,0\n")
+        (got,) = connection.poll()
+        assert got.time.size == 2
+        assert connection.health.faulty == 5
+        assert connection.health.out_of_order == 1
+
+
+def test_a_pose_that_is_absurd_is_counted(file: Path) -> None:
+    with PoseCsv(path=str(file)).open() as connection:
+        append(file, "1,1e308,0,0\n1,-1e8,0,0\n1,inf,0,0\n1,1e7,0,0\n")
+        (got,) = connection.poll()
+        assert got.values[:, 0].tolist() == [1e7]
+        assert connection.health.faulty == 3
+
+
+def test_a_line_without_an_end_is_counted_once_and_not_kept(file: Path) -> None:
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with PoseCsv(path=str(file)).open() as connection:
+        with file.open("ab") as writer:
+            for _ in range(40):
+                writer.write(bytes(1 << 20))
+                writer.flush()
+                assert connection.poll() == []
+        append(file, "9\n" + "2" * 5000 + ",0,0,0\n1,2,3,4\n")
+        (got,) = connection.poll()
+        assert got.values[:, 0].tolist() == [2.0]
+        assert connection.health.faulty == 2
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 16 << 10  # KiB
+
+
+def test_a_first_line_without_an_end_is_refused() -> None:
+    with pytest.raises(InputError, match="longer than 4096 bytes"), PoseCsv(path="/dev/zero").open():
+        pass
+
+
+def test_a_pipe_is_read_as_its_lines_come_and_never_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "pose.fifo"
+    os.mkfifo(path)
+    with PoseCsv(path=str(path)).open() as connection:  # nobody writes to it
+        assert connection.poll() == []
+        with path.open("wb", buffering=0) as writer:
+            writer.write(b"time,x,y,z\n1,2,3,")
+            assert connection.poll() == []
+            writer.write(b"4\n")
+            (got,) = connection.poll()
+            assert connection.poll() == []
+            for _ in range(4):
+                writer.write(bytes(60_000))
+                assert connection.poll() == []
+            writer.write(b"\n2,3,4,5\n")
+        (more,) = connection.poll()
+        assert connection.poll() == []
+        assert connection.health.faulty == 1
+        assert connection.health.reconnects == 0
+    assert [*got.values[:, 0], *more.values[:, 0]] == [2.0, 3.0]
+
+
+@pytest.mark.parametrize("replace", [False, True])
+def test_a_file_that_is_written_anew_is_read_from_its_top(file: Path, *, replace: bool) -> None:
+    with PoseCsv(path=str(file)).open() as connection:
+        if replace:
+            file.rename(file.with_suffix(".old"))
+        file.write_text("time,z,y,x\n")
+        append(file, "1,3,2,1\n")
+        (got,) = connection.poll()
+        assert got.values[0, :3].tolist() == [1.0, 2.0, 3.0]
+        assert connection.health.reconnects == 1
+        file.unlink()
+        assert connection.poll() == []
+
+
+def test_a_file_without_its_columns_is_refused(file: Path) -> None:
+    file.write_text("time,x,y\n")
+    with (
+        pytest.raises(InputError, match="without z: allowed is a first line"),
+        PoseCsv(path=str(file)).open(),
+    ):
+        pass
+
+
+def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    with (
+        pytest.raises(DeviceError, match=r"none\.csv: No such file"),
+        PoseCsv(path=str(tmp_path / "none.csv")).open(),
+    ):
+        pass

@@ -1,0 +1,43 @@
+import time
+from typing import Any
+
+import pytest
+
+from monochord.capture.jack.client import JackClient
+from monochord.core.errors import DeviceError
+
+pytestmark = pytest.mark.jack
+
+
+def test_without_a_server_there_is_one_line_and_no_other(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(DeviceError, match="JACK server 'nobody': not running; start one"):
+        JackClient("test", "nobody")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_it_tells_what_the_server_is(jack_server: Any) -> None:
+    jack_server.real_time = False
+    jack_server.restart()
+    client = JackClient("test", jack_server.name)
+    assert client.name == "test"
+    assert (client.sample_rate, client.period, client.realtime) == (44100, 512, False)
+    assert client.outputs(physical=True) == ["system:capture_1", "system:capture_2"]
+    assert client.outputs("_2$") == ["system:capture_2"]
+    assert client.outputs("guitar") == []
+    assert not client.connect("system:capture_1", "nobody:in")
+    client.close()
+    client.close()
+
+
+def test_its_clock_is_the_monotonic_one_but_for_the_offset(jack_server: Any) -> None:
+    client = JackClient("test", jack_server.name)
+    raw = time.clock_gettime(time.CLOCK_MONOTONIC_RAW) - time.monotonic()
+    assert client.clock_offset() == pytest.approx(raw, abs=2e-3)
+    client.close()
+
+
+def test_a_taken_name_is_made_unique(jack_server: Any) -> None:
+    first, second = JackClient("test", jack_server.name), JackClient("test", jack_server.name)
+    assert second.name == "test-01"
+    second.close()
+    first.close()

@@ -1,0 +1,202 @@
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+from tests.sessions.forged import mutated, refused_or_done
+
+from monochord.capture.recording.from_files import from_files
+from monochord.core.errors import InputError
+from monochord.sessions import Session, check, read_session
+
+RATE = 44100
+
+
+def sound(path: Path, *, channels: int = 2, subtype: str | None = None, seconds: float = 1.03) -> np.ndarray:
+    samples = 0.1 * np.random.default_rng(1).standard_normal((round(seconds * RATE), channels))
+    soundfile.write(path, samples, RATE, subtype=subtype)
+    read, _ = soundfile.read(path, dtype="float32", always_2d=True)
+    return read.T
+
+
+def imported(audio: Path, table: str | None = None, **described: Any) -> Session:
+    labels = None
+    if table is not None:
+        labels = audio.with_suffix(".csv")
+        labels.write_bytes(table.encode())
+    out = audio.with_suffix(".mcap")
+    from_files(audio, labels, out, described=described)
+    return read_session(out)
+
+
+@pytest.mark.parametrize(
+    ("name", "subtype", "channels"),
+    [("a.wav", "FLOAT", 2), ("a.wav", "PCM_24", 2), ("a.wav", "PCM_16", 1), ("a.flac", "PCM_24", 2)],
+)
+def test_audio_is_kept_to_the_bit(tmp_path: Path, name: str, subtype: str, channels: int) -> None:
+    sent = sound(tmp_path / name, subtype=subtype, channels=channels)
+    session = imported(tmp_path / name)
+    assert session.audio.samples.tobytes() == sent.tobytes()
+    assert session.audio.gaps == ()
+    assert session.audio.time(RATE) == 1.0
+    assert check(session.path).sound
+
+
+def test_twenty_four_bits_are_exact(tmp_path: Path) -> None:
+    steps = np.random.default_rng(2).integers(-(2**23), 2**23, (5000, 2)).astype(np.int32)
+    soundfile.write(tmp_path / "a.flac", steps * 256, RATE, subtype="PCM_24")
+    samples = imported(tmp_path / "a.flac").audio.samples
+    np.testing.assert_array_equal(samples.T.astype(np.float64) * 2**23, steps)
+
+
+def test_labels_keep_their_columns_times_and_blanks(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    head = "time,contact,position,force,slip,temperature"
+    table = f"{head}\n0.1,0,,,0,21.5\n0.30000000000000004,1,0.12,1.5e-3,1,\n\n"
+    labels = imported(tmp_path / "a.wav", table).labels
+    np.testing.assert_allclose(labels.time, [0.1, 0.3], atol=1e-9)
+    expected = {
+        "contact": [0, 1],
+        "position": [np.nan, 0.12],
+        "force": [np.nan, 1.5e-3],
+        "slip": [0, 1],
+        "temperature": [21.5, np.nan],
+    }
+    assert set(labels.columns) == set(expected)
+    for name, column in expected.items():
+        np.testing.assert_array_equal(labels.columns[name], column)
+
+
+@pytest.mark.parametrize(
+    "table", ["time;contact\r\n0.1;1\r\n", "\ufefftime\tcontact\n0.1\t1\n", " time , contact \n0.1, 1\n"]
+)
+def test_other_spreadsheets_are_read_too(tmp_path: Path, table: str) -> None:
+    sound(tmp_path / "a.wav")
+    np.testing.assert_array_equal(imported(tmp_path / "a.wav", table).labels.columns["contact"], [1.0])
+
+
+def test_labels_may_be_left_out(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    assert imported(tmp_path / "a.wav").labels.columns == {}
+
+
+def test_many_labels_lie_between_the_audio(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    lines = [f"{n / 1000},{n % 2}" for n in range(1000)]
+    session = imported(tmp_path / "a.wav", "\n".join(["time,contact", *lines]))
+    np.testing.assert_array_equal(session.labels.columns["contact"], np.arange(1000) % 2)
+    stamps = [message.log_time for message in session.messages("/labels")]
+    assert len(stamps) > 5
+    assert stamps == sorted(stamps)
+
+
+def test_what_is_said_of_it_is_kept(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    string = {"length": 0.65, "linear_density": 6.5e-4, "tension": 65.0}
+    told = imported(
+        tmp_path / "a.wav", "time,contact\n0,1\n", object="key", string=string, radius=0.003
+    ).description
+    assert (told.name, told.object, told.radius) == ("a", "key", 0.003)
+    assert told.string
+    assert told.string.length == 0.65
+    assert told.more == {"imported": "a.wav", "imported_labels": "a.csv"}
+
+
+def test_the_same_files_make_the_same_session(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    first = imported(tmp_path / "a.wav", "time,contact\n0,1\n").path
+    from_files(tmp_path / "a.wav", tmp_path / "a.csv", tmp_path / "b.mcap")
+    assert first.read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+BAD = {
+    "contact\n1\n": r"a\.csv with columns contact: allowed is time and others",
+    "times,contact\n1,1\n": r"times, contact: allowed is time and others; call the column",
+    "": r"a\.csv \(empty\)",
+    "time,contact\n0,1\n0.1,yes\n": r"row 3, contact 'yes': allowed is a number, or nothing",
+    "time,contact\n0,1\n0.1\n": r"row 3 of 1 cells: allowed is 2",
+    "time,contact\n0,2\n": r"row 2, contact 2: allowed is 0 or 1",
+    "time,slip\n0,-1\n": r"row 2, slip -1: allowed is 0 or 1",
+    "time,position\n0,0.1\n\n0.2,120\n": r"row 4, position 120: allowed is 0 to 5 m",
+    "time,force\n0,inf\n": r"row 2, force inf: allowed is a finite number",
+    "time,force\n500,1\n": r"row 2, time 500: allowed is 0 to 1\.03 s, as long as the audio",
+    "time,force\n,1\n": r"row 2, time nan: allowed is 0 to 1\.03 s",
+    "time,force\n0.5,1\n0.4,1\n": r"row 3, time 0\.4 after 0\.5: allowed is times in order",
+    "time,force,force\n0,1,1\n": r"with columns time, force, force: allowed is a name of its own",
+    "time,force,\n0,1,1\n": r"allowed is a name of its own",
+    'time,force\n0,"1\n': r"a\.csv \(",
+}
+
+
+@pytest.mark.parametrize("table", BAD)
+def test_a_bad_table_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path, table: str) -> None:
+    sound(tmp_path / "a.wav")
+    with pytest.raises(InputError, match=BAD[table]) as caught:
+        imported(tmp_path / "a.wav", table)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_a_position_beyond_the_string_is_refused(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    string = {"length": 0.2, "linear_density": 6.5e-4, "tension": 65.0}
+    with pytest.raises(InputError, match=r"position 0\.3: allowed is 0 to 0\.2 m, the string's length"):
+        imported(tmp_path / "a.wav", "time,position\n0,0.3\n", string=string)
+
+
+def test_bad_files_are_refused_as_the_source_does(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.wav \(not there\)"):
+        imported(tmp_path / "none.wav")
+    sound(tmp_path / "three.wav", channels=3)
+    with pytest.raises(InputError, match="with 3 channels: allowed is 1 or 2"):
+        imported(tmp_path / "three.wav")
+    sound(tmp_path / "a.wav")
+    with pytest.raises(InputError, match=r"none\.csv \(No such file"):
+        from_files(tmp_path / "a.wav", tmp_path / "none.csv", tmp_path / "a.mcap")
+    (tmp_path / "b.csv").write_bytes(b"time,\xff\xfe\n")
+    with pytest.raises(InputError, match=r"b\.csv \("):
+        from_files(tmp_path / "a.wav", tmp_path / "b.csv", tmp_path / "a.mcap")
+    with pytest.raises(InputError, match=r"objekt': allowed is .* did you mean 'object'"):
+        imported(tmp_path / "a.wav", objekt="key")
+    assert not list(tmp_path.glob("*.mcap"))
+
+
+def test_a_session_that_is_there_stays(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    (tmp_path / "a.mcap").write_text("mine")
+    with pytest.raises(InputError, match=r"a\.mcap \(exists\)"):
+        imported(tmp_path / "a.wav")
+    assert (tmp_path / "a.mcap").read_text() == "mine"
+
+
+def test_a_file_s_name_may_be_of_any_bytes(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav", seconds=0.1)
+    audio = (tmp_path / "a.wav").rename(tmp_path / "b\udcff\x1b.wav")
+    from_files(audio, None, tmp_path / "a.mcap")
+    assert read_session(tmp_path / "a.mcap").description.name == "b\ufffd\x1b"
+
+
+def test_notes_that_no_file_can_hold_are_refused(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav", seconds=0.1)
+    with pytest.raises(InputError, match="surrogate"):
+        from_files(tmp_path / "a.wav", None, tmp_path / "a.mcap", described={"notes": "\udcff"})
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_mutated_tables_end_in_a_session_or_in_one_line(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav", seconds=0.1)
+    table, out = tmp_path / "a.csv", tmp_path / "a.mcap"
+    rows = [f"{0.01 * k},{k % 2},0.1{k},," for k in range(10)]
+    content = "\n".join(["time,contact,position,force,own", *rows]).encode()
+    spoilt = [mutated(content, seed) for seed in range(100)]
+    many = ",".join(["time", *map(str, range(300))]) + "\n" + "0," * 300 + "0\n"
+    spoilt += [many.encode(), b"time,a\n0," + b"1" * 200_000, b"time,a\n0,\x00\n", b"time,a\n1e400,1\n"]
+    done = True
+    for number, each in enumerate(spoilt):
+        table.write_bytes(each)
+        out.unlink(missing_ok=True)
+        done = refused_or_done(lambda: from_files(tmp_path / "a.wav", table, out), number)
+        assert done == out.exists()
+        assert not done or len(read_session(out).labels.time) <= content.count(b"\n") + 64
+    assert not done

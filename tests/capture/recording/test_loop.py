@@ -1,0 +1,274 @@
+"""The recorder on a paced file and a simulated force sensor over real sockets, read back from disk."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+
+from monochord.capture.recording import About, Job, Summary, loop, record
+from monochord.capture.recording.streams import NamedInstrument
+from monochord.capture.sources.base import Source, Stream
+from monochord.core.clock import clock_offsets
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Audio, Block, Signal
+from monochord.sessions import Session, check, read_session
+
+RATE = 44100
+
+
+def heard(file: Path) -> Audio:
+    return soundfile.read(file, always_2d=True)[0].T.astype(np.float32)
+
+
+def recorded(job: Job) -> tuple[Summary, Session]:
+    """Record, and read the session, which must be whole and say what the summary says."""
+    summary = record(job)
+    report = check(job.path)
+    assert report.sound, report.faults
+    session = read_session(job.path)
+    assert session.complete
+    assert summary.size == job.path.stat().st_size
+    gaps = session.audio.gaps
+    assert (len(gaps), sum(stop - first for first, stop in gaps)) == (summary.gaps, summary.dropped)
+    assert session.audio.samples.shape[1] == summary.frames + summary.dropped
+    for feed in summary.instruments.values():
+        assert len(session.readings(feed.stream).time) == feed.readings
+    return summary, session
+
+
+def kinds(session: Session) -> list[str]:
+    return [event.kind for event in session.events]
+
+
+def test_a_session_holds_every_frame_as_it_was(make_job: Any, sound: Path) -> None:
+    summary, session = recorded(make_job(source={"speed": 0.0, "repeat": 1}))
+    assert (summary.stopped, summary.failure) == ("the source ended", "")
+    assert (summary.frames, summary.dropped, dict(summary.flags)) == (2 * RATE, 0, {})
+    assert np.array_equal(session.audio.samples, heard(sound))
+    assert kinds(session) == ["stop"]
+
+
+def test_audio_and_force_are_on_one_clock(make_job: Any, force: Any, sound: Path) -> None:
+    device, instrument = force()
+    job = make_job(instruments={"net_ft": instrument}, seconds=1.5, about=About(object="plastic"))
+    begin = time.monotonic()
+    device.begin_at(begin)
+    summary, session = recorded(job)
+    assert summary.stopped == "the time is over"
+    assert session.description.object == "plastic"
+    assert not summary.flags
+    wrench = session.readings("wrench")
+    assert wrench.missing == summary.instruments["net_ft"].missing == 0
+    assert summary.instruments["net_ft"].rate == pytest.approx(1000.0, rel=0.15)
+    # The ramp rises by 1 N a second from `begin` on, so that each reading tells when it was made.
+    late = wrench.time + session.clock.origin - begin - wrench.column("fz")
+    assert np.median(late) == pytest.approx(0.0, abs=0.01)
+    # A paced file knows when its first frame would have been heard.
+    assert np.array_equal(session.audio.samples[:, :RATE], heard(sound)[:, :RATE])
+    assert session.audio.time(RATE) - session.audio.time(0) == pytest.approx(1.0, abs=1e-6)
+    assert 0.0 <= session.audio.time(0) < 1.0
+    assert session.clocks.offsets["realtime"][0] == pytest.approx(clock_offsets()["realtime"], abs=0.05)
+
+
+def test_nothing_is_before_the_begin_and_nothing_lost_while_it_begins(make_job: Any, force: Any) -> None:
+    _, instrument = force(rate=7000.0)
+    summary, session = recorded(make_job(instruments={"net_ft": instrument}, seconds=0.3))
+    assert session.readings("wrench").time[0] >= 0.0
+    assert session.audio.time(0) >= 0.0
+    assert summary.instruments["net_ft"].missing == 0
+
+
+def test_clipped_samples_and_such_as_are_no_numbers_are_kept_and_told(make_job: Any, tmp_path: Path) -> None:
+    samples = np.full((RATE, 2), 0.25, np.float32)
+    samples[1000:1010, 0] = 1.0
+    samples[2000:2003, 1] = np.nan
+    samples[2003, 1] = -np.inf
+    soundfile.write(tmp_path / "bad.wav", samples, RATE, subtype="FLOAT")
+    job = make_job(tmp_path / "bad.wav", source={"speed": 20.0, "repeat": 1})
+    summary, session = recorded(job)
+    assert (summary.clipped, summary.not_numbers) == ((10, 0), (0, 4))
+    assert summary.peak == pytest.approx((1.0, 0.25))
+    assert np.array_equal(session.audio.samples, samples.T, equal_nan=True)
+    assert set(kinds(session)) == {"clipping", "nan", "stop"}
+    assert dict(summary.flags) == {"clipping": 1, "nan": 1}
+
+
+def test_a_force_sensor_that_falls_silent_is_flagged_and_the_rest_goes_on(make_job: Any, force: Any) -> None:
+    device, instrument = force(silence=(0.4, 1.4))
+    device.begin_at(time.monotonic())
+    summary, session = recorded(make_job(instruments={"net_ft": instrument}, seconds=2.2))
+    assert (summary.dropped, summary.failure) == (0, "")
+    assert summary.frames > 2.0 * RATE
+    (silent,) = [event for event in session.events if event.kind == "silent"]
+    (back,) = [event for event in session.events if event.kind == "back"]
+    assert silent.data["stream"] == back.data["stream"] == "net_ft"
+    assert back.data["seconds"] == pytest.approx(1.0, abs=0.3)
+    wrench = session.readings("wrench")
+    hole = np.argmax(np.diff(wrench.time))
+    assert np.diff(wrench.time)[hole] == pytest.approx(1.0, abs=0.3)
+    assert wrench.time[hole] < silent.time < back.time < wrench.time[-1]
+    assert summary.flags["silent"] == 1
+    assert summary.instruments["net_ft"].readings == len(wrench.time)
+
+
+def test_a_latched_status_is_an_event_and_stays_with_its_readings(make_job: Any, force: Any) -> None:
+    device, instrument = force(fault_after=0.3, fault_status=0x80010000)
+    device.begin_at(time.monotonic())
+    summary, session = recorded(make_job(instruments={"net_ft": instrument}, seconds=1.0))
+    wrench = session.readings("wrench")
+    faulty = wrench.status != 0
+    assert np.all(wrench.status[faulty] == 0x80010000)
+    assert summary.instruments["net_ft"].faulty == np.count_nonzero(faulty) > 100
+    told = [event for event in session.events if event.kind == "fault"]
+    assert sum(event.data["count"] for event in told) == np.count_nonzero(faulty)
+    assert told[0].data["status"] == 0x80010000
+
+
+def test_a_wall_clock_that_is_set_moves_nothing_but_is_told(
+    make_job: Any, force: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(loop, "CLOCKS_EVERY", 0.2)
+    begin = time.monotonic()
+
+    def stepped() -> dict[str, float]:
+        offsets = clock_offsets()
+        return {**offsets, "realtime": offsets["realtime"] + 3600.0 * (time.monotonic() > begin + 0.7)}
+
+    monkeypatch.setattr(loop, "clock_offsets", stepped)
+    _, instrument = force()
+    summary, session = recorded(make_job(instruments={"net_ft": instrument}, seconds=1.5))
+    (event,) = [event for event in session.events if event.kind == "clock_step"]
+    assert (event.data["clock"], summary.flags["clock_step"]) == ("realtime", 1)
+    assert event.data["seconds"] == pytest.approx(3600.0, abs=0.01)
+    assert event.time + session.clock.origin - begin == pytest.approx(0.8, abs=0.25)
+    assert np.ptp(session.clocks.offsets["realtime"]) == pytest.approx(3600.0, abs=0.01)
+    for times in (session.readings("wrench").time, session.audio.anchor_time, session.clocks.time):
+        assert np.all(np.diff(times) >= 0.0)
+        assert 0.0 <= times[0] < times[-1] < 5.0
+
+
+def test_a_disk_that_cannot_keep_up_loses_nothing_of_a_patient_source(make_job: Any, sound: Path) -> None:
+    # There is room for one block only, and it is emptied ten times a second.
+    job = make_job(room=1, seconds=1.2, source={"block": 512})
+    summary, session = recorded(job)
+    assert summary.flags["disk_slow"] >= 1
+    frames = summary.frames
+    assert 512 < frames < RATE
+    assert np.array_equal(session.audio.samples, heard(sound)[:, :frames])
+
+
+def test_a_signal_ends_it_with_everything_saved(make_job: Any, force: Any) -> None:
+    _, instrument = force()
+    timer = threading.Timer(0.6, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    begin = time.monotonic()
+    summary, session = recorded(make_job(instruments={"net_ft": instrument}))
+    timer.join()
+    assert (summary.stopped, summary.failure) == ("stopped by request", "")
+    assert time.monotonic() - begin < 3.0
+    assert session.events[-1].text == "stopped by request"
+    assert session.audio.samples.shape[1] > 0.3 * RATE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoneSource(Source):
+    """Gives `blocks` and then fails, as a server does that comes back at another rate."""
+
+    blocks: int = 20
+
+    @contextmanager
+    def open(self) -> Generator[Stream]:
+        yield _Gone(self.blocks)
+
+
+class _Gone(Stream):
+    def __init__(self, blocks: int) -> None:
+        self._blocks = blocks
+
+    @property
+    def signal(self) -> Signal:
+        return Signal(sample_rate=RATE, channels=2)
+
+    def __iter__(self) -> Iterator[Block]:
+        for k in range(self._blocks):
+            yield Block(samples=np.zeros((2, 512), np.float32), start=512 * k, adc_time=time.monotonic())
+        raise DeviceError("JACK server came back at 48000 Hz: allowed is 44100 Hz, as before; open it anew")
+
+
+def test_a_source_that_is_gone_for_good_ends_it_with_a_valid_file(tmp_path: Path, force: Any) -> None:
+    _, instrument = force()
+    job = Job(path=tmp_path / "take.mcap", source=GoneSource(), instruments={"net_ft": instrument})
+    summary, session = recorded(job)
+    assert summary.stopped == "the source failed"
+    assert "came back at 48000 Hz" in summary.failure
+    assert summary.frames == 20 * 512
+    assert summary.flags["failed"] == 1
+    (failed,) = [event for event in session.events if event.kind == "failed"]
+    assert failed.text.startswith("audio: JACK server")
+
+
+def test_nothing_is_overwritten_and_no_device_opened(make_job: Any) -> None:
+    job = make_job(Path("absent.wav"))
+    job.path.write_bytes(b"precious")
+    with pytest.raises(InputError, match="exists"):
+        record(job)
+    assert job.path.read_bytes() == b"precious"
+
+
+def test_without_its_devices_no_file_is_left(make_job: Any, force: Any) -> None:
+    device, instrument = force()
+    device.close()
+    job = make_job(instruments={"net_ft": instrument})
+    with pytest.raises(DeviceError):
+        record(job)
+    with pytest.raises(InputError, match="absent"):
+        record(make_job(Path("absent.wav")))
+    assert not job.path.exists()
+
+
+def test_two_instruments_of_one_stream_are_told_apart(make_job: Any, force: Any) -> None:
+    job = make_job(instruments={"first": force()[1], "second": force()[1]}, seconds=0.3)
+    summary = record(job)
+    assert [each.stream for each in summary.instruments.values()] == ["wrench", "wrench_2"]
+    assert read_session(job.path).streams == ("wrench", "wrench_2")
+
+
+def test_two_streams_of_one_given_name_are_refused(make_job: Any, force: Any) -> None:
+    named = [NamedInstrument(instrument=force()[1], stream="left") for _ in range(2)]
+    job = make_job(instruments={"first": named[0], "second": named[1]})
+    with pytest.raises(InputError, match="two streams called 'left'"):
+        record(job)
+    assert not job.path.exists()
+
+
+def test_no_thread_is_left(make_job: Any, force: Any) -> None:
+    record(make_job(instruments={"net_ft": force()[1]}, seconds=0.2))
+    assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("record")]
+
+
+def test_it_runs_before_others_where_it_may_and_goes_back(make_job: Any) -> None:
+    before, seen = os.getpriority(os.PRIO_PROCESS, 0), list[int]()
+    record(make_job(seconds=0.2), lambda _now, _notices: seen.append(os.getpriority(os.PRIO_PROCESS, 0)))
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before
+    assert max(seen) <= (-11 if os.geteuid() == 0 else before)
+
+
+def test_it_ends_when_somebody_says_that_it_is_enough(make_job: Any) -> None:
+    begun = list[float]()
+
+    def enough(now: float) -> bool:
+        begun.append(now)
+        return now - begun[0] >= 0.5
+
+    summary, _ = recorded(replace(make_job(), enough=enough))
+    assert summary.stopped == "the time is over"
+    assert 0.5 <= summary.seconds < 2.5

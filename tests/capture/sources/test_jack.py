@@ -1,0 +1,78 @@
+"""What the source does before and without audio; capture itself is tested in tests/e2e/test_jack.py."""
+
+import time
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.capture.jack.ring import FRAME_TIME_SPAN, Period
+from monochord.capture.sources._timeline import Timeline
+from monochord.capture.sources.jack import Jack
+from monochord.core.errors import DeviceError, InputError
+
+RATE = 44100
+
+
+def test_without_a_server_there_is_one_line_at_once(capfd: pytest.CaptureFixture[str]) -> None:
+    began = time.monotonic()
+    with pytest.raises(DeviceError) as caught, Jack(server="nobody").open():
+        pass
+    line = str(caught.value)
+    assert line.startswith(("JACK server 'nobody': not running; start one", "JACK library"))
+    assert time.monotonic() - began < 10.0
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"channels": 0}, "0 channels: allowed is 1 or 2"),
+        ({"channels": 3}, "3 channels"),
+        ({"ring_seconds": 0.0}, "ring of 0.0 s: allowed is 0.01 to 60 s"),
+        ({"client_name": ""}, "client_name ''"),
+    ],
+)
+def test_options_out_of_range_are_refused(options: Any, line: str) -> None:
+    with pytest.raises(InputError, match=line), Jack(**options).open():
+        pass
+
+
+def period(frame_time: int, frames: int = 64) -> Period:
+    return Period(samples=np.zeros((2, frames), np.float32), frame_time=frame_time % FRAME_TIME_SPAN)
+
+
+def test_gaps_come_from_the_servers_count_even_across_its_wrap() -> None:
+    timeline, begin = Timeline(RATE), FRAME_TIME_SPAN - 100
+    counts = [begin, begin + 64, begin + 64 * 4, begin + 64 * 5, begin + 64 * 5 + 100_000]
+    blocks = [timeline.place(period(count), None, 0.0) for count in counts]
+    assert [block.start for block in blocks] == [count - begin for count in counts]
+    assert [block.dropped for block in blocks] == [0, 0, 128, 0, 100_000 - 64]
+    health = timeline.health(xruns=5, reconnects=0, clock_offsets={})
+    assert (health.frames, health.dropped, health.gaps, health.xruns) == (320, 128 + 100_000 - 64, 2, 5)
+
+
+def test_a_count_that_steps_back_never_takes_the_index_back() -> None:
+    timeline = Timeline(RATE)
+    blocks = [timeline.place(period(count), None, 0.0) for count in (1000, 1064, 1100, 1164)]
+    assert all(b.start == a.start + 64 + b.dropped for a, b in pairwise(blocks))
+    assert [block.dropped for block in blocks] == [0, 0, 0, 0]
+
+
+def test_after_an_interruption_the_gap_comes_from_the_clock() -> None:
+    timeline = Timeline(RATE)
+    timeline.place(period(5_000_000), 10.0, 10.1)
+    timeline.interrupt()
+    back = timeline.place(period(7), 12.5, 12.6)
+    assert back.dropped == round(2.5 * RATE) - 64
+    assert timeline.place(period(71), 12.5 + 64 / RATE, 12.6).dropped == 0
+
+
+def test_without_converter_times_the_arrival_measures_the_interruption() -> None:
+    timeline = Timeline(RATE)
+    timeline.place(period(5_000_000), None, 10.0)
+    timeline.interrupt()
+    back = timeline.place(period(7), None, 11.0)
+    assert back.dropped == RATE - 64
+    assert back.adc_time is None

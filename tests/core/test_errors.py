@@ -1,0 +1,53 @@
+import pickle
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monochord.core.errors import DeviceError, InputError, MonochordError, did_you_mean
+
+
+@given(st.text(), st.text(), st.text())
+def test_an_input_error_is_one_line(given_: str, allowed: str, remedy: str) -> None:
+    assert len(str(InputError(given_, allowed, remedy)).splitlines()) <= 1
+
+
+def test_the_line_says_what_was_given_what_is_allowed_and_what_to_do() -> None:
+    error = InputError("length 0 m", "more than 0 m", "give the scale length")
+    assert str(error) == "length 0 m: allowed is more than 0 m; give the scale length"
+    assert str(InputError("length 0 m", "more than 0 m")) == "length 0 m: allowed is more than 0 m"
+
+
+@pytest.mark.parametrize(("kind", "builtin"), [(InputError, ValueError), (DeviceError, RuntimeError)])
+def test_ours_can_be_caught_as_ours_or_as_the_builtin(kind: type, builtin: type) -> None:
+    assert issubclass(kind, MonochordError)
+    assert issubclass(kind, builtin)
+
+
+def test_an_input_error_crosses_to_another_process() -> None:
+    error = InputError("force -1 N", "0 N or more", "press")
+    copy = pickle.loads(pickle.dumps(error))  # noqa: S301
+    assert (str(copy), copy.given, copy.allowed, copy.remedy) == (
+        str(error),
+        "force -1 N",
+        "0 N or more",
+        "press",
+    )
+
+
+words = st.text("abcdefghij_", min_size=3, max_size=10)
+
+
+@given(words, st.lists(words, min_size=1))
+def test_a_suggestion_is_always_one_of_the_choices(word: str, choices: list[str]) -> None:
+    said = did_you_mean(word, choices)
+    assert said == "" or said in [f"did you mean '{choice}'?" for choice in choices]
+
+
+@given(words, st.lists(words))
+def test_the_word_itself_is_the_best_suggestion(word: str, others: list[str]) -> None:
+    assert did_you_mean(word, [*others, word]) == f"did you mean '{word}'?"
+
+
+def test_nothing_is_suggested_for_what_resembles_nothing() -> None:
+    assert did_you_mean("qqqq", ["source", "sink"]) == ""

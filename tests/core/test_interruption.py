@@ -1,0 +1,66 @@
+"""Signals of the process itself: the first is a wish, the second is not."""
+
+import os
+import signal
+import threading
+
+import pytest
+
+from monochord.core.interruption import interruption
+
+
+def strike(number: signal.Signals) -> None:
+    os.kill(os.getpid(), number)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_first_signal_asks_and_closes_the_stream(number: signal.Signals) -> None:
+    closed: list[str] = []
+    with interruption() as wish:
+        with wish.ending(lambda: closed.append(threading.current_thread().name)):
+            assert not wish.asked
+            strike(number)
+            assert wish.asked
+        assert closed != [threading.main_thread().name]
+        assert len(closed) == 1
+
+
+def test_the_second_signal_interrupts() -> None:
+    with interruption():
+        strike(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            strike(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_stream_opened_after_the_signal_is_closed_at_once() -> None:
+    closed: list[bool] = []
+    with interruption() as wish:
+        strike(signal.SIGTERM)
+        with wish.ending(lambda: closed.append(True)):
+            assert closed == [True]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_what_is_ignored_stays_ignored(number: signal.Signals) -> None:
+    before = signal.signal(number, signal.SIG_IGN)
+    try:
+        with interruption() as wish:
+            strike(number)
+            assert not wish.asked
+        assert signal.getsignal(number) is signal.SIG_IGN
+    finally:
+        signal.signal(number, before)
+
+
+def test_another_thread_takes_no_signals() -> None:
+    seen: list[object] = []
+
+    def enter() -> None:
+        with interruption():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=enter)
+    thread.start()
+    thread.join()
+    assert seen == [signal.getsignal(signal.SIGINT)]

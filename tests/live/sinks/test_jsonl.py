@@ -1,0 +1,96 @@
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.live.sinks.base import Moment
+from monochord.live.sinks.jsonl import Jsonl
+
+SIGNAL = Signal(sample_rate=44100, channels=1)
+POSITION = Estimate(value=0.2275, std=2e-4, unit="m")
+FREQUENCY = Estimate(value=169.2307692307692, std=0.05, unit="Hz")
+CORE = ["time", "frequency", "position", "position_std", "valid", "why_not"]
+
+
+def moment(estimates: Mapping[str, Estimate], truth: Mapping[str, float] | None = None) -> Moment:
+    return Moment(
+        prediction=Prediction(start=441, time=0.01, estimates=estimates, latency=0.002),
+        window=Window(samples=np.zeros((1, 4410), np.float32), start=441, sample_rate=44100),
+        health=StreamHealth(dropped=64, gaps=1, xruns=5),
+        truth=truth or {},
+        skipped=3,
+    )
+
+
+def lines(path: Path, *moments: Moment, everything: bool = True) -> list[dict[str, Any]]:
+    with Jsonl(path=str(path), everything=everything).open(SIGNAL) as writer:
+        for each in moments:
+            writer.write(each)
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def test_the_position_alone(tmp_path: Path) -> None:
+    (line,) = lines(
+        tmp_path / "out.jsonl",
+        moment({"frequency": FREQUENCY, "position": POSITION, "force": POSITION}, {"position": 0.2}),
+        everything=False,
+    )
+    assert list(line) == CORE
+    assert line == {
+        "time": 0.01,
+        "frequency": 169.2307692307692,
+        "position": 0.2275,
+        "position_std": 2e-4,
+        "valid": True,
+        "why_not": "",
+    }
+
+
+def test_an_abstention_has_nulls_and_its_reason(tmp_path: Path) -> None:
+    silent = {"frequency": Estimate.abstain("Hz", "silence"), "position": Estimate.abstain("m", "silence")}
+    (line,) = lines(tmp_path / "out.jsonl", moment(silent), everything=False)
+    assert line == {**dict.fromkeys(CORE), "time": 0.01, "valid": False, "why_not": "silence"}
+
+
+def test_a_frequency_may_be_known_without_a_position(tmp_path: Path) -> None:
+    estimates = {"frequency": FREQUENCY, "position": Estimate.abstain("m", "below the open string")}
+    (line,) = lines(tmp_path / "out.jsonl", moment(estimates))
+    assert line["frequency"] == FREQUENCY.value
+    assert line["position"] is None
+    assert line["why_not"] == "below the open string"
+
+
+def test_everything_else_beside_it(tmp_path: Path) -> None:
+    force = Estimate(value=0.8, std=math.inf, unit="N")
+    estimates = {"frequency": FREQUENCY, "position": POSITION, "force": force}
+    truth = {"contact": 1.0, "position": 0.228, "force": math.nan}
+    (line,) = lines(tmp_path / "out.jsonl", moment(estimates, truth))
+    assert list(line)[:6] == CORE
+    assert line["force"] == 0.8
+    assert line["force_std"] is None
+    assert line["frequency_std"] == 0.05
+    assert (line["true_contact"], line["true_position"], line["true_force"]) == (1.0, 0.228, None)
+    assert (line["latency"], line["dropped"], line["gaps"], line["xruns"], line["skipped"]) == (
+        0.002,
+        64,
+        1,
+        5,
+        3,
+    )
+
+
+def test_numbers_survive_exactly(tmp_path: Path) -> None:
+    values = np.random.default_rng(2).standard_normal(50)
+    moments = [moment({"position": Estimate(value=np.float64(v), std=0.1, unit="m")}) for v in values]
+    assert [line["position"] for line in lines(tmp_path / "out.jsonl", *moments)] == values.tolist()
+
+
+def test_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
+    with Jsonl().open(SIGNAL) as writer:
+        writer.write(moment({"position": POSITION}))
+        assert json.loads(capsys.readouterr().out)["position"] == 0.2275

@@ -1,0 +1,111 @@
+"""The far-segment form: what calibration takes teach, and a note turned into a position."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from monochord.core.errors import InputError
+from monochord.core.types import Estimates, Window
+from monochord.perception.closed_form.far_segment import SETUP_STD, FarSegment, Setup, abstain
+
+LENGTH, OPEN = 0.65, 110.0
+RISE, BEHIND = 0.004, -0.003
+"""Shares by which pressing raises this instrument's wave speed, and its string ends behind the bridge."""
+
+
+def ratio(place: float) -> float:
+    """Open frequency over the note at x/L = `place` of an instrument that departs from the clamp."""
+    return (1.0 + BEHIND - place) / ((1.0 + RISE) * (1.0 + BEHIND))
+
+
+def heard(frequency: float, form: FarSegment) -> Estimates:
+    time = np.arange(4410) / 44100
+    n = np.arange(1.0, 11.0)[:, np.newaxis]
+    tone = (np.sin(2.0 * np.pi * frequency * n * time + n) / n).sum(axis=0)
+    tone += 1e-4 * np.random.default_rng(0).standard_normal(4410)
+    window = Window(samples=0.2 * tone[np.newaxis].astype(np.float32), start=0, sample_rate=44100)
+    return form.prepare(44100, 4410)(window)
+
+
+def form(**options: object) -> FarSegment:
+    plain = {
+        "length": LENGTH,
+        "open_frequency": OPEN,
+        "calibration": (),
+        "reach": 0.8,
+        "margin": 6.0,
+        "evidence": 27.0,
+    }
+    return FarSegment(**(plain | options))  # pyright: ignore[reportArgumentType]
+
+
+class TestSetup:
+    def test_before_any_take_nothing_is_corrected_and_little_is_known(self) -> None:
+        correction, std = Setup().correct(1.0)
+        assert correction == 0.0
+        assert std == pytest.approx(SETUP_STD)
+        assert Setup().correct(0.5)[1] > 0.5 * std
+
+    def test_takes_teach_what_the_instrument_is_and_how_sure_that_is(self) -> None:
+        setup = Setup()
+        stds = [setup.correct(ratio(0.4))[1]]
+        for place in (0.1, 0.3, 0.6, 0.2, 0.5):
+            setup = setup.learn(ratio(place), place)
+            stds.append(setup.correct(ratio(0.4))[1])
+        assert all(later < earlier for earlier, later in pairwise(stds))
+        correction, _ = setup.correct(ratio(0.4))
+        assert 1.0 - ratio(0.4) + correction == pytest.approx(0.4, abs=2e-4)
+        assert abs(1.0 - ratio(0.4) - 0.4) > 2e-3
+
+    def test_the_order_of_takes_does_not_matter(self) -> None:
+        takes = [(ratio(place), place) for place in (0.1, 0.3, 0.6)]
+        there, back = Setup(), Setup()
+        for take in takes:
+            there = there.learn(*take)
+        for take in takes[::-1]:
+            back = back.learn(*take)
+        assert there.shift == pytest.approx(back.shift, abs=1e-12)
+
+    def test_a_take_that_cannot_be_is_refused(self) -> None:
+        with pytest.raises(InputError, match=r"calibration take at 30\.0 % .*check its position"):
+            Setup().learn(ratio(0.5), 0.3)
+
+
+def test_a_note_gives_position_frequency_and_how_sure_they_are() -> None:
+    told = heard(OPEN / 0.7, form())
+    assert told["position"].value == pytest.approx(0.3 * LENGTH, abs=3e-4)
+    assert told["position"].std == pytest.approx(LENGTH * Setup().correct(0.7)[1], rel=0.1)
+    assert told["frequency"].value == pytest.approx(OPEN / 0.7, rel=1e-4)
+    assert told["inharmonicity"].value == pytest.approx(0.0, abs=1e-4)
+
+
+def test_takes_correct_the_position() -> None:
+    takes = tuple((OPEN / ratio(place), place * LENGTH) for place in (0.1, 0.3, 0.6))
+    note = OPEN / ratio(0.45)
+    plain, taught = (heard(note, form(calibration=each))["position"] for each in ((), takes))
+    assert abs(plain.value - 0.45 * LENGTH) > 1e-3
+    assert taught.value == pytest.approx(0.45 * LENGTH, abs=3e-4)
+    assert taught.std < plain.std
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"length": 0.0}, "string length 0 m"),
+        ({"length": np.nan}, "string length nan m"),
+        ({"open_frequency": 6000.0}, "10 to 5000 Hz"),
+        ({"reach": 1.0}, "reach 1"),
+        ({"calibration": ((110.0, 0.7),)}, r"calibration \[110.0, 0.7\]"),
+        ({"calibration": ((110.0, 0.1, 1.0),)}, "inharmonicity"),
+    ],
+)
+def test_what_cannot_be_is_refused(options: dict[str, object], match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        form(**options)
+
+
+def test_an_abstention_is_one_of_everything() -> None:
+    told = abstain("silence")
+    assert set(told) == {"frequency", "position", "inharmonicity"}
+    assert {estimate.why_not for estimate in told.values()} == {"silence"}

@@ -1,0 +1,109 @@
+"""The learned estimator: live, it says bit for bit what is said of the dataset's windows."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.core.config import from_tree
+from monochord.core.errors import InputError
+from monochord.core.types import Signal
+from monochord.datasets.store import open_dataset
+from monochord.live import Settings as LiveSettings
+from monochord.live import run
+from monochord.live.sinks.base import Listener, Moment
+from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.estimators.perceiver import PerceiverEstimator
+from monochord.perception.training.replay import window_of
+from monochord.perception.training.settings import Settings
+from monochord.perception.training.train import train
+
+pytest.importorskip("torch")
+pytestmark = pytest.mark.usefixtures("made_up_features")
+SIGNAL = Signal(sample_rate=16000, channels=2)
+
+
+@pytest.fixture
+def trained(lesson: dict[str, Any], tmp_path: Path) -> Path:
+    train(Settings.read({**lesson, "optimiser": {"epochs": 4}}), tmp_path / "run")
+    return tmp_path / "run"
+
+
+class Heard(Listener):
+    """Keeps what was estimated."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def write(self, moment: Moment) -> None:
+        self.told.append(str(dict(moment.prediction.estimates)))
+
+
+@pytest.mark.parametrize("block", [512, 800, 3001])
+def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, block: int) -> None:
+    dataset, heard = open_dataset(learnable), Heard()
+    for number in (0, 3):
+        name = dataset.manifest.parts[number].name
+        live = LiveSettings.read(
+            {
+                "source": {"name": "session", "path": str(learnable.parent / f"{name}.mcap"), "block": block},
+                "estimator": {"name": "perceiver", "path": str(trained)},
+                "window": {"length": 0.1, "hop": 0.1},
+                "sinks": {},
+            }
+        ).session()
+        run(from_sinks(live, heard))
+    estimate = ESTIMATORS.build("perceiver", {"path": str(trained)}).prepare(SIGNAL, 1600)
+    rows = np.flatnonzero(np.isin(dataset.session, [0, 3]))
+    offline = [str(dict(estimate(window_of(dataset, row)))) for row in rows.tolist()]
+    assert heard.told == offline
+    assert len(offline) == 480
+
+
+def from_sinks(live: Any, sink: Listener) -> Any:
+    return dataclasses.replace(live, sinks=(sink,))
+
+
+def test_windows_of_another_length_are_refused_before_any_comes(trained: Path) -> None:
+    estimator = from_tree(PerceiverEstimator, {"path": str(trained)})
+    with pytest.raises(
+        InputError, match=r"windows of 400 frames .* 1600 frames at 16000 Hz; take --window 0.1"
+    ):
+        estimator.prepare(SIGNAL, 400)
+
+
+def test_sound_at_another_rate_is_refused_by_its_rate_and_not_by_its_window(trained: Path) -> None:
+    estimator = from_tree(PerceiverEstimator, {"path": str(trained)})
+    signal = dataclasses.replace(SIGNAL, sample_rate=48000)
+    with pytest.raises(InputError, match=r"sound at 48000 Hz for a perceiver: allowed is 16000 Hz"):
+        estimator.prepare(signal, 4800)
+
+
+def test_a_folder_without_a_perceiver_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"there is no perceiver\.json in it"):
+        PerceiverEstimator(path=tmp_path).prepare(SIGNAL, 1600)
+
+
+def test_prediction_needs_no_torch(trained: Path, learnable: Path) -> None:
+    import subprocess
+    import sys
+
+    made_up = Path(__file__).parents[1] / "made_up_features"
+    code = f"""
+import sys
+from monochord.perception import features
+features.__path__.append({str(made_up)!r})
+import dataclasses
+from pathlib import Path
+from monochord.datasets.store import open_dataset
+from monochord.perception.model import load
+from monochord.core.types import Signal, Window
+listening = load({str(trained)!r}).open(Signal(sample_rate=16000, channels=2))
+window = Window(samples=open_dataset(Path({str(learnable)!r})).window(15).copy(), start=0, sample_rate=16000)
+assert listening.predict(window)["contact"].valid
+print(sorted({{"torch", "matplotlib", "pyarrow", "sklearn"}} & set(sys.modules)))
+"""
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout == "[]\n"

@@ -1,0 +1,85 @@
+"""The perceivers that come along are whole, small, and what the code and their configuration say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.core.config import load_toml
+from monochord.core.errors import InputError
+from monochord.core.types import Signal, Window
+from monochord.perception.features import FEATURES
+from monochord.perception.features.base import Feature
+from monochord.perception.model import folder_of, load
+from monochord.perception.model.bundled import bundled_folder, bundled_names
+from monochord.perception.model.definition import FeatureRecord
+from monochord.perception.training.configs import config_path
+from monochord.perception.training.settings import Settings
+from monochord.physics.sensors import load_sensor
+
+SIGNAL = Signal(sample_rate=44100, channels=2, string=load_sensor("prototype").string)
+AGAIN = "train it again as its SOURCES.md says: monochord train demo --dataset DATASET --out run"
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_it_is_small_and_says_how_it_was_made(name: str) -> None:
+    folder = bundled_folder(name)
+    assert folder is not None
+    assert {file.name for file in folder.iterdir()} == {
+        "SOURCES.md",
+        "perceiver.json",
+        "weights.safetensors",
+    }
+    assert sum(file.stat().st_size for file in folder.iterdir()) < 1_000_000
+    assert f"monochord train {name}" in (folder / "SOURCES.md").read_text(encoding="utf-8")
+    assert load(name).definition.simulated
+
+
+def built(record: FeatureRecord) -> Feature:
+    """Return a feature with its options, those that came later at their defaults."""
+    return FEATURES.build(record.name, record.options)
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_it_is_what_its_configuration_asks_for(name: str) -> None:
+    told = load(name).definition
+    settings = Settings.read(load_toml(config_path(name)))
+    assert told.title == settings.title, AGAIN
+    assert built(told.feature) == FEATURES.build(*settings.feature_named()), AGAIN
+    assert {head: record.task for head, record in told.heads.items()} == settings.tasks(), AGAIN
+    assert told.string == load_sensor(settings.sensor).string, AGAIN
+    assert told.window == 4410, AGAIN
+    assert told.reference is not None
+    rule = settings.context.rule()
+    for field in ("below", "keep", "every", "settle", "guard"):
+        assert getattr(told.reference, field) == getattr(rule, field), AGAIN
+    assert built(told.reference.feature) == built(rule.feature), AGAIN
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_the_features_are_what_they_were_when_it_was_trained(name: str) -> None:
+    try:
+        listening = load(name).open(SIGNAL)
+    except InputError as error:
+        pytest.fail(f"{error}\n{AGAIN}")
+    rng = np.random.default_rng(0)
+    samples = 0.1 * rng.standard_normal((2, 4410), np.float32)
+    found = listening.predict(Window(samples=samples, start=0, sample_rate=44100))
+    assert found.keys() == {"contact", "slip", "position", "force"}
+
+
+def test_it_is_found_by_its_name_where_nothing_else_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert folder_of(Path("demo")) == bundled_folder("demo")
+    Path("demo").mkdir()
+    assert folder_of(Path("demo")) is None
+    with pytest.raises(InputError, match=r"perceiver demo \(there is no perceiver.json in it\)"):
+        load("demo")
+
+
+def test_an_unknown_name_is_told_with_the_names_that_there_are() -> None:
+    line = r"perceiver demmo \(not there\): allowed is a folder .*, or demo; did you mean 'demo'"
+    with pytest.raises(InputError, match=line):
+        load("demmo")

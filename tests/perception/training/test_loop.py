@@ -1,0 +1,172 @@
+"""The loop learns, stops, and goes on after a kill as if there had been none."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.core.errors import InputError
+from monochord.perception.heads.base import Task
+from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord
+from monochord.perception.training.checkpoint import Checkpoint
+from monochord.perception.training.examples import Examples
+from monochord.perception.training.loop import Plan, fit
+from monochord.perception.training.settings import OptimiserSettings
+
+pytest.importorskip("torch")
+TASKS = {
+    "contact": Task(label="contact", loss="logistic", touched=False, context=False),
+    "force": Task(label="force", unit="N", loss="laplace", hidden=(16, 16)),
+}
+COLUMNS = tuple("abcde")
+SCALER = {"scaler.mean": np.zeros(5, np.float32), "scaler.scale": np.ones(5, np.float32)}
+
+
+def plan(**options: float) -> Plan:
+    definition = Definition(
+        sample_rate=8000,
+        channels=2,
+        window=800,
+        hop=800,
+        feature=FeatureRecord(name="made", options={}, columns=COLUMNS),
+        heads={name: HeadRecord(task=task, scale=0.5) for name, task in TASKS.items()},
+    )
+    usual = {"rate": 0.01, "batch": 32, "epochs": 12, **options}
+    return Plan(definition=definition, optimiser=OptimiserSettings(**usual), drop=0.1, seed=5)  # pyright: ignore[reportArgumentType]
+
+
+def examples(seed: int, count: int = 256, copies: int = 2) -> Examples:
+    """Contact is where the first column is above 0; force is the product of two others, in contact."""
+    rng = np.random.default_rng(seed)
+    row = rng.normal(size=(count, 5)).astype(np.float32)
+    base = np.stack([row, *(row + 0.01 * rng.normal(size=row.shape) for _ in range(copies - 1))]).astype(
+        np.float32
+    )
+    contact = (row[:, 0] > 0.0).astype(float)
+    return Examples(
+        rows=np.arange(count),
+        base=base,
+        context=np.zeros((copies, count, 0), np.float32),
+        labels={"contact": contact, "force": contact * np.prod(row[:, 1:3], axis=1, dtype=np.float64)},
+        masks={"contact": np.ones(count, bool), "force": contact == 1.0},
+    )
+
+
+class KilledError(Exception):
+    """As a kill would end it, but for the process."""
+
+
+def after(epochs: int) -> Callable[[Checkpoint], None]:
+    def told(state: Checkpoint) -> None:
+        if state.epoch == epochs:
+            raise KilledError
+
+    return told
+
+
+def test_it_learns_what_there_is_to_learn(tmp_path: Path) -> None:
+    state = fit(plan(epochs=40), SCALER, examples(0, 1024), examples(1), tmp_path / "a")
+    assert state.history[0]["contact"] > 3.0 * state.score["contact"]
+    assert state.score["force"] < 0.3 * np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
+
+
+@pytest.mark.parametrize("at", [1, 5, 11])
+def test_a_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path, at: int) -> None:
+    train, validation = examples(0), examples(1)
+    whole = fit(plan(), SCALER, train, validation, tmp_path / "whole")
+    with pytest.raises(KilledError):
+        fit(plan(), SCALER, train, validation, tmp_path / "cut", after(at))
+    cut = fit(plan(), SCALER, train, validation, tmp_path / "cut")
+    assert (cut.history, cut.score, cut.at) == (whole.history, whole.score, whole.at)
+    for name, array in whole.best.items():
+        np.testing.assert_array_equal(cut.best[name], array)
+    assert (tmp_path / "cut").read_bytes() == (tmp_path / "whole").read_bytes()
+
+
+def test_each_head_keeps_the_weights_of_its_own_best_epoch(tmp_path: Path) -> None:
+    kept: dict[int, Checkpoint] = {}
+    state = fit(plan(), SCALER, examples(0), examples(1), tmp_path / "a", lambda s: kept.update({s.epoch: s}))
+    for name, epoch in state.at.items():
+        assert (
+            state.score[name] == min(line[name] for line in state.history) == state.history[epoch - 1][name]
+        )
+        for key, array in kept[epoch].weights.items():
+            if key.startswith(name):
+                np.testing.assert_array_equal(state.best[key], array)
+
+
+def test_it_ends_when_nothing_becomes_better(tmp_path: Path) -> None:
+    nothing = examples(0, 64)
+    nothing.labels["contact"][:] = np.arange(64) % 2  # which nothing tells
+    state = fit(plan(epochs=400, patience=3, rate=0.05), SCALER, nothing, examples(1), tmp_path / "a")
+    assert state.epoch == max(state.at.values()) + 3 < 400
+
+
+def test_a_run_that_is_done_stays_as_it_is(tmp_path: Path) -> None:
+    train, validation = examples(0), examples(1)
+    fit(plan(), SCALER, train, validation, tmp_path / "a")
+    before = (tmp_path / "a").read_bytes()
+    fit(plan(), SCALER, train, validation, tmp_path / "a")
+    assert (tmp_path / "a").read_bytes() == before
+
+
+def test_it_does_not_go_on_with_other_data(tmp_path: Path) -> None:
+    fit(plan(epochs=1), SCALER, examples(0), examples(1), tmp_path / "a")
+    other = {**SCALER, "scaler.mean": np.ones(5, np.float32)}
+    for data in ((SCALER, examples(2), examples(1)), (other, examples(0), examples(1))):
+        with pytest.raises(InputError, match="of other windows or another feature: allowed is one of these"):
+            fit(plan(epochs=2), *data, tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"weights": {}},
+        {"weights": {"force.0.weight": np.zeros((1 << 10, 5), np.float32)}},
+        {"best": {"force.0.weight": np.zeros((16, 4), np.float32)}},
+        {"best": {"more": np.zeros(3, np.float32)}},
+        {"moments": {"999/exp_avg": np.zeros(3, np.float32)}},
+        {"moments": {"step": np.zeros((), np.float32)}},
+        {"epoch": "many"},
+        {"history": 3},
+        {"at": {"force": "late"}},
+    ],
+)
+def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path, change: dict[str, Any]) -> None:
+    file = tmp_path / "a"
+    fit(plan(epochs=1), SCALER, examples(0), examples(1), file)
+    whole = Checkpoint.read(file)
+    assert whole is not None
+    values = {
+        name: {**getattr(whole, name), **value} if isinstance(value, dict) and value else value
+        for name, value in change.items()
+    }
+    dataclasses.replace(whole, **values).write(file)
+    with pytest.raises(InputError, match=r"checkpoint .*remove it to begin anew"):
+        fit(plan(epochs=2), SCALER, examples(0), examples(1), file)
+
+
+@pytest.mark.parametrize(("columns", "least", "most"), [(("b", "c"), 0.0, 0.5), (("a", "d", "e"), 0.5, 2.0)])
+def test_a_head_learns_from_the_columns_that_it_sees(
+    tmp_path: Path, columns: tuple[str, ...], least: float, most: float
+) -> None:
+    usual = plan(epochs=40)
+    task = dataclasses.replace(TASKS["force"], columns=columns)
+    heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=0.5)}
+    told = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
+    state = fit(told, SCALER, examples(0, 1024), examples(1), tmp_path / "a")
+    assert state.weights["force.0.weight"].shape == (16, len(columns))
+    usual_size = np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
+    assert least < state.score["force"] / usual_size < most
+
+
+def test_weights_decay_in_heads_with_hidden_layers_alone(tmp_path: Path) -> None:
+    free, held = (
+        fit(plan(epochs=3, decay=decay), SCALER, examples(0), examples(1), tmp_path / name).weights
+        for name, decay in (("free", 0.0), ("held", 20.0))
+    )
+    np.testing.assert_array_equal(held["contact.0.weight"], free["contact.0.weight"])
+    assert np.abs(held["force.1.weight"]).sum() < 0.5 * np.abs(free["force.1.weight"]).sum()

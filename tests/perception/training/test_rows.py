@@ -1,0 +1,130 @@
+"""Rows of a feature: computed once, found again, and computed anew when anything differs."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Signal
+from monochord.datasets.augment import Augmentation
+from monochord.datasets.store import Dataset, open_dataset
+from monochord.perception.features import FEATURES
+from monochord.perception.features.base import Extractor
+from monochord.perception.training.rows import Noise, Rows, fingerprint
+
+
+class Counting(Extractor):
+    """Counts the windows that it is asked for."""
+
+    def __init__(self, inner: Extractor, factor: float = 1.0) -> None:
+        self.inner, self.factor, self.asked = inner, factor, 0
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return self.inner.columns
+
+    def __call__(self, windows: Audio) -> Audio:
+        self.asked += len(windows)
+        return (self.factor * self.inner(windows)).astype(np.float32)
+
+
+@pytest.fixture
+def dataset(learnable: Path) -> Dataset:
+    return open_dataset(learnable)
+
+
+def rows_of(dataset: Dataset, folder: Path, factor: float = 1.0, **options: Any) -> tuple[Rows, Counting]:
+    signal = Signal(sample_rate=dataset.manifest.sample_rate, channels=2)
+    inner = FEATURES.build("bands", options).prepare(signal, dataset.manifest.window)
+    extractor = Counting(inner, factor)
+    return Rows(dataset=dataset, name="bands", options=options, extractor=extractor, folder=folder), extractor
+
+
+SOME = np.arange(40, 140)
+NOISE = Noise(augmentation=Augmentation(seed=1, sample_rate=16000), copy=1)
+PROBE = 3  # windows of the fingerprint
+
+pytestmark = pytest.mark.usefixtures("made_up_features")
+
+
+def test_they_are_what_the_feature_gives_window_by_window(dataset: Dataset, tmp_path: Path) -> None:
+    rows, extractor = rows_of(dataset, tmp_path)
+    found = rows.of(SOME)
+    alone = np.concatenate([extractor(dataset.window(int(row))[None]) for row in SOME])
+    np.testing.assert_array_equal(found, alone)
+    assert found.dtype == np.float32
+
+
+def test_the_second_time_they_come_from_disk(dataset: Dataset, tmp_path: Path) -> None:
+    first = rows_of(dataset, tmp_path)[0].of(SOME, NOISE)
+    again, extractor = rows_of(dataset, tmp_path)
+    np.testing.assert_array_equal(again.of(SOME, NOISE), first)
+    assert extractor.asked == PROBE
+
+
+def test_noise_is_of_its_copy_and_leaves_the_clean_rows_alone(dataset: Dataset, tmp_path: Path) -> None:
+    rows, _ = rows_of(dataset, tmp_path)
+    clean, one = rows.of(SOME), rows.of(SOME, NOISE)
+    other = rows.of(SOME, Noise(augmentation=NOISE.augmentation, copy=2))
+    assert not np.array_equal(clean, one)
+    assert not np.array_equal(one, other)
+    samples = NOISE.augmentation(dataset.batch(SOME[:1]), SOME[:1], epoch=1)
+    np.testing.assert_array_equal(one[:1], rows.extractor(samples))
+
+
+def test_a_feature_that_does_something_else_is_computed_anew(dataset: Dataset, tmp_path: Path) -> None:
+    first = rows_of(dataset, tmp_path)[0].of(SOME)
+    changed, extractor = rows_of(dataset, tmp_path, factor=2.0)
+    np.testing.assert_array_equal(changed.of(SOME), 2.0 * first)
+    assert extractor.asked > PROBE
+
+
+@pytest.mark.parametrize("damage", [b"", b"nonsense", None])
+def test_a_damaged_file_is_computed_anew(dataset: Dataset, tmp_path: Path, damage: bytes | None) -> None:
+    rows, _ = rows_of(dataset, tmp_path)
+    first = rows.of(SOME)
+    (file,) = tmp_path.rglob("*.npy")
+    file.write_bytes(file.read_bytes()[:-100] if damage is None else damage)
+    np.testing.assert_array_equal(rows.of(SOME), first)
+
+
+@pytest.mark.parametrize("at", [-40, -4000, 80])
+def test_a_changed_byte_is_computed_anew(dataset: Dataset, tmp_path: Path, at: int) -> None:
+    rows, extractor = rows_of(dataset, tmp_path)
+    first = rows.of(SOME)
+    (file,) = tmp_path.rglob("*.npy")
+    np.testing.assert_array_equal(np.load(file), first)
+    data = bytearray(file.read_bytes())
+    data[at] ^= 1
+    file.write_bytes(data)
+    before = extractor.asked
+    np.testing.assert_array_equal(rows.of(SOME), first)
+    assert extractor.asked - before >= len(SOME)
+
+
+def test_a_file_without_end_takes_no_memory(dataset: Dataset, tmp_path: Path) -> None:
+    rows, _ = rows_of(dataset, tmp_path)
+    first = rows.of(SOME)
+    (file,) = tmp_path.rglob("*.npy")
+    os.truncate(file, 1 << 40)
+    np.testing.assert_array_equal(rows.of(SOME), first)
+
+
+def test_rows_that_are_not_finite_are_refused(dataset: Dataset, tmp_path: Path) -> None:
+    rows, _ = rows_of(dataset, tmp_path, factor=float("nan"))
+    with pytest.raises(InputError, match=r"feature 'bands' with rows .* not finite"):
+        rows.of(SOME)
+    assert not list(tmp_path.rglob("*.npy"))
+
+
+def test_no_rows_are_an_empty_table(dataset: Dataset, tmp_path: Path) -> None:
+    assert rows_of(dataset, tmp_path)[0].of(SOME[:0]).shape == (0, 50)
+
+
+def test_the_fingerprint_tells_features_apart(dataset: Dataset, tmp_path: Path) -> None:
+    (one, _), (other, _) = rows_of(dataset, tmp_path), rows_of(dataset, tmp_path, count=23)
+    prints = [fingerprint(each.extractor, 2, 1600) for each in (one, one, other)]
+    assert prints[0] == prints[1] != prints[2]

@@ -1,0 +1,149 @@
+"""A run from sessions to a perceiver: it beats the mean label by far, and its folder tells all of it."""
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.core.config import dump_toml
+from monochord.core.errors import InputError
+from monochord.core.types import Signal
+from monochord.datasets.split import Split
+from monochord.datasets.store import open_dataset
+from monochord.perception.model import load
+from monochord.perception.training.replay import window_of
+from monochord.perception.training.settings import Settings
+from monochord.perception.training.train import train
+
+pytest.importorskip("torch")
+pytestmark = pytest.mark.usefixtures("made_up_features")
+SIGNAL = Signal(sample_rate=16000, channels=2)
+
+
+def test_it_beats_the_mean_label_by_far_on_sessions_it_never_heard(
+    lesson: dict[str, Any], tmp_path: Path
+) -> None:
+    result = train(Settings.read(lesson), tmp_path / "run")
+    dataset = open_dataset(Path(lesson["dataset"]))
+    test = Split.read(dataset.path / "split.json").test
+    listening, errors, right = load(tmp_path / "run").open(SIGNAL), dict[str, list[float]](), list[bool]()
+    for row in test.tolist():
+        told = listening.predict(window_of(dataset, row))
+        contact = dataset.label("contact")[row]
+        if np.isfinite(contact):
+            right.append((told["contact"].value >= 0.5) == (contact == 1.0))
+        for name in ("position", "force"):
+            if contact == 1.0 and told[name].valid:
+                errors.setdefault(name, []).append(told[name].value - float(dataset.label(name)[row]))
+    assert np.mean(right) > 0.98
+    for name, share in (("position", 0.35), ("force", 0.6)):
+        label = dataset.label(name)[test]
+        by_mean = np.nanmean(np.abs(label - result.perceiver.definition.heads[name].offset))
+        assert np.mean(np.abs(errors[name])) < share * by_mean, name
+        assert len(errors[name]) > 0.9 * np.isfinite(label).sum()
+    assert result.scores["slip"]["auc"] > 0.9
+
+
+def test_its_folder_tells_all(lesson: dict[str, Any], tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    result = train(Settings.read({**lesson, "optimiser": {"epochs": 3, "batch": 64}}), out)
+    assert sorted(each.name for each in out.iterdir()) == [
+        "checkpoint.safetensors",
+        "config.toml",
+        "history.csv",
+        "metrics.json",
+        "perceiver",
+    ]
+    told = json.loads((out / "metrics.json").read_text())
+    assert told["simulated"] is True
+    assert set(told["heads"]) == {"contact", "slip", "position", "force"}
+    assert "coverage_1" in told["calibration"]["force"]["measured"]
+    with (out / "history.csv").open() as file:
+        assert [line["epoch"] for line in csv.DictReader(file)] == ["1", "2", "3"]
+    assert load(out).definition == result.perceiver.definition
+    assert result.perceiver.definition.heads["force"].calibration.sessions == 2
+
+
+def test_equal_settings_give_equal_bytes(lesson: dict[str, Any], tmp_path: Path) -> None:
+    short = {**lesson, "optimiser": {"epochs": 2, "batch": 64}, "noise": {"copies": 1}}
+    train(Settings.read(short), tmp_path / "one")
+    again = tmp_path / "elsewhere"
+    train(Settings.read({**short, "cache": str(again)}), tmp_path / "two")
+    for name in ("perceiver/weights.safetensors", "perceiver/perceiver.json", "metrics.json", "history.csv"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
+
+
+def test_labels_dealt_out_at_random_teach_nothing(
+    lesson: dict[str, Any], tmp_path: Path, reseal: Callable[[Path], None]
+) -> None:
+    import shutil
+
+    folder = tmp_path / "shuffled"
+    shutil.copytree(lesson["dataset"], folder)
+    rng, valid = np.random.default_rng(0), np.load(folder / "valid" / "position.npy")
+    for name in ("position", "force"):
+        label = np.load(folder / "labels" / f"{name}.npy")
+        label[valid] = rng.permutation(label[valid])
+        np.save(folder / "labels" / name, label)
+    reseal(folder)
+    scores = train(Settings.read({**lesson, "dataset": str(folder)}), tmp_path / "run").scores
+    for name in ("position", "force"):
+        assert scores[name]["mae"] > 0.93 * scores[name]["baseline_mae"]
+        assert abs(scores[name]["r"]) < 0.2
+
+
+def test_a_refusal_leaves_nothing_behind(lesson: dict[str, Any], tmp_path: Path) -> None:
+    split = tmp_path / "split.json"
+    split.write_text(json.dumps({"by": "session", "parts": {"train": [[0, 100]], "validation": []}}))
+    with pytest.raises(InputError, match="a split that leaves nothing to validation"):
+        train(Settings.read({**lesson, "split": str(split)}), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from monochord.perception import features
+features.__path__.append(sys.argv[1])
+from monochord.core.config import load_toml
+from monochord.perception.training.settings import Settings
+from monochord.perception.training.train import train
+train(Settings.read(load_toml(Path(sys.argv[2]))), Path(sys.argv[3]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_a_run_that_is_killed_ends_as_one_that_is_not(lesson: dict[str, Any], tmp_path: Path) -> None:
+    config = tmp_path / "config.toml"
+    config.write_text(dump_toml({**lesson, "optimiser": {"epochs": 24, "batch": 16, "patience": 24}}))
+    made_up = Path(__file__).parents[1] / "made_up_features"
+
+    def begin(out: str) -> "subprocess.Popen[bytes]":
+        return subprocess.Popen([sys.executable, "-c", KILLED, made_up, config, tmp_path / out])
+
+    with begin("whole") as run:
+        assert run.wait() == 0
+    for epoch in (2, 9):
+        with begin("cut") as run:
+            while run.poll() is None and lines(tmp_path / "cut" / "history.csv") <= epoch:
+                time.sleep(0.01)
+            run.kill()
+        assert run.returncode == -signal.SIGKILL, "it was quicker than the kill"
+    with begin("cut") as run:
+        assert run.wait() == 0
+    for name in ("perceiver/weights.safetensors", "perceiver/perceiver.json", "metrics.json", "history.csv"):
+        assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
+    assert not list((tmp_path / "cut").glob(".*"))
+
+
+def lines(file: Path) -> int:
+    return len(file.read_text().splitlines()) if file.is_file() else 0

@@ -1,0 +1,416 @@
+"""Whatever a folder that is imported holds: a session, or one line that refuses it and no file."""
+
+import json
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import soundfile
+from tests.sessions.forged import mutated, refused_or_done
+
+from monochord.core.errors import InputError
+from monochord.sessions import read_session
+from monochord.sessions.exports import EXPORTS, form_of
+
+Write = Callable[..., Path]
+FORMS = ("wav_csv", "parquet")
+
+
+@pytest.fixture(scope="module")
+def exported(write_random: Write, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A short session in each form."""
+    folder = tmp_path_factory.mktemp("exported")
+    take = write_random(folder / "take.mcap", 39, seconds=0.03, full=True)
+    for form in FORMS:
+        EXPORTS.build(form).write([read_session(take)], folder / form)
+    return {form: folder / form / "take" for form in FORMS}
+
+
+def bring_in(folder: Path, out: Path) -> None:
+    """Import a folder, and look at the session; what fails leaves no file."""
+    out.unlink(missing_ok=True)
+    try:
+        EXPORTS.build(form_of(folder)).read(folder, out)
+    except BaseException:
+        assert not out.exists()
+        raise
+    session = read_session(out)
+    assert session.complete
+    _ = session.audio, session.labels, session.events, session.clocks
+    assert [len(session.readings(stream).time) for stream in session.streams]
+    assert not session.malformed
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_mutated_exports_end_in_a_session_or_in_one_line(
+    exported: dict[str, Path], tmp_path: Path, form: str
+) -> None:
+    names = sorted(path.name for path in exported[form].iterdir())
+    for seed in range(100):
+        shutil.rmtree(tmp_path / "take", ignore_errors=True)
+        shutil.copytree(exported[form], tmp_path / "take")
+        path = tmp_path / "take" / names[seed % len(names)]
+        content = path.read_bytes()
+        path.write_bytes(
+            mutated(content[:4096], seed) + content[4096:] if seed % 3 else mutated(content, seed)
+        )
+        refused_or_done(lambda: bring_in(tmp_path / "take", tmp_path / "a.mcap"), (seed, path.name))
+
+
+def told(**changes: Any) -> Callable[[Path], object]:
+    """Replace entries of session.json."""
+
+    def spoil(folder: Path) -> None:
+        path = folder / "session.json"
+        path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+
+    return spoil
+
+
+def about(**changes: Any) -> Callable[[Path], object]:
+    """Replace entries of the description in session.json."""
+
+    def spoil(folder: Path) -> None:
+        path = folder / "session.json"
+        tree = json.loads(path.read_text())
+        path.write_text(json.dumps({**tree, "description": {**tree["description"], **changes}}))
+
+    return spoil
+
+
+def text(name: str, content: str | bytes) -> Callable[[Path], object]:
+    data = content if isinstance(content, bytes) else content.encode()
+    return lambda folder: (folder / name).write_bytes(data)
+
+
+def cell(name: str, column: str, content: str) -> Callable[[Path], object]:
+    """Replace a cell of the first row of a CSV file."""
+
+    def spoil(folder: Path) -> None:
+        path = folder / name
+        head, first, *rest = path.read_text().split("\n")
+        cells = first.split(",")
+        cells[head.replace('"', "").split(",").index(column)] = content
+        path.write_text("\n".join([head, ",".join(cells), *rest]))
+
+    return spoil
+
+
+def deep(name: str) -> Callable[[Path], object]:
+    return text(name, "[" * 100_000 + "]" * 100_000)
+
+
+ABOUT: dict[str, Callable[[Path], object]] = {
+    "no JSON": text("session.json", "{"),
+    "JSON that is a list": text("session.json", "[]"),
+    "JSON nested deeply": deep("session.json"),
+    "JSON in another encoding": text("session.json", b'{"form": "\xff"}'),
+    "JSON of 20 MB": text("session.json", b" " * 20_000_000),
+    "a form that is a list": told(form=["wav_csv"]),
+    "a description that is a list": told(description=[1]),
+    "a description that is text": told(description="{}"),
+    "no description": told(description=None),
+    "a clock that is text": told(clock="now"),
+    "a clock that is a number": told(clock={"epoch_ns": 1e30, "origin": 0.0}),
+    "a clock of 1e30": told(clock={"epoch_ns": str(10**30), "origin": "0.0"}),
+    "a clock of lists": told(clock={"epoch_ns": [], "origin": {}}),
+    "an origin that is not a number": told(clock={"epoch_ns": "0", "origin": "nan"}),
+    "a rate of 1e30": about(sample_rate=10**30),
+    "a rate of NaN": about(sample_rate=float("nan")),
+    "feeds that are a number": about(feeds=7),
+    "a feed of no columns": about(feeds=[{"stream": "wrench", "columns": [], "units": []}]),
+    "a name that is a list": about(name=["a"]),
+    "half a surrogate pair": about(name="\ud800"),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("case", ABOUT)
+def test_what_the_folder_says_of_itself_is_looked_at(
+    exported: dict[str, Path], tmp_path: Path, form: str, case: str
+) -> None:
+    refuse(exported[form], tmp_path, ABOUT[case])
+
+
+def refuse(exported: Path, tmp_path: Path, spoil: Callable[[Path], object]) -> str:
+    shutil.copytree(exported, tmp_path / "take")
+    spoil(tmp_path / "take")
+    with pytest.raises(InputError, match="allowed is") as caught:
+        bring_in(tmp_path / "take", tmp_path / "a.mcap")
+    assert len(str(caught.value).splitlines()) == 1
+    return str(caught.value)
+
+
+def wav(**head: int) -> Callable[[Path], object]:
+    """Write a number over one in the head of the WAV file: of RIFF, of ``fmt``, of the sound."""
+
+    def spoil(folder: Path) -> None:
+        path = folder / "audio.wav"
+        content = bytearray(path.read_bytes())
+        at = {"riff": 4, "channels": 22, "rate": 24, "sound": content.index(b"data") + 4}
+        for name, number in head.items():
+            size = 2 if name == "channels" else 4
+            content[at[name] : at[name] + size] = number.to_bytes(size, "little")
+        path.write_bytes(content)
+
+    return spoil
+
+
+def other_sound(name: str, subtype: str) -> Callable[[Path], object]:
+    def spoil(folder: Path) -> None:
+        samples, rate = soundfile.read(folder / "audio.wav", always_2d=True)
+        soundfile.write(folder / "audio.wav", np.zeros_like(samples), rate, subtype, format=name)
+
+    return spoil
+
+
+def twice_the_rows(folder: Path) -> None:
+    path = folder / "audio.csv"
+    path.write_text(path.read_text() + "\n".join(path.read_text().split("\n")[1:]))
+
+
+CSV: dict[str, Callable[[Path], object]] = {
+    "a start in years": cell("audio.csv", "start", str(2**62)),
+    "a start before all": cell("audio.csv", "start", "-5"),
+    "frames without end": cell("audio.csv", "frames", str(2**62)),
+    "negative frames": cell("audio.csv", "frames", "-1"),
+    "stretches over each other": twice_the_rows,
+    "more lost than can be": cell("audio.csv", "dropped", str(2**62)),
+    "a device frame beyond 64 bits": cell("audio.csv", "device_frame", str(2**64)),
+    "a device frame below none": cell("audio.csv", "device_frame", "-2"),
+    "a stretch at no time": cell("audio.csv", "time", ""),
+    "a stretch at 1e300 s": cell("audio.csv", "time", "1e300"),
+    "a time that is not a number": cell("wrench.csv", "time", "nan"),
+    "a time without end": cell("wrench.csv", "time", "inf"),
+    "a time in years": cell("labels.csv", "time", "1e12"),
+    "an event at no time": cell("events.csv", "time", ""),
+    "a clock at 1e300 s": cell("clocks.csv", "time", "1e300"),
+    "a count beyond 64 bits": cell("wrench.csv", "sequence", "9" * 30),
+    "a count of 10000 digits": cell("wrench.csv", "sequence", "9" * 10_000),
+    "a status beyond 32 bits": cell("wrench.csv", "status", str(2**32)),
+    "a negative status": cell("wrench.csv", "status", "-1"),
+    "a status that is a fraction": cell("wrench.csv", "status", "0.5"),
+    "a value that is text": cell("wrench.csv", "fz", "much"),
+    "data that is no JSON": text("events.csv", '"time","kind","text","data"\n0.1,"a","","{"\n'),
+    "data that is a list": text("events.csv", '"time","kind","text","data"\n0.1,"a","","[1]"\n'),
+    "data nested deeply": text(
+        "events.csv",
+        '"time","kind","text","data"\n0.1,"a","","{""a"":' + "[" * 60_000 + "]" * 60_000 + '}"\n',
+    ),
+    "a column twice": text("labels.csv", "time,a,a\n0,1,2\n"),
+    "a ragged table": text("labels.csv", "time,a\n0,1,2\n"),
+    "too many labels": text("labels.csv", ",".join(["time", *map(str, range(300))]) + "\n"),
+    "no header": text("labels.csv", ""),
+    "a huge field": text("labels.csv", "time,a\n0," + "1" * 200_000 + "\n"),
+    "NUL bytes": text("labels.csv", b"time,a\n0,\x00\n"),
+    "another encoding": text("labels.csv", b"time,\xff\n0,1\n"),
+    "sound of another rate": wav(rate=44100),
+    "sound of no channels": wav(channels=0),
+    "sound of many channels": wav(channels=9999),
+    "a folder for sound": lambda folder: ((folder / "audio.wav").unlink(), (folder / "audio.wav").mkdir()),
+    "flac for sound": other_sound("FLAC", "PCM_16"),
+    "sound cut off": lambda folder: text("audio.wav", (folder / "audio.wav").read_bytes()[:2000])(folder),
+    "no sound": text("audio.wav", b""),
+}
+
+
+@pytest.mark.parametrize("case", CSV)
+def test_spoilt_csv_and_wav_are_refused(exported: dict[str, Path], tmp_path: Path, case: str) -> None:
+    refuse(exported["wav_csv"], tmp_path, CSV[case])
+
+
+@pytest.mark.parametrize("head", [{"riff": 0xFFFFFFFF}, {"sound": 0xFFFFFFFF}, {"sound": 0x7FFFFFF0}])
+def test_sound_that_claims_more_than_there_is_takes_no_memory(
+    exported: dict[str, Path], tmp_path: Path, head: dict[str, int]
+) -> None:
+    shutil.copytree(exported["wav_csv"], tmp_path / "take")
+    wav(**head)(tmp_path / "take")
+    refused_or_done(lambda: bring_in(tmp_path / "take", tmp_path / "a.mcap"), head)
+
+
+def test_an_event_may_have_data_of_any_name(exported: dict[str, Path], tmp_path: Path) -> None:
+    shutil.copytree(exported["wav_csv"], tmp_path / "take")
+    names = {"self": 1, "time": 2, "kind": 3, "text": 4}
+    quoted = json.dumps(names).replace('"', '""')
+    text("events.csv", f'"time","kind","text","data"\n0.1,"a","","{quoted}"\n')(tmp_path / "take")
+    bring_in(tmp_path / "take", tmp_path / "a.mcap")
+    assert read_session(tmp_path / "a.mcap").events[0].data == names
+
+
+def table(name: str, change: Callable[[Any], Any]) -> Callable[[Path], object]:
+    """Put a table in another's place."""
+
+    def spoil(folder: Path) -> None:
+        path = folder / f"{name}.parquet"
+        pq.write_table(change(pq.read_table(path)), path)
+
+    return spoil
+
+
+def column(name: str, key: str, change: Callable[[Any], Any]) -> Callable[[Path], object]:
+    """Put another column in a column's place."""
+
+    def changed(held: Any) -> Any:
+        found = change(held[key])
+        return held.set_column(held.column_names.index(key), key, found)
+
+    return table(name, changed)
+
+
+def lists(change: Callable[[list[Any]], list[Any]], kind: Any = None) -> Callable[[Any], Any]:
+    return lambda held: pa.array(change(held.to_pylist()), kind or held.type)
+
+
+def first(value: Any, kind: Any = None) -> Callable[[Any], Any]:
+    return lists(lambda cells: [value, *cells[1:]], kind)
+
+
+def bomb(folder: Path) -> None:
+    """Write a file of some kilobytes that holds 256 MB of zeros."""
+    zeros = pa.repeat(pa.scalar(0.0), 1 << 22)
+    with pq.ParquetWriter(folder / "labels.parquet", pa.schema([("time", pa.float64())])) as writer:
+        for _ in range(8):
+            writer.write_table(pa.table({"time": zeros}))
+
+
+def audio_bomb(folder: Path) -> None:
+    """Write a file of some kilobytes of which a row holds 64 MB of zeros in each channel."""
+    path = folder / "audio.parquet"
+    schema = pq.read_schema(path)
+    zeros = pa.repeat(pa.scalar(0.0, pa.float32()), 1 << 24)
+    samples = pa.ListArray.from_arrays(pa.array([0, len(zeros)], pa.int32()), zeros)
+    told = {"time": [0.0], "start": [0], "dropped": [0], "timed": [True], "device_frame": [0]}
+    arrays = [pa.array(told[field.name], field.type) if field.name in told else samples for field in schema]
+    pq.write_table(pa.table(arrays, schema=schema), path)
+
+
+def garbage(folder: Path) -> None:
+    """Write zeros over pages of a file."""
+    path = folder / "wrench.parquet"
+    content = path.read_bytes()
+    path.write_bytes(content[:100] + bytes(400) + content[500:])
+
+
+def many_labels(held: Any) -> Any:
+    return pa.table({"time": held["time"], **{str(k): held["time"] for k in range(300)}})
+
+
+def misnamed(folder: Path) -> None:
+    """Write a name that is no UTF-8 over a column's."""
+    path = folder / "labels.parquet"
+    path.write_bytes(path.read_bytes().replace(b"contact", b"\xff\xfentact"))
+
+
+PARQUET: dict[str, Callable[[Path], object]] = {
+    "no Parquet": text("wrench.parquet", b"PAR1 nothing PAR1"),
+    "nothing": text("wrench.parquet", b""),
+    "cut off": lambda folder: text("wrench.parquet", (folder / "wrench.parquet").read_bytes()[:-100])(folder),
+    "garbage within": garbage,
+    "a folder": lambda folder: ((folder / "pose.parquet").unlink(), (folder / "pose.parquet").mkdir()),
+    "a column that is missing": table("wrench", lambda held: held.drop_columns(["fz"])),
+    "a column twice": table("wrench", lambda held: held.append_column("fz", held["fz"])),
+    "an extra column of text": table(
+        "labels", lambda held: held.append_column("a", pa.array(["x"] * len(held)))
+    ),
+    "an extra column of the audio": table("audio", lambda held: held.append_column("a", held["start"])),
+    "values that are text": column(
+        "wrench", "fz", lists(lambda cells: [str(cell) for cell in cells], pa.string())
+    ),
+    "values that are lists": column(
+        "wrench", "fz", lists(lambda cells: [[cell] for cell in cells], pa.list_(pa.float64()))
+    ),
+    "counts that are fractions": column(
+        "wrench", "sequence", lists(lambda cells: [cell + 0.5 for cell in cells], pa.float64())
+    ),
+    "counts that are missing": column("wrench", "sequence", first(None)),
+    "a status beyond 32 bits": column("wrench", "status", first(2**40, pa.int64())),
+    "times that are dates": column(
+        "wrench", "time", lists(lambda cells: [0] * len(cells), pa.timestamp("s"))
+    ),
+    "a time that is missing": column("wrench", "time", first(None)),
+    "a time of 1e300 s": column("wrench", "time", first(1e300)),
+    "a time without end": column("events", "time", first(float("inf"))),
+    "kinds that are numbers": column(
+        "events", "kind", lists(lambda cells: [[1]] * len(cells), pa.list_(pa.int8()))
+    ),
+    "a kind that is missing": column("events", "kind", first(None)),
+    "data that is no JSON": column("events", "data", first("{")),
+    "data that is a list": column("events", "data", first("[]")),
+    "too many labels": table("labels", many_labels),
+    "a name that is no UTF-8": misnamed,
+    "a start in years": column("audio", "start", first(2**62)),
+    "a start before all": column("audio", "start", first(-1)),
+    "a start that is missing": column("audio", "start", first(None)),
+    "a start that is a fraction": column("audio", "start", first(0.5, pa.float64())),
+    "fewer lost than none": column("audio", "dropped", first(-1)),
+    "a device frame below none": column("audio", "device_frame", first(-7)),
+    "audio at no time": column("audio", "time", first(float("nan"))),
+    "audio that is missing": column("audio", "channel_1", first(None)),
+    "a sample that is missing": column(
+        "audio", "channel_1", lists(lambda cells: [[None] * len(each) for each in cells])
+    ),
+    "audio of ragged channels": column("audio", "channel_1", first([0.0] * 7)),
+    "audio that is text": column(
+        "audio", "channel_1", lists(lambda cells: [["a"] for _ in cells], pa.list_(pa.string()))
+    ),
+    "a table that unpacks to GBs": bomb,
+    "audio that unpacks to GBs": audio_bomb,
+}
+
+
+@pytest.mark.parametrize("case", PARQUET)
+def test_spoilt_parquet_is_refused(exported: dict[str, Path], tmp_path: Path, case: str) -> None:
+    refuse(exported["parquet"], tmp_path, PARQUET[case])
+
+
+CHILD = """
+import sys, resource
+from pathlib import Path
+from tests.exports.test_spoilt import bring_in
+from tests.sessions.forged import refused_or_done
+from monochord.sessions.exports.parquet import Parquet
+import pyarrow.parquet
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+for folder in map(Path, sys.argv[1:]):
+    assert not refused_or_done(lambda: bring_in(folder, folder / "a.mcap"), folder)
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
+"""
+
+
+def test_a_file_that_unpacks_to_gigabytes_takes_none_of_them(
+    exported: dict[str, Path], tmp_path: Path
+) -> None:
+    spoils = [("parquet", bomb), ("parquet", audio_bomb), ("wav_csv", CSV["frames without end"])]
+    spoils += [("wav_csv", CSV["a start in years"]), ("parquet", PARQUET["a start in years"])]
+    folders = [tmp_path / str(number) for number in range(len(spoils))]
+    for folder, (form, spoil) in zip(folders, spoils, strict=True):
+        shutil.copytree(exported[form], folder)
+        spoil(folder)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD, *map(str, folders)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert int(done.stdout) < 60  # MB
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 20.0  # s
+
+
+def test_a_lerobot_folder_is_no_session(exported: dict[str, Path], tmp_path: Path) -> None:
+    for info in ("{}", "{", "[" * 100_000, "\xff"):
+        meta = tmp_path / "set" / "meta"
+        meta.mkdir(parents=True, exist_ok=True)
+        (meta / "info.json").write_bytes(info.encode("latin-1"))
+        assert not refused_or_done(lambda: bring_in(tmp_path / "set", tmp_path / "a.mcap"), info)

@@ -1,0 +1,158 @@
+"""Offsets from taps: known ones are found again in the twin's sound, force and motion."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.figures._tapped import RATE, Tapped, tapped
+from monochord.physics.sensors import load_sensor
+from monochord.sessions.sync.pulses import Taps, taps_of_force
+from monochord.sessions.sync.taps import Offset, audio_offset, height_offset, offset_of, travel_time
+
+STRING = load_sensor("prototype").string
+TRAVEL = travel_time(STRING.length, (STRING.tension / STRING.linear_density) ** 0.5)
+
+
+@cache
+def played(seed: int, force: float, taps: int = 5, *, driven: bool = False) -> Tapped:
+    place = float(np.random.default_rng(seed).uniform(0.05, 0.15))
+    return tapped(
+        groups=(1.5,),
+        taps=taps,
+        seconds=5.5,
+        force=force,
+        position=place,
+        seed=seed,
+        drivers=(driven, driven),
+    )
+
+
+def measured(
+    truth: Tapped, seed: int, *, force_rate: float, pose_rate: float, noise: float = 0.0
+) -> tuple[Offset, float, Offset, float]:
+    """Return the offsets of audio and pose against force, each with the true one."""
+    rng = np.random.default_rng(1000 + seed)
+    late = dict(zip(("audio", "force", "pose"), rng.uniform(-0.3, 0.3, 3).tolist(), strict=True))
+    time = np.arange(rng.random() / force_rate, truth.seconds, 1.0 / force_rate)
+    time = time[rng.random(time.size) > 0.005]
+    force = np.interp(time, np.arange(truth.force.size) / RATE, truth.force)
+    force += 0.01 * rng.standard_normal(time.size)
+    taps = taps_of_force(time + late["force"], force)
+    there = np.arange(rng.random() / pose_rate, truth.seconds, 1.0 / pose_rate)
+    there = there[rng.random(there.size) > 0.005]
+    height = truth.height(there) + 5e-5 * rng.standard_normal(there.size)
+    hiss = noise * rng.standard_normal(truth.microphones.shape)
+    sound = (truth.microphones + hiss).astype(np.float32)
+    heard = audio_offset(taps, sound, first=late["audio"], rate=float(RATE), travel=TRAVEL)
+    seen = height_offset(taps, there + late["pose"], height)
+    return heard, late["audio"] - late["force"], seen, late["pose"] - late["force"]
+
+
+def check(cases: int) -> None:
+    """Audio within 0.5 ms, pose within its sampling interval; uncertainties not too small nor too large."""
+    audio, pose, stds = np.empty(cases), np.empty(cases), np.empty(cases)
+    for case in range(cases):
+        truth = played(case % 6, (0.3, 1.0, 2.0)[case % 3])
+        force_rate, pose_rate = (7000.0, 1000.0)[case % 2], (100.0, 250.0, 500.0)[case % 3]
+        noise = (0.0, 0.002, 0.01)[case % 5 % 3]
+        heard, late, seen, behind = measured(
+            truth, case, force_rate=force_rate, pose_rate=pose_rate, noise=noise
+        )
+        assert heard.known
+        assert seen.known
+        audio[case], stds[case] = heard.value - late, heard.std
+        pose[case] = (seen.value - behind) * pose_rate
+        assert abs(seen.value - behind) < 3.0 * seen.std
+    sure, scores = stds < 0.5e-3, np.abs(audio) / stds
+    off, out = 1e3 * np.abs(audio[sure]), np.abs(pose)
+    print(f"audio, {sure.sum()} sure of {cases}: median {np.median(off):.3f} ms, max {off.max():.3f} ms")  # noqa: T201
+    print(f"pose: median {np.median(out):.3f}, max {out.max():.3f} sampling intervals")  # noqa: T201
+    print(f"audio over its uncertainty: rms {np.sqrt(np.mean(scores**2)):.2f}, max {scores.max():.2f}")  # noqa: T201
+    assert sure.mean() > 0.97
+    assert off.max() < 0.5
+    assert out.max() < 1.0
+    assert 0.3 < np.sqrt(np.mean(scores**2)) < 1.3
+    assert scores.max() < 4.0
+
+
+def test_known_offsets_are_found_again() -> None:
+    check(18)
+
+
+@pytest.mark.slow
+def test_known_offsets_are_found_again_in_many_cases() -> None:
+    check(180)
+
+
+def test_a_driven_string_does_not_drown_its_taps() -> None:
+    for seed in range(3):
+        heard, late, _, _ = measured(played(seed, 1.0, driven=True), seed, force_rate=7000.0, pose_rate=250.0)
+        assert heard.value == pytest.approx(late, abs=0.5e-3)
+
+
+def test_one_tap_is_found_but_not_trusted() -> None:
+    heard, late, seen, _ = measured(played(1, 1.0, taps=1), 1, force_rate=7000.0, pose_rate=250.0)
+    assert heard.value == pytest.approx(late, abs=1e-3)
+    assert heard.taps == seen.taps == 1
+    assert heard.std > 1e-3
+
+
+def test_even_spacing_leaves_the_offset_open() -> None:
+    time = np.arange(0.0, 8.0, 0.004)
+    at = 2.0 + 0.4 * np.arange(10, dtype=np.float64)
+    height = np.minimum(0.2 * np.abs(time[:, None] - at).min(axis=1), 3e-3)
+    even = Taps(begin=at - 0.003, end=at + 0.003, spacing=1e-3)
+    assert height_offset(even, time, height).rival > 0.8
+    assert not height_offset(even, time, height).known
+
+
+def test_without_taps_or_sound_nothing_is_known() -> None:
+    none = Taps(begin=np.zeros(0), end=np.zeros(0), spacing=1e-3)
+    some = Taps(begin=np.array([1.0, 1.5]), end=np.array([1.1, 1.6]), spacing=1e-3)
+    silence = np.zeros((2, 3 * RATE), np.float32)
+    time = np.arange(0.0, 3.0, 0.01)
+    for found in (
+        audio_offset(none, silence, first=0.0, rate=44100.0),
+        audio_offset(some, silence, first=0.0, rate=44100.0),
+        audio_offset(some, silence[:, :10], first=0.0, rate=44100.0),
+        height_offset(none, time, np.zeros(time.size)),
+        height_offset(some, time, np.zeros(time.size)),
+    ):
+        assert not found.known
+
+
+def test_noise_alone_is_not_taken_for_taps() -> None:
+    taken = 0
+    begin: Floats
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        begin = np.sort(rng.uniform(1.5, 4.0, 5))
+        taps = Taps(begin=begin, end=begin, spacing=1e-3)
+        sound = rng.standard_normal((2, 6 * RATE)).astype(np.float32)
+        found = audio_offset(taps, sound, first=0.0, rate=44100.0)
+        taken += found.known and found.std < 0.5e-3 and found.taps >= 3
+    assert taken == 0
+
+
+def test_an_outlier_is_left_out_and_scatter_makes_uncertain() -> None:
+    rng = np.random.default_rng(0)
+    found = offset_of(np.array([0.1001, 0.0999, np.nan, 0.1002, 0.4]), spacing=1e-4)
+    assert found.taps == 3
+    assert found.value == pytest.approx(0.1, abs=2e-4)
+    assert np.isnan(found.each[[2, 4]]).all()
+    scores = [
+        (offset := offset_of(1e-3 * rng.standard_normal(5), spacing=1e-4)).value / offset.std
+        for _ in range(500)
+    ]
+    assert 0.88 < np.mean(np.abs(scores) < 2.0) < 0.98
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    taps = Taps(begin=np.ones(1), end=np.ones(1), spacing=1e-3)
+    with pytest.raises(InputError, match="one to each channel"):
+        audio_offset(taps, np.zeros((2, 99), np.float32), first=0.0, rate=44100.0, travel=(0.0,))
+    with pytest.raises(InputError, match="as many of both"):
+        height_offset(taps, np.zeros(3), np.zeros(2))
