@@ -47,7 +47,7 @@ def load(add: Callable[[str, str, str], Path]) -> Load:
 
 def test_there_is_a_recipe_for_everything_that_is_one_file() -> None:
     folders = {Path(path).parent.name for path in RECIPES}
-    assert folders == {"sources", "sinks", "estimators", "figures", "benchmarks", "models", "strings", "cli"}
+    assert folders == {"sources", "sinks", "estimators", "figures", "benchmarks", "simulators", "strings", "cli"}
     assert len(RECIPES) == TEXT.count("```python") + TEXT.count("```toml")
 
 
