@@ -88,9 +88,9 @@ def test_build_a_dataset() -> None:
     assert 22 < quietest <= 25
 
 
-def test_train_a_perceiver() -> None:
+def test_train_a_model() -> None:
     pytest.importorskip("torch")
-    head, contact, _, position, force, test = output("train_a_perceiver.py").splitlines()
+    head, contact, _, position, force, test = output("train_a_model.py").splitlines()
     assert head == "simulated, on validation:"
     assert float(re.findall(r"[\d.]+", contact)[0]) > 95.0
     for line, share in ((position, 0.5), (force, 1.0)):

@@ -65,7 +65,7 @@ def told(**values: Any) -> Damage:
     """Change what the text says, weights and their sum as they were."""
 
     def damage(folder: Path) -> None:
-        file = folder / "perceiver.json"
+        file = folder / "model.json"
         file.write_text(json.dumps(json.loads(file.read_text(encoding="utf-8")) | values), encoding="utf-8")
 
     return damage
@@ -73,7 +73,7 @@ def told(**values: Any) -> Damage:
 
 def columns(change: Callable[[list[str]], list[str]]) -> Damage:
     def damage(folder: Path) -> None:
-        feature = json.loads((folder / "perceiver.json").read_text(encoding="utf-8"))["feature"]
+        feature = json.loads((folder / "model.json").read_text(encoding="utf-8"))["feature"]
         told(feature=feature | {"columns": change(feature["columns"])})(folder)
 
     return damage
@@ -95,7 +95,7 @@ def of_half_precision(folder: Path) -> None:
 
 
 def nested(folder: Path) -> None:
-    (folder / "perceiver.json").write_text("[" * 100_000, encoding="utf-8")
+    (folder / "model.json").write_text("[" * 100_000, encoding="utf-8")
 
 
 def without(name: str) -> Damage:
@@ -106,20 +106,20 @@ RUNS: dict[str, tuple[Damage, str]] = {
     "weights cut off": (weights(lambda blob: blob[:-1000]), "weights.safetensors with sha256"),
     "no bytes": (weights(lambda _: b""), "weights.safetensors with sha256"),
     "a bit flipped": (weights(lambda blob: blob[:9000] + bytes([blob[9000] ^ 1]) + blob[9001:]), "sha256"),
-    "another sum": (told(weights="0" * 64), "allowed is 000000000000..., as perceiver.json says"),
+    "another sum": (told(weights="0" * 64), "allowed is 000000000000..., as model.json says"),
     "no numbers": (not_numbers, "force.0.bias is not finite"),
     "fewer columns": (columns(lambda names: names[:-1]), "scaler.mean is float32 (300,): allowed is"),
     "another column": (columns(lambda names: ["hue", *names[1:]]), "'hue' where there is"),
     "another feature": (told(feature={"name": "fft", "options": {}, "columns": []}), "fft, which has none"),
-    "another rate": (told(sample_rate=48000), "sound at 44100 Hz for a perceiver: allowed is 48000 Hz"),
+    "another rate": (told(sample_rate=48000), "sound at 44100 Hz for a model: allowed is 48000 Hz"),
     "another format": (told(format=99), "of another format: allowed is format 1"),
     "huge window": (told(window=1 << 50), "window 1125899906842624 of a model"),
-    "wrong type": (told(heads=[1]), "perceiver.json.heads"),
-    "nested deep": (nested, "perceiver.json ("),
+    "wrong type": (told(heads=[1]), "model.json.heads"),
+    "nested deep": (nested, "model.json ("),
     "too many weights": (weights(lambda blob: blob + bytes(1 << 21)), "bytes at most"),
     "another dtype": (of_half_precision, "force.0.bias is float16"),
     "no heads": (told(heads={}), "heads (none): allowed is one that learns the label contact"),
-    "no text": (without("perceiver.json"), "there is no perceiver.json in it"),
+    "no text": (without("model.json"), "there is no model.json in it"),
     "no weights": (without("weights.safetensors"), "weights.safetensors (No such file"),
 }
 
@@ -142,8 +142,8 @@ def test_a_damaged_run_is_refused(
     damage, words = RUNS[case]
     bundled = bundled_folder("demo")
     assert bundled is not None
-    shutil.copytree(bundled, tmp_path / "run" / "perceiver")
-    damage(tmp_path / "run" / "perceiver")
+    shutil.copytree(bundled, tmp_path / "run" / "model")
+    damage(tmp_path / "run" / "model")
     session, out = str(home / "44100.mcap"), tmp_path / "out"
     more = {
         "live": [session, "--source", "session", "--sink", f"jsonl={out}"],
@@ -159,7 +159,7 @@ def test_a_session_at_another_rate_is_refused_by_its_rate(
 ) -> None:
     session = str(home / "48000.mcap")
     more = {"live": [session, "--source", "session"], "evaluate": ["--sessions", session]}
-    words = "sound at 48000 Hz for a perceiver: allowed is 44100 Hz, as it was trained"
+    words = "sound at 48000 Hz for a model: allowed is 44100 Hz, as it was trained"
     one_line([verb, "demo", *more[verb]], words, capsys)
 
 

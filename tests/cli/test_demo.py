@@ -25,7 +25,7 @@ def result() -> dict[str, Any]:
 
 def test_the_touch_is_told(result: dict[str, Any]) -> None:
     assert result["simulated"] is True
-    assert result["estimator"] == "perceiver"
+    assert result["estimator"] == "model"
     assert result["contact_accuracy"] > 0.98
     assert result["position_windows"] > 100
     assert result["position_mae"] < 1.5e-3
@@ -91,9 +91,9 @@ def test_it_says_what_is_strange_to_it(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--estimator", "percever"], "did you mean 'perceiver'"),
+        (["--estimator", "percever"], "did you mean 'model'"),
         (["--material", "wod"], "did you mean 'wood'"),
-        (["long"], "a string of 0.65 m for a perceiver: allowed is 0.2 m"),
+        (["long"], "a string of 0.65 m for a model: allowed is 0.2 m"),
     ],
 )
 def test_what_it_cannot_show_is_one_line(

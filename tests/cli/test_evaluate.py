@@ -24,7 +24,7 @@ from monochord.live import Session as LiveSession
 from monochord.live import run as live
 from monochord.live.settings import WindowSettings
 from monochord.live.sinks.base import Listener, Moment
-from monochord.perception.estimators.perceiver import PerceiverEstimator
+from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.training.settings import Settings
 from monochord.perception.training.train import train
 
@@ -82,7 +82,7 @@ def test_the_validation_part_is_no_test(home: Path, capsys: pytest.CaptureFixtur
     ("arguments", "line"),
     [
         ([], "no sessions to test on"),
-        (["nowhere"], "perceiver nowhere"),
+        (["nowhere"], "model nowhere"),
         (["--dataset", "nowhere"], "dataset"),
         (["--dataset", "DATASET", "--sessions", "x"], "--sessions beside --dataset"),
         (["--dataset", "DATASET", "--split", "nowhere.json"], "nowhere.json (No such file"),
@@ -139,7 +139,7 @@ def assert_live_says_the_same(folder: Path, learnable: Path, file: Path) -> None
     name = results.trials[0].session
     source = SessionSource(path=learnable.parent / f"{name}.mcap", block=700)
     window = WindowSettings(length=results.window, hop=results.hop)
-    live(LiveSession(source=source, estimator=PerceiverEstimator(path=folder), sinks=(heard,), window=window))
+    live(LiveSession(source=source, estimator=ModelEstimator(path=folder), sinks=(heard,), window=window))
     part = results.where(results.trial == 0)
     assert len(heard.told) == len(part)
     for estimate in ("contact", "slip", "position", "force"):
@@ -156,7 +156,7 @@ def test_a_run_is_tested_on_what_it_has_not_heard(
     card = json.loads(capsys.readouterr().out)
     split = Split.read(learnable / "split.json")
     assert card["windows"] == len(split.test)
-    assert card["estimator"] == "perceiver"
+    assert card["estimator"] == "model"
     assert card["options"]["feature"]["name"] == card["options"]["reference"] == "bands"
     assert card["notes"] == []
     (told,) = [row for row in card["table"] if row["state"] == "touched"]

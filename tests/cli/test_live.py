@@ -193,12 +193,12 @@ def test_what_was_learned_hears_the_twin_beside_the_truth(capsys: pytest.Capture
     [
         (
             ["demmo", "prototype"],
-            "perceiver demmo (not there): allowed is a folder that monochord train made",
+            "model demmo (not there): allowed is a folder that monochord train made",
         ),
         (["demmo", "prototype"], "did you mean 'demo'"),
         (["demo", "demo"], "inputs demo, demo: allowed is one RUN at most"),
-        (["demo", "long"], "a string of 0.65 m for a perceiver: allowed is 0.2 m"),
-        (["demo", "--window", "0.2"], "windows of 8820 frames for a perceiver"),
+        (["demo", "long"], "a string of 0.65 m for a model: allowed is 0.2 m"),
+        (["demo", "--window", "0.2"], "windows of 8820 frames for a model"),
     ],
 )
 def test_what_was_not_learned_is_one_line(

@@ -19,7 +19,7 @@ from monochord.figures import FIGURES
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Moment
 from monochord.perception.estimators import ESTIMATORS
-from monochord.physics.simulators import MODELS, Case
+from monochord.physics.simulators import SIMULATORS, Case
 from monochord.physics.strings import load_string
 from monochord.physics.theory import harmonic_frequencies
 
@@ -47,7 +47,16 @@ def load(add: Callable[[str, str, str], Path]) -> Load:
 
 def test_there_is_a_recipe_for_everything_that_is_one_file() -> None:
     folders = {Path(path).parent.name for path in RECIPES}
-    assert folders == {"sources", "sinks", "estimators", "figures", "benchmarks", "simulators", "strings", "cli"}
+    assert folders == {
+        "sources",
+        "sinks",
+        "estimators",
+        "figures",
+        "benchmarks",
+        "simulators",
+        "strings",
+        "cli",
+    }
     assert len(RECIPES) == TEXT.count("```python") + TEXT.count("```toml")
 
 
@@ -117,7 +126,7 @@ def test_model(load: Load) -> None:
     load("src/monochord/physics/simulators/partials.py")
     appendix = load_string("appendix")
     case = Case(string=appendix.string, contact=appendix.usual_contact, seconds=0.5)
-    sound = MODELS.build("partials", {"count": 3}).run(case)
+    sound = SIMULATORS.build("partials", {"count": 3}).run(case)
     strongest = np.abs(np.fft.rfft(sound.microphones)).argmax(axis=1) / case.seconds
     assert strongest == pytest.approx(sound.summary["theory"], abs=1.0 / case.seconds)
 

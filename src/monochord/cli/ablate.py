@@ -1,4 +1,4 @@
-"""The verb `ablate`: what each part of a perceiver buys."""
+"""The verb `ablate`: what each part of a model buys."""
 
 import json
 from pathlib import Path

@@ -12,9 +12,9 @@ from monochord.cli._output import echo
 from monochord.core.errors import InputError, did_you_mean
 from monochord.live import Score, Settings, run
 
-LEARNED, PHYSICS = "perceiver", "closed_form"
+LEARNED, PHYSICS = "model", "closed_form"
 BUNDLED = "demo"
-"""Name of the perceiver that comes along."""
+"""Name of the model that comes along."""
 HEARD_BUILD, HEARD_DAYS, HEARD_STUFF = 1, range(1, 8), "plastic"
 """What it learned from, the plan paper: which sensor, on which days, touched by what."""
 NEW_DAY = 10
@@ -40,7 +40,7 @@ def demo(sensor: str, **options: Any) -> None:
     """Touch a simulated SENSOR in real time and see the touch told, truth beside estimate.
 
     The twin takes the place of string, drivers, objects and contact microphones; windows, estimator and view
-    are those of `monochord live`. Objects press, slide and roll at random, and a small perceiver that comes
+    are those of `monochord live`. Objects press, slide and roll at random, and a small model that comes
     along tells contact, place, force and slip. Control-C or SIGTERM ends it with its score.
 
     \b
@@ -94,7 +94,7 @@ def _of_the_learned(source: dict[str, Any]) -> list[str]:
             f"It learned from this sensor on days {HEARD_DAYS[0]} to {HEARD_DAYS[-1]}, never on day {day}."
         )
     touched = f"Of what touches it here, it never met {', '.join(strange)}." if strange else ""
-    first = f"All of this is simulated, sound and training alike; the perceiver is '{BUNDLED}'."
+    first = f"All of this is simulated, sound and training alike; the model is '{BUNDLED}'."
     rolling = "Some objects roll. None did where it learned, and it takes most of them for sliding."
     return [line for line in (first, heard, touched, rolling) if line]
 

@@ -50,7 +50,7 @@ from monochord.sessions import read_session
 
 CONFIG = "config.toml"
 """Settings of a run, in its folder."""
-LEARNED, PHYSICS = "perceiver", "closed_form"
+LEARNED, PHYSICS = "model", "closed_form"
 PARTS = ("test", "validation")
 RANDOM = "random"
 """What the columns of a feature with random weights begin with."""
@@ -142,7 +142,7 @@ class _Told:
 
     @property
     def about(self) -> Tree:
-        """What a perceiver was made of, for who reads the results."""
+        """What a model was made of, for who reads the results."""
         told = self.definition
         if told is None:
             return {}
@@ -156,7 +156,7 @@ class _Told:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What of a perceiver has to be known before its scores are."""
+        """What of a model has to be known before its scores are."""
         if self.definition is None:
             return ()
         name = self.definition.feature.name

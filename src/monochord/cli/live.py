@@ -31,7 +31,7 @@ from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.model import folder_of, load
 
 LINES = "jsonl"  # the sink that --json stands for
-LEARNED = "perceiver"  # the estimator that RUN stands for
+LEARNED = "model"  # the estimator that RUN stands for
 
 
 @click.command()
@@ -78,7 +78,7 @@ def live(inputs: tuple[str, ...], **options: Any) -> None:
 
 
 def _told_apart(inputs: tuple[str, ...]) -> tuple[str | None, str | None]:
-    """Return the folder of a perceiver, and what the source opens, as far as they are given."""
+    """Return the folder of a model, and what the source opens, as far as they are given."""
     learned = [text for text in inputs if folder_of(Path(text))]
     opened = [text for text in inputs if text not in learned]
     if len(inputs) == 2 and not learned:

@@ -10,7 +10,7 @@ from monochord.cli._options import refuse_unwritable
 from monochord.cli._output import echo
 from monochord.core.errors import InputError
 from monochord.core.types import Contact
-from monochord.physics.simulators import MODELS, Case, Sound
+from monochord.physics.simulators import SIMULATORS, Case, Sound
 from monochord.physics.strings import StringPreset, load_string
 
 SUBTYPES = {".wav": "FLOAT", ".flac": "PCM_24"}
@@ -52,7 +52,7 @@ def simulate(
     string = load_string(preset)
     contact = _contact(string, at, force, untouched=untouched)
     case = Case(string=string.string, contact=contact, seconds=seconds, assignments=assignments)
-    sound = MODELS.build(model, {} if route is None else {"route": route}).run(case)
+    sound = SIMULATORS.build(model, {} if route is None else {"route": route}).run(case)
     result: dict[str, Any] = {
         "preset": preset,
         "model": model,

@@ -1,4 +1,4 @@
-"""The verb `train`: a dataset into a perceiver."""
+"""The verb `train`: a dataset into a model."""
 
 import json
 import sys
@@ -35,9 +35,9 @@ LEARNING = "learning"
 def train(
     config: str, *, out: Path, dataset: str | None, assignments: tuple[str, ...], as_json: bool
 ) -> None:
-    """Train a perceiver by CONFIG, a preset's name or a TOML file.
+    """Train a model by CONFIG, a preset's name or a TOML file.
 
-    The folder of the run holds its settings, its history, also drawn, the perceiver and what that is worth
+    The folder of the run holds its settings, its history, also drawn, the model and what that is worth
     on validation. After an interruption the same command goes on.
 
     \b
@@ -64,7 +64,7 @@ def _draw(out: Path) -> None:
 
 
 def _tree(result: Result) -> dict[str, Any]:
-    told = result.perceiver.definition
+    told = result.model.definition
     return {
         "path": str(result.out),
         "simulated": told.simulated,
@@ -77,7 +77,7 @@ def _tree(result: Result) -> dict[str, Any]:
 
 
 def _lines(result: Result) -> list[str]:
-    told = result.perceiver.definition
+    told = result.model.definition
     kind = ", simulated" if told.simulated else ""
     reference = f" beside the reference {told.reference.feature.name}" if told.reference else ""
     tasks = {name: record.task for name, record in told.heads.items()}

@@ -1,4 +1,4 @@
-"""What each part of a perceiver buys: it is trained again without it, and judged by the same rules.
+"""What each part of a model buys: it is trained again without it, and judged by the same rules.
 
 Every variation is trained and evaluated by the programs that a person would start, in processes of their own.
 What is there already is not made again, so that a grid can be interrupted and grown. One that fails is told

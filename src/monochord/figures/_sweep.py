@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from monochord.core.types import Contact, Floats, StringParams
-from monochord.physics.simulators import MODELS, Case, Model
+from monochord.physics.simulators import SIMULATORS, Case, Simulator
 from monochord.physics.theory import TensionLaw, split_frequencies
 
 SETTLE, LISTEN = 0.3, 0.2  # s: what is let pass of each touch, and the window that is looked at
@@ -25,13 +25,13 @@ class Sweep:
         return split_frequencies(string, self.positions, self.forces, self.law)
 
 
-def simulator(name: str, route: str = USUAL_ROUTE) -> Model:
+def simulator(name: str, route: str = USUAL_ROUTE) -> Simulator:
     """Return the model of this name; the route goes to models that have one, or that are told another."""
-    has_routes = any(field.name == "route" for field in fields(MODELS.load(name)))  # pyright: ignore[reportArgumentType]
-    return MODELS.build(name, {"route": route} if has_routes or route != USUAL_ROUTE else {})
+    has_routes = any(field.name == "route" for field in fields(SIMULATORS.load(name)))  # pyright: ignore[reportArgumentType]
+    return SIMULATORS.build(name, {"route": route} if has_routes or route != USUAL_ROUTE else {})
 
 
-def simulated_spectra(model: Model, string: StringParams, sweep: Sweep) -> tuple[Floats, Floats]:
+def simulated_spectra(model: Simulator, string: StringParams, sweep: Sweep) -> tuple[Floats, Floats]:
     """Return the spectra of the simulated microphones for each touch of a sweep, after the transient.
 
     Parameters
@@ -68,7 +68,7 @@ def _cases(string: StringParams, sweep: Sweep) -> list[Case]:
     ]
 
 
-def _spectrum(model: Model, case: Case) -> tuple[Floats, Floats]:
+def _spectrum(model: Simulator, case: Case) -> tuple[Floats, Floats]:
     heard = model.run(case)
     late = heard.microphones[:, round(SETTLE * heard.sample_rate) :]
     size = 4 * late.shape[1]

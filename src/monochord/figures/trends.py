@@ -13,7 +13,7 @@ from monochord.core.units import Hertz, Newtons
 from monochord.figures import _style
 from monochord.figures._sweep import Sweep, simulated_spectra, simulator
 from monochord.figures.base import Figure
-from monochord.physics.simulators import Model
+from monochord.physics.simulators import Simulator
 from monochord.physics.strings import load_string
 from monochord.physics.theory import TensionLaw, open_frequency
 
@@ -127,7 +127,7 @@ def _draw_theory(axes: Axes, string: StringParams, sweep: Sweep, over: Floats) -
 
 
 def _draw_spectra(
-    axes: Axes, model: Model, string: StringParams, sweep: Sweep, over: Floats, top: Hertz
+    axes: Axes, model: Simulator, string: StringParams, sweep: Sweep, over: Floats, top: Hertz
 ) -> QuadMesh:
     frequencies, levels = simulated_spectra(model, string, sweep)
     edges = np.linspace(0.0, top, 241)

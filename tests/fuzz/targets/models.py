@@ -11,7 +11,7 @@ from tests.fuzz.base import Input, Target, taken_from
 from monochord.core.types import Signal, Window
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
-from monochord.perception.model import Definition, Perceiver, load
+from monochord.perception.model import Definition, Model, load
 from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.files import TEXT, WEIGHTS, save
 from monochord.perception.model.probe import probed
@@ -38,7 +38,7 @@ def drawn_model(folder: Path, *, heads: tuple[str, ...]) -> None:
     for part in ("scaler", "context"):
         weights[f"{part}.scale"][:] = 5.0
         weights[f"{part}.probe"] = probed(extractor, 2, SIZE)
-    save(Perceiver(definition=definition, weights=weights), folder)
+    save(Model(definition=definition, weights=weights), folder)
 
 
 class Fuzz(Target):

@@ -39,7 +39,7 @@ class Fuzz(Target):
         write_history(out, HISTORY)
         yield taken_from(out)
         write_metrics(out, {"simulated": True, "epochs": 3, "heads": SCORES})
-        drawn_model(out / "perceiver", heads=("contact", "position"))
+        drawn_model(out / "model", heads=("contact", "position"))
         yield taken_from(out)
 
     def run(self, folder: Path) -> None:

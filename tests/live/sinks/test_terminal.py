@@ -228,7 +228,7 @@ def test_standard_error_on_request(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def learned(**told: tuple[float, float] | str) -> Moment:
-    """Return a moment of what a perceiver tells; a text is a reason for telling nothing."""
+    """Return a moment of what a model tells; a text is a reason for telling nothing."""
     units = {"position": "m", "force": "N"}
     estimates = {
         name: Estimate.abstain(units.get(name, ""), pair)

@@ -9,7 +9,7 @@ from tests.conftest import LEARNABLE
 
 from monochord.core.errors import InputError
 from monochord.core.types import Estimates, Signal, Window
-from monochord.perception.estimators.perceiver import PerceiverEstimator
+from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.training.settings import Settings
@@ -69,7 +69,7 @@ def test_what_cannot_be_is_a_line() -> None:
 
 
 @pytest.mark.usefixtures("made_up_features")
-def test_a_perceiver_of_one_microphone_hears_that_one_live(lesson: dict[str, Any], tmp_path: Path) -> None:
+def test_a_model_of_one_microphone_hears_that_one_live(lesson: dict[str, Any], tmp_path: Path) -> None:
     pytest.importorskip("torch")
     alone = {"name": "one_microphone", "microphone": 2}
     lesson["feature"] = {**alone, "feature": {"name": "bands"}}
@@ -82,6 +82,6 @@ def test_a_perceiver_of_one_microphone_hears_that_one_live(lesson: dict[str, Any
     for samples in (0.1 * noise, 0.1 * other):
         window = Window(samples=samples, start=0, sample_rate=LEARNABLE)
         signal = Signal(sample_rate=LEARNABLE, channels=2)
-        told.append(PerceiverEstimator(path=tmp_path / "run").prepare(signal, 1600)(window))
+        told.append(ModelEstimator(path=tmp_path / "run").prepare(signal, 1600)(window))
     assert told[0] == told[1]
     assert told[0]["contact"].valid

@@ -1,4 +1,4 @@
-"""A perceiver with weights that were drawn, not learned."""
+"""A model with weights that were drawn, not learned."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ import pytest
 from monochord.core.types import Signal, Window
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
-from monochord.perception.model import Definition, Perceiver
+from monochord.perception.model import Definition, Model
 from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.probe import probed
 
@@ -24,7 +24,7 @@ def record(count: int) -> FeatureRecord:
 
 
 @pytest.fixture
-def drawn(made_up_features: None) -> Perceiver:
+def drawn(made_up_features: None) -> Model:
     """Return one of all heads, with a reference."""
     heads = {name: HeadRecord(task=HEADS.build(name).task()) for name in HEADS.names()}
     heads["position"] = HeadRecord(task=heads["position"].task, offset=0.1, scale=1e-3)
@@ -55,7 +55,7 @@ def drawn(made_up_features: None) -> Perceiver:
     logits = rows @ weights["contact.0.weight"][0]
     weights["contact.0.weight"] *= np.float32(3.0 / logits.std())
     weights["contact.0.bias"][0] = -3.0 * np.median(logits) / logits.std()
-    return Perceiver(definition=definition, weights=weights)
+    return Model(definition=definition, weights=weights)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The perceivers that come along are whole, small, and what the code and their configuration say."""
+"""The models that come along are whole, small, and what the code and their configuration say."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ def test_it_is_small_and_says_how_it_was_made(name: str) -> None:
     assert folder is not None
     assert {file.name for file in folder.iterdir()} == {
         "SOURCES.md",
-        "perceiver.json",
+        "model.json",
         "weights.safetensors",
     }
     assert sum(file.stat().st_size for file in folder.iterdir()) < 1_000_000
@@ -75,11 +75,11 @@ def test_it_is_found_by_its_name_where_nothing_else_has_it(
     assert folder_of(Path("demo")) == bundled_folder("demo")
     Path("demo").mkdir()
     assert folder_of(Path("demo")) is None
-    with pytest.raises(InputError, match=r"perceiver demo \(there is no perceiver.json in it\)"):
+    with pytest.raises(InputError, match=r"model demo \(there is no model.json in it\)"):
         load("demo")
 
 
 def test_an_unknown_name_is_told_with_the_names_that_there_are() -> None:
-    line = r"perceiver demmo \(not there\): allowed is a folder .*, or demo; did you mean 'demo'"
+    line = r"model demmo \(not there\): allowed is a folder .*, or demo; did you mean 'demo'"
     with pytest.raises(InputError, match=line):
         load("demmo")

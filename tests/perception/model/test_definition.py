@@ -1,4 +1,4 @@
-"""What a perceiver says of itself."""
+"""What a model says of itself."""
 
 import dataclasses
 
@@ -6,10 +6,10 @@ import pytest
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
-from monochord.perception.model import Definition, Perceiver
+from monochord.perception.model import Definition, Model
 
 
-def test_the_shapes_follow_from_columns_and_layers(drawn: Perceiver) -> None:
+def test_the_shapes_follow_from_columns_and_layers(drawn: Model) -> None:
     shapes = drawn.definition.shapes()
     assert shapes["scaler.mean"] == (50,)
     assert shapes["context.scale"] == (11,)
@@ -18,17 +18,17 @@ def test_the_shapes_follow_from_columns_and_layers(drawn: Perceiver) -> None:
     assert [shapes[f"position.{k}.weight"] for k in range(4)] == [(128, 61), (128, 128), (128, 128), (2, 128)]
 
 
-def test_without_a_reference_heads_see_the_window_alone(drawn: Perceiver) -> None:
+def test_without_a_reference_heads_see_the_window_alone(drawn: Model) -> None:
     alone = dataclasses.replace(drawn.definition, reference=None)
     assert alone.widths == (50, 0)
     assert alone.inputs("force") == 50
 
 
-def test_it_survives_being_written_down(drawn: Perceiver) -> None:
+def test_it_survives_being_written_down(drawn: Model) -> None:
     assert from_tree(Definition, to_tree(drawn.definition)) == drawn.definition
 
 
-def test_one_head_must_tell_of_contact(drawn: Perceiver) -> None:
+def test_one_head_must_tell_of_contact(drawn: Model) -> None:
     heads = {name: record for name, record in drawn.definition.heads.items() if name != "contact"}
     with pytest.raises(
         InputError, match=r"^heads force, position, slip: allowed is one that learns the label"
@@ -36,14 +36,14 @@ def test_one_head_must_tell_of_contact(drawn: Perceiver) -> None:
         dataclasses.replace(drawn.definition, heads=heads)
 
 
-def seeing(drawn: Perceiver, *columns: str) -> Definition:
+def seeing(drawn: Model, *columns: str) -> Definition:
     heads = dict(drawn.definition.heads)
     task = dataclasses.replace(heads["force"].task, columns=columns)
     heads["force"] = dataclasses.replace(heads["force"], task=task)
     return dataclasses.replace(drawn.definition, heads=heads)
 
 
-def test_a_head_may_see_some_columns_only(drawn: Perceiver) -> None:
+def test_a_head_may_see_some_columns_only(drawn: Model) -> None:
     columns = drawn.definition.feature.columns
     told = seeing(drawn, columns[3], columns[7])
     assert told.seen("force") == (3, 7)
@@ -53,6 +53,6 @@ def test_a_head_may_see_some_columns_only(drawn: Perceiver) -> None:
     assert from_tree(Definition, to_tree(told)) == told
 
 
-def test_columns_that_are_not_there_are_refused(drawn: Perceiver) -> None:
+def test_columns_that_are_not_there_are_refused(drawn: Model) -> None:
     with pytest.raises(InputError, match="columns 'pitch' for the head 'force': allowed is those of bands"):
         seeing(drawn, "pitch").shapes()

@@ -1,4 +1,4 @@
-"""A perceiver on disk: whole or refused, in one line."""
+"""A model on disk: whole or refused, in one line."""
 
 import json
 from collections.abc import Callable
@@ -9,20 +9,18 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Signal, Window
-from monochord.perception.model import Perceiver, folder_of, load, save
+from monochord.perception.model import Model, folder_of, load, save
 
 Sound = Callable[..., Window]
 
 
 @pytest.fixture
-def folder(drawn: Perceiver, tmp_path: Path) -> Path:
-    save(drawn, tmp_path / "run" / "perceiver")
-    return tmp_path / "run" / "perceiver"
+def folder(drawn: Model, tmp_path: Path) -> Path:
+    save(drawn, tmp_path / "run" / "model")
+    return tmp_path / "run" / "model"
 
 
-def test_what_was_saved_is_what_is_loaded(
-    drawn: Perceiver, folder: Path, signal: Signal, sound: Sound
-) -> None:
+def test_what_was_saved_is_what_is_loaded(drawn: Model, folder: Path, signal: Signal, sound: Sound) -> None:
     found = load(folder)
     assert {**drawn.weights}.keys() == found.weights.keys()
     one, other = drawn.open(signal), found.open(signal)
@@ -35,15 +33,15 @@ def test_it_is_found_in_the_folder_of_its_run(folder: Path) -> None:
     assert load(folder.parent).definition == load(folder).definition
 
 
-def test_equal_perceivers_have_equal_bytes(drawn: Perceiver, folder: Path, tmp_path: Path) -> None:
+def test_equal_models_have_equal_bytes(drawn: Model, folder: Path, tmp_path: Path) -> None:
     save(drawn, tmp_path / "again")
     for file in sorted(folder.iterdir()):
         assert (tmp_path / "again" / file.name).read_bytes() == file.read_bytes()
 
 
-def test_no_limit_survives(drawn: Perceiver, folder: Path) -> None:
+def test_no_limit_survives(drawn: Model, folder: Path) -> None:
     assert load(folder).definition.heads["contact"].task.limit == float("inf")
-    assert "Infinity" not in (folder / "perceiver.json").read_text()
+    assert "Infinity" not in (folder / "model.json").read_text()
     assert drawn.definition.heads["contact"].task.limit == float("inf")
 
 
@@ -62,7 +60,7 @@ def resigned(folder: Path, blob: bytes) -> None:
     import hashlib
 
     (folder / "weights.safetensors").write_bytes(blob)
-    file = folder / "perceiver.json"
+    file = folder / "model.json"
     told = json.loads(file.read_text())
     file.write_text(json.dumps({**told, "weights": hashlib.sha256(blob).hexdigest()}))
 
@@ -75,7 +73,7 @@ def test_what_is_no_safetensors_file_is_refused(folder: Path, blob: bytes) -> No
 
 
 @pytest.mark.parametrize("wrong", ["absent", "shape", "kind", "nan"])
-def test_weights_that_do_not_fit_are_refused_by_name(folder: Path, drawn: Perceiver, wrong: str) -> None:
+def test_weights_that_do_not_fit_are_refused_by_name(folder: Path, drawn: Model, wrong: str) -> None:
     from safetensors.numpy import save as packed
 
     name, arrays = "force.1.bias", {key: np.ascontiguousarray(value) for key, value in drawn.weights.items()}
@@ -92,20 +90,20 @@ def test_weights_that_do_not_fit_are_refused_by_name(folder: Path, drawn: Percei
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 99}', '"a"', "\udcff"])
 def test_a_damaged_text_is_one_line(folder: Path, text: str) -> None:
-    (folder / "perceiver.json").write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(InputError, match=r"perceiver\.json (\(damaged: .*\)|of another format): allowed is "):
+    (folder / "model.json").write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(InputError, match=r"model\.json (\(damaged: .*\)|of another format): allowed is "):
         load(folder)
 
 
 def test_a_text_with_an_unknown_word_is_refused(folder: Path) -> None:
-    file = folder / "perceiver.json"
+    file = folder / "model.json"
     file.write_text(json.dumps({**json.loads(file.read_text()), "hopp": 3}))
-    with pytest.raises(InputError, match=r"option 'perceiver\.json\.hopp'.*did you mean 'hop'"):
+    with pytest.raises(InputError, match=r"option 'model\.json\.hopp'.*did you mean 'hop'"):
         load(folder)
 
 
 def test_a_folder_without_one_is_refused(tmp_path: Path, folder: Path) -> None:
-    with pytest.raises(InputError, match=r"there is no perceiver\.json in it.*that monochord train made"):
+    with pytest.raises(InputError, match=r"there is no model\.json in it.*that monochord train made"):
         load(tmp_path)
     (folder / "weights.safetensors").unlink()
     with pytest.raises(InputError, match=r"weights\.safetensors \(No such file"):

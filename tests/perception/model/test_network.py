@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from monochord.perception.model import Perceiver
+from monochord.perception.model import Model
 from monochord.perception.model.network import Network
 
 torch = pytest.importorskip("torch")
 
 
-def test_it_is_what_torch_computes(drawn: Perceiver) -> None:
+def test_it_is_what_torch_computes(drawn: Model) -> None:
     network = Network.of(drawn.definition, drawn.weights)
     rng = np.random.default_rng(1)
     base, context = rng.normal(size=50).astype(np.float32), rng.normal(size=11).astype(np.float32)
@@ -29,12 +29,12 @@ def test_it_is_what_torch_computes(drawn: Perceiver) -> None:
         np.testing.assert_allclose(told, row.numpy(), rtol=1e-4, atol=1e-5)
 
 
-def test_scaling_is_bounded(drawn: Perceiver) -> None:
+def test_scaling_is_bounded(drawn: Model) -> None:
     network = Network.of(drawn.definition, drawn.weights)
     assert np.abs(network.scaled(np.full(50, 1e30, np.float32))).max() == drawn.definition.clip
 
 
-def test_a_reference_that_is_absent_is_zeros(drawn: Perceiver) -> None:
+def test_a_reference_that_is_absent_is_zeros(drawn: Model) -> None:
     network = Network.of(drawn.definition, drawn.weights)
     row = np.ones(11, np.float32)
     assert network.scaled_context(row).any()
@@ -42,7 +42,7 @@ def test_a_reference_that_is_absent_is_zeros(drawn: Perceiver) -> None:
     assert not network.scaled_context(row).any()
 
 
-def test_what_a_head_does_not_see_does_not_matter(drawn: Perceiver) -> None:
+def test_what_a_head_does_not_see_does_not_matter(drawn: Model) -> None:
     told = drawn.definition
     task = dataclasses.replace(told.heads["force"].task, columns=told.feature.columns[10:20])
     heads = {**told.heads, "force": dataclasses.replace(told.heads["force"], task=task)}

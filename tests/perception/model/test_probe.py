@@ -7,7 +7,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
-from monochord.perception.model import Perceiver
+from monochord.perception.model import Model
 from monochord.perception.model.probe import made_up, refuse_another
 
 KEPT = np.random.default_rng(0).normal(size=(3, 40)).astype(np.float32)
@@ -32,7 +32,7 @@ def test_another_feature_does_not(found: np.ndarray) -> None:
         refuse_another("bands", found, KEPT, SCALE)
 
 
-def test_a_perceiver_looks_before_it_listens(drawn: Perceiver, signal: Signal) -> None:
+def test_a_model_looks_before_it_listens(drawn: Model, signal: Signal) -> None:
     weights = {**drawn.weights, "scaler.probe": drawn.weights["scaler.probe"] + 3.0}
     with pytest.raises(InputError, match="not what it was in training"):
         dataclasses.replace(drawn, weights=weights).open(signal)

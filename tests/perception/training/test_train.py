@@ -1,4 +1,4 @@
-"""A run from sessions to a perceiver: it beats the mean label by far, and its folder tells all of it."""
+"""A run from sessions to a model: it beats the mean label by far, and its folder tells all of it."""
 
 import csv
 import json
@@ -46,7 +46,7 @@ def test_it_beats_the_mean_label_by_far_on_sessions_it_never_heard(
     assert np.mean(right) > 0.98
     for name, share in (("position", 0.35), ("force", 0.6)):
         label = dataset.label(name)[test]
-        by_mean = np.nanmean(np.abs(label - result.perceiver.definition.heads[name].offset))
+        by_mean = np.nanmean(np.abs(label - result.model.definition.heads[name].offset))
         assert np.mean(np.abs(errors[name])) < share * by_mean, name
         assert len(errors[name]) > 0.9 * np.isfinite(label).sum()
     assert result.scores["slip"]["auc"] > 0.9
@@ -60,7 +60,7 @@ def test_its_folder_tells_all(lesson: dict[str, Any], tmp_path: Path) -> None:
         "config.toml",
         "history.csv",
         "metrics.json",
-        "perceiver",
+        "model",
     ]
     told = json.loads((out / "metrics.json").read_text())
     assert told["simulated"] is True
@@ -68,8 +68,8 @@ def test_its_folder_tells_all(lesson: dict[str, Any], tmp_path: Path) -> None:
     assert "coverage_1" in told["calibration"]["force"]["measured"]
     with (out / "history.csv").open() as file:
         assert [line["epoch"] for line in csv.DictReader(file)] == ["1", "2", "3"]
-    assert load(out).definition == result.perceiver.definition
-    assert result.perceiver.definition.heads["force"].calibration.sessions == 2
+    assert load(out).definition == result.model.definition
+    assert result.model.definition.heads["force"].calibration.sessions == 2
 
 
 def test_equal_settings_give_equal_bytes(lesson: dict[str, Any], tmp_path: Path) -> None:
@@ -77,7 +77,7 @@ def test_equal_settings_give_equal_bytes(lesson: dict[str, Any], tmp_path: Path)
     train(Settings.read(short), tmp_path / "one")
     again = tmp_path / "elsewhere"
     train(Settings.read({**short, "cache": str(again)}), tmp_path / "two")
-    for name in ("perceiver/weights.safetensors", "perceiver/perceiver.json", "metrics.json", "history.csv"):
+    for name in ("model/weights.safetensors", "model/model.json", "metrics.json", "history.csv"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
 
 
@@ -140,7 +140,7 @@ def test_a_run_that_is_killed_ends_as_one_that_is_not(lesson: dict[str, Any], tm
         assert run.returncode == -signal.SIGKILL, "it was quicker than the kill"
     with begin("cut") as run:
         assert run.wait() == 0
-    for name in ("perceiver/weights.safetensors", "perceiver/perceiver.json", "metrics.json", "history.csv"):
+    for name in ("model/weights.safetensors", "model/model.json", "metrics.json", "history.csv"):
         assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
     assert not list((tmp_path / "cut").glob(".*"))
 

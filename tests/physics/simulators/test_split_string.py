@@ -6,7 +6,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Contact
-from monochord.physics.simulators import MODELS, Case, Model, Sound
+from monochord.physics.simulators import SIMULATORS, Case, Simulator, Sound
 from monochord.physics.strings import load_string
 
 APPENDIX = load_string("appendix")
@@ -14,16 +14,16 @@ APPENDIX = load_string("appendix")
 
 def run(*assignments: str, contact: Contact | None = APPENDIX.contact) -> Sound:
     case = Case(string=APPENDIX.string, contact=contact, seconds=0.4, assignments=assignments)
-    return MODELS.build("split_string", {"route": "modal"}).run(case)
+    return SIMULATORS.build("split_string", {"route": "modal"}).run(case)
 
 
 def test_the_folder_is_the_registry() -> None:
-    assert "split_string" in MODELS.names()
-    assert inspect.isabstract(Model)
+    assert "split_string" in SIMULATORS.names()
+    assert inspect.isabstract(Simulator)
     with pytest.raises(InputError, match=r"model 'split_strin'.*did you mean 'split_string'"):
-        MODELS.load("split_strin")
+        SIMULATORS.load("split_strin")
     with pytest.raises(InputError, match="did you mean 'modal'"):
-        MODELS.build("split_string", {"route": "modl"})
+        SIMULATORS.build("split_string", {"route": "modl"})
 
 
 def test_peaks_stand_beside_theory() -> None:

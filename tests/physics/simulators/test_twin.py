@@ -5,7 +5,7 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import Contact
 from monochord.physics.sensors import load_sensor, sensor_names
-from monochord.physics.simulators import MODELS, Case, Sound
+from monochord.physics.simulators import SIMULATORS, Case, Sound
 from monochord.physics.simulators.twin import sensor_of
 from monochord.physics.strings import load_string
 
@@ -15,7 +15,7 @@ TOUCH = Contact(position=0.08, force=1.0)
 
 def run(*assignments: str, contact: Contact | None = TOUCH, seconds: float = 0.5) -> Sound:
     case = Case(string=PROTOTYPE.string, contact=contact, seconds=seconds, assignments=assignments)
-    return MODELS.build("twin").run(case)
+    return SIMULATORS.build("twin").run(case)
 
 
 def test_peaks_stand_beside_theory_with_what_is_true() -> None:
@@ -57,7 +57,7 @@ def test_assignments_reach_every_part_of_the_setup() -> None:
 
 def test_the_law_of_tension_is_an_option_and_a_part_of_the_setup() -> None:
     case = Case(string=PROTOTYPE.string, contact=Contact(position=0.08, force=2.0), seconds=0.3)
-    linear = MODELS.build("twin", {"tension_law": "linear"}).run(case).summary
+    linear = SIMULATORS.build("twin", {"tension_law": "linear"}).run(case).summary
     assert linear["tension_law"] == "linear"
     assert linear["peaks"] == run("tension_law=linear", "contact.force=2.0", seconds=0.3).summary["peaks"]
 

@@ -2,6 +2,6 @@
 
 from monochord.perception.model.definition import Definition
 from monochord.perception.model.files import folder_of, load, save
-from monochord.perception.model.perceiver import Listening, Perceiver
+from monochord.perception.model.model import Listening, Model
 
-__all__ = ["Definition", "Listening", "Perceiver", "folder_of", "load", "save"]
+__all__ = ["Definition", "Listening", "Model", "folder_of", "load", "save"]

@@ -1,4 +1,4 @@
-"""What a perceiver is, but for the numbers that it learned: the text that stands beside its weights."""
+"""What a model is, but for the numbers that it learned: the text that stands beside its weights."""
 
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -12,7 +12,7 @@ from monochord.core.units import Samples, Seconds
 from monochord.perception.heads.base import CONTACT, Task
 
 FORMAT = 1
-"""Version of a perceiver's folder."""
+"""Version of a model's folder."""
 MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS = 1 << 17, 64, 16, 64
 """What is read from a file is bounded before it takes memory."""
 
@@ -92,7 +92,7 @@ class HeadRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition:
-    """All of a perceiver that is no array.
+    """All of a model that is no array.
 
     `window` and `hop` are those of the training data, in frames. `clip` bounds the scaled columns, so that a
     strange window is no stranger than that; one whose root mean square is below `quietest` is silence: the

@@ -1,8 +1,8 @@
-"""A perceiver on disk: a folder with a text and an array file, each checked by the other.
+"""A model on disk: a folder with a text and an array file, each checked by the other.
 
 ::
 
-    perceiver.json           the definition: feature, heads, calibration, where it comes from
+    model.json           the definition: feature, heads, calibration, where it comes from
     weights.safetensors      the arrays, whose sha256 stands in the text
 
 There is no pickle in it, so that reading one runs nobody's code. Some come with Monochord, and are loaded by
@@ -25,21 +25,21 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Audio
 from monochord.perception.model.bundled import bundled_folder, bundled_names
 from monochord.perception.model.definition import FORMAT, Definition
-from monochord.perception.model.perceiver import Perceiver
+from monochord.perception.model.model import Model
 
-TEXT, WEIGHTS = "perceiver.json", "weights.safetensors"
-INSIDE_A_RUN = "perceiver"
-"""Folder of the perceiver in the folder of a training run."""
+TEXT, WEIGHTS = "model.json", "weights.safetensors"
+INSIDE_A_RUN = "model"
+"""Folder of the model in the folder of a training run."""
 MAX_HEADER = 1 << 20
 """Bytes in the file of weights beside the weights themselves."""
 AGAIN = "copy the folder again, or train again"
 
 
 def folder_of(path: Path) -> Path | None:
-    """Return the folder of the perceiver that a path means, None if there is none.
+    """Return the folder of the model that a path means, None if there is none.
 
-    A path is that of a perceiver, that of a training run, or, where nothing stands there, the name of a
-    perceiver that comes with Monochord.
+    A path is that of a model, that of a training run, or, where nothing stands there, the name of a
+    model that comes with Monochord.
 
     >>> folder_of(Path("no-such-run")) is None
     True
@@ -48,27 +48,27 @@ def folder_of(path: Path) -> Path | None:
     return next(found, None if path.exists() else bundled_folder(str(path)))
 
 
-def save(perceiver: Perceiver, folder: Path) -> Perceiver:
-    """Write a perceiver into a folder, and return it with the checksum that it then has.
+def save(model: Model, folder: Path) -> Model:
+    """Write a model into a folder, and return it with the checksum that it then has.
 
-    The same perceiver gives the same bytes. The text is written last, so that a folder with a text is whole.
+    The same model gives the same bytes. The text is written last, so that a folder with a text is whole.
     """
     from safetensors.numpy import save as packed  # noqa: PLC0415
 
-    names = perceiver.definition.shapes()
-    blob = packed({name: np.ascontiguousarray(perceiver.weights[name], np.float32) for name in names})
-    told = dataclasses.replace(perceiver.definition, weights=hashlib.sha256(blob).hexdigest())
+    names = model.definition.shapes()
+    blob = packed({name: np.ascontiguousarray(model.weights[name], np.float32) for name in names})
+    told = dataclasses.replace(model.definition, weights=hashlib.sha256(blob).hexdigest())
     text = json.dumps(_finite(to_tree(told)), indent=1, ensure_ascii=False, allow_nan=False)
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in ((WEIGHTS, blob), (TEXT, text.encode() + b"\n")):
         part = folder / f".{name}.part"
         part.write_bytes(content)
         os.replace(part, folder / name)  # noqa: PTH105  (what stood there is replaced at once)
-    return dataclasses.replace(perceiver, definition=told)
+    return dataclasses.replace(model, definition=told)
 
 
-def load(path: Path | str) -> Perceiver:
-    """Return the perceiver in a folder or in that of a training run, or one that comes along by its name.
+def load(path: Path | str) -> Model:
+    """Return the model in a folder or in that of a training run, or one that comes along by its name.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def load(path: Path | str) -> Perceiver:
     folder = folder_of(Path(path))
     if folder is None:
         names = bundled_names()
-        given = f"perceiver {path} ({f'there is no {TEXT} in it' if Path(path).exists() else 'not there'})"
+        given = f"model {path} ({f'there is no {TEXT} in it' if Path(path).exists() else 'not there'})"
         allowed = f"a folder that monochord train made, or {', '.join(names)}"
         raise InputError(given, allowed, did_you_mean(str(path), names))
     told = _definition(folder / TEXT)
@@ -100,7 +100,7 @@ def load(path: Path | str) -> Perceiver:
     if own != told.weights:
         given = f"{file} with sha256 {own[:12]}..."
         raise InputError(given, f"{told.weights[:12] or '(none)'}..., as {TEXT} says", AGAIN)
-    return Perceiver(definition=told, weights=_weights(file, blob, told))
+    return Model(definition=told, weights=_weights(file, blob, told))
 
 
 def _definition(file: Path) -> Definition:

@@ -1,1 +1,1 @@
-"""From a dataset to a perceiver."""
+"""From a dataset to a model."""

@@ -49,7 +49,7 @@ def fit(
     plan
         Network, optimiser and seed.
     scaler
-        The arrays ``scaler.*`` and ``context.*`` of the perceiver.
+        The arrays ``scaler.*`` and ``context.*`` of the model.
     train, validation
         What is learned from, and what tells when to end.
     file
@@ -218,7 +218,7 @@ def _scores(definition: Definition, examples: "_Tensors", weights: Mapping[str, 
 
 
 class _Tensors:
-    """Examples as tensors, scaled as a perceiver scales."""
+    """Examples as tensors, scaled as a model scales."""
 
     def __init__(self, definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> None:
         torch = torch_library()

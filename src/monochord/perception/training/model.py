@@ -1,4 +1,4 @@
-"""The heads as torch tensors, under the names that a perceiver's weights have."""
+"""The heads as torch tensors, under the names that a model's weights have."""
 
 from collections.abc import Mapping
 from typing import Any

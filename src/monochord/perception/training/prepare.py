@@ -27,7 +27,7 @@ FLAT = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """A dataset with the features that are read off it, and the perceiver that is to come of them."""
+    """A dataset with the features that are read off it, and the model that is to come of them."""
 
     dataset: Dataset
     definition: Definition
@@ -149,7 +149,7 @@ def with_objects(source: Material, examples: Examples, settings: Settings) -> Ex
 
 
 def scaling(train: Examples) -> dict[str, Audio]:
-    """Return mean and standard deviation of each column, as the arrays of a perceiver.
+    """Return mean and standard deviation of each column, as the arrays of a model.
 
     Those of the reference are of windows that have one, and its mark stays as it is.
     """
@@ -186,7 +186,7 @@ def _mean_and_scale(rows: Audio) -> tuple[Audio, Audio]:
 
 
 def probes(source: Material) -> dict[str, Audio]:
-    """Return what the features answer to made-up windows, as the arrays of a perceiver."""
+    """Return what the features answer to made-up windows, as the arrays of a model."""
     told = source.definition
     found = {"scaler.probe": probed(source.feature.extractor, told.channels, told.window)}
     if source.reference is not None:

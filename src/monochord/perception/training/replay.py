@@ -1,4 +1,4 @@
-"""A perceiver on windows of a dataset, one after the other, as it would hear them live."""
+"""A model on windows of a dataset, one after the other, as it would hear them live."""
 
 from collections.abc import Iterator
 
@@ -6,8 +6,8 @@ from monochord.core.types import Window
 from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, Indices
 from monochord.perception.model.context import Memory
+from monochord.perception.model.model import Prepared
 from monochord.perception.model.network import Answer
-from monochord.perception.model.perceiver import Prepared
 
 
 def replay(prepared: Prepared, dataset: Dataset, rows: Indices) -> Iterator[tuple[int, dict[str, Answer]]]:
@@ -16,7 +16,7 @@ def replay(prepared: Prepared, dataset: Dataset, rows: Indices) -> Iterator[tupl
     Parameters
     ----------
     prepared
-        A perceiver, ready for the dataset's signal.
+        A model, ready for the dataset's signal.
     dataset
         What the windows are of.
     rows

@@ -5,7 +5,7 @@
     config.toml              every setting, with its value
     checkpoint.safetensors   where training stands
     history.csv              a line for each epoch
-    perceiver/               what was learned, calibrated
+    model/               what was learned, calibrated
     metrics.json             how good it is on validation; written last, so that it marks a run that is done
     board/                   TensorBoard's events, where they were asked for
     learning.svg             the history drawn, by ``monochord train`` when a run is done

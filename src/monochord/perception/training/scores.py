@@ -1,4 +1,4 @@
-"""How good a perceiver is on the windows that chose it, beside what the mean label would have scored."""
+"""How good a model is on the windows that chose it, beside what the mean label would have scored."""
 
 from collections.abc import Mapping
 

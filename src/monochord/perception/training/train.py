@@ -1,4 +1,4 @@
-"""A training run from settings to a perceiver, readable top to bottom."""
+"""A training run from settings to a model, readable top to bottom."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from monochord.datasets.store import Dataset, Indices, open_dataset
 from monochord.perception.model.definition import Calibration, Definition
 from monochord.perception.model.estimates import amount, probability
 from monochord.perception.model.files import INSIDE_A_RUN, save
+from monochord.perception.model.model import Model
 from monochord.perception.model.network import Answer
-from monochord.perception.model.perceiver import Perceiver
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.board import board, summary_writer
 from monochord.perception.training.calibrate import calibrated_amount, calibrated_chance
@@ -45,13 +45,13 @@ class Result:
     """What a run ended with: `scores` are those of each head on validation."""
 
     out: Path
-    perceiver: Perceiver
+    model: Model
     scores: dict[str, Numbers]
     epochs: int
 
 
 def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result:
-    """Train a perceiver into the folder `out`, or go on where a run of the same settings was cut off.
+    """Train a model into the folder `out`, or go on where a run of the same settings was cut off.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
 
     Examples
     --------
-    ``examples/train_a_perceiver.py`` does so with two simulated sessions.
+    ``examples/train_a_model.py`` does so with two simulated sessions.
     """
     torch_library()
     if settings.board:
@@ -99,34 +99,34 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
 
         state = fit(plan, scaler, seen, judged, out / CHECKPOINT, shown)
         shown(state)  # a kill between a checkpoint and this would leave out its epoch
-    learned = Perceiver(definition=definition, weights={**scaler, **probes(source), **state.best})
+    learned = Model(definition=definition, weights={**scaler, **probes(source), **state.best})
     stream = stream_of(dataset, split.validation)
-    perceiver, scores = calibrated(learned, source, stream, told)
-    perceiver = save(perceiver, out / INSIDE_A_RUN)
+    model, scores = calibrated(learned, source, stream, told)
+    model = save(model, out / INSIDE_A_RUN)
     write_metrics(
         out,
         {
-            "simulated": perceiver.definition.simulated,
+            "simulated": model.definition.simulated,
             "part": "validation",
             "heads": scores,
             "calibration": {
-                name: to_tree(record.calibration) for name, record in perceiver.definition.heads.items()
+                name: to_tree(record.calibration) for name, record in model.definition.heads.items()
             },
             "epochs": state.epoch,
             "best_epochs": state.at,
             "windows": {"train": len(seen.rows), "validation": len(judged.rows)},
-            "dataset": perceiver.definition.dataset,
+            "dataset": model.definition.dataset,
             "data": state.data,
-            "versions": perceiver.definition.versions,
+            "versions": model.definition.versions,
         },
     )
-    return Result(out=out, perceiver=perceiver, scores=scores, epochs=state.epoch)
+    return Result(out=out, model=model, scores=scores, epochs=state.epoch)
 
 
 def calibrated(
-    learned: Perceiver, source: Material, stream: Indices, told: Told = lambda *_: None
-) -> tuple[Perceiver, dict[str, Numbers]]:
-    """Return a perceiver whose doubt comes true on a stream of windows (n,), and its scores there.
+    learned: Model, source: Material, stream: Indices, told: Told = lambda *_: None
+) -> tuple[Model, dict[str, Numbers]]:
+    """Return a model whose doubt comes true on a stream of windows (n,), and its scores there.
 
     The windows are heard one by one, as live. Contact is calibrated first, since its probability says which
     windows become the reference that other heads see.
@@ -144,9 +144,7 @@ def calibrated(
     return learned, scores
 
 
-def _answers(
-    learned: Perceiver, dataset: Dataset, stream: Indices, told: Told
-) -> dict[int, dict[str, Answer]]:
+def _answers(learned: Model, dataset: Dataset, stream: Indices, told: Told) -> dict[int, dict[str, Answer]]:
     manifest = dataset.manifest
     signal = Signal(sample_rate=manifest.sample_rate, channels=manifest.channels)
     found: dict[int, dict[str, Answer]] = {}
@@ -158,7 +156,7 @@ def _answers(
     return found
 
 
-def _with(learned: Perceiver, name: str, calibration: Calibration) -> Perceiver:
+def _with(learned: Model, name: str, calibration: Calibration) -> Model:
     told = learned.definition
     heads = {**told.heads, name: dataclasses.replace(told.heads[name], calibration=calibration)}
     return dataclasses.replace(learned, definition=dataclasses.replace(told, heads=heads))

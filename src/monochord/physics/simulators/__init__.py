@@ -1,8 +1,8 @@
 """Physical models that can be asked for a sound: one file a model, found by its name."""
 
 from monochord.core.registry import Registry
-from monochord.physics.simulators.base import Case, Model, Sound
+from monochord.physics.simulators.base import Case, Simulator, Sound
 
-MODELS: Registry[Model] = Registry("monochord.physics.simulators", Model)
+SIMULATORS: Registry[Simulator] = Registry("monochord.physics.simulators", Simulator)
 
-__all__ = ["MODELS", "Case", "Model", "Sound"]
+__all__ = ["SIMULATORS", "Case", "Simulator", "Sound"]

@@ -37,7 +37,7 @@ class Sound:
     summary: Mapping[str, Any]
 
 
-class Model(ABC):
+class Simulator(ABC):
     """Options of a model, as a frozen keyword-only dataclass."""
 
     @abstractmethod

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from math import isnan
 
 from monochord.core.config import from_tree, override, to_tree
-from monochord.physics.simulators.base import Case, Model, Sound
+from monochord.physics.simulators.base import Case, Simulator, Sound
 from monochord.physics.split_string import Route, SplitString, peaks, simulate
 from monochord.physics.theory import open_frequency, segment_frequencies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SplitStringModel(Model):
+class SplitStringSimulator(Simulator):
     """Two independent segments, driven and heard: `monochord.physics.split_string`.
 
     Parameters

@@ -12,7 +12,7 @@ from monochord.core.units import Hertz, Metres, MetresPerSecond, Samples, Second
 from monochord.dsp.spectrum import Analyser
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor, sensor_names
-from monochord.physics.simulators.base import Case, Model, Sound
+from monochord.physics.simulators.base import Case, Simulator, Sound
 from monochord.physics.theory import TensionLaw, mixing_matrix, open_frequency, segment_frequencies
 from monochord.physics.twin import Ebow, Key, Pluck, Scene, Sensor, Take, Touch, advance, begin
 
@@ -49,7 +49,7 @@ class TwinCase:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TwinModel(Model):
+class TwinSimulator(Simulator):
     """The virtual sensor: `monochord.physics.twin`, plucked at time zero and touched at once.
 
     A touch of 0 N rests against the string and does not divide it.

@@ -1,4 +1,4 @@
-"""Perceivers that come with Monochord, one folder each, found by its name.
+"""Models that come with Monochord, one folder each, found by its name.
 
 How each was made stands in its ``SOURCES.md``.
 """
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def bundled_names() -> list[str]:
-    """Return the names of the perceivers that come along, sorted.
+    """Return the names of the models that come along, sorted.
 
     Examples
     --------
@@ -16,11 +16,11 @@ def bundled_names() -> list[str]:
     ['demo']
     """
     found = (Path(str(entry)) for entry in files(__name__).iterdir())
-    return sorted(path.name for path in found if (path / "perceiver.json").is_file())
+    return sorted(path.name for path in found if (path / "model.json").is_file())
 
 
 def bundled_folder(name: str) -> Path | None:
-    """Return the folder of a perceiver that comes along, None if there is none of this name.
+    """Return the folder of a bundled pretrained model, None if there is none of this name.
 
     Examples
     --------

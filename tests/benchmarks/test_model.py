@@ -3,17 +3,17 @@
 import pytest
 
 from monochord.benchmarks import BENCHMARKS
-from monochord.benchmarks.perceiver import drawn
+from monochord.benchmarks.model import drawn
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.physics.sensors import load_sensor
 
 
-def test_a_perceiver_stands_beside_the_closed_form() -> None:
-    rows = [*BENCHMARKS.build("perceiver", {"count": 60}).run()]
+def test_a_model_stands_beside_the_closed_form() -> None:
+    rows = [*BENCHMARKS.build("model", {"count": 60}).run()]
     whats = ("median", "p99", "largest")
     kinds = ("", " of processor time")
-    assert [row.name for row in rows] == [f"perceiver, {what}{kind}" for kind in kinds for what in whats]
+    assert [row.name for row in rows] == [f"model, {what}{kind}" for kind in kinds for what in whats]
     for first in (0, 3):
         assert 0.0 < rows[first].value <= rows[first + 1].value <= rows[first + 2].value
     for row in rows:
@@ -22,17 +22,17 @@ def test_a_perceiver_stands_beside_the_closed_form() -> None:
 
 
 def test_the_one_that_comes_along_takes_no_longer_than_a_hop() -> None:
-    rows = {row.name: row.value for row in BENCHMARKS.build("perceiver", {"path": "demo", "count": 60}).run()}
-    assert rows["perceiver, median of processor time"] < 1.5e-3
+    rows = {row.name: row.value for row in BENCHMARKS.build("model", {"path": "demo", "count": 60}).run()}
+    assert rows["model, median of processor time"] < 1.5e-3
 
 
 def test_one_that_is_drawn_can_be_heard_with() -> None:
     signal = Signal(sample_rate=44100, channels=2, string=load_sensor("prototype").string)
-    perceiver = drawn("fft_harmonic", "untouched", signal, 4410)
-    assert perceiver.definition.title == "weights drawn at random"
-    perceiver.open(signal)
+    model = drawn("fft_harmonic", "untouched", signal, 4410)
+    assert model.definition.title == "weights drawn at random"
+    model.open(signal)
 
 
 def test_no_windows_are_refused() -> None:
     with pytest.raises(InputError, match="0 windows: allowed is 1 or more"):
-        BENCHMARKS.build("perceiver", {"count": 0})
+        BENCHMARKS.build("model", {"count": 0})

@@ -15,7 +15,7 @@ from monochord.live import Settings as LiveSettings
 from monochord.live import run
 from monochord.live.sinks.base import Listener, Moment
 from monochord.perception.estimators import ESTIMATORS
-from monochord.perception.estimators.perceiver import PerceiverEstimator
+from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.training.replay import window_of
 from monochord.perception.training.settings import Settings
 from monochord.perception.training.train import train
@@ -49,13 +49,13 @@ def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, block: int) 
         live = LiveSettings.read(
             {
                 "source": {"name": "session", "path": str(learnable.parent / f"{name}.mcap"), "block": block},
-                "estimator": {"name": "perceiver", "path": str(trained)},
+                "estimator": {"name": "model", "path": str(trained)},
                 "window": {"length": 0.1, "hop": 0.1},
                 "sinks": {},
             }
         ).session()
         run(from_sinks(live, heard))
-    estimate = ESTIMATORS.build("perceiver", {"path": str(trained)}).prepare(SIGNAL, 1600)
+    estimate = ESTIMATORS.build("model", {"path": str(trained)}).prepare(SIGNAL, 1600)
     rows = np.flatnonzero(np.isin(dataset.session, [0, 3]))
     offline = [str(dict(estimate(window_of(dataset, row)))) for row in rows.tolist()]
     assert heard.told == offline
@@ -67,7 +67,7 @@ def from_sinks(live: Any, sink: Listener) -> Any:
 
 
 def test_windows_of_another_length_are_refused_before_any_comes(trained: Path) -> None:
-    estimator = from_tree(PerceiverEstimator, {"path": str(trained)})
+    estimator = from_tree(ModelEstimator, {"path": str(trained)})
     with pytest.raises(
         InputError, match=r"windows of 400 frames .* 1600 frames at 16000 Hz; take --window 0.1"
     ):
@@ -75,15 +75,15 @@ def test_windows_of_another_length_are_refused_before_any_comes(trained: Path) -
 
 
 def test_sound_at_another_rate_is_refused_by_its_rate_and_not_by_its_window(trained: Path) -> None:
-    estimator = from_tree(PerceiverEstimator, {"path": str(trained)})
+    estimator = from_tree(ModelEstimator, {"path": str(trained)})
     signal = dataclasses.replace(SIGNAL, sample_rate=48000)
-    with pytest.raises(InputError, match=r"sound at 48000 Hz for a perceiver: allowed is 16000 Hz"):
+    with pytest.raises(InputError, match=r"sound at 48000 Hz for a model: allowed is 16000 Hz"):
         estimator.prepare(signal, 4800)
 
 
-def test_a_folder_without_a_perceiver_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"there is no perceiver\.json in it"):
-        PerceiverEstimator(path=tmp_path).prepare(SIGNAL, 1600)
+def test_a_folder_without_a_model_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"there is no model\.json in it"):
+        ModelEstimator(path=tmp_path).prepare(SIGNAL, 1600)
 
 
 def test_prediction_needs_no_torch(trained: Path, learnable: Path) -> None:

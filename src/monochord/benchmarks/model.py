@@ -1,4 +1,4 @@
-"""What a window costs a perceiver: feature, untouched reference and four heads."""
+"""What a window costs a model: feature, untouched reference and four heads."""
 
 import time
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from monochord.core.windows import windows
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
-from monochord.perception.model import Definition, Perceiver, load
+from monochord.perception.model import Definition, Model, load
 from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.probe import probed
 from monochord.physics.sensors import load_sensor
@@ -30,7 +30,7 @@ BASELINE = "closed form"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PerceiverBenchmark(Benchmark):
+class ModelBenchmark(Benchmark):
     """Time from a window to contact, slip, position and force, on one core, beside the closed form's.
 
     Both take their turn with every window of the twin's sound, touched and untouched. Without a `path` the
@@ -40,7 +40,7 @@ class PerceiverBenchmark(Benchmark):
     Parameters
     ----------
     path
-        Folder of a perceiver or of a training run, or the name of one that comes along.
+        Folder of a model or of a training run, or the name of one that comes along.
     feature, reference
         Names of the features of the one that is drawn.
     count
@@ -65,7 +65,7 @@ class PerceiverBenchmark(Benchmark):
             size = round(length * signal.sample_rate)
             ways: dict[str, Prepared] = {
                 BASELINE: ESTIMATORS.build("closed_form").prepare(signal, size),
-                "perceiver": self._perceiver(signal, size).open(signal).predict,
+                "model": self._model(signal, size).open(signal).predict,
             }
             times: dict[str, list[tuple[Seconds, Seconds]]] = {name: [] for name in ways}
             hop = round(HOP * signal.sample_rate)
@@ -74,22 +74,22 @@ class PerceiverBenchmark(Benchmark):
                 for name, estimate in ways.items():
                     times[name].append(_duration(estimate, window))
         for clock, kind in enumerate(("", " of processor time")):
-            taken, baseline = (np.array(times[name][SETTLE:])[:, clock] for name in ("perceiver", BASELINE))
+            taken, baseline = (np.array(times[name][SETTLE:])[:, clock] for name in ("model", BASELINE))
             for what, share in (("median", 0.5), ("p99", 0.99), ("largest", 1.0)):
                 yield Row(
-                    name=f"perceiver, {what}{kind}",
+                    name=f"model, {what}{kind}",
                     value=float(np.quantile(taken, share)),
                     unit="s",
                     baseline=f"{BASELINE}, {what}{kind}",
                     baseline_value=float(np.quantile(baseline, share)),
                 )
 
-    def _perceiver(self, signal: Signal, size: int) -> Perceiver:
+    def _model(self, signal: Signal, size: int) -> Model:
         return load(self.path) if self.path else drawn(self.feature, self.reference, signal, size)
 
 
-def drawn(feature: str, reference: str, signal: Signal, size: int) -> Perceiver:
-    """Return a perceiver of the usual heads whose weights are random; its answers mean nothing."""
+def drawn(feature: str, reference: str, signal: Signal, size: int) -> Model:
+    """Return a model of the usual heads whose weights are random; its answers mean nothing."""
     own = Signal(sample_rate=signal.sample_rate, channels=2, string=load_sensor("prototype").string)
     made = {name: FEATURES.build(name) for name in (feature, reference)}
     ready = {name: each.prepare(own, size) for name, each in made.items()}
@@ -116,7 +116,7 @@ def drawn(feature: str, reference: str, signal: Signal, size: int) -> Perceiver:
     for part, name in (("scaler", feature), ("context", reference)):
         weights[f"{part}.scale"][:] = 1.0
         weights[f"{part}.probe"] = probed(ready[name], 2, size)
-    return Perceiver(definition=definition, weights=weights)
+    return Model(definition=definition, weights=weights)
 
 
 def _duration(estimate: Prepared, window: Window) -> tuple[Seconds, Seconds]:

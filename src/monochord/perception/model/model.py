@@ -1,4 +1,4 @@
-"""The perceiver: feature, untouched reference, scaling and heads as one object, offline and live."""
+"""The model: feature, untouched reference, scaling and heads as one object, offline and live."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ LENGTHS_ALIKE = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Perceiver:
+class Model:
     """What was learned, ready to be opened for a stream.
 
     `weights` are float32 arrays of the names and shapes that `definition.shapes` tells.
@@ -68,7 +68,7 @@ class Perceiver:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prepared:
-    """A perceiver made ready for a signal: it holds no state, which is passed in and out."""
+    """A model made ready for a signal: it holds no state, which is passed in and out."""
 
     definition: Definition
     feature: Extractor
@@ -105,7 +105,7 @@ class Prepared:
         """
         size = window.samples.shape[-1]
         if size != self.definition.window:
-            given, rate = f"windows of {size} frames for a perceiver", self.definition.sample_rate
+            given, rate = f"windows of {size} frames for a model", self.definition.sample_rate
             remedy = f"take --window {self.definition.window / rate:g}"
             raise InputError(given, f"{self.definition.window} frames", remedy)
         memory, found = self.answers(memory, window)
@@ -124,11 +124,11 @@ class Prepared:
 
 
 UNUSABLE = ("gap", "silence", "samples that are not numbers")
-"""What a perceiver cannot use; it was trained on clipped windows as on others."""
+"""What a model cannot use; it was trained on clipped windows as on others."""
 
 
 class Listening:
-    """A perceiver on one stream: it keeps the memory between windows, which come in order."""
+    """A model on one stream: it keeps the memory between windows, which come in order."""
 
     def __init__(self, prepared: Prepared) -> None:
         self._prepared = prepared
@@ -164,13 +164,13 @@ def extractor(record: FeatureRecord, signal: Signal, size: Samples) -> Extractor
 
 def _refuse_other_signal(told: Definition, signal: Signal) -> None:
     if signal.sample_rate != told.sample_rate:
-        given = f"sound at {signal.sample_rate} Hz for a perceiver"
+        given = f"sound at {signal.sample_rate} Hz for a model"
         raise InputError(given, f"{told.sample_rate} Hz, as it was trained", "record at that rate")
     if signal.channels != told.channels:
-        given = f"sound of {signal.channels} channel(s) for a perceiver"
+        given = f"sound of {signal.channels} channel(s) for a model"
         raise InputError(given, f"{told.channels}, as it was trained", "connect both microphones")
     if told.string and signal.string and not _alike(told.string, signal.string):
-        given = f"a string of {signal.string.length:g} m for a perceiver"
+        given = f"a string of {signal.string.length:g} m for a model"
         raise InputError(given, f"{told.string.length:g} m, as it was trained", "train one for this sensor")
 
 

@@ -1,6 +1,6 @@
-"""Collect two simulated sessions, train a perceiver on them, and hear a stretch of one as a stream.
+"""Collect two simulated sessions, train a model on them, and hear a stretch of one as a stream.
 
-Run it: python examples/train_a_perceiver.py
+Run it: python examples/train_a_model.py
 """
 
 from pathlib import Path
@@ -22,7 +22,7 @@ from monochord.perception.training.train import train
 
 
 def main() -> None:
-    """Print what the validation part says of the perceiver, and how far off it is on the test part."""
+    """Print what the validation part says of the model, and how far off it is on the test part."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         sessions = [make(session, folder).path for session in assignments(load_plan("small"))]

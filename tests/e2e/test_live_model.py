@@ -1,4 +1,4 @@
-"""A perceiver behind a real JACK server says what it says of the same sound in a file."""
+"""A model behind a real JACK server says what it says of the same sound in a file."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from monochord.benchmarks.perceiver import drawn
+from monochord.benchmarks.model import drawn
 from monochord.cli import run
 from monochord.core.types import Signal
 from monochord.perception.model import save
