@@ -3,12 +3,59 @@
 A steel string is kept ringing by two electromagnetic drivers and heard by two contact microphones.
 A touch splits it, and its spectrum tells contact, position, normal force and slip.
 
-Importing this package loads no kernel compiler, plotting or device library; each room loads what it
-needs when it is used.
+What a program needs first stands here and is loaded when it is used, so that importing this package is quick::
+
+    import monochord as mc
+
+    for prediction in mc.listen("twin", model="demo", seconds=2.0):
+        print(prediction.time, prediction["position"].value, prediction["position"].std)
 """
 
+from importlib import import_module
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from monochord.live.listen import listen, listen_async
+    from monochord.perception.data import features, load_dataset
+    from monochord.perception.model import load
+    from monochord.physics.simulate import simulate
+    from monochord.physics.twin.virtual_sensor import VirtualSensor
+    from monochord.sessions import read_session
 
 __version__ = version("monochord")
 
-__all__ = ["__version__"]
+__all__ = [
+    "VirtualSensor",
+    "__version__",
+    "features",
+    "listen",
+    "listen_async",
+    "load",
+    "load_dataset",
+    "read_session",
+    "simulate",
+]
+
+_HOMES = {
+    "VirtualSensor": "monochord.physics.twin.virtual_sensor",
+    "features": "monochord.perception.data",
+    "listen": "monochord.live.listen",
+    "listen_async": "monochord.live.listen",
+    "load": "monochord.perception.model",
+    "load_dataset": "monochord.perception.data",
+    "read_session": "monochord.sessions",
+    "simulate": "monochord.physics.simulate",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'monochord' has no attribute '{name}'")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

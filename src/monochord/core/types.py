@@ -131,6 +131,17 @@ class Prediction:
     estimates: Mapping[str, Estimate]
     latency: Seconds = 0.0
 
+    def __getitem__(self, name: str) -> Estimate:
+        """Return an estimate by name; raises `KeyError` where the estimator has none of this name.
+
+        >>> place = Estimate(value=0.08, std=1e-4, unit="m")
+        >>> Prediction(start=0, time=0.0, estimates={"position": place})["position"].value
+        0.08
+        """
+        if name not in self.estimates:
+            raise KeyError(f"'{name}' is not estimated; there is {', '.join(self.estimates) or 'nothing'}")
+        return self.estimates[name]
+
     def estimate(self, name: str) -> Estimate:
         """Return an estimate by name, or an abstention where the estimator has none of this name.
 

@@ -50,49 +50,96 @@ def run(session: Session) -> Summary:
         with wish.at_once():
             stream = stack.enter_context(session.source.open())
         stack.enter_context(wish.ending(stream.close))
-        signal = _known(stream.signal, session.string)
-        size, hop = session.window.frames(signal.sample_rate)
-        estimate = session.estimator.prepare(signal, size)
-        estimate(_made_up(signal, size))  # what loads or compiles at first use does so now
-        writers = [stack.enter_context(sink.open(signal)) for sink in session.sinks]
-        clock = SampleClock(sample_rate=signal.sample_rate)
-        feed = _Feed(stream, signal.sample_rate)
-        meter = Meter(deadline=hop / signal.sample_rate)
+        live = LiveStream(session, stream)
+        writers = [stack.enter_context(sink.open(live.signal)) for sink in session.sinks]
         stack.enter_context(_heap_set_aside())
         try:
-            for window in windows(feed, size=size, hop=hop, sample_rate=signal.sample_rate):
-                end = window.start + size
-                if wish.asked or clock.time(end) > session.seconds:
+            for moment in live:
+                if wish.asked:
                     break
-                if stream.pending >= hop:
-                    meter.skip()
-                    continue
-                cut = time.monotonic()
-                estimates = estimate(window)
-                done = time.monotonic()
-                prediction = Prediction(
-                    start=window.start,
-                    time=clock.time(window.start),
-                    estimates=estimates,
-                    latency=done - feed.at_hand,
-                )
-                moment = Moment(
-                    prediction=prediction,
-                    window=window,
-                    health=stream.health,
-                    truth=stream.truth(window.start, end),
-                    skipped=meter.skipped,
-                )
                 for writer in writers:
                     writer.write(moment)
-                written = time.monotonic()
-                meter.add(prediction, read=cut - feed.at_hand, estimate=done - cut, sinks=written - done)
-                if not window.has_gap:
-                    meter.add_capture(feed.captured(end), done)
         except KeyboardInterrupt:
             wish.asked = True
-        meter.interrupted = wish.asked
-        return meter.summary(feed.frames, stream.health)
+        return live.summary(interrupted=wish.asked)
+
+
+@contextmanager
+def opened(session: Session) -> Generator["LiveStream"]:
+    """Open a session's source and make its estimator ready; leaving the context releases the source.
+
+    Raises
+    ------
+    InputError
+        If the source or the estimator refuses its options or the signal.
+    DeviceError
+        If a device is absent.
+    """
+    with session.source.open() as stream:
+        yield LiveStream(session, stream)
+
+
+class LiveStream:
+    """The windows of an open source as they are estimated; iterating it is the live loop.
+
+    Attributes
+    ----------
+    signal
+        What the source says of its audio, with the string that the session names.
+    """
+
+    def __init__(self, session: Session, stream: Stream) -> None:
+        self._stream, self._seconds = stream, session.seconds
+        self.signal = _known(stream.signal, session.string)
+        self._size, self._hop = session.window.frames(self.signal.sample_rate)
+        self._estimate = session.estimator.prepare(self.signal, self._size)
+        self._estimate(_made_up(self.signal, self._size))  # what loads or compiles at first use does so now
+        self._feed = _Feed(stream, self.signal.sample_rate)
+        self._meter = Meter(deadline=self._hop / self.signal.sample_rate)
+        self._closed = False
+
+    def close(self) -> None:
+        """End the iteration, from whatever thread."""
+        self._closed = True
+        self._stream.close()
+
+    def summary(self, *, interrupted: bool = False) -> Summary:
+        """Return what was counted and timed so far."""
+        self._meter.interrupted = interrupted
+        return self._meter.summary(self._feed.frames, self._stream.health)
+
+    def __iter__(self) -> Iterator[Moment]:
+        """Yield each window's prediction with what belongs to it; what is done with it counts as sinks."""
+        stream, feed, meter, size, hop = self._stream, self._feed, self._meter, self._size, self._hop
+        rate = self.signal.sample_rate
+        clock = SampleClock(sample_rate=rate)
+        for window in windows(feed, size=size, hop=hop, sample_rate=rate):
+            end = window.start + size
+            if self._closed or clock.time(end) > self._seconds:
+                return
+            if stream.pending >= hop:
+                meter.skip()
+                continue
+            cut = time.monotonic()
+            estimates = self._estimate(window)
+            done = time.monotonic()
+            prediction = Prediction(
+                start=window.start,
+                time=clock.time(window.start),
+                estimates=estimates,
+                latency=done - feed.at_hand,
+            )
+            yield Moment(
+                prediction=prediction,
+                window=window,
+                health=stream.health,
+                truth=stream.truth(window.start, end),
+                skipped=meter.skipped,
+            )
+            written = time.monotonic()
+            meter.add(prediction, read=cut - feed.at_hand, estimate=done - cut, sinks=written - done)
+            if not window.has_gap:
+                meter.add_capture(feed.captured(end), done)
 
 
 class _Feed:

@@ -1,0 +1,190 @@
+"""Features of audio and of datasets, for programs: arrays, and data sets of torch."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats, Signal
+from monochord.core.units import Seconds
+from monochord.datasets.split import Split
+from monochord.datasets.store import Dataset, Indices, open_dataset, window_starts
+from monochord.perception.features import FEATURES
+from monochord.perception.training.rows import Rows
+from monochord.physics.sensors import load_sensor
+from monochord.physics.twin import Sensor
+
+if TYPE_CHECKING:
+    from torch.utils.data import TensorDataset
+
+BATCH = 64
+"""Windows of which features are computed at once."""
+
+
+def features(
+    audio: Audio,
+    sensor: str | Sensor = "prototype",
+    *,
+    feature: str = "fft_harmonic",
+    sample_rate: int = 44100,
+    window: Seconds = 0.1,
+    hop: Seconds = 0.01,
+    **options: Any,
+) -> Audio:
+    """Return the features of every window of a recording.
+
+    Parameters
+    ----------
+    audio
+        Samples (channels, n) in full scale, as float32 or what converts to it.
+    sensor
+        A preset's name, a TOML file, or a sensor: whose string is heard.
+    feature
+        Name of the feature; ``monochord list features`` shows them.
+    sample_rate
+        Frames a second.
+    window, hop
+        Length of a window and distance of window starts, in s.
+    options
+        Options of the feature, such as ``tones=True``.
+
+    Returns
+    -------
+    ndarray
+        Rows (windows, columns) float32; row k is of the window that starts at k `hop`.
+
+    Raises
+    ------
+    InputError
+        For audio of another shape or shorter than a window, an unknown sensor or feature, or an option that
+        cannot be used.
+
+    Examples
+    --------
+    >>> silence = np.zeros((2, 8820), np.float32)
+    >>> features(silence, sensor="prototype").shape
+    (11, 300)
+    """
+    samples = np.asarray(audio, np.float32)
+    if samples.ndim != 2 or samples.shape[0] > 2:
+        given = f"audio of shape {samples.shape}"
+        raise InputError(given, "(channels, samples), 1 or 2 channels", "transpose (samples, channels)")
+    size, step = round(window * sample_rate), round(hop * sample_rate)
+    if size < 1 or step < 1 or samples.shape[1] < size:
+        given = f"{samples.shape[1]} samples for windows of {size} every {step}"
+        raise InputError(given, "one whole window or more, every sample or more")
+    string = (load_sensor(sensor) if isinstance(sensor, str) else sensor).string
+    signal = Signal(sample_rate=sample_rate, channels=samples.shape[0], string=string)
+    extractor = FEATURES.build(feature, options).prepare(signal, size)
+    starts = window_starts(samples.shape[1], size, step)
+    rows = np.empty((len(starts), len(extractor.columns)), np.float32)
+    for first in range(0, len(starts), BATCH):
+        batch = [samples[:, start : start + size] for start in starts[first : first + BATCH].tolist()]
+        rows[first : first + BATCH] = extractor(np.stack(batch))
+    return rows
+
+
+def load_dataset(path: str | Path, split: str | Path | None = None) -> "LabelledData":
+    """Return the dataset in a folder that ``monochord build`` made, with its split.
+
+    Parameters
+    ----------
+    path
+        The folder.
+    split
+        A file that ``monochord build`` wrote; the folder's ``split.json`` by default.
+
+    Raises
+    ------
+    InputError
+        If there is no dataset, or it or its split is damaged.
+    """
+    dataset = open_dataset(Path(path))
+    return LabelledData(dataset=dataset, split=Split.read(Path(split or dataset.path / "split.json")))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelledData:
+    """A dataset and its split, as arrays.
+
+    Attributes
+    ----------
+    dataset
+        Windows with labels on disk.
+    split
+        Which windows are for training, for validation and for the test.
+    """
+
+    dataset: Dataset
+    split: Split
+
+    def rows(self, part: str | None = None) -> Indices:
+        """Return the numbers (n,) of the usable windows of a part, or of all parts, in order of time."""
+        if part is not None and part not in self.split.parts:
+            raise InputError(f"part '{part}'", ", ".join(self.split.parts))
+        chosen = [rows for name, rows in self.split.parts.items() if part in (None, name)]
+        rows = np.sort(np.concatenate(chosen))
+        return rows[self.dataset.usable[rows]]
+
+    def labels(self, rows: Indices) -> Mapping[str, Floats]:
+        """Return the labels (n,) of windows by name, NaN where they are not known."""
+        return {name: self.dataset.label(name)[rows] for name in self.dataset.labels}
+
+    def arrays(
+        self,
+        feature: str = "fft_harmonic",
+        part: str | None = None,
+        *,
+        sensor: str = "prototype",
+        **options: Any,
+    ) -> tuple[Audio, Mapping[str, Floats], NDArray[np.str_]]:
+        """Return features, labels and parts of the usable windows; features are cached beside the dataset.
+
+        Parameters
+        ----------
+        feature
+            Name of the feature.
+        part
+            ``"train"``, ``"validation"`` or ``"test"``; all of them by default.
+        sensor
+            The sensor that was heard, as its design states it.
+        options
+            Options of the feature.
+
+        Returns
+        -------
+        x
+            Rows (n, columns) float32.
+        y
+            Labels (n,) by name: ``contact`` and ``slip`` 0 or 1, ``position`` in m, ``force`` in N ...; NaN
+            where a label is not known.
+        parts
+            The name (n,) of each row's part.
+        """
+        manifest, rows = self.dataset.manifest, self.rows(part)
+        signal = Signal(
+            sample_rate=manifest.sample_rate, channels=manifest.channels, string=load_sensor(sensor).string
+        )
+        extractor = FEATURES.build(feature, options).prepare(signal, manifest.window)
+        cache = self.dataset.path / "features"
+        table = Rows(dataset=self.dataset, name=feature, options=options, extractor=extractor, folder=cache)
+        parts = np.full(len(self.dataset), "", dtype="<U10")
+        for name, members in self.split.parts.items():
+            parts[members] = name
+        return table.of(rows), self.labels(rows), parts[rows]
+
+    def torch(self, part: str, feature: str = "fft_harmonic", **options: Any) -> "TensorDataset":
+        """Return a part as a data set of torch: features (columns,), then labels (names,) with NaN, in order.
+
+        The labels are in the order of `labels`. Raises `InputError` where torch is not installed.
+        """
+        from monochord.perception.training._torch import torch_library  # noqa: PLC0415
+
+        torch = torch_library()
+        x, y, _ = self.arrays(feature, part, **options)
+        labels = np.stack([values.astype(np.float32) for values in y.values()], axis=1)
+        return torch.utils.data.TensorDataset(torch.from_numpy(x), torch.from_numpy(labels))
