@@ -3,7 +3,7 @@
 A steel string is kept ringing by two electromagnetic drivers and heard by two contact microphones.
 A touch splits it, and its spectrum tells contact, position, normal force and slip.
 
-What a program needs first stands here and is loaded when it is used, so that importing this package is quick::
+What a program needs first stands here and is loaded when it is used, so that the import is quick::
 
     import monochord as mc
 

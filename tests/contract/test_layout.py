@@ -60,7 +60,8 @@ def loaded_by(statement: str) -> set[str]:
     [
         "import monochord",
         "import monochord.cli",
-        "import monochord.core.types, monochord.capture.sources, monochord.live.sinks, monochord.perception.estimators, monochord.figures",
+        "import monochord.core.types, monochord.capture.sources, monochord.live.sinks",
+        "import monochord.perception.estimators, monochord.figures",
         "from monochord import cli; assert cli.run(['--help']) == 0",
     ],
 )

@@ -123,7 +123,7 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
 
     The reference is the force where there is one, else the microphones, of which the pose then tells when to
     listen. Every other stream's offset is measured in the first and in the last group of taps (see
-    `monochord.sessions.sync.taps` for the method and the sign: positive is late); between them it is taken to change
+    `sessions.sync.taps` for the method and the sign: positive is late); between them it is taken to change
     linearly.
 
     Parameters
@@ -177,7 +177,7 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
 def reading_times(track: ReadingTrack) -> Taken:
     """Return when readings were taken, in session seconds, from the sender's clock or else its count.
 
-    See `monochord.sessions.sync.arrival.times_taken`; where the sender has neither, they are the times of arrival.
+    See `sessions.sync.arrival.times_taken`; where the sender has neither, they are the times of arrival.
     """
     feed = track.feed
     if feed.ticks > 0.0 and (track.device_time >= 0).all():

@@ -46,7 +46,7 @@ class ClosedForm(Feature):
     """The inverse of the clamped, stiff string from its two strongest lines, their harmonic numbers resolved.
 
     x = L f2 / (f1 + f2) and T = mu (2 L f1 f2 / (f1 + f2))^2, where f1 and f2 are the fundamentals of the
-    segments with stiffness taken off. Which modes the lines are, `monochord.perception.features._reading` decides.
+    segments with stiffness taken off. Which modes the lines are, `features._reading` decides.
 
     Columns: position in m, tension in N, the open frequency that it means in thousandths over the nominal
     one, and the force in N that the geometric law wants for that tension if the untouched string has its

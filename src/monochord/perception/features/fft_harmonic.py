@@ -60,9 +60,9 @@ class FftHarmonic(Feature):
     """Harmonics in 300 numbers: 75 each of microphone 1, of microphone 2, their difference and their ratio.
 
     Recipe. The plain transform of the whole window, about its mean, gives spectra under a Hann taper and,
-    from three bins, the exact frequency and growth of a line (`monochord.perception.features._lines`). The strongest
+    from three bins, the exact frequency and growth of a line (`features._lines`). The strongest
     lines are read as modes of two segments, whichever modes the drivers hold, or as partials of the untouched
-    string (`monochord.perception.features._reading`). Three series of harmonics follow: n = 1 to 8 of the segment at
+    string (`features._reading`). Three series of harmonics follow: n = 1 to 8 of the segment at
     microphone 1, of the segment at microphone 2, and of the whole string, at their stiff partials, or at
     multiples of what a driver holds where n is one. A harmonic is the strongest bin within 1.5 bins and 0.4 %
     of its place. Of it are told:
@@ -91,7 +91,7 @@ class FftHarmonic(Feature):
       reading's lead over the best other place, and over the untouched string; its score; the share of lines
       it leaves over; the shares of the two lines' power that microphone 1 hears.
 
-    With `tones`, 12 numbers on combination tones of both lines (`monochord.perception.features._tones`) stand in the
+    With `tones`, 12 numbers on combination tones of both lines (`features._tones`) stand in the
     ratio group, in place of the timbre of all but the second and the third harmonic. They tell how far the
     object gives way, which the frequencies alone mix up with the tension.
 

@@ -26,7 +26,7 @@ LOUDEST = 1.0e3
 class Yamnet(Feature):
     """A layer of YAMNet, averaged over time alone, so that frequency is kept, since it is what tells a touch.
 
-    Each microphone's sound is resampled to 16 kHz and cut into frames of 25 ms; `monochord.perception.encoders.yamnet`
+    Each microphone's sound is resampled to 16 kHz and cut into frames of 25 ms; `encoders.yamnet`
     does the rest. With the defaults 8 bands x 256 channels of each of two microphones, 4096 columns.
 
     Ridge regression on 2000 windows of the twin, scored on sessions left out, had mean absolute errors of

@@ -25,7 +25,7 @@ USUAL_HEADS = ("contact", "slip", "position", "force")
 class ContextSettings:
     """The untouched reference: whether heads see it, which feature is kept of a window, and how it is kept.
 
-    The times and numbers are those of `monochord.perception.model.definition.Reference`. `drop` is the share of
+    The times and numbers are those of `model.definition.Reference`. `drop` is the share of
     training windows that are shown without it, so that a stream's begin is no surprise.
     """
 

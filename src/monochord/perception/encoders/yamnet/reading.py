@@ -49,7 +49,7 @@ class Yamnet:
 
 
 def load_yamnet(given: str = "") -> Yamnet:
-    """Return the network from the file `given`, or from where `monochord.perception.encoders.weights` looks for it.
+    """Return the network from the file `given`, or from where `encoders.weights` looks for it.
 
     Raises
     ------
