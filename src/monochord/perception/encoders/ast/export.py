@@ -9,7 +9,8 @@ from monochord.perception.encoders.ast.reading import read_weights
 def export(given: str, file: Path, *, frames: int = 100, int8: bool = False) -> None:
     """Write the network that weights hold as an ONNX file; see `graph_of` beside this.
 
-    What it takes are the patches that `patches_of` makes of a log-mel spectrogram. The file says in its properties which weights it was made of.
+    What it takes are the patches that `patches_of` makes of a log-mel spectrogram.
+    The file says in its properties which weights it was made of.
 
     Parameters
     ----------
