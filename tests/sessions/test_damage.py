@@ -10,6 +10,7 @@ from mcap_ros2.decoder import DecoderFactory
 from tests.sessions.made import EPOCH, RATE, as_killed, block, description, readings
 
 from monochord.sessions import SessionClock, SessionWriter, check, read_session, recover, walk
+from monochord.sessions._contents import contents
 
 FLUSH = 0.1
 LOST = 0.5
@@ -89,6 +90,8 @@ def aimed(path: Path) -> list[int]:
     places = {*range(8), *range(len(view) - 8, len(view))}
     for record in few:
         places |= {*range(record.offset, min(record.offset + 60, record.end)), record.end - 1}
+        if record.opcode == walk.METADATA:
+            places |= {*range(record.offset, record.end, 7)}
     return sorted(places)
 
 
@@ -111,6 +114,7 @@ def test_where_the_rest_tells_what_was_there_nothing_is_lost(short: Path, tmp_pa
     content, whole = short.read_bytes(), read_session(short).audio.samples
     records = list(walk.records(walk.mapped(short)))
     chunk = next(r for r in records[8:] if r.opcode == walk.CHUNK)
+    end = next(r for r in reversed(records) if r.opcode == walk.METADATA)
     index = next(r for r in records[8:] if r.opcode == walk.MESSAGE_INDEX)
     first = next(r for r in records if r.opcode == walk.CHUNK)
     places = {
@@ -127,6 +131,7 @@ def test_where_the_rest_tells_what_was_there_nothing_is_lost(short: Path, tmp_pa
         "size of a chunk": chunk.offset + 26,
         "length of an index": index.offset + 1,
         "time in an index": index.offset + 20,
+        "name of the end": end.offset + 15,
     }
     for name, at in places.items():
         assert mend(tmp_path / "a.mcap", content, at, 2, whole) == content, name
@@ -163,6 +168,16 @@ def test_what_lies_behind_a_hole_of_many_bytes_is_kept(short: Path, tmp_path: Pa
         assert filling in found.cut.read_bytes()
         assert whole.shape[1] - sound_frames(path, whole) <= 2 * FLUSH * RATE
         found.cut.unlink()
+
+
+def test_no_byte_of_begin_and_end_can_be_damaged_unnoticed(short: Path) -> None:
+    content = bytearray(short.read_bytes())
+    for at in aimed(short)[::12]:
+        content[at] ^= 4
+        found = contents(memoryview(content))
+        assert not found.whole, at
+        content[at] ^= 4
+    assert contents(memoryview(content)).whole
 
 
 @pytest.mark.slow

@@ -150,6 +150,7 @@ def test_a_limit_on_the_size_of_files_ends_the_file_well(tmp_path: Path, limit: 
     assert report.seconds > 1.0
 
 
+@pytest.mark.slow
 def test_an_hour_has_room_for_its_ending(tmp_path: Path) -> None:
     """The summary grows with the number of chunks: what is set aside below a limit must grow with it."""
     path, before = tmp_path / "a.mcap", resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -22,6 +22,8 @@ END = "monochord.end"
 """Name of the metadata where a session was closed."""
 GUARD = "guard"
 """The checksum of the others among the values at the end."""
+UNGUARDED = {"checksum", "sha256", "messages", "frames", "dropped", "gaps", "end"}
+"""What the end said before there was a guard."""
 _INDEX = struct.Struct("<BQHI")
 _ENTRY = struct.Struct("<QQ")
 _ORIGIN = re.compile(rb"origin.{4}([0-9.e+-]+)", re.DOTALL)
@@ -128,7 +130,7 @@ def _add(view: memoryview, found: Contents, record: walk.Record) -> "_Group":
     if record.opcode == walk.CHUNK:
         return _add_chunk(view, found, record)
     if record.opcode == walk.METADATA:
-        _add_metadata(found, record)
+        _add_metadata(view, found, record)
     elif record.opcode == walk.ATTACHMENT:
         _add_attachment(found, record)
     elif record.opcode == walk.DAMAGED:
@@ -169,9 +171,9 @@ def guarded(values: dict[str, str]) -> dict[str, str]:
 
 def _ending_is_sound(ending: dict[str, str]) -> bool:
     rest = {name: value for name, value in ending.items() if name != GUARD}
-    if GUARD in ending:
+    if set(ending) != UNGUARDED:
         return guarded(rest) == ending
-    told = ending.get("sha256", "")  # as it was before there was a guard
+    told = ending["sha256"]
     return hashlib.sha256(told.encode()).hexdigest() == ending.get("checksum")
 
 
@@ -289,13 +291,16 @@ def _text(message: walk.Message) -> str | None:
     return None
 
 
-def _add_metadata(found: Contents, record: walk.Record) -> None:
+def _add_metadata(view: memoryview, found: Contents, record: walk.Record) -> None:
     from mcap.records import MetadataIndex  # noqa: PLC0415
 
     name, content = walk.metadata(record.body)
     if not name:
         found.damage.append(Damage(record.offset, record.end, "record"))
         return
+    if len(name) == len(END) and GUARD in content and _ending_is_sound(content):
+        _patch(view, found, record.offset + 13, END.encode())  # behind opcode and two lengths
+        name = END
     if name == BEGIN:
         found.begin, found.begin_at = content, Damage(record.offset, record.end, "description")
     elif name == END:

@@ -94,6 +94,10 @@ class Session:
 
     def _described_again(self, origin: str) -> dict[str, str]:
         """Return what the begin says, as the first message says it, which a checksum guards; else nothing."""
+        try:
+            float(origin)
+        except ValueError:
+            origin = "0.0"  # no time that is read depends on it
         names: dict[int, str] = {}
         first = walk.chunk(self._chunks[0]) if self._chunks else None
         for opcode, _, content in walk.inside(first.records) if first and first.sound else ():

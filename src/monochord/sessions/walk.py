@@ -219,13 +219,17 @@ def attachment(body: memoryview) -> "Attachment | None":
 
 def metadata(body: memoryview) -> tuple[str, dict[str, str]]:
     """Return name and content of a metadata record's body; of one that is damaged, an empty name."""
+    from mcap.data_stream import RecordBuilder  # noqa: PLC0415
     from mcap.records import Metadata  # noqa: PLC0415
 
+    again = RecordBuilder()
     try:
         found = Metadata.read(_stream(body))
+        found.write(again)
     except Exception:  # noqa: BLE001  (whatever the library makes of damage)
         return "", {}
-    return found.name, found.metadata
+    # A length that points behind the end is not noticed in reading.
+    return (found.name, found.metadata) if again.end()[_HEAD.size :] == bytes(body) else ("", {})
 
 
 def _end(view: memoryview, offset: int) -> int:
