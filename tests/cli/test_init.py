@@ -39,6 +39,9 @@ def pluck(fault: str, length: float, status: int | None) -> int | None:
     """
     if fault == "kernel":
         raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+    if fault == "circle":
+        FAULTS["bug"].__cause__, FAULTS["input"].__cause__ = FAULTS["input"], FAULTS["bug"]
+        raise FAULTS["input"]
     if fault in FAULTS:
         raise FAULTS[fault]
     click.echo(f"{fault} {length}")
@@ -119,6 +122,11 @@ def test_a_verb_may_return_its_own_status() -> None:
 def test_interrupted_is_130() -> None:
     assert cli.run(["pluck", "interrupt"]) == 130
     assert cli.run(["pluck", "kernel"]) == 130
+
+
+@pytest.mark.timeout(30)
+def test_errors_that_are_each_others_cause_are_told() -> None:
+    assert cli.run(["pluck", "circle"]) == 2
 
 
 @pytest.mark.parametrize(("fault", "kind"), [("bug", ZeroDivisionError), ("socket", ConnectionResetError)])

@@ -215,6 +215,17 @@ def test_bytes_that_are_no_text_are_refused() -> None:
     assert "UTF-8" in refused({"by_name": {"\ud800": {}}})
 
 
+def test_what_a_dataclass_refuses_is_no_cause_of_itself() -> None:
+    with pytest.raises(InputError, match="0 partials") as caught:
+        from_tree(Listening, {"string": "e4", "partials": 0})
+    seen: list[BaseException] = []
+    error: BaseException | None = caught.value
+    while error is not None:
+        assert error not in seen
+        seen.append(error)
+        error = error.__cause__ or error.__context__
+
+
 def test_what_is_no_table_is_refused() -> None:
     with pytest.raises(InputError, match="option 'source' = 5: allowed is a table"):
         table({"source": 5}, "source")

@@ -103,9 +103,11 @@ def run(arguments: list[str], begin: Callable[[], None] | None = None) -> int:
 
 def _is_interruption(error: BaseException | None) -> bool:
     """Return whether an error came of Control-C, perhaps as another one, as inside a compiled kernel."""
-    while error is not None:
+    seen: set[int] = set()  # causes may go round in a circle
+    while error is not None and id(error) not in seen:
         if isinstance(error, (KeyboardInterrupt, click.Abort)):
             return True
+        seen.add(id(error))
         error = error.__cause__ or error.__context__
     return False
 

@@ -120,7 +120,11 @@ def from_tree(cls: type[T], tree: Mapping[str, Any], where: str = "") -> T:
     except RecursionError as error:
         raise InputError(f"{where or cls.__name__} (nested too deep)", wording(cls)) from error
     except msgspec.ValidationError as error:
-        raise _explain(error, cls, tree, where) from error
+        own = error.__cause__
+        if not isinstance(own, InputError):
+            raise _explain(error, cls, tree, where) from error
+    # What the dataclass refused came of nothing else: raised there, each error would be the other's cause.
+    raise own
 
 
 def to_tree(config: Any) -> Tree:
@@ -170,8 +174,6 @@ def _refuse_unknown(kind: Any, value: Any, where: str) -> None:
 
 def _explain(error: msgspec.ValidationError, cls: type, tree: Mapping[str, Any], where: str) -> InputError:
     """Say in one line which option was given what, and what it may be, from msgspec's reason and path."""
-    if isinstance(error.__cause__, InputError):
-        return error.__cause__
     reason, _, path = str(error).partition(" - at `$")
     steps: list[str | int] = [
         int(index) if index.isdigit() else name or index
