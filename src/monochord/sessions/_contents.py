@@ -241,11 +241,11 @@ def _add_chunk(view: memoryview, found: Contents, record: walk.Record) -> _Group
     for opcode, offset, body in walk.inside(held.records):
         if opcode == walk.SCHEMA:
             schema = walk.schema(body)
-            found.schemas[schema.id] = schema
+            found.schemas |= {schema.id: schema} if schema else {}
         elif opcode == walk.CHANNEL:
             channel = walk.channel(body)
-            found.channels[channel.id] = channel
-        elif opcode == walk.MESSAGE:
+            found.channels |= {channel.id: channel} if channel else {}
+        elif opcode == walk.MESSAGE and len(body) >= walk.SHORTEST_MESSAGE:
             message = walk.message(body)
             found.counts[message.channel] += 1
             entries.setdefault(message.channel, []).append((message.log_time, offset))

@@ -138,8 +138,9 @@ def _by_topic(session: Session, found: Contents) -> tuple[dict[str, str], dict[s
     """Return SHA-256 and number of messages of every topic, as the writer reckons them."""
     names = dict(enumerate(session.topics, 1)) | {n: channel.topic for n, channel in found.channels.items()}
     numbers = {topic: number for number, topic in names.items()}
-    digests = {topic: found.digests[numbers[topic]].hexdigest() for topic in session.topics}
-    return digests, {topic: found.counts[numbers[topic]] for topic in session.topics}
+    of = {topic: numbers.get(topic, 0) for topic in session.topics}  # 0 is no channel's
+    digests = {topic: found.digests[number].hexdigest() for topic, number in of.items()}
+    return digests, {topic: found.counts[number] for topic, number in of.items()}
 
 
 def _remarks(session: Session) -> list[str]:

@@ -105,7 +105,7 @@ class Session:
             if opcode == walk.CHANNEL:
                 names[number] = _topic_in(content)
             elif opcode == walk.MESSAGE and names.get(number) == "/description":
-                if len(content) < SHORTEST_MESSAGE:
+                if len(content) < walk.SHORTEST_MESSAGE:
                     return {}
                 message = walk.message(content)
                 try:
@@ -143,7 +143,7 @@ class Session:
                 number = int.from_bytes(content[:2], "little")
                 if opcode == walk.MESSAGE:
                     if self._names.get(number) == topic:
-                        torn = len(content) < SHORTEST_MESSAGE
+                        torn = len(content) < walk.SHORTEST_MESSAGE
                         yield walk.Message(number, 0, 0, 0, content[:0]) if torn else walk.message(content)
                 elif opcode == walk.CHANNEL:
                     self._names[number] = _topic_in(content)
@@ -328,8 +328,6 @@ class Session:
         )
 
 
-SHORTEST_MESSAGE = 22
-"""Bytes of a message record without its payload."""
 NO_COUNT = (1 << 32) - 1
 """What stands for no sequence in a message's 32 bits."""
 

@@ -31,6 +31,8 @@ LOST, LOST_MARK = 0xDA, b"DAMAGED\n"
 were damaged: every reader skips it."""
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+SHORTEST_MESSAGE = _MESSAGE.size
+"""Bytes of a message record without its payload."""
 _CHUNK = struct.Struct("<QQQII")
 _PLAIN = _CHUNK.size + 8  # where the records of a chunk without compression begin
 _INDEX_ENTRY = 16
@@ -193,18 +195,24 @@ def message(body: memoryview) -> Message:
     return Message(number, sequence, log_time, publish_time, body[_MESSAGE.size :])
 
 
-def schema(body: memoryview) -> "Schema":
-    """Return the schema that a record's body holds."""
+def schema(body: memoryview) -> "Schema | None":
+    """Return the schema that a record's body holds, None where it is damaged."""
     from mcap.records import Schema  # noqa: PLC0415
 
-    return Schema.read(_stream(body))
+    try:
+        return Schema.read(_stream(body))
+    except Exception:  # noqa: BLE001  (whatever the library makes of damage)
+        return None
 
 
-def channel(body: memoryview) -> "Channel":
-    """Return the channel that a record's body holds."""
+def channel(body: memoryview) -> "Channel | None":
+    """Return the channel that a record's body holds, None where it is damaged."""
     from mcap.records import Channel  # noqa: PLC0415
 
-    return Channel.read(_stream(body))
+    try:
+        return Channel.read(_stream(body))
+    except Exception:  # noqa: BLE001  (whatever the library makes of damage)
+        return None
 
 
 def attachment(body: memoryview) -> "Attachment | None":
