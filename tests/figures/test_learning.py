@@ -108,6 +108,13 @@ def test_its_numbers_are_json_even_where_a_miss_is_none(write: Run) -> None:
         ("history.csv", "epoch,loss\n1,high\n", r"history .*history\.csv \(damaged\)"),
         ("history.csv", "epoch,force\n1,0.1\n", r"history .*history\.csv \(damaged\)"),
         ("metrics.json", "{", r"metrics .*metrics\.json \(damaged\)"),
+        ("history.csv", "epoch,loss\nnan,0.1\n", r"history .*history\.csv \(damaged\)"),
+        ("history.csv", f"epoch,loss\n1,{'9' * 200_000}\n", r"history .*history\.csv \(damaged\)"),
+        ("metrics.json", '{"heads": 1.5}', r"metrics .*metrics\.json \(damaged\)"),
+        ("metrics.json", '{"heads": {"force": 1.5}}', r"metrics .*metrics\.json \(damaged\)"),
+        ("metrics.json", '{"heads": {"contact": {"baseline_accuracy": "x"}}}', r"metrics .* \(damaged\)"),
+        ("metrics.json", '{"simulated": {}}', r"metrics .*metrics\.json \(damaged\)"),
+        ("metrics.json", "[" * 100_000, r"metrics .*metrics\.json \(damaged\)"),
         ("metrics.json", "[1]", r"metrics .*metrics\.json \(damaged\)"),
     ],
 )

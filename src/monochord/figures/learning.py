@@ -8,11 +8,12 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_uppercase
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 import numpy as np
 
-from monochord.core.config import load_toml
+from monochord.core.config import load_toml, table
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.figures import _style
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 COLUMNS = 3
 SHOWN = {"m": (1e3, "mm")}
 """How an amount is shown, by its unit: factor and unit; others as they are."""
+LATEST_EPOCH = 1e9
 FAR = 3.0
 """Largest over smallest value from which a curve is drawn logarithmically."""
 BEST, MEAN = "best epoch, whose weights are kept", "the mean label"
@@ -62,9 +64,9 @@ class Learning(Measured):
                 "miss": _plain(miss),
                 "best_epoch": None if best is None else int(epochs[best]),
                 "best": None if best is None else float(miss[best]),
-                "mean_label": _mean_label(metrics.get("heads", {}).get(name, {})),
+                "mean_label": _mean_label(metrics.heads.get(name, _Scores())),
             }
-        told = {"simulated": metrics.get("simulated"), "done": bool(metrics), **_named(Path(self.run))}
+        told = {"simulated": metrics.simulated, "done": metrics.done, **_named(Path(self.run))}
         return told | {"epochs": epochs.tolist(), "loss": _plain(loss), "heads": heads}
 
     def draw(self) -> Canvas:
@@ -129,51 +131,65 @@ def _history(run: Path) -> dict[str, Floats]:
             names, *lines = list(csv.reader(stream))
         table = np.array(lines, np.float64)
         columns = dict(zip(names, table.T, strict=True))
+        known = np.abs(columns["epoch"]) < LATEST_EPOCH
     except FileNotFoundError as error:
         raise InputError(f"run {run} (no epoch done yet)", "one with an epoch or more") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, KeyError, csv.Error) as error:
         raise InputError(f"history {file} (damaged)", "a table as monochord train writes it") from error
-    if not {"epoch", "loss"} <= columns.keys() or not table.size:
+    if "loss" not in columns or not table.size or not known.all():
         raise InputError(f"history {file} (damaged)", "a table as monochord train writes it")
     return columns
 
 
-def _metrics(run: Path) -> dict[str, Any]:
+class _Scores(msgspec.Struct):
+    """What of a head's scores is drawn."""
+
+    baseline_mae: float | None = None
+    baseline_accuracy: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] | None = None
+
+
+class _Metrics(msgspec.Struct):
+    """What of a run's metrics is drawn."""
+
+    simulated: bool | None = None
+    heads: dict[str, _Scores] = {}
+    done: bool = True
+
+
+def _metrics(run: Path) -> _Metrics:
     """Return what a run came to; nothing where it is under way."""
     file = run / METRICS
     if not file.is_file():
-        return {}
+        return _Metrics(done=False)
     try:
-        return dict(json.loads(file.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError) as error:
+        return msgspec.convert(json.loads(file.read_text(encoding="utf-8")), _Metrics)
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"metrics {file} (damaged)", "what monochord train wrote") from error
 
 
 def _units(run: Path, names: list[str]) -> dict[str, str]:
     """Return the unit of each head, from the settings; empty for a chance."""
-    options = load_toml(run / CONFIG).get("heads", {})
-    return {name: HEADS.build(name, options.get(name, {})).task().unit for name in names}
+    options = table(load_toml(run / CONFIG), "heads")
+    return {name: HEADS.build(name, table(options, name)).task().unit for name in names}
 
 
 def _named(run: Path) -> dict[str, str]:
     """Return the run's title and its feature, as the settings tell them."""
     settings = load_toml(run / CONFIG)
-    feature = settings.get("feature", {})
+    feature = table(settings, "feature")
     name = str(feature.get("name", "")).replace("_", " ")
     name += ", random weights" if feature.get("random") is True else ""
     return {"title": str(settings.get("title", "")), "feature": name}
 
 
-def _mean_label(scores: dict[str, Any]) -> float | None:
+def _mean_label(scores: _Scores) -> float | None:
     """Return what is missed by whoever always says the mean label, from a head's scores.
 
     For a chance this is the entropy of the share of the more frequent answer.
     """
-    if "baseline_mae" in scores:
-        return float(scores["baseline_mae"])
-    if "baseline_accuracy" not in scores:
-        return None
-    share = float(scores["baseline_accuracy"])
+    if scores.baseline_mae is not None or scores.baseline_accuracy is None:
+        return scores.baseline_mae
+    share = scores.baseline_accuracy
     return -sum(part * math.log(part) for part in (share, 1.0 - share) if part > 0.0)
 
 
