@@ -93,7 +93,7 @@ def _of_one_process(
     with TemporaryDirectory() as place:
         trace, beat = (
             Path(place, "trace"),
-            SPAWN.Array("d", [float(work.first), time.monotonic() + START, 0.0]),
+            SPAWN.Array("d", [float(work.first), time.monotonic() + START, 0.0, 0.0]),
         )
         here, there = SPAWN.Pipe(duplex=False)
         process = SPAWN.Process(target=run, args=(work, beat, trace, there), daemon=True)
@@ -102,8 +102,7 @@ def _of_one_process(
         try:
             while True:
                 while not here.poll(0.2):
-                    since = beat[1]
-                    if since and time.monotonic() - since > LIMIT:
+                    if beat[1] and _hangs(process.pid, time.monotonic() - beat[1], beat[3]):
                         return int(beat[0]), _stopped(process, trace, "hang"), _spent(beat[2])
                 try:
                     result = here.recv()
@@ -116,6 +115,16 @@ def _of_one_process(
         finally:
             process.kill()
             process.join()
+
+
+def _hangs(process: int | None, elapsed: float, before: float) -> bool:
+    """Return whether a case takes too long, by the clock or by the processor."""
+    try:
+        words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:  # it has just ended
+        return False
+    used = (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+    return used - before > LIMIT or elapsed > 6.0 * LIMIT
 
 
 def _spent(begin: float) -> float:
