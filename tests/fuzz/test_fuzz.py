@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.fuzz.base import Input, pack, unpack
-from tests.fuzz.driver import fuzz, shrunk, verdicts
+from tests.fuzz.base import TARGETS, Input, pack, target_names, unpack
+from tests.fuzz.driver import fuzz, seeds_of, shrunk, verdicts
 from tests.fuzz.worker import Work
 
 CORPUS = Path(__file__).with_name("corpus")
@@ -87,3 +87,22 @@ def test_what_is_packed_is_unpacked(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(content)
         assert unpack(tmp_path / name) == given
         assert len(content) < 1000
+
+
+@pytest.mark.parametrize("name", target_names(TARGETS))
+def test_a_second_of_each_target_ends_well(name: str) -> None:
+    found = fuzz(TARGETS, name, seeds_of(TARGETS, name), seconds=1.0, seed=0)
+    assert not found.failures, {place: failure.text for place, failure in found.failures.items()}
+    assert found.counts["accepted"] > 0
+
+
+@pytest.mark.parametrize("name", sorted(folder.name for folder in CORPUS.iterdir()))
+def test_what_once_failed_ends_well(name: str) -> None:
+    files = sorted((CORPUS / name).iterdir())
+    given = tuple(map(unpack, files))
+    bad = {
+        files[case].name: verdict
+        for case, verdict, _ in verdicts(Work(folder=TARGETS, name=name, given=given))
+        if verdict.failed
+    }
+    assert not bad
