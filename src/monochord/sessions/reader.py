@@ -3,9 +3,10 @@
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
 from monochord.core.types import Feed
@@ -20,8 +21,12 @@ from monochord.sessions.bounds import (
     refuse_unpacking,
 )
 from monochord.sessions.description import NANO, Description, SessionClock
+from monochord.sessions.tables import frame, table
 from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, LabelTrack, ReadingTrack
 from monochord.sessions.writer import LABELS
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 def read_session(path: Path) -> "Session":
@@ -235,6 +240,20 @@ class Session:
             anchor_time=anchors[:, 1],
             device_frame=np.array(counted, dtype=np.int64),
         )
+
+    def to_numpy(self, stream: str) -> NDArray[Any]:
+        """Return a stream as a structured array (n,); see `monochord.sessions.tables.table`."""
+        return table(self, stream)
+
+    def to_pandas(self, stream: str) -> "DataFrame":
+        """Return a stream, ``audio`` or ``labels`` as a data frame, indexed by session time in s.
+
+        Raises
+        ------
+        InputError
+            If there is no such stream, or pandas is not installed.
+        """
+        return frame(self, stream)
 
     def readings(self, stream: str) -> ReadingTrack:
         """Return a stream of readings; raises `InputError` where there is none of this name."""

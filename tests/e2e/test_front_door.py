@@ -1,0 +1,139 @@
+"""What a program types first: import monochord as mc."""
+
+import asyncio
+import subprocess
+import sys
+import time
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+import monochord as mc
+from monochord.core.types import WRENCH, Block, Feed, Readings
+from monochord.sessions import Description, SessionClock, SessionWriter
+
+
+@pytest.fixture(scope="module")
+def touched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Half a second of a pressed virtual sensor, as a file."""
+    twin = mc.VirtualSensor("prototype", seed=1)
+    twin.advance(0.3)
+    twin.press(0.08, 1.0, material="plastic")
+    twin.advance(0.3)
+    sound, _ = twin.advance(0.5)
+    path = tmp_path_factory.mktemp("sound") / "touched.wav"
+    soundfile.write(path, sound.T, twin.sample_rate, subtype="FLOAT")
+    return path
+
+
+def test_every_name_of_the_front_door_is_there() -> None:
+    assert all(getattr(mc, name) is not None for name in mc.__all__)
+    assert set(mc.__all__) == set(dir(mc))
+    with pytest.raises(AttributeError, match="listne"):
+        _ = mc.listne  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_the_import_is_quick() -> None:
+    code = "import time; t = time.perf_counter(); import monochord; print(time.perf_counter() - t)"
+    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, check=True) for _ in range(3)]
+    assert min(float(run.stdout) for run in runs) < 0.3
+
+
+def test_a_file_is_listened_to_with_the_bundled_model(touched: Path) -> None:
+    predictions = list(mc.listen(touched, "demo", string="prototype"))
+    assert len(predictions) == 41
+    assert all(prediction["contact"].value > 0.5 for prediction in predictions)
+    positions = [prediction["position"].value for prediction in predictions]
+    assert np.median(np.abs(np.array(positions) - 0.08)) < 1e-3
+    with pytest.raises(KeyError, match="postion"):
+        _ = predictions[0]["postion"]
+
+
+def test_the_same_comes_of_it_asynchronously(touched: Path) -> None:
+    async def first(count: int) -> list[float]:
+        values: list[float] = []
+        async for prediction in mc.listen_async(touched, "demo", string="prototype"):
+            values.append(prediction["position"].value)
+            if len(values) == count:
+                break
+        return values
+
+    begun = time.monotonic()
+    same = [prediction["position"].value for prediction in islice(mc.listen(touched, string="prototype"), 5)]
+    assert asyncio.run(first(5)) == same
+    assert time.monotonic() - begun < 60.0
+
+
+def test_a_session_becomes_arrays_and_frames(tmp_path: Path) -> None:
+    feed = Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3)
+    description = Description(name="take", sample_rate=16000, simulated=True, feeds=(feed,))
+    with SessionWriter(
+        tmp_path / "take.mcap", description, SessionClock(epoch_ns=10**18, origin=0.0)
+    ) as writer:
+        writer.audio(Block(samples=np.full((2, 1600), 0.5, np.float32), start=0, adc_time=0.0))
+        count = np.arange(3)
+        writer.readings(
+            Readings(
+                stream="wrench",
+                time=0.01 * count,
+                values=np.outer(count, np.ones(6)),
+                sequence=count,
+                device_time=np.full(3, -1),
+                status=np.zeros(3, np.uint32),
+            )
+        )
+    session = mc.read_session(tmp_path / "take.mcap")
+    assert session.to_pandas("wrench")["fz"].tolist() == [0.0, 1.0, 2.0]
+    audio = session.to_numpy("audio")
+    assert audio["mic_2"].tolist() == [0.5] * 1600
+    assert audio["time"][-1] == pytest.approx(1599 / 16000)
+
+
+def test_features_of_audio_are_those_of_its_windows(touched: Path) -> None:
+    sound, rate = soundfile.read(touched, dtype="float32")
+    rows = mc.features(sound.T, sensor="prototype", sample_rate=rate)
+    assert rows.shape == (41, 300)
+    assert np.array_equal(rows[7], mc.features(sound.T[:, 7 * 441 : 7 * 441 + 4410], sensor="prototype")[0])
+
+
+@pytest.mark.usefixtures("made_up_features")
+def test_a_dataset_becomes_arrays_with_labels_and_parts(learnable: Path) -> None:
+    data = mc.load_dataset(learnable)
+    x, y, parts = data.arrays("bands")
+    assert set(parts.tolist()) == {"train", "validation", "test"}
+    assert x.shape[0] == len(parts) == len(y["contact"])
+    touched_rows = y["contact"] == 1.0
+    assert np.isfinite(y["position"][touched_rows]).all()
+    pytest.importorskip("torch")
+    part = data.torch("train", "bands")
+    assert len(part) == int((parts == "train").sum())
+    assert np.array_equal(part[0][0].numpy(), x[parts == "train"][0])
+
+
+def test_the_virtual_sensor_does_what_it_is_told_step_by_step() -> None:
+    twin = mc.VirtualSensor("prototype", seed=1)
+    twin.press(0.08, 1.0, material="plastic")
+    sound, labels = twin.advance(0.3)
+    assert sound.shape == (2, 13230)
+    assert labels["contact"][0] == 0.0
+    assert labels["force"][-1] == pytest.approx(1.0, abs=0.05)
+    twin.slide(0.5, along=0.03)
+    _, labels = twin.advance(0.5)
+    assert labels["position"][-1] == pytest.approx(0.095, abs=1e-4)
+    assert labels["slip"].mean() > 0.9
+    other = twin.press(0.15, 0.5, material="wood")
+    twin.advance(0.3)
+    twin.change(2.0, touch=other)
+    _, labels = twin.advance(0.3)
+    assert labels["contacts"][-1] == 2.0
+    assert labels["force"][-1] == pytest.approx(2.0, abs=0.1)
+    twin.release()
+    assert twin.advance(0.3)[1]["contact"][-1] == 0.0
+
+
+def test_a_string_is_simulated_in_a_line() -> None:
+    sound = mc.simulate("appendix", position=0.2275, force=0.0, route="modal")
+    assert [round(peak) for peak in sound.summary["peaks"]] == [695, 374]
