@@ -78,7 +78,7 @@ def test_a_session_becomes_arrays_and_frames(tmp_path: Path) -> None:
         writer.readings(
             Readings(
                 stream="wrench",
-                time=0.01 * count,
+                time=np.array([0.0, 0.01, 0.02]),
                 values=np.outer(count, np.ones(6)),
                 sequence=count,
                 device_time=np.full(3, -1),
@@ -93,10 +93,11 @@ def test_a_session_becomes_arrays_and_frames(tmp_path: Path) -> None:
 
 
 def test_features_of_audio_are_those_of_its_windows(touched: Path) -> None:
-    sound, rate = soundfile.read(touched, dtype="float32")
-    rows = mc.features(sound.T, sensor="prototype", sample_rate=rate)
+    samples, rate = soundfile.read(touched, dtype="float32")
+    sound = np.asarray(samples.T, np.float32)
+    rows = mc.features(sound, sensor="prototype", sample_rate=rate)
     assert rows.shape == (41, 300)
-    assert np.array_equal(rows[7], mc.features(sound.T[:, 7 * 441 : 7 * 441 + 4410], sensor="prototype")[0])
+    assert np.array_equal(rows[7], mc.features(sound[:, 7 * 441 : 7 * 441 + 4410], sensor="prototype")[0])
 
 
 @pytest.mark.usefixtures("made_up_features")
