@@ -89,7 +89,8 @@ class _Repair:
 
     def plan(self) -> None:
         """Work out what to change."""
-        while fixes := [*self._patches(), *self._damage()]:
+        # What one look puts in place and the next takes away again is left after the second look.
+        while fixes := [fix for fix in (*self._patches(), *self._damage()) if fix[:2] not in self._changes]:
             for offset, data, length in fixes:
                 self._pieces.append((offset, offset + length))
                 self._changes.append((offset, data))

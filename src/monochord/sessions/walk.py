@@ -246,7 +246,9 @@ def _end(view: memoryview, offset: int) -> int:
         return 0
     opcode, length = _HEAD.unpack_from(view, offset)
     first, end = offset + _HEAD.size, offset + _HEAD.size + length
-    if end > len(view) or opcode not in _FITS or (opcode == HEADER) != (offset == len(MAGIC)):
+    if end > len(view) or opcode not in _FITS:
+        return 0
+    if (opcode == HEADER) != (offset == len(MAGIC)) and (opcode, offset) != (LOST, len(MAGIC)):
         return 0
     try:
         return end if _FITS[opcode](view[first:end]) else 0

@@ -84,7 +84,7 @@ class Parquet(Export):
             if tuple(file.schema_arrow.names) != tuple(schema.names):
                 given = f"file {path_of_audio} with {', '.join(file.schema_arrow.names)}"
                 raise InputError(given, ", ".join(schema.names))
-            _refuse_groups(path_of_audio, file.metadata)
+            _refuse_groups(pa, path_of_audio, file.metadata)
             write_back(path, description, clock, _stretches(pa, file, path_of_audio, schema), held)
 
     def _write_audio(self, pa: Any, pq: Any, session: Session, path: Path) -> Path:
@@ -166,7 +166,7 @@ def _table_of(pa: Any, pq: Any, path: Path, name: str, description: Description)
             raise InputError(given, f"{MOST_TABLE_COLUMNS} at most, each with a name of its own")
         claimed = 8 * max(rows, 0) * len(names)
         refuse_unpacking(f"file {path}", path.stat().st_size, claimed, "export the session again")
-        _refuse_groups(path, file.metadata)
+        _refuse_groups(pa, path, file.metadata)
         with _readable(pa, path):
             table = file.read()
             table.validate(full=True)
@@ -180,14 +180,15 @@ def _table_of(pa: Any, pq: Any, path: Path, name: str, description: Description)
     return checked(path, name, columns, description)
 
 
-def _refuse_groups(path: Path, metadata: Any) -> None:
+def _refuse_groups(pa: Any, path: Path, metadata: Any) -> None:
     """Refuse row groups that hold far more values than their bytes can, before memory is taken for one."""
     for number in range(metadata.num_row_groups):
         group = metadata.row_group(number)
         for place in range(group.num_columns):
             column = group.column(place)
             packed, values = max(column.total_compressed_size, 0), max(column.num_values, 0)
-            what = f"file {path}, column {column.path_in_schema}"
+            with _readable(pa, path):
+                what = f"file {path}, column {column.path_in_schema}"  # which need not be UTF-8
             refuse_unpacking(what, packed, 8 * values, "export the session again")
             refuse_unpacking(what, packed, column.total_uncompressed_size, "export the session again")
 
