@@ -62,8 +62,9 @@ def test_the_readmes_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
         promised = re.findall(r"^print\(.*  # (.*?)(?: m)?$", block, re.MULTILINE)
         exec(block, {})  # noqa: S102
         printed = capsys.readouterr().out.split("\n")[:-1]
-        assert len(promised) == len(printed) > 0
-        for said, is_so in zip(promised, printed, strict=True):
+        assert printed
+        assert len(promised) in (0, len(printed))  # what comes of a run in real time is not promised
+        for said, is_so in zip(promised, printed, strict=False):
             assert numbers(is_so) == pytest.approx(numbers(said), abs=1e-9)
 
 
