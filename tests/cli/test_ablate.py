@@ -74,7 +74,7 @@ def test_one_that_fails_ends_with_a_line_and_status_1(
         "--rows",
         str(tmp_path / "rows.json"),
     ]
-    asked += ["--sessions", str(home), "--only", "closed_form", "--only", "no_noise"]
+    asked += ["--only", "closed_form", "--only", "no_noise"]
     odd = [
         "--set",
         "variations.no_noise.set=['cache=/dev/null/none']",

@@ -15,7 +15,7 @@ from monochord.physics.strings import string_names
 def test_json_lists_every_plugin_and_preset(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["list", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert {"benchmarks", "estimators", "figures", "models", "sinks", "sources", "strings"} <= set(found)
+    assert {"benchmarks", "estimators", "figures", "simulators", "sinks", "sources", "strings"} <= set(found)
     assert [entry["name"] for entry in found["figures"]] == FIGURES.names()
     assert [entry["name"] for entry in found["sources"]] == SOURCES.names()
     assert [entry["name"] for entry in found["strings"]] == string_names()

@@ -1,7 +1,7 @@
 """Real recordings of instruments with known string and fret: a fret is a contact at a known position.
 
-The recordings are not part of Monochord. They are looked for in the folder that MONOCHORD_REALSTRINGS names,
-else in ``shared/realstrings`` beside the checkout; `folder` returns None where there are none.
+The recordings are not part of Monochord. They are looked for in the folder that MONOCHORD_REALSTRINGS names;
+`folder` returns None where there are none.
 """
 
 import csv
@@ -40,9 +40,7 @@ class Take:
 def folder() -> Path | None:
     """Return the folder of the recordings, or None."""
     named = os.environ.get("MONOCHORD_REALSTRINGS")
-    beside = Path(__file__).resolve().parents[3] / "shared" / "realstrings"
-    path = Path(named) if named else beside
-    return path if (path / "manifest.csv").is_file() else None
+    return Path(named) if named and (Path(named) / "manifest.csv").is_file() else None
 
 
 def takes(*, kind: str | None = None, labelled: bool = False) -> list[Take]:

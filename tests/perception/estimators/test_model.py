@@ -90,7 +90,7 @@ def test_prediction_needs_no_torch(trained: Path, learnable: Path) -> None:
     import subprocess
     import sys
 
-    made_up = Path(__file__).parents[1] / "made_up_features"
+    made_up = Path(__file__).parents[2] / "made_up_features"
     code = f"""
 import sys
 from monochord.perception import features

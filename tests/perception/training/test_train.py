@@ -125,7 +125,7 @@ train(Settings.read(load_toml(Path(sys.argv[2]))), Path(sys.argv[3]))
 def test_a_run_that_is_killed_ends_as_one_that_is_not(lesson: dict[str, Any], tmp_path: Path) -> None:
     config = tmp_path / "config.toml"
     config.write_text(dump_toml({**lesson, "optimiser": {"epochs": 24, "batch": 16, "patience": 24}}))
-    made_up = Path(__file__).parents[1] / "made_up_features"
+    made_up = Path(__file__).parents[2] / "made_up_features"
 
     def begin(out: str) -> "subprocess.Popen[bytes]":
         return subprocess.Popen([sys.executable, "-c", KILLED, made_up, config, tmp_path / out])

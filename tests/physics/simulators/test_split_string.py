@@ -20,7 +20,7 @@ def run(*assignments: str, contact: Contact | None = APPENDIX.contact) -> Sound:
 def test_the_folder_is_the_registry() -> None:
     assert "split_string" in SIMULATORS.names()
     assert inspect.isabstract(Simulator)
-    with pytest.raises(InputError, match=r"model 'split_strin'.*did you mean 'split_string'"):
+    with pytest.raises(InputError, match=r"simulator 'split_strin'.*did you mean 'split_string'"):
         SIMULATORS.load("split_strin")
     with pytest.raises(InputError, match="did you mean 'modal'"):
         SIMULATORS.build("split_string", {"route": "modl"})

@@ -374,7 +374,7 @@ def test_spoilt_parquet_is_refused(exported: dict[str, Path], tmp_path: Path, ca
 CHILD = """
 import sys, resource
 from pathlib import Path
-from tests.exports.test_spoilt import bring_in
+from tests.sessions.exports.test_spoilt import bring_in
 from tests.sessions.forged import refused_or_done
 from monochord.sessions.exports.parquet import Parquet
 import pyarrow.parquet

@@ -114,17 +114,12 @@ def find_weights(known: KnownWeights, given: str = "") -> Path:
         If they are not there, with the way to get them.
     """
     named = given or os.environ.get(known.variable, "")
-    path = Path(named) if named else _beside(known) or known.usual_path
+    path = Path(named) if named else known.usual_path
     path = path / known.file if path.is_dir() else path
     if not path.is_file():
         remedy = f"fetch them with 'monochord weights get {known.name}', or name the file in {known.variable}"
         raise InputError(f"weights {path} (not there)", known.file, remedy)
     return path
-
-
-def _beside(known: KnownWeights) -> Path | None:
-    path = Path(__file__).resolve().parents[5] / "shared" / "weights" / known.file
-    return path if path.is_file() and not os.environ.get("MONOCHORD_WEIGHTS") else None
 
 
 def checked_sum(known: KnownWeights, path: Path) -> str:
