@@ -156,7 +156,8 @@ def _decode(kind: type, value: Any) -> Any:
 
 def _refuse_unknown(kind: Any, value: Any, where: str) -> None:
     """Refuse what msgspec lets pass: keys that no field has, at any depth, and numbers that are NaN."""
-    for text in value if isinstance(value, Mapping) else [value]:
+    is_path = kind is Path or Path in get_args(kind)  # whose name may be of any bytes
+    for text in value if isinstance(value, Mapping) else [] if is_path else [value]:
         if isinstance(text, str) and not text.isascii() and not _is_unicode(text):
             raise InputError(f"option '{where}' = {text!a}", "text in UTF-8")
     is_number = kind is float or float in get_args(kind)

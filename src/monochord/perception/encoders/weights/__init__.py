@@ -1,8 +1,8 @@
 """Weights that others trained: one TOML file each says what they are; none of them is part of Monochord.
 
 They are looked for in what is named, then in what the variable of their name says (MONOCHORD_AST), then where
-`monochord weights get` puts them: below the folder that MONOCHORD_WEIGHTS names, else in ``shared/weights``
-beside the checkout, else the user's data folder.
+`monochord weights get` puts them: below the folder that MONOCHORD_WEIGHTS names, else in the user's data
+folder.
 """
 
 import logging
