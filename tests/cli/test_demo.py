@@ -91,7 +91,7 @@ def test_it_says_what_is_strange_to_it(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--estimator", "percever"], "did you mean 'model'"),
+        (["--estimator", "modle"], "did you mean 'model'"),
         (["--material", "wod"], "did you mean 'wood'"),
         (["long"], "a string of 0.65 m for a model: allowed is 0.2 m"),
     ],
