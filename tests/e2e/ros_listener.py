@@ -1,4 +1,7 @@
-"""Runs under a Python that has rclpy: prints what it hears on two topics, one JSON object a line."""
+"""Runs under a Python that has rclpy: prints what it receives on two topics, one JSON object a line.
+
+It ends once so many poses, wrenches and answers that somebody subscribed to have passed, or after a minute.
+"""
 
 import json
 import sys
@@ -11,12 +14,14 @@ def main() -> None:
     from geometry_msgs.msg import PoseStamped, WrenchStamped  # pyright: ignore[reportMissingImports]
     from rclpy.node import Node  # pyright: ignore[reportMissingImports]
 
-    seconds = float(sys.argv[1])
+    poses, wrenches, answers = map(int, sys.argv[1:])
     rclpy.init()
     node = Node("listener")
     heard: list[str] = []
+    counts = {"pose": 0, "wrench": 0, "answer": 0}
 
     def pose(said: Any) -> None:
+        counts["pose"] += 1
         place, turn, stamp = said.pose.position, said.pose.orientation, said.header.stamp
         row = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
         heard.append(
@@ -24,6 +29,7 @@ def main() -> None:
         )
 
     def wrench(said: Any) -> None:
+        counts["wrench"] += 1
         force, torque = said.wrench.force, said.wrench.torque
         heard.append(json.dumps({"wrench": [force.x, force.y, force.z, torque.x, torque.y, torque.z]}))
 
@@ -31,8 +37,10 @@ def main() -> None:
     node.create_subscription(WrenchStamped, "/wrench", wrench, 10)
     speaker = node.create_publisher(PoseStamped, "/answer", 10)
     print("ready", flush=True)  # noqa: T201
-    end, count = time.monotonic() + seconds, 0
-    while time.monotonic() < end:
+    end, count = time.monotonic() + 60.0, 0
+    while time.monotonic() < end and (
+        counts["pose"] < poses or counts["wrench"] < wrenches or counts["answer"] < answers
+    ):
         rclpy.spin_once(node, timeout_sec=0.01)
         answer = PoseStamped()
         count += 1
@@ -41,6 +49,7 @@ def main() -> None:
         answer.pose.position.x = float(count)
         answer.pose.orientation.w = 1.0
         speaker.publish(answer)
+        counts["answer"] += speaker.get_subscription_count() > 0
     hashes = {
         info.topic_type: str(info.topic_type_hash)
         for topic in ("/pose", "/wrench")

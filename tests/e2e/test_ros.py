@@ -20,7 +20,7 @@ TURN = [0.0, 0.0, 0.6, 0.8]
 
 @pytest.fixture
 def listener() -> Iterator["subprocess.Popen[str]"]:
-    """An rclpy node in a process, for three seconds."""
+    """An rclpy node in a process, until it has received 200 poses and 50 wrenches and sent 200 answers."""
     python = Path(os.environ.get("MONOCHORD_ROS_PYTHON") or ROOT / ".venv-ros" / "bin" / "python")
     if not python.is_file():
         pytest.skip(f"no Python with rclpy at {python} (make ros, or set MONOCHORD_ROS_PYTHON)")
@@ -30,7 +30,7 @@ def listener() -> Iterator["subprocess.Popen[str]"]:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
     }
-    command = [str(python), str(Path(__file__).with_name("ros_listener.py")), "3"]
+    command = [str(python), str(Path(__file__).with_name("ros_listener.py")), "200", "50", "200"]
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
         yield process
         process.kill()

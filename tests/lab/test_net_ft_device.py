@@ -13,6 +13,7 @@ from NetFT import Sensor  # pyright: ignore[reportMissingTypeStubs]
 from monochord.capture.instruments import _rdt as rdt
 from monochord.capture.instruments.net_ft import NetFt
 from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Readings
 from monochord.lab._rdt_records import RecordStream
 from monochord.lab.net_ft_device import NetFtDevice, NetFtSettings, write_script
 
@@ -57,10 +58,13 @@ def test_as_a_process_it_plays_a_script(tmp_path: Path) -> None:
             begin = time.monotonic() + 0.1
             process.stdin.write(f"{begin}\n")
             process.stdin.flush()
-            time.sleep(0.6)
-            parts = connection.poll()
+            parts = list[Readings]()
+            while not parts or parts[-1].values[-1, 2] < 3.0:
+                assert time.monotonic() < begin + 60.0, "the ramp was not received within 60 s"
+                time.sleep(0.02)
+                parts += connection.poll()
         process.stdin.close()
-        assert process.wait(10) == 0
+        assert process.wait(60) == 0
     values, times = (np.concatenate([getattr(part, name) for part in parts]) for name in ("values", "time"))
     index = np.rint(values[:, 2] / 1e-3)
     moving = index > 0

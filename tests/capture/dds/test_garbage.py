@@ -40,13 +40,19 @@ with Participant(domain={DOMAIN}) as here, Participant(domain={DOMAIN}) as there
     writer = there.writer("pose", "PoseStamped")
     while not writer.listeners:
         time.sleep(0.01)
+    writer.write(said, 0)
+    while not heard:
+        time.sleep(0.01)
+    heard.clear()
     before = resident()
     print("ready", flush=True)
     sys.stdin.readline()
     for k in range(200):
         writer.write(said, k)
         time.sleep(0.002)
-    time.sleep(0.5)
+    deadline = time.monotonic() + 30.0
+    while len(heard) < 200 and time.monotonic() < deadline:
+        time.sleep(0.01)
     print(len(heard), resident() - before, flush=True)
     sys.stdin.readline()
 """
@@ -115,7 +121,7 @@ def listener(errors: Path, *before: str) -> Generator[Listener]:
             assert process.stdout.readline() == "ready\n"
             yield Listener(process, errors)
         finally:
-            process.communicate(timeout=20)
+            process.communicate(timeout=60)
 
 
 def test_garbage_from_this_machine_is_not_logged_and_takes_no_memory(tmp_path: Path) -> None:
