@@ -24,6 +24,7 @@ WAYS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "ast_torch": ("ast", {"random": True, "backend": "torch"}),
     "ast_onnx": ("ast", {"random": True, "backend": "onnx"}),
     "ast_int8": ("ast", {"random": True, "backend": "int8"}),
+    "ast_openvino": ("ast", {"random": True, "backend": "openvino"}),
     "ast_cuda": ("ast", {"random": True, "backend": "cuda"}),
     "yamnet": ("yamnet", {}),
 }
@@ -45,7 +46,8 @@ class Encoders(Benchmark):
     window
         Their length in s.
     ways
-        Which of log_mel, ast_torch, ast_onnx, ast_int8, ast_cuda (a GPU) and yamnet; all, if empty.
+        Which of log_mel, ast_torch, ast_onnx, ast_int8, ast_openvino, ast_cuda (a GPU) and yamnet; all, if
+        empty.
     """
 
     windows: int = 100

@@ -1,6 +1,5 @@
 """The embedding of a window by the frozen Audio Spectrogram Transformer."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,8 +8,9 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
+from monochord.perception.encoders.ast.engines import Backend, Embed, engine_of
+from monochord.perception.encoders.ast.network import Weights, find
 from monochord.perception.encoders.ast.patches import BINS
-from monochord.perception.encoders.ast.tensors import AstWeights, random_weights
 from monochord.perception.features._mel import FINE, Spectrogram
 from monochord.perception.features.base import Extractor, Feature
 
@@ -18,7 +18,6 @@ AUDIOSET = 160
 """Samples from frame to frame in AudioSet."""
 FRAMES = 100
 """Frames that AudioSet's framing is padded to, at the least."""
-Embed = Callable[[Audio], Audio]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,14 +45,15 @@ class Ast(Feature):
     seed
         Of the random weights.
     backend
-        ``onnx`` (float32) or ``int8`` by ONNX Runtime, ``torch`` on the processor, ``cuda`` for PyTorch on a
-        GPU. In float32 they differ in the last bits, int8 by a few hundredths of the spread: train and
-        predict with the same.
+        ``onnx`` (float32) or ``int8`` by ONNX Runtime, ``openvino`` (int8), ``torch`` on the processor,
+        ``cuda`` for PyTorch on a GPU. In float32 they differ in the last bits, int8 by a few hundredths of
+        the spread: train and predict with the same. The first time an ONNX file is made, which takes a
+        minute or two, PyTorch and transformers.
     framing
         ``fine``: frames 1 ms apart, mirrored at the ends, 100 of 0.1 s. ``audioset``: 10 ms apart, as the
         network was trained, 8 of 0.1 s, and zeros up to 100.
     threads
-        Of ONNX Runtime.
+        Of ONNX Runtime and OpenVINO.
     context
         Seconds at the begin of each window that only settle the resampler and are not looked at.
     """
@@ -61,7 +61,7 @@ class Ast(Feature):
     weights: str = ""
     random: bool = False
     seed: int = 0
-    backend: Literal["onnx", "int8", "torch", "cuda"] = "onnx"
+    backend: Backend = "onnx"
     framing: Literal["fine", "audioset"] = "fine"
     threads: int = 1
     context: Seconds = 0.0
@@ -80,34 +80,19 @@ class Ast(Feature):
             signal, size, hop=FINE if fine else AUDIOSET, centred=fine, bins=BINS, context=self.context
         )
         frames = spectrogram.frames if fine else max(spectrogram.frames, FRAMES)
-        weights = self._weights()
-        return _Embedded(spectrogram, frames, self._network(weights, frames), weights)
-
-    def _weights(self) -> AstWeights:
-        if self.random:
-            return random_weights(seed=self.seed)
-        from monochord.perception.encoders.ast.reading import read_weights  # noqa: PLC0415
-
-        return read_weights(self.weights)
-
-    def _network(self, weights: AstWeights, frames: int) -> Embed:
-        if self.backend in {"torch", "cuda"}:
-            from monochord.perception.encoders.ast.on_torch import OnTorch  # noqa: PLC0415
-
-            return OnTorch(weights, frames=frames, device="cpu" if self.backend == "torch" else "cuda")
-        from monochord.perception.encoders.ast.on_onnx import OnOnnx  # noqa: PLC0415
-
-        return OnOnnx(weights, frames=frames, int8=self.backend == "int8", threads=self.threads)
+        weights = Weights(seed=self.seed) if self.random else find(self.weights)
+        embed = engine_of(weights, frames=frames, backend=self.backend, threads=self.threads)
+        return _Embedded(spectrogram, frames, embed, weights)
 
 
 class _Embedded(Extractor):
-    def __init__(self, spectrogram: Spectrogram, frames: int, embed: Embed, weights: AstWeights) -> None:
+    def __init__(self, spectrogram: Spectrogram, frames: int, embed: Embed, weights: Weights) -> None:
         self._spectrogram, self._frames, self._embed = spectrogram, frames, embed
         self._columns = tuple(
             f"{weights.label} mic {microphone + 1} {how} {number + 1}"
             for microphone in range(spectrogram.channels)
             for how in ("mean", "max")
-            for number in range(weights.width)
+            for number in range(weights.sizes.width)
         )
 
     @property

@@ -58,7 +58,7 @@ def test_another_file_is_refused(tmp_path: Path, serve: Serve) -> None:
 
 def test_what_does_not_read_is_refused(tmp_path: Path, serve: Serve) -> None:
     weights = known(
-        serve(b"<html>sign in</html>"), sha256="", reader="monochord.perception.encoders.ast.reading"
+        serve(b"<html>sign in</html>"), sha256="", reader="monochord.perception.encoders.ast.network"
     )
     refused(tmp_path, weights, InputError, r"file\.part")
 

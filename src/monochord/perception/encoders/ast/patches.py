@@ -1,9 +1,6 @@
-"""From a log-mel spectrogram to the patches that the transformer sees."""
-
-import numpy as np
+"""How the transformer cuts a log-mel spectrogram into patches."""
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio
 
 BINS = 128
 """Mel bands of a spectrogram."""
@@ -27,37 +24,3 @@ def columns_of(frames: int) -> int:
     if frames < PATCH:
         raise InputError(f"a spectrogram of {frames} frames", f"{PATCH} frames or more")
     return (frames - PATCH) // STRIDE + 1
-
-
-def patches_of(energies: Audio) -> Audio:
-    """Return the patches of log-mel energies, normalised as in training: (e - mean) / (2 deviation).
-
-    Parameters
-    ----------
-    energies
-        (channels, frames, 128), natural logarithms, as `monochord.dsp.mel.LogMel` gives them.
-
-    Returns
-    -------
-    Audio
-        (channels, 12 columns, 256) float32: the patches row by row, lowest bands first, each row in the order
-        of time; a patch's own numbers band by band.
-
-    Raises
-    ------
-    InputError
-        If the energies have another number of bands, or too few frames.
-
-    Examples
-    --------
-    >>> patches_of(np.zeros((2, 100, 128), np.float32)).shape
-    (2, 108, 256)
-    """
-    channels, frames, bins = energies.shape
-    if bins != BINS:
-        raise InputError(f"a spectrogram of {bins} bands", f"{BINS} bands")
-    columns = columns_of(frames)
-    even = (energies.transpose(0, 2, 1) - np.float32(MEAN)) / np.float32(2.0 * DEVIATION)
-    views = np.lib.stride_tricks.sliding_window_view(even, (PATCH, PATCH), axis=(1, 2))
-    chosen = views[:, ::STRIDE, ::STRIDE]
-    return np.ascontiguousarray(chosen.reshape(channels, ROWS * columns, PATCH * PATCH), np.float32)
