@@ -15,17 +15,16 @@ from monochord.core.units import MetresPerSecond, Seconds
 from monochord.evaluation.regression import DRAWS, NONE, Blocks, Rows, Score, blocks_of, score_of
 from monochord.evaluation.results import Results
 from monochord.metrics import (
+    DECISION,
     area_under_curve,
-    brier_score,
-    calibration_error,
+    decision_accuracy,
     detection_delays,
+    detection_score,
     false_alarms,
     known,
     stretches,
 )
 
-HALF = 0.5
-"""A probability above it says yes."""
 SPEEDS: tuple[tuple[MetresPerSecond, MetresPerSecond], ...] = (
     (0.0, 0.003),
     (0.003, 0.01),
@@ -114,11 +113,11 @@ def detection(results: Results, name: str, rows: Rows | None = None, *, draws: i
     if answered.any() and not (told[answered].min() >= 0.0 and told[answered].max() <= 1.0):
         given = f"estimates of {name} from {told[answered].min():g} to {told[answered].max():g}"
         raise InputError(given, "probabilities of 0 to 1")
-    right = ((told > HALF) == truth) & answered
+    score = detection_score(truth, told)
     share = replace(
         _as_events(results.where(within), name, blank),
-        answered=float(answered.mean()),
-        accuracy=score_of(lambda at: float(right[at].mean()), blocks, draws),
+        answered=score.answered,
+        accuracy=score_of(lambda at: decision_accuracy(truth[at], told[at]), blocks, draws),
     )
     if not answered.any():
         return share
@@ -126,8 +125,8 @@ def detection(results: Results, name: str, rows: Rows | None = None, *, draws: i
     return replace(
         share,
         area=area(true, said, blocks[answered], draws),
-        brier=brier_score(true, said),
-        calibration=calibration_error(true, said),
+        brier=score.brier,
+        calibration=score.calibration,
     )
 
 
@@ -151,7 +150,7 @@ def by_speed(results: Results, *, draws: int = DRAWS) -> dict[str, Band]:
             continue
         beside = (within | ~slides) & np.isfinite(told)
         band, both = part.where(within), part.where(beside)
-        right = band.estimate("slip") > HALF
+        right = band.estimate("slip") >= DECISION
         found[f"{low:g} to {high:g}"] = Band(
             windows=len(band),
             found=score_of(lambda at, right=right: float(right[at].mean()), blocks_of(band)[0], draws),
@@ -191,7 +190,7 @@ def _as_events(results: Results, name: str, blank: Detection) -> Detection:
     events = stretches(begin, on, part.hop)
     events[:, 1] += part.window - part.hop
     events[:-1, 1] = np.minimum(events[:-1, 1], events[1:, 0])
-    alarms = stretches(begin + part.window, part.estimate(name) > HALF, part.hop)
+    alarms = stretches(begin + part.window, part.estimate(name) >= DECISION, part.hop)
     delays = detection_delays(events, alarms)
     quiet = float(part.hop * np.count_nonzero(~on))
     found = np.isfinite(delays)

@@ -5,9 +5,8 @@ abstains cannot gain by it: the shares that are near enough are of all windows, 
 as a miss, and the share that was answered stands beside every error.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
@@ -17,20 +16,19 @@ from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 from monochord.evaluation.results import Results
 from monochord.metrics import (
+    LIMITS,
     bootstrap_interval,
-    coverage,
+    hit_rate,
     known,
     mean_absolute_error,
-    mean_error,
     pearson_r,
+    regression_score,
     time_blocks,
 )
 
 Rows: TypeAlias = NDArray[np.bool_]
 Blocks: TypeAlias = NDArray[np.int64]
 """Numbers of blocks, or of rows (n,)."""
-NEAR: Mapping[str, float] = MappingProxyType({"position": 5e-3, "force": 0.2})
-"""An answer at most this far off, in m and N, is near enough: the paper's limits."""
 ENOUGH_SESSIONS = 5
 """From so many sessions on, whole sessions are drawn for an interval; else stretches of `STRETCH`."""
 STRETCH: Seconds = 10.0
@@ -101,35 +99,32 @@ def regression(results: Results, name: str, rows: Rows | None = None, *, draws: 
     --------
     ``examples/evaluate_an_estimator.py`` scores an estimator.
     """
-    if name not in NEAR:
-        raise InputError(f"quantity '{name}'", ", ".join(NEAR))
+    if name not in LIMITS:
+        raise InputError(f"quantity '{name}'", ", ".join(LIMITS))
     part = results.where(scored(results, name) if rows is None else rows & scored(results, name))
     truth, told = part.label(name), part.estimate(name)
     std = part.std.get(name, np.full(len(part), np.nan))
     blocks, what = blocks_of(part)
     sessions = len(np.unique(part.of_trials("session")))
-    blank = Regression(windows=len(part), sessions=sessions, blocks=what, limit=NEAR[name])
+    blank = Regression(windows=len(part), sessions=sessions, blocks=what, limit=LIMITS[name])
     if not len(part):
         return blank
-    answered = known(told)
-    error = np.where(answered, np.abs(told - truth), np.inf)
+    answered, score = known(told), regression_score(truth, told, std, limit=LIMITS[name])
     some = replace(
         blank,
-        answered=float(answered.mean()),
-        within=score_of(lambda at: float(np.mean(error[at] <= NEAR[name])), blocks, draws),
+        answered=score.answered,
+        within=score_of(lambda at: hit_rate(truth[at], told[at], LIMITS[name]), blocks, draws),
     )
     if not answered.any():
         return some
     true, said, number = truth[answered], told[answered], blocks[answered]
-    sure = answered & np.isfinite(std)
-    shares = [coverage(truth[sure], told[sure], std[sure], k) for k in (1.0, 2.0)] if sure.any() else []
     return replace(
         some,
         mae=score_of(lambda at: mean_absolute_error(true[at], said[at]), number, draws),
         r=score_of(lambda at: pearson_r(true[at], said[at]), number, draws),
-        bias=mean_error(true, said),
-        median=float(np.median(np.abs(said - true))),
-        covered=tuple(shares),
+        bias=score.bias,
+        median=score.median,
+        covered=score.coverage,
     )
 
 

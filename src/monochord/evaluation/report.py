@@ -7,10 +7,10 @@ from itertools import chain
 
 from monochord.evaluation.detection import Detection
 from monochord.evaluation.paper import reported
-from monochord.evaluation.regression import NEAR, Regression, Score
+from monochord.evaluation.regression import Regression, Score
 from monochord.evaluation.results import CLEAN
 from monochord.evaluation.scorecard import Row, Scorecard
-from monochord.metrics import normal_coverage
+from monochord.metrics import LIMITS, normal_coverage
 
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #222; max-width: 78em; margin: 2em auto; padding: 0 1em }
@@ -25,7 +25,7 @@ td.reference { color: #777; font-style: italic } small { color: #777 }
 SHOWN: Mapping[str, tuple[float, str]] = {"position": (1e3, "mm"), "force": (1.0, "N")}
 """How a quantity is shown: factor and unit."""
 NOTHING = "-"
-TOLD = ("contact", "slip", *NEAR)
+TOLD = ("contact", "slip", *LIMITS)
 """Estimates whose abstentions are shown."""
 RULES = """
 Scored are touched windows whose every sample was recorded and whose label is known; windows with the begin
@@ -75,9 +75,9 @@ def page(card: Scorecard, drawings: Mapping[str, str]) -> str:
 
 
 def _regressions(card: Scorecard) -> Iterator[str]:
-    for quantity in NEAR:
+    for quantity in LIMITS:
         factor, unit = SHOWN[quantity]
-        limit = f"within {factor * NEAR[quantity]:g} {unit}"
+        limit = f"within {factor * LIMITS[quantity]:g} {unit}"
         head = ["object", "condition", "windows", "answered", f"error ({unit})", limit, "r"]
         head += [f"paper ({unit})", limit, "r"]
         rows = [_regression(row, quantity) for row in card.table if row.state == "touched"]

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monochord.core.types import Floats
-from monochord.evaluation.detection import HALF, judged
+from monochord.evaluation.detection import judged
 from monochord.evaluation.results import CLEAN, Results
 from monochord.figures import _style
 from monochord.figures._results import in_condition, whose
 from monochord.figures.base import Measured
-from monochord.metrics import confusion
+from monochord.metrics import DECISION, confusion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,7 +67,7 @@ def _counts(results: Results, name: str) -> Floats:
     counts = np.zeros((2, 3))
     counts[:, 2] = np.count_nonzero(silent & ~truth), np.count_nonzero(silent & truth)
     if not silent.all():
-        counts[:, :2] = confusion(truth[~silent], told[~silent] > HALF)
+        counts[:, :2] = confusion(truth[~silent], told[~silent] >= DECISION)
     return counts
 
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.evaluation.regression import NEAR
 from monochord.evaluation.results import CLEAN, Results
 from monochord.evaluation.scorecard import ErrorMap, error_map
 from monochord.figures import _style
 from monochord.figures._results import SHOWN, in_condition, whose
 from monochord.figures.base import Measured
+from monochord.metrics import LIMITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,13 +78,13 @@ class ErrorMapFigure(Measured):
         across, up = 1e3 * np.array(told.positions), np.array(told.forces)
         image = axes.pcolormesh(
             across, up, np.ma.masked_where(few | np.isnan(error), error), cmap="Oranges", vmin=0.0,
-            vmax=2.0 * factor * NEAR[told.quantity], edgecolors="white", lw=0.3,
+            vmax=2.0 * factor * LIMITS[told.quantity], edgecolors="white", lw=0.3,
         )  # fmt: skip
         rows, columns = np.nonzero(few)
         middle = 0.5 * (across[1:] + across[:-1]), 0.5 * (up[1:] + up[:-1])
         axes.plot(middle[0][columns], middle[1][rows], ls="", marker="x", color=_style.PALE, ms=4.0, mew=0.7)
         for row, column in np.argwhere(~few & np.isfinite(error)).tolist():
-            dark = error[row, column] > 1.4 * factor * NEAR[told.quantity]
+            dark = error[row, column] > 1.4 * factor * LIMITS[told.quantity]
             axes.text(
                 float(middle[0][column]), float(middle[1][row]), f"{error[row, column]:.2g}", ha="center",
                 va="center", fontsize=5.5, color="white" if dark else _style.INK,

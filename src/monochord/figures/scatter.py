@@ -10,11 +10,12 @@ import numpy as np
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.evaluation.regression import NEAR, regression, scored
+from monochord.evaluation.regression import regression, scored
 from monochord.evaluation.results import CLEAN, Results
 from monochord.figures import _style
 from monochord.figures._results import COLOURS, LETTER_OF, SHOWN, in_condition, whose
 from monochord.figures.base import Measured
+from monochord.metrics import LIMITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,7 +79,7 @@ class Scatter(Measured):
             lines = [f"MAE {factor * told.mae.value:.3g} {unit}"]
             lines += [] if told.r.value is None else [f"r = {told.r.value:.3f}"]
             near = 100.0 * (told.within.value or 0.0)
-            lines += [f"{near:.1f} % of {told.windows} within {factor * NEAR[name]:g} {unit}"]
+            lines += [f"{near:.1f} % of {told.windows} within {factor * LIMITS[name]:g} {unit}"]
         _style.dress(axes, letter, name, f"true {symbol} ({unit})", f"told {symbol} ({unit})")
         axes.text(
             0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=_style.TICK,
@@ -89,7 +90,7 @@ class Scatter(Measured):
             return
         span = np.array([truth.min(), truth.max()])
         span += 0.04 * np.ptp(span) * np.array([-1.0, 1.0]) + np.array([-1e-9, 1e-9])
-        for shift in (-NEAR[name], NEAR[name]):
+        for shift in (-LIMITS[name], LIMITS[name]):
             axes.plot(span, span + factor * shift, color=_style.PALE, lw=0.7, ls=_style.THEORY)
         axes.plot(span, span, color=_style.INK, lw=0.7)
         for number, (body, rows) in enumerate(_bodies(results).items()):

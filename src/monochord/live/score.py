@@ -6,17 +6,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord import metrics
 from monochord.core.types import Floats
 from monochord.core.units import Metres, Seconds
 from monochord.live.sinks.base import Listener, Moment
+from monochord.metrics import LIMITS, detection_score, regression_score
 
 CHANCES = ("contact", "slip")
-AMOUNTS: Mapping[str, tuple[float, str, float, str]] = {
-    "position": (5e-3, "5mm", 1e3, "mm"),
-    "force": (0.2, "0.2n", 1.0, "N"),
-}
-"""By name of an estimate what counts as near, its name, the scale in which it is shown, and its unit."""
+AMOUNTS: Mapping[str, tuple[str, float, str]] = {"position": ("5mm", 1e3, "mm"), "force": ("0.2n", 1.0, "N")}
+"""By name of an estimate the name of its limit, the scale in which it is shown, and its unit there."""
 TINY: Seconds = 1e-6
 
 
@@ -67,9 +64,9 @@ class Score(Listener):
         whole, touched, known = self._whole()
         if "contact" in self._named:
             found |= {"contact_windows": int(whole.sum()), **self._chance("contact", whole)}
-        for name, (near, within, _, _) in AMOUNTS.items():
+        for name, (within, _, _) in AMOUNTS.items():
             if name in self._named:
-                found |= self._amount(name, touched & np.isfinite(self._label(name)), near, within)
+                found |= self._amount(name, touched & np.isfinite(self._label(name)), within)
         if "slip" in self._named:
             found |= {"slip_windows": int(known.sum()), **self._chance("slip", known)}
         return found
@@ -88,7 +85,7 @@ class Score(Listener):
         counted = f"settled windows with a touch: {len(answered)} answered, {silent} abstained"
         if not len(answered):
             return [counted]
-        near = float((answered <= AMOUNTS["position"][0]).mean())
+        near = float((answered <= LIMITS["position"]).mean())
         median = f"median {1e3 * self.median_error():.2f} mm, {_share(near)} within 5 mm"
         return [counted, f"position error against truth: {median}"]
 
@@ -110,27 +107,18 @@ class Score(Listener):
 
     def _chance(self, name: str, rows: NDArray[np.bool_]) -> dict[str, float | None]:
         """Return the share that is right, and the area under the curve where there are both kinds."""
-        truth, told = self._label(name)[rows] > 0.0, np.array(self._told[name][0])[rows]
-        said = np.isfinite(told)
-        right = float((((told >= 0.5) == truth) & said).mean()) if truth.size else None
-        yes, no = (told[said & (truth == kind)] for kind in (True, False))
-        area = metrics.area_under_curve(yes, no) if len(yes) and len(no) else None
-        return {f"{name}_accuracy": right, f"{name}_area": area}
+        score = detection_score(self._label(name)[rows] > 0.0, np.array(self._told[name][0])[rows])
+        return {f"{name}_accuracy": score.accuracy, f"{name}_area": score.area}
 
-    def _amount(
-        self, name: str, rows: NDArray[np.bool_], near: float, within: str
-    ) -> dict[str, float | int | None]:
-        truth, (value, std) = self._label(name)[rows], (np.array(c)[rows] for c in self._told[name])
-        said = np.isfinite(value)
-        sure = said & np.isfinite(std)
-        error = np.abs(value - truth)
-        right = float((error[said] <= near).sum()) / truth.size if said.any() else None
+    def _amount(self, name: str, rows: NDArray[np.bool_], within: str) -> dict[str, float | int | None]:
+        value, std = (np.array(column)[rows] for column in self._told[name])
+        score = regression_score(self._label(name)[rows], value, std, limit=LIMITS[name])
         return {
-            f"{name}_windows": truth.size,
-            f"{name}_answered": int(said.sum()),
-            f"{name}_mae": float(error[said].mean()) if said.any() else None,
-            f"{name}_within_{within}": right,
-            f"{name}_coverage": float((error <= std)[sure].mean()) if sure.any() else None,
+            f"{name}_windows": score.windows,
+            f"{name}_answered": int(np.isfinite(value).sum()),
+            f"{name}_mae": score.mae,
+            f"{name}_within_{within}": None if score.mae is None else score.within,
+            f"{name}_coverage": score.coverage[0] if score.coverage else None,
         }
 
 
@@ -159,7 +147,7 @@ def _line(name: str, tree: Mapping[str, float | int | None]) -> list[str]:
         right, area = tree[f"{name}_accuracy"], tree[f"{name}_area"]
         told = "" if area is None else f", area under the curve {area:.3f}"
         return [f"{name:<9}{_share(right)} right of {counted} windows{told}"]
-    near, within, scale, unit = AMOUNTS[name]
+    (within, scale, unit), limit = AMOUNTS[name], LIMITS[name]
     error = tree[f"{name}_mae"]
     if error is None:
         return [f"{name:<9}no answer in {counted} windows"]
@@ -168,7 +156,7 @@ def _line(name: str, tree: Mapping[str, float | int | None]) -> list[str]:
     doubt = "" if covered is None else f", {_share(covered)} within one standard error"
     found = f"mean error {scale * error:.2f} {unit}, {_share(tree[f'{name}_within_{within}'])} within"
     silence = f"{_share(silent)} of {counted} windows abstained"
-    return [f"{name:<9}{found} {scale * near:g} {unit}{doubt}; {silence}"]
+    return [f"{name:<9}{found} {scale * limit:g} {unit}{doubt}; {silence}"]
 
 
 def _share(share: float | None) -> str:

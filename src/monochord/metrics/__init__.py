@@ -17,8 +17,22 @@ from monochord.metrics.classification import accuracy, balanced_accuracy, confus
 from monochord.metrics.events import detection_delays, false_alarm_rate, false_alarms, stretches
 from monochord.metrics.ranking import area_interval, area_under_curve
 from monochord.metrics.regression import known, mean_absolute_error, mean_error, pearson_r, rms_error, within
+from monochord.metrics.scores import (
+    DECISION,
+    LIMITS,
+    DetectionScore,
+    RegressionScore,
+    decision_accuracy,
+    detection_score,
+    hit_rate,
+    regression_score,
+)
 
 __all__ = [
+    "DECISION",
+    "LIMITS",
+    "DetectionScore",
+    "RegressionScore",
     "accuracy",
     "area_interval",
     "area_under_curve",
@@ -28,15 +42,19 @@ __all__ = [
     "calibration_error",
     "confusion",
     "coverage",
+    "decision_accuracy",
     "detection_delays",
+    "detection_score",
     "false_alarm_rate",
     "false_alarms",
+    "hit_rate",
     "known",
     "mean_absolute_error",
     "mean_error",
     "normal_coverage",
     "pearson_r",
     "quantile_coverage",
+    "regression_score",
     "reliability",
     "rms_error",
     "stretches",

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.types import Floats
-from monochord.metrics import accuracy, area_under_curve, mean_absolute_error, pearson_r
+from monochord.metrics import detection_score, mean_absolute_error, regression_score
 from monochord.perception.heads.base import Task
 
 Numbers = dict[str, float]
@@ -19,12 +19,12 @@ def chance_scores(reference: NDArray[np.bool_], probability: Floats) -> Numbers:
     >>> {name: round(value, 3) for name, value in scores.items()}
     {'windows': 3, 'accuracy': 0.667, 'auc': 1.0, 'baseline_accuracy': 0.667}
     """
-    share = float(reference.mean())
+    score = detection_score(reference, probability)
     return {
-        "windows": len(reference),
-        "accuracy": accuracy(reference, probability >= 0.5),
-        "auc": area_under_curve(probability[reference], probability[~reference]),
-        "baseline_accuracy": max(share, 1.0 - share),
+        "windows": score.windows,
+        "accuracy": _number(score.accuracy),
+        "auc": _number(score.area),
+        "baseline_accuracy": _number(score.baseline),
     }
 
 
@@ -34,13 +34,18 @@ def amount_scores(reference: Floats, estimate: Floats, mean: float) -> Numbers:
     >>> amount_scores(np.array([1.0, 2.0]), np.array([1.0, 2.5]), 1.5)["baseline_mae"]
     0.5
     """
+    score = regression_score(reference, estimate, limit=0.0)
     return {
-        "windows": len(reference),
-        "mae": mean_absolute_error(reference, estimate),
-        "median_error": float(np.median(np.abs(estimate - reference))),
-        "r": pearson_r(reference, estimate),
+        "windows": score.windows,
+        "mae": _number(score.mae),
+        "median_error": _number(score.median),
+        "r": _number(score.r),
         "baseline_mae": mean_absolute_error(reference, np.full(len(reference), mean)),
     }
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
 
 
 def lines(scores: Mapping[str, Numbers], tasks: Mapping[str, Task]) -> list[str]:
