@@ -16,7 +16,7 @@ from numba.core.caching import NullCache
 from numba.core.registry import CPUDispatcher
 
 import monochord
-from monochord.physics.twin import kernel, part
+from monochord.physics.twin import jit, kernel
 
 MODULES = [module.name for module in pkgutil.walk_packages(monochord.__path__, "monochord.")]
 TWIN = "monochord.physics.twin."
@@ -64,10 +64,10 @@ def reached(name: str) -> set[str]:
 def test_the_fingerprint_covers_all_that_the_twins_kernel_is_made_of() -> None:
     made_of = reached(kernel.__name__)
     parts = {name for name in MODULES if name.startswith(TWIN) and compiled(name)}
-    assert {TWIN + "press", TWIN + "string", TWIN + "motion"} <= parts
+    assert {TWIN + "contact", TWIN + "string", TWIN + "roughness"} <= parts
     assert parts <= made_of
-    assert made_of == {kernel.__name__, *(module.__name__ for module in kernel.OTHERS)}
-    assert part.fingerprint((kernel, *kernel.OTHERS)) == kernel.PARTS
+    assert made_of == {module.__name__ for module in kernel.FILES}
+    assert jit.fingerprint(kernel.FILES) == kernel.FINGERPRINT
 
 
 def test_only_the_kernel_of_the_twin_calls_its_parts() -> None:

@@ -15,9 +15,19 @@ from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
-from monochord.physics.twin import Key, Outside, Pluck, Scene, Sensor, Touch, advance, begin, hold
+from monochord.physics.twin import (
+    Key,
+    Outside,
+    Pluck,
+    Scene,
+    Sensor,
+    Touch,
+    advance,
+    advance_many,
+    begin,
+    hold,
+)
 from monochord.physics.twin import Twin as VirtualSensor
-from monochord.physics.twin.many import advance_many
 from monochord.physics.twin.reference import advance_slowly
 
 RATE = 44100

@@ -1,9 +1,62 @@
 """Presets as data: one TOML file each in a folder, found by its name."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
+from monochord.core.config import load_toml
 from monochord.core.errors import InputError, did_you_mean
+
+Preset = TypeVar("Preset")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Presets(Generic[Preset]):
+    """The presets of one kind: the files of a folder, each read into an object.
+
+    Parameters
+    ----------
+    package
+        Whose folder holds the files.
+    kind
+        What they are, for messages: "string", "material".
+    read
+        Makes the object of a file's table, to which the file's stem is added as ``name``, and of what
+        messages call it; raises `InputError` if it cannot.
+
+    Examples
+    --------
+    >>> from monochord.physics.materials import load_material, material_names
+    >>> "wood" in material_names(), load_material("allen-key").young_modulus
+    (True, 205000000000.0)
+    """
+
+    package: str
+    kind: str
+    read: Callable[[dict[str, Any], str], Preset]
+
+    def names(self) -> list[str]:
+        """Return the names of the presets, sorted."""
+        return preset_names(self.package)
+
+    def load(self, name: str) -> Preset:
+        """Return a preset by its name, or read one from a file of your own.
+
+        Parameters
+        ----------
+        name
+            A name of `names`, with hyphens or underscores, or the path of a TOML file laid out as the presets
+            are.
+
+        Raises
+        ------
+        InputError
+            If there is no such preset, or the file cannot be used.
+        """
+        path = preset_path(self.package, self.kind, name)
+        return self.read({**load_toml(path), "name": path.stem}, f"{self.kind} {path.stem}")
 
 
 def preset_names(package: str) -> list[str]:
@@ -14,12 +67,12 @@ def preset_names(package: str) -> list[str]:
     >>> "wood" in preset_names("monochord.physics.materials")
     True
     """
-    found = (Path(entry.name) for entry in files(package).iterdir())
-    return sorted(path.stem for path in found if path.suffix == ".toml")
+    paths = (Path(entry.name) for entry in files(package).iterdir())
+    return sorted(path.stem for path in paths if path.suffix == ".toml")
 
 
 def preset_path(package: str, kind: str, name: str) -> Path:
-    """Return the file of a preset by its name, or the file that is named itself.
+    """Return the file of a preset by its name, or the path itself if a file is given.
 
     Parameters
     ----------

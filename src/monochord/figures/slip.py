@@ -16,7 +16,6 @@ from monochord.figures import _style
 from monochord.figures.base import Measured
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
-from monochord.physics.twin.stream import MOVING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -137,7 +136,6 @@ class Slip(Measured):
     def dragged(self, *, drivers: bool) -> Drag:
         """Return the touch of B to D, frame by frame from its first moment, with the drivers on or off."""
         from monochord.physics.twin import Scene, advance, begin, hold  # noqa: PLC0415
-        from monochord.physics.twin.memory import SIDE, SIDE_FORCE  # noqa: PLC0415
 
         touch = hold(self.position, self.force, load_material(self.material), across=self.speed)
         scene = Scene(touches=(touch,), drivers=(drivers, drivers))
@@ -145,10 +143,10 @@ class Slip(Measured):
         rows: list[tuple[float, ...]] = []
         for frame in range(round(self.seconds * RATE)):
             take, twin = advance(twin, 1)
-            moving = dict(zip(MOVING, twin.moving, strict=True))
             time = (frame + 1) / RATE
             rows.append((
-                time, self.speed * time, moving["contact"][0, 0, SIDE], moving["solved"][0, 0, SIDE_FORCE],
+                time, self.speed * time, twin.state.contact["string_across"][0, 0],
+                twin.state.solution["force_across"][0, 0],
                 take.labels.friction[0, 0], take.labels.slip[0, 0],
             ))  # fmt: skip
         time, mover, string, force, state, slip = np.array(rows).T

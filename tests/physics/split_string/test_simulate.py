@@ -1,5 +1,6 @@
-"""The paper's appendix, the routes, and what is refused."""
+"""From a setup to a recording and its peaks; what is refused."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Contact
-from monochord.physics.split_string import Route, SplitString, peaks, simulate
+from monochord.physics.split_string import Drive, Pluck, Recording, Route, SplitString, peaks, simulate
 from monochord.physics.split_string.simulate import _resample
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, segment_frequencies
@@ -81,3 +82,92 @@ def test_nothing_folds_back_from_the_grid_s_rate_and_what_passes_keeps_its_time(
     expected = np.sin(2.0 * np.pi * 19_000.0 * kept) * np.sin(np.pi * kept / 0.2) ** 2
     assert np.abs(passed - expected).max() < 1e-3  # 0.01 dB
     assert np.abs(stopped).max() < 1e-6
+
+
+def recording(own: float, loud: float = 1.0, seconds: float = 0.4) -> Recording:
+    times = np.arange(round(seconds * 44100)) / 44100
+    tones = (np.sin(2.0 * np.pi * 695.0 * times), loud * np.sin(2.0 * np.pi * 374.2 * times))
+    mixing = mixing_matrix(own, own)
+    return Recording(
+        segments=np.stack(tones),
+        microphones=mixing @ np.stack(tones),
+        sample_rate=44100,
+        mixing=mixing,
+        drive_frequencies=np.zeros((2, 1)),
+        drive_interval=0.02,
+    )
+
+
+@pytest.mark.parametrize("loud", [0.05, 1.0, 20.0])
+@pytest.mark.parametrize("own", [1.0, 0.8, 0.55])
+def test_each_segment_gives_its_own_peak_however_loud_the_other(own: float, loud: float) -> None:
+    assert peaks(recording(own, loud)) == pytest.approx((695.0, 374.2), rel=1e-5)
+
+
+def test_the_transient_is_left_out() -> None:
+    take = recording(0.9)
+    take.microphones[:, :6000] = np.sin(2.0 * np.pi * 3000.0 * np.arange(6000) / 44100)
+    assert peaks(take) == pytest.approx((695.0, 374.2), rel=1e-5)
+
+
+def test_a_silent_segment_has_no_peak() -> None:
+    first, second = peaks(recording(1.0, 0.0))
+    assert first == pytest.approx(695.0, rel=1e-5)
+    assert math.isnan(second)
+
+
+def test_what_cannot_be_told_apart_is_refused() -> None:
+    with pytest.raises(InputError, match="mixing"):
+        peaks(recording(0.5))
+    with pytest.raises(InputError, match=r"recording of 0.00498866 s: allowed is 0.01 s or more"):
+        peaks(recording(0.9, seconds=0.005))
+    assert recording(0.9).duration == 0.4
+
+
+STRING = load_string("appendix").string
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (
+            {"contact": Contact(position=0.65, force=1.0)},
+            r"position 0.65 m: allowed is strictly between 0 and",
+        ),
+        ({"contact": Contact(position=-0.1, force=1.0)}, r"position -0.1 m"),
+        ({"contact": Contact(position=float("nan"), force=1.0)}, r"position nan m"),
+        ({"contact": Contact(position=0.3, force=-1.0)}, r"force -1 N: allowed is 0 N or more"),
+        ({"mixing": (0.9, 1.1)}, r"mixing share 1.1: allowed is 0 to 1"),
+        ({"pickup_place": 1.0}, r"pickup place 1"),
+        ({"nodes": 3}, r"3 nodes: allowed is 8"),
+        ({"time_step": 0.0}, r"time step 0 s"),
+        ({"alpha": 1.5}, r"alpha 1.5"),
+        ({"initial": "rest"}, r"without start frequencies.*set drive.start_frequencies"),
+    ],
+)
+def test_a_setup_that_cannot_be_is_refused_in_one_line(options: dict[str, Any], line: str) -> None:
+    with pytest.raises(InputError, match=line) as refusal:
+        SplitString(string=STRING, **options)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"amplitude": float("inf")}, "drive amplitude inf N"),
+        ({"place": 0.0}, "drive place 0"),
+        ({"width": 0.0}, "drive width 0 m"),
+        ({"window": 0.01, "hop": 0.02}, "drive window 0.01 s, hop 0.02 s"),
+        ({"pull": 1.1}, "drive pull 1.1"),
+        ({"start_frequencies": (0.0, 1.0)}, "start frequency 0 Hz"),
+    ],
+)
+def test_a_drive_that_cannot_be_is_refused(options: dict[str, Any], line: str) -> None:
+    with pytest.raises(InputError, match=line):
+        Drive(**options)
+
+
+@pytest.mark.parametrize("options", [{"place": 1.0}, {"width": -1.0}, {"height": float("nan")}])
+def test_a_pluck_that_cannot_be_is_refused(options: dict[str, float]) -> None:
+    with pytest.raises(InputError, match="pluck"):
+        Pluck(**options)

@@ -1,12 +1,26 @@
-"""The stream: the same samples however they are cut, and touches that come and go."""
+"""The stream: the same samples however they are cut, drivers that follow, touches that come and go."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats
-from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, simulate, touch
-from monochord.physics.split_string.feedback import lines
+from monochord.physics.split_string import (
+    Drive,
+    Pluck,
+    Ringing,
+    SplitString,
+    advance,
+    begin,
+    feedback,
+    simulate,
+    touch,
+)
+from monochord.physics.split_string.feedback import lines, retune, sense
+from monochord.physics.split_string.modes import ModalString, find_modes, plucked
+from monochord.physics.split_string.stream import project_motion
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
 
@@ -102,3 +116,125 @@ def test_a_touch_that_plucks_adds_the_pluck_to_both_segments() -> None:
     first = struck.q - stroked.q
     assert first[: stroked.string.counts[0]].max() == pytest.approx(0.8e-3 / 2.0, rel=0.1)
     assert struck.v.tolist() == stroked.v.tolist()
+
+
+STRING = load_string("appendix").string
+PLUCKED = SplitString(string=STRING, contact=Contact(position=0.2, force=0.0))
+OPEN = SplitString(string=STRING)
+
+
+def shape(string: ModalString, q: Floats, places: Floats) -> Floats:
+    result, first = np.zeros(places.size), 0
+    for segment, count in zip(string.segments, string.counts, strict=True):
+        local = (places - segment.origin) * segment.direction
+        inside = (local > 0.0) & (local < segment.length)
+        waves = np.sin(np.outer(local, np.arange(1, count + 1)) * np.pi / segment.length)
+        result += np.where(inside, waves @ q[first : first + count], 0.0)
+        first += count
+    return result
+
+
+def test_nothing_changes_when_the_segments_stay() -> None:
+    string = find_modes(PLUCKED, 44100)
+    q = plucked(PLUCKED.pluck, string)
+    q_after, v_after = project_motion(string, q, q * 1000.0, string)
+    assert q_after == pytest.approx(q, abs=1e-12 * np.abs(q).max())
+    assert v_after == pytest.approx(q * 1000.0, abs=1e-9 * np.abs(q).max())
+
+
+def test_a_release_keeps_the_shape() -> None:
+    touched, free = find_modes(PLUCKED, 44100), find_modes(OPEN, 44100)
+    q = plucked(PLUCKED.pluck, touched)
+    q_after, _ = project_motion(touched, q, q, free)
+    places = np.linspace(0.01, 0.64, 60)
+    # The kink at the old touch is rounded by the end of the audio band, and no more than that.
+    assert shape(free, q_after, places) == pytest.approx(shape(touched, q, places), abs=0.05e-4)
+    assert np.abs(shape(free, q_after, places)).max() > 0.9e-4
+
+
+def test_a_new_touch_takes_the_string_to_rest_there_along_the_static_triangle() -> None:
+    free, touched = find_modes(OPEN, 44100), find_modes(PLUCKED, 44100)
+    q = plucked(OPEN.pluck, free)
+    q_after, _ = project_motion(free, q, q, touched)
+    places = np.linspace(0.005, 0.645, 120)
+    depth = shape(free, q, np.array([0.2]))[0]
+    ramp = np.interp(places, [0.0, 0.2, 0.65], [0.0, 1.0, 0.0])
+    expected = shape(free, q, places) - depth * ramp
+    assert depth > 0.5e-4
+    assert shape(touched, q_after, places) == pytest.approx(expected, abs=0.01e-4)
+
+
+RATE = 44100
+
+
+def setup(**drive: object) -> SplitString:
+    return SplitString(
+        string=APPENDIX.string,
+        contact=Contact(position=0.2275, force=0.0),
+        drive=Drive(**drive),  # pyright: ignore[reportArgumentType]
+    )
+
+
+def tone(frequency: float, seconds: float = 0.05, phase: float = 0.0, level: float = 1.0) -> Floats:
+    times = np.arange(round(seconds * RATE)) / RATE
+    return level * np.sin(2.0 * np.pi * frequency * times + phase)
+
+
+@pytest.mark.parametrize("frequency", [120.0, 243.25, 695.006, 1999.9, 8000.1])
+@pytest.mark.parametrize("size", [2048, 2205])
+def test_a_line_is_read_between_bins(frequency: float, size: int) -> None:
+    signal = tone(frequency, phase=0.7)[:size]
+    heard, phase = lines(np.stack((signal, 1e-4 * signal)), RATE)
+    assert heard == pytest.approx([frequency] * 2, rel=2e-4)
+    now = 2.0 * np.pi * frequency * signal.size / RATE + 0.7
+    assert np.cos(phase - now) == pytest.approx([1.0, 1.0], abs=0.02)
+
+
+def test_silence_has_no_line() -> None:
+    heard, _ = lines(np.zeros((2, 2205)), RATE)
+    assert heard.tolist() == [0.0, 0.0]
+
+
+def test_a_driver_is_silent_until_it_has_heard_a_window_then_joins_in_phase() -> None:
+    case = setup()
+    sound = np.stack((tone(700.0, phase=1.0), tone(370.0, phase=2.0)))
+    drivers = feedback.begin(case.drive, RATE)
+    assert np.isnan(drivers.tone).all()
+    drivers = retune(sense(drivers, sound[:, :1000]), case, RATE, 0.02)
+    assert np.isnan(drivers.tone).all()
+    assert not drivers.phasor(10, 1e-4).any()
+    drivers = retune(sense(drivers, sound[:, 1000:]), case, RATE, 0.05)
+    assert drivers.frequency == pytest.approx([700.0, 370.0], rel=1e-3)
+    goes_on = 2.0 * np.pi * np.array([700.0, 370.0]) * 0.05 + [1.0, 2.0]
+    assert np.cos(drivers.phase - goes_on) == pytest.approx([1.0, 1.0], abs=0.02)
+
+
+def test_the_phase_runs_on_when_the_frequency_changes_unless_printed() -> None:
+    sound = np.stack((tone(700.0), tone(370.0)))
+    accumulated = setup(start_frequencies=(650.0, 350.0))
+    drivers = feedback.advance(sense(feedback.begin(accumulated.drive, RATE), sound), 0.05)
+    after = retune(drivers, accumulated, RATE, 0.05)
+    assert after.frequency != pytest.approx(drivers.frequency)
+    assert after.phase.tolist() == drivers.phase.tolist()
+    printed = replace(accumulated, drive=replace(accumulated.drive, phase="printed"))
+    jumped = retune(drivers, printed, RATE, 0.05)
+    assert jumped.phase == pytest.approx(2.0 * np.pi * jumped.frequency * 0.05)
+
+
+def test_literal_feedback_leads_both_drivers_by_the_first_microphone() -> None:
+    sound = np.stack((tone(700.0), tone(370.0, level=0.5)))
+    case = setup(feedback="literal")
+    drivers = retune(sense(feedback.begin(case.drive, RATE), sound), case, RATE, 0.05)
+    assert drivers.frequency == pytest.approx([700.0, 700.0], rel=1e-3)
+
+
+def test_without_feedback_the_start_frequencies_stay() -> None:
+    case = setup(feedback="off", start_frequencies=(650.0, 350.0))
+    drivers = sense(feedback.begin(case.drive, RATE), np.stack((tone(700.0), tone(370.0))))
+    assert retune(drivers, case, RATE, 0.05).frequency.tolist() == [650.0, 350.0]
+
+
+def test_the_swing_is_the_sine_of_the_running_phase() -> None:
+    drivers = feedback.advance(feedback.begin(Drive(start_frequencies=(650.0, 350.0)), RATE), 0.013)
+    times = np.linspace(0.0, 999e-6, 1000)
+    assert drivers.phasor(1000, 1e-6).imag == pytest.approx(np.sin(drivers.phases(times)), abs=1e-12)

@@ -11,8 +11,9 @@ from monochord.physics.materials import load_material
 from monochord.physics.strings import load_string
 from monochord.physics.theory import Losses
 from monochord.physics.twin import Ebow, Key, Pickups, Sensor, Touch, Twin, advance, stream
-from monochord.physics.twin import bank as layout
+from monochord.physics.twin import records as layout
 from monochord.physics.twin.rate import Plan
+from monochord.physics.twin.records import rows
 
 STRING = load_string("prototype").string
 COILS = (Ebow(sense=0.02, drive=0.03, gain=0.05), Ebow(sense=0.18, drive=0.17, gain=0.05))
@@ -37,46 +38,38 @@ def touch(*keys: Key, rolls: bool = True) -> Touch:
     return Touch(material=PLASTIC, motion=keys, rolls=rolls)
 
 
-def fixed(twin: Twin) -> dict[str, Floats]:
-    return {name: array[0] for name, array in zip(stream.FIXED, twin.fixed, strict=True)}
-
-
-def moving(twin: Twin) -> dict[str, Floats]:
-    return {name: array[0] for name, array in zip(stream.MOVING, twin.moving, strict=True)}
+def inside(twin: Twin, name: str) -> Any:
+    """An array of the kernel's parameters or state, of one sensor."""
+    owner = twin.parameters if name in twin.parameters._fields else twin.state
+    return getattr(owner, name)[0]
 
 
 def modes(twin: Twin) -> Floats:
     """The bank, a row a line."""
-    return moving(twin)["bank"].reshape(layout.rows(len(twin.scene.touches)), -1)
+    return inside(twin, "bank").reshape(rows(len(twin.scene.touches)), -1)
 
 
-def changed(twin: Twin, **arrays: Floats) -> Twin:
-    """The same twin with other arrays, by their names; the modes must be tuned anew."""
-    f, m = fixed(twin), moving(twin)
-    m["memory"] = m["memory"].copy()
-    m["memory"][0] = 0.0
-    f |= {name: array for name, array in arrays.items() if name in f}
-    m |= {name: array.ravel() if name == "bank" else array for name, array in arrays.items() if name in m}
-    return replace(
-        twin,
-        fixed=tuple(np.ascontiguousarray(f[name])[None] for name in stream.FIXED),
-        moving=tuple(np.ascontiguousarray(m[name])[None] for name in stream.MOVING),
-    )
+def changed(twin: Twin, **arrays: Any) -> Twin:
+    """The same twin with other arrays, by their names; the modes are tuned again."""
+    memory = arrays.pop("memory", inside(twin, "memory")).copy()
+    memory["tuned_tension"] = 0.0
+    batches = {name: np.array(array) for name, array in (arrays | {"memory": memory}).items()}
+    batches = {name: (a.ravel() if name == "bank" else a)[None] for name, a in batches.items()}
+    fixed = {name: batches.pop(name) for name in twin.parameters._fields if name in batches}
+    return replace(twin, parameters=twin.parameters._replace(**fixed), state=twin.state._replace(**batches))
 
 
 def with_touch(twin: Twin, **values: float) -> Twin:
-    """The same twin with other parameters of its touches, by their names in the kernel."""
-    from monochord.physics.twin import memory
-
-    touches = fixed(twin)["touches"].copy()
+    """The same twin with other parameters of its touches."""
+    touches = inside(twin, "touches").copy()
     for name, value in values.items():
-        touches[:, getattr(memory, name)] = value
+        touches[name] = value
     return changed(twin, touches=touches)
 
 
-def planned(patch: pytest.MonkeyPatch, finer: int, count: int = 16, beta: float = 0.44) -> None:
+def planned(patch: pytest.MonkeyPatch, oversampling: int, count: int = 16, beta: float = 0.44) -> None:
     """Let every twin that begins have these steps a frame and modes."""
-    plan = Plan(finer=finer, count=count, beta=beta, error=0.0)
+    plan = Plan(oversampling=oversampling, count=count, beta=beta, error=0.0)
 
     def given(*_: Any, **__: Any) -> Plan:
         return plan
@@ -85,13 +78,11 @@ def planned(patch: pytest.MonkeyPatch, finer: int, count: int = 16, beta: float 
 
 
 def waiting(twin: Twin) -> Twin:
-    """The same twin, whose only touch stands from the start where it will be after the first tick."""
+    """The same twin, whose only touch is from the start where it will be after the first control update."""
     after = advance(twin, 32)[1]
-    depth = moving(after)["ahead"][0, 4]
-    below = float(modes(after)[layout.SHAPE] @ modes(twin)[layout.Q])
-    ahead, contact = moving(twin)["ahead"].copy(), moving(twin)["contact"].copy()
-    ahead[0, 4] = depth
-    contact[0, 1] = depth - below
+    ahead, contact = inside(twin, "ahead").copy(), inside(twin, "contact").copy()
+    ahead["depth"] = inside(after, "ahead")["depth"]
+    contact["eta"] = ahead["depth"] - float(modes(after)[layout.SHAPE] @ modes(twin)[layout.Q])
     return changed(twin, ahead=ahead, contact=contact)
 
 

@@ -9,7 +9,7 @@ from monochord.core.types import StringParams
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses
 from monochord.physics.twin import Ebow, Key, Outside, Pickups, Pluck, Scene, Sensor, Touch, Twin, begin
-from monochord.physics.twin.rate import HALVES, TOPS, mode_count, padded
+from monochord.physics.twin.rate import HALF_SIZES, TOP_FREQUENCIES, mode_count, padded
 
 Draw = np.random.Generator
 
@@ -138,14 +138,16 @@ def scene(rng: Draw, length: float, seconds: float) -> Scene:
 def twin(
     seed: int,
     seconds: float,
-    halves: tuple[int, ...] = HALVES,
+    halves: tuple[int, ...] = HALF_SIZES,
     rates: tuple[int, ...] = (16000, 44100, 48000, 96000, 192000),
 ) -> Twin:
     """A twin of the allowed domain whose half bank has one of the sizes; all others are drawn again."""
     rng = np.random.default_rng(seed)
     while True:
         wire, rate = string(rng), int(rng.choice(rates))
-        if mode_count(wire, rate, TOPS[0]) > max(halves):  # it has no fewer modes once it is planned
+        if mode_count(wire, rate, TOP_FREQUENCIES[0]) > max(
+            halves
+        ):  # it has no fewer modes once it is planned
             continue
         try:
             built = sensor(rng, wire)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from tests.physics.twin import drawn
-from tests.physics.twin.built import SENSOR, modes, moving
+from tests.physics.twin.built import SENSOR, modes
 
 from monochord.core.errors import InputError
 from monochord.physics.twin import Scene, Twin, advance, begin, hold
-from monochord.physics.twin import bank as layout
-from monochord.physics.twin.rate import HALVES
+from monochord.physics.twin import records as layout
+from monochord.physics.twin.rate import HALF_SIZES
 
 
 def refuse_the_impossible(twin: Twin, seconds: float) -> None:
@@ -18,8 +18,8 @@ def refuse_the_impossible(twin: Twin, seconds: float) -> None:
         labels = take.labels
         assert np.isfinite(take.microphones).all()
         assert np.abs(take.microphones).max() <= 1.0
-        for name, array in moving(twin).items():
-            assert np.isfinite(array).all(), name
+        for array in twin.state:  # of numbers, or of records that hold nothing else
+            assert np.isfinite(array.view(np.float64)).all()
         assert np.abs(modes(twin)[layout.Q]).sum() < 10.0 * length
         for flags, most in ((labels.contact, 1), (labels.slip, 1), (labels.settled, 1), (labels.friction, 3)):
             assert flags.max(initial=0) <= most
@@ -42,7 +42,7 @@ def test_a_drawn_twin_stays_sound(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(1000, 1020))
 def test_a_drawn_twin_stays_sound_for_long(seed: int) -> None:
     """Four of each size of bank, whatever their touches and rates; none is left out for its cost."""
-    refuse_the_impossible(drawn.twin(seed, 20.0, halves=(HALVES[seed % len(HALVES)],)), 20.0)
+    refuse_the_impossible(drawn.twin(seed, 20.0, halves=(HALF_SIZES[seed % len(HALF_SIZES)],)), 20.0)
 
 
 def test_a_string_too_fast_for_its_rate_is_refused() -> None:
@@ -50,7 +50,7 @@ def test_a_string_too_fast_for_its_rate_is_refused() -> None:
 
     fast = replace(SENSOR.string, core_diameter=3e-3, linear_density=1e-3)
     with pytest.raises(InputError, match="too fast"):
-        begin(replace(SENSOR, string=fast), sample_rate=16000, finer=1)
+        begin(replace(SENSOR, string=fast), sample_rate=16000, oversampling=1)
 
 
 @pytest.mark.parametrize("place", [0.001, 0.199, -0.1])

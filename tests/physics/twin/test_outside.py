@@ -47,7 +47,7 @@ def test_louder_samples_are_turned_down() -> None:
             replace(
                 SENSOR, drivers=(replace(SENSOR.drivers[0], gain=0.0), replace(SENSOR.drivers[1], gain=0.0))
             ),
-            "falls silent",
+            "decays to silence",
         ),
     ],
 )

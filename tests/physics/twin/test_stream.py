@@ -1,14 +1,29 @@
-"""The twin as a stream: blocks, seeds, and changes on the way."""
+"""The twin as a stream: what it begins with, blocks, seeds, changes on the way, and many at once."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.physics.twin.built import FOAM, PLASTIC, SENSOR, key, moving, touch
+from tests.physics.twin.built import COILS, FOAM, NONE, PLASTIC, SENSOR, inside, key, modes, touch
 
 from monochord.core.errors import InputError
-from monochord.physics.twin import Outside, Pluck, Scene, Twin, advance, begin, hold, retouch, switch
-from monochord.physics.twin.memory import HOLD
+from monochord.physics.theory import Losses, decay_rates, hertz_stiffness, static_compliance
+from monochord.physics.twin import (
+    Outside,
+    Pluck,
+    Scene,
+    Take,
+    Twin,
+    advance,
+    advance_many,
+    begin,
+    hold,
+    retouch,
+    switch,
+)
+from monochord.physics.twin import records as layout
+from monochord.physics.twin.rate import mode_frequencies
+from monochord.physics.twin.records import CONTACT_HOLD
 
 SLIDES = Scene(
     touches=(touch(key(0.0, 0.08, 0.8, 0.0, 0.05), key(0.05, 0.09, 1.5, 0.0, 0.05), rolls=False),),
@@ -18,7 +33,7 @@ SLIDES = Scene(
 
 @pytest.mark.parametrize("finer", [1, 2])
 def test_blocks_of_any_size_give_the_same_bits(finer: int) -> None:
-    twin = begin(SENSOR, SLIDES, seed=3, finer=finer)
+    twin = begin(SENSOR, SLIDES, seed=3, oversampling=finer)
     whole, end = advance(twin, 2000)
     parts: list[np.ndarray] = []
     forces: list[np.ndarray] = []
@@ -28,27 +43,25 @@ def test_blocks_of_any_size_give_the_same_bits(finer: int) -> None:
         forces.append(take.labels.force)
     np.testing.assert_array_equal(np.concatenate(parts, axis=1), whole.microphones)
     np.testing.assert_array_equal(np.concatenate(forces, axis=1), whole.labels.force)
-    for name, array in moving(end).items():
-        np.testing.assert_array_equal(array, moving(twin)[name], err_msg=name)
+    assert [a.tobytes() for a in end.state] == [a.tobytes() for a in twin.state]
 
 
 def test_a_twin_is_a_value() -> None:
     twin = begin(SENSOR, SLIDES)
-    before = {name: array.copy() for name, array in moving(twin).items()}
+    before = [array.tobytes() for array in twin.state]
     first, again = advance(twin, 300)[0], advance(twin, 300)[0]
     np.testing.assert_array_equal(first.microphones, again.microphones)
-    for name, array in moving(twin).items():
-        np.testing.assert_array_equal(array, before[name])
+    assert [array.tobytes() for array in twin.state] == before
 
 
 def test_seeds_differ_in_noise_and_surfaces_only() -> None:
     plucked = Scene(pluck=Pluck(position=0.07, height=1e-4))
     one, other = (advance(begin(SENSOR, plucked, seed=seed), 2000) for seed in (1, 2))
-    np.testing.assert_array_equal(moving(one[1])["bank"], moving(other[1])["bank"])
+    np.testing.assert_array_equal(inside(one[1], "bank"), inside(other[1], "bank"))
     apart = one[0].microphones - other[0].microphones
     assert apart.std() == pytest.approx(2.0**0.5 * SENSOR.pickups.hiss, rel=0.1)
     rubbed = [advance(begin(SENSOR, SLIDES, seed=seed), 2000)[1] for seed in (1, 2)]
-    assert not np.array_equal(moving(rubbed[0])["bank"], moving(rubbed[1])["bank"])
+    assert not np.array_equal(inside(rubbed[0], "bank"), inside(rubbed[1], "bank"))
 
 
 def test_retouch_keeps_the_string_and_lets_objects_come_and_go() -> None:
@@ -92,11 +105,155 @@ def test_rates_that_cannot_be_are_refused() -> None:
 def test_force_is_the_reaction_averaged() -> None:
     twin = begin(SENSOR, Scene(touches=(hold(0.08, 1.0, PLASTIC),)))
     labels = advance(twin, 6000)[0].labels
-    steps = twin.plan.finer
+    steps = twin.plan.oversampling
     assert steps == 1
     mean, told = 0.0, np.zeros(6000)
     for i, load in enumerate(labels.reaction[0].astype(float)):
-        mean += (load - mean) / (HOLD * twin.sample_rate)
+        mean += (load - mean) / (CONTACT_HOLD * twin.sample_rate)
         told[i] = mean
     np.testing.assert_allclose(labels.force[0], told * labels.contact[0], rtol=1e-5, atol=1e-7)
     assert labels.reaction[0, 4000:].std() > 0.01  # the string's vibration is in it
+
+
+def test_a_pluck_is_a_triangle() -> None:
+    twin = begin(SENSOR, Scene(pluck=Pluck(position=0.07, height=1e-3, angle=0.3)))
+    half = modes(twin).shape[1] // 2
+    q = modes(twin)[layout.Q]
+    n = np.arange(1, half + 1)
+    for x in (0.03, 0.15):
+        true = 1e-3 * min(x / 0.07, (0.2 - x) / 0.13)
+        shape = np.sin(n * np.pi * x / 0.2)
+        assert shape @ q[:half] == pytest.approx(true * np.cos(0.3), rel=0.03)
+        assert shape @ q[half:] == pytest.approx(true * np.sin(0.3), rel=0.03)
+
+
+def test_touch_has_its_theory() -> None:
+    twin = begin(SENSOR, Scene(touches=(hold(0.08, 1.0, PLASTIC),)))
+    touch, table = inside(twin, "touches")[0], inside(twin, "compliance")[0]
+    string = SENSOR.string
+    elastic = (PLASTIC.radius, PLASTIC.young_modulus, PLASTIC.poisson_ratio)
+    assert touch.k2 == pytest.approx(hertz_stiffness(string, *elastic))
+    assert 0.97 < table[256] / static_compliance(string, 0.1) < 1.0  # a width gives way less than a point
+    sigma = decay_rates(string, SENSOR.losses, mode_frequencies(string, twin.plan.count) / (2.0 * np.pi))
+    np.testing.assert_allclose(modes(twin)[layout.DECAY, : twin.plan.count], sigma)
+
+
+def test_a_coil_is_as_wide_as_its_aperture() -> None:
+    wide = replace(SENSOR, drivers=(replace(COILS[0], aperture=0.01, angle=0.0), COILS[1]))
+    n = np.arange(1, 6)
+    true = np.sin(n * np.pi * 0.02 / 0.2) * np.exp(-0.5 * (n * np.pi / 0.2 * 0.01) ** 2)
+    np.testing.assert_allclose(modes(begin(wide))[layout.SENSE_1, :5], true)
+
+
+def test_what_the_scheme_cannot_is_refused() -> None:
+    with pytest.raises(InputError, match="modes that oscillate"):
+        begin(replace(SENSOR, losses=replace(NONE, support=5.0)))
+    with pytest.raises(InputError, match="a pluck at"):
+        begin(SENSOR, Scene(pluck=Pluck(position=0.3, height=1e-3)))
+    for samples in (np.zeros(0, np.float32), np.array([np.nan], np.float32), np.zeros((2, 3), np.float32)):
+        with pytest.raises(InputError, match="outside sound"):
+            begin(SENSOR, Scene(outside=Outside(samples=samples)))
+    assert begin(replace(SENSOR, losses=Losses(support=0.01))).plan.oversampling >= 1
+
+
+FRAMES = 700
+PLUCK = Pluck(position=0.07, height=1e-4)
+ROOM = Outside(samples=np.random.default_rng(0).normal(0.0, 0.01, 300).astype(np.float32))
+SLIDE = touch(*(key(0.005 * i, 0.07 + 1e-3 * (i % 2), 1.0) for i in range(5)), rolls=False)
+SCENES = {
+    "free": Scene(pluck=PLUCK),
+    "pressed": Scene(pluck=PLUCK, touches=(hold(0.08, 1.0, PLASTIC),)),
+    "pressed elsewhere": Scene(pluck=PLUCK, touches=(hold(0.11, 0.3, FOAM, across=0.02),)),
+    "more keys": Scene(pluck=PLUCK, touches=(SLIDE,)),
+    "two touches": Scene(touches=(hold(0.06, 1.0, PLASTIC), hold(0.12, 0.5, FOAM))),
+    "noisy": Scene(outside=ROOM),
+    "drivers off, other law": Scene(pluck=PLUCK, drivers=(False, False), tension_law="linear"),
+}
+
+
+def bits(take: Take, twin: Twin) -> list[bytes]:
+    labels = (getattr(take.labels, name) for name in type(take.labels).__slots__)
+    return [array.tobytes() for array in (take.microphones, *labels, *twin.state)]
+
+
+def assert_as_alone(twins: list[Twin], frames: int = FRAMES, cores: int | None = None) -> None:
+    together = advance_many(twins, frames, cores=cores)
+    assert len(together) == len(twins)
+    for before, (take, after) in zip(twins, together, strict=True):
+        alone, twin = advance(before, frames)
+        assert bits(take, after) == bits(alone, twin)
+        assert take.microphones.shape == (2, frames)
+        assert take.labels.force.shape == (len(before.scene.touches), frames)
+        assert (after.start, after.sensor, after.scene) == (twin.start, twin.sensor, twin.scene)
+
+
+@pytest.mark.parametrize("cores", [1, 2, 5, None])
+def test_each_is_what_it_would_be_alone(cores: int | None) -> None:
+    twins = [begin(SENSOR, SCENES["pressed"], seed=seed) for seed in range(9)]
+    assert_as_alone(twins, cores=cores)
+    assert len({take.microphones.tobytes() for take, _ in advance_many(twins, FRAMES)}) == 9
+
+
+def test_different_shapes_go_in_one_call_and_come_back_in_order() -> None:
+    twins = [begin(SENSOR, scene, seed=i) for i, scene in enumerate((*SCENES.values(), *SCENES.values()))]
+    assert_as_alone(twins)
+
+
+def test_other_strings_and_rates_go_along() -> None:
+    thick = replace(SENSOR, string=replace(SENSOR.string, tension=40.0))
+    plans = ((SENSOR, 44100), (thick, 44100), (SENSOR, 48000))
+    assert_as_alone([begin(sensor, SCENES["pressed"], sample_rate=rate) for sensor, rate in plans])
+
+
+def test_twins_at_different_instants_go_on_from_their_own() -> None:
+    late = advance(begin(SENSOR, SCENES["more keys"]), 333)[1]
+    first, second = (after for _, after in advance_many([begin(SENSOR, SCENES["more keys"]), late], 100))
+    assert (first.start, second.start) == (100, 433)
+    assert_as_alone([late, begin(SENSOR, SCENES["more keys"])])
+
+
+def test_two_stretches_are_as_good_as_one() -> None:
+    twins = [begin(SENSOR, scene) for scene in (SCENES["pressed"], SCENES["pressed elsewhere"])]
+    whole = advance_many(twins, FRAMES)
+    first = advance_many(twins, 123)
+    second = advance_many([twin for _, twin in first], FRAMES - 123)
+    for i, (take, _) in enumerate(whole):
+        pieces = (first[i][0].microphones, second[i][0].microphones)
+        assert np.array_equal(np.concatenate(pieces, axis=1), take.microphones)
+
+
+def test_the_twins_that_go_in_stay_as_they_are() -> None:
+    twins = [begin(SENSOR, scene) for scene in SCENES.values()]
+    before = [[array.tobytes() for array in (*twin.parameters, *twin.state)] for twin in twins]
+    advance_many(twins, FRAMES)
+    assert [[array.tobytes() for array in (*twin.parameters, *twin.state)] for twin in twins] == before
+
+
+def test_no_frames_change_nothing_and_no_twins_give_none() -> None:
+    twins = [begin(SENSOR, scene) for scene in SCENES.values()]
+    assert_as_alone(twins, frames=0)
+    for before, (_, after) in zip(twins, advance_many(twins, 0), strict=True):
+        assert after.start == 0
+        assert [a.tobytes() for a in after.state] == [a.tobytes() for a in before.state]
+    assert advance_many([], FRAMES) == []
+
+
+def test_a_steady_sound_is_settled_until_a_touch_changes() -> None:
+    twin = begin(SENSOR, Scene(pluck=Pluck(position=0.07, height=1e-4)))
+    take, twin = advance(twin, 3 * 44100)
+    assert take.labels.settled[0] == 0
+    assert take.labels.settled[-1] == 1
+    after = advance(retouch(twin, (hold(0.08, 1.0, PLASTIC),)), 400)[0]
+    assert after.labels.settled[-1] == 0
+
+
+def test_a_moving_touch_is_not_settled() -> None:
+    rolls = touch(key(0.0, 0.08, 1.0), key(2.0, 0.1, 1.0))
+    labels = advance(begin(SENSOR, Scene(touches=(rolls,))), 44100)[0].labels
+    assert labels.settled.max() == 0
+
+
+def test_a_string_at_rest_gives_hiss_alone() -> None:
+    sound = advance(begin(SENSOR, Scene(drivers=(False, False))), 20000)[0].microphones
+    assert sound.std(axis=1) == pytest.approx([SENSOR.pickups.hiss] * 2, rel=0.03)
+    assert abs(np.mean(sound[0] * sound[1])) < 0.03 * SENSOR.pickups.hiss**2

@@ -9,8 +9,8 @@ import pytest
 from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Sensor
-from monochord.physics.twin.tolerance import Changes, Tolerances
-from monochord.physics.twin.variation import CUT, build, day, tension_by_warmth
+from monochord.physics.twin.setup import Changes, Tolerances
+from monochord.physics.twin.variation import TRUNCATION, build, day, tension_per_kelvin
 
 DESIGN = load_sensor("prototype")
 MANY = [build(DESIGN, seed) for seed in range(400)]
@@ -27,7 +27,7 @@ def assert_spread(values: np.ndarray, mean: float, deviation: float) -> None:
     # Of 400: the mean's error is 5 % of the deviation and the deviation's 3.5 %; both within four of them.
     assert abs(values.mean() - mean) < 0.2 * deviation
     assert values.std() == pytest.approx(LEFT * deviation, rel=0.14)
-    assert np.abs(values - mean).max() < (CUT + 0.1) * deviation
+    assert np.abs(values - mean).max() < (TRUNCATION + 0.1) * deviation
 
 
 @pytest.mark.parametrize(
@@ -78,8 +78,8 @@ def test_days_move_the_tension_by_their_temperature() -> None:
 
 def test_a_kelvin_on_steel_over_aluminium_is_a_tenth_of_a_newton() -> None:
     # E A (alpha_Al - alpha_steel) = 200e9 pi/4 (0.254e-3)^2 (23e-6 - 11.7e-6)
-    assert tension_by_warmth(DESIGN) == pytest.approx(10134.1 * 11.3e-6, rel=1e-4)
-    assert tension_by_warmth(replace(DESIGN, frame_expansion=0.0)) < 0.0
+    assert tension_per_kelvin(DESIGN) == pytest.approx(10134.1 * 11.3e-6, rel=1e-4)
+    assert tension_per_kelvin(replace(DESIGN, frame_expansion=0.0)) < 0.0
 
 
 def test_density_stretch_and_tension_go_with_the_wire() -> None:

@@ -1,11 +1,11 @@
-"""Materials as data: what a touching object is made of, one TOML file each, with its source."""
+"""Materials: what a touching object is made of, one TOML file each, with its source."""
 
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
-from monochord.core.config import from_tree, load_toml
+from monochord.core.config import from_tree
 from monochord.core.errors import InputError
-from monochord.core.presets import preset_names, preset_path
+from monochord.core.presets import Presets
 from monochord.core.units import Metres, MetresPerSecond, Pascals
 
 _RANGES = {
@@ -19,17 +19,17 @@ _RANGES = {
     "roughness_length": (1.0e-7, 1.0e-2, "m"),
     "radius": (1.0e-4, 1.0, "m"),
 }
-"""Lowest and highest value that a touch on a string can mean, and the unit."""
+"""Lowest and highest plausible value for an object on a string, and the unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """An object that touches a steel string, with what is known of it.
+    """The material and shape of an object that touches a steel string.
 
     Elastic: `young_modulus` and `poisson_ratio`, and `radius`, the object's usual radius where it touches.
     Its `loss` is Hunt and Crossley's beta in s/m: f = k delta^1.5 (1 + beta d(delta)/dt), which a
     restitution e at a small impact speed v gives as 3 (1 - e) / (2 v). Sliding on steel: `friction_static`,
-    `friction_kinetic` and the speed `stribeck_speed` by which the one has mostly fallen to the other. The
+    `friction_kinetic` and the speed `stribeck_speed` at which the one has mostly fallen to the other. The
     surface has an rms height `roughness` that is correlated over `roughness_length`. `notes` says which
     values are assumed. SI units.
 
@@ -64,37 +64,9 @@ class Material:
             raise InputError(given, f"friction_kinetic ({self.friction_kinetic:g}) or more")
 
 
-def material_names() -> list[str]:
-    """Return the names of the presets, sorted.
-
-    Examples
-    --------
-    >>> "wood" in material_names()
-    True
-    """
-    return preset_names(__name__)
+def _read(tree: dict[str, Any], where: str) -> Material:
+    return from_tree(Material, tree, where)
 
 
-def load_material(name: str) -> Material:
-    """Return a preset by its name, or read one from a file of your own.
-
-    Parameters
-    ----------
-    name
-        A name from `material_names`, or the path of a TOML file laid out as the presets are.
-
-    Raises
-    ------
-    InputError
-        If there is no such preset, or the file cannot be used.
-
-    Examples
-    --------
-    >>> load_material("allen-key").young_modulus
-    205000000000.0
-    """
-    return _read(preset_path(__name__, "material", name))
-
-
-def _read(path: Path) -> Material:
-    return from_tree(Material, {**load_toml(path), "name": path.stem}, f"material {path.stem}")
+MATERIALS = Presets(package=__name__, kind="material", read=_read)
+material_names, load_material = MATERIALS.names, MATERIALS.load

@@ -1,4 +1,4 @@
-"""Physical models that can be asked for a sound: one file a model, found by its name."""
+"""Physical models that `simulate` runs: one file a model, the file name is its name."""
 
 from monochord.core.registry import Registry
 from monochord.physics.simulators.base import Case, Simulator, Sound

@@ -11,10 +11,10 @@ from monochord.core.units import Seconds
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What is to be simulated.
+    """What to simulate.
 
-    `assignments` are texts such as ``drive.amplitude=0.002`` that a model lays over its own setup of the
-    string and the touch, refusing what it does not know.
+    `assignments` are overrides such as ``drive.amplitude=0.002`` that a model applies to its own setup of the
+    string and the touch; an unknown one is refused.
     """
 
     string: StringParams
@@ -25,11 +25,11 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sound:
-    """What a model answers.
+    """The result of a model.
 
     `microphones` is (2, n) in m/s, or in full scale from a model that has converters; `summary` holds plain
-    values for a person or for JSON, among them ``position`` and ``force`` of the touch (None for none),
-    ``peaks``, the dominant frequency on each side of it, and ``theory``, what the closed forms expect there.
+    values for display or JSON: among them ``position`` and ``force`` of the touch (None without one),
+    ``peaks``, the dominant frequency on each side of it, and ``theory``, the closed forms' frequencies there.
     """
 
     microphones: Floats
@@ -42,4 +42,4 @@ class Simulator(ABC):
 
     @abstractmethod
     def run(self, case: Case) -> Sound:
-        """Simulate; raises `InputError` for what the model cannot do."""
+        """Simulate; raises `InputError` for what the model does not support."""

@@ -10,8 +10,8 @@ from monochord.physics.theory import open_frequency, segment_frequencies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SplitStringSimulator(Simulator):
-    """Two independent segments, driven and heard: `monochord.physics.split_string`.
+class SplitStringModel(Simulator):
+    """Two independent, driven segments: `monochord.physics.split_string`.
 
     Parameters
     ----------
@@ -29,14 +29,14 @@ class SplitStringSimulator(Simulator):
         plain = SplitString(string=case.string, contact=case.contact)
         setup = from_tree(SplitString, override(to_tree(plain), case.assignments))
         recording = simulate(setup, case.seconds, route=self.route, sample_rate=self.sample_rate)
-        found = [None if isnan(peak) else peak for peak in peaks(recording)]
+        measured = [None if isnan(peak) else peak for peak in peaks(recording)]
         return Sound(
             microphones=recording.microphones,
             sample_rate=self.sample_rate,
             summary={
                 "position": setup.contact.position if setup.contact else None,
                 "force": setup.contact.force if setup.contact else None,
-                "peaks": found,
+                "peaks": measured,
                 "theory": list(_expected(setup)),
                 "route": self.route,
             },

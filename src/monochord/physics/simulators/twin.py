@@ -16,26 +16,26 @@ from monochord.physics.simulators.base import Case, Simulator, Sound
 from monochord.physics.theory import TensionLaw, mixing_matrix, open_frequency, segment_frequencies
 from monochord.physics.twin import Ebow, Key, Pluck, Scene, Sensor, Take, Touch, advance, begin
 
-CLEAR: Metres = 1e-3
-"""How far above the string the object begins."""
-ARRIVAL: Seconds = 0.02
-"""When it meets the string at rest."""
-PRESS: Seconds = 0.02
-"""How long the press takes to reach its force."""
-SHORTEST: Seconds = 0.01
-LONGEST: Seconds = 600.0
-"""Shortest sound of which peaks can be told, and longest that is kept in memory at once."""
-STANDS_OUT = 8.0
-"""Least height of a peak over the noise floor, in nepers of power."""
+START_CLEARANCE: Metres = 1e-3
+"""Height above the string at which the object begins."""
+CONTACT_TIME: Seconds = 0.02
+"""When it reaches the string at rest."""
+PRESS_TIME: Seconds = 0.02
+"""Time that the press takes to reach its force."""
+MIN_SECONDS: Seconds = 0.01
+MAX_SECONDS: Seconds = 600.0
+"""Shortest sound whose peaks can be resolved, and longest that is held in memory at once."""
+MIN_SALIENCE = 8.0
+"""Height of a peak over the noise floor, in nepers of power, from which it counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwinCase:
-    """What the twin is told of a case, for assignments to be laid over.
+    """The twin's setup for a case, which assignments override.
 
     The string stands in `sensor`, see `monochord.physics.twin.Sensor`. `material` is a preset's name or file,
     `across` the speed in m/s at which the object moves across the string, `drivers` which are on, and `pluck`
-    the history that the sound begins with.
+    the initial shape of the string.
     """
 
     sensor: Sensor
@@ -49,7 +49,7 @@ class TwinCase:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TwinSimulator(Simulator):
+class TwinModel(Simulator):
     """The virtual sensor: `monochord.physics.twin`, plucked at time zero and touched at once.
 
     A touch of 0 N rests against the string and does not divide it.
@@ -67,8 +67,8 @@ class TwinSimulator(Simulator):
 
     def run(self, case: Case) -> Sound:
         """Simulate, and find the strongest line on each side of the touch after the transient."""
-        if not SHORTEST <= case.seconds <= LONGEST:
-            raise InputError(f"{case.seconds:g} seconds", f"{SHORTEST:g} to {LONGEST:g} s")
+        if not MIN_SECONDS <= case.seconds <= MAX_SECONDS:
+            raise InputError(f"{case.seconds:g} seconds", f"{MIN_SECONDS:g} to {MAX_SECONDS:g} s")
         plain = TwinCase(
             sensor=sensor_of(case.string),
             contact=case.contact,
@@ -79,28 +79,28 @@ class TwinSimulator(Simulator):
         take = _simulate(setup, round(case.seconds * self.sample_rate), self.sample_rate)
         late = _after_the_transient(take)
         theory = _expected(setup)
-        found = _peaks(take.microphones[:, late:], setup.sensor, self.sample_rate)
+        measured = _peaks(take.microphones[:, late:], setup.sensor, self.sample_rate)
         summary: dict[str, Any] = {
             "position": setup.contact.position if setup.contact else None,
             "force": setup.contact.force if setup.contact else None,
-            "peaks": found,
+            "peaks": measured,
             "theory": list(theory),
-            "partials": [_partial(peak, base) for peak, base in zip(found, theory, strict=True)],
+            "partials": [_partial(peak, base) for peak, base in zip(measured, theory, strict=True)],
             "sensor": setup.sensor.name,
             "material": setup.material if setup.contact else None,
             "tension_law": setup.tension_law,
-            **_told(take, late),
+            **_label_means(take, late),
         }
         microphones = take.microphones.astype(np.float64)
         return Sound(microphones=microphones, sample_rate=self.sample_rate, summary=summary)
 
 
 def sensor_of(string: StringParams) -> Sensor:
-    """Return the sensor preset that holds this very string, or else a sensor made around the string.
+    """Return the sensor preset that has this string, or else one made for the string.
 
-    A made-up one is the prototype with this string: drivers and sensing range at the same shares of the
-    length, the drivers' band moved with the open frequency, their gain with the string's impedance
-    sqrt(T mu) and their limit with its tension, so that they keep it ringing alike. All of that is assumed.
+    A made one is the prototype with this string: drivers and sensing range at the same shares of the
+    length, the drivers' band scaled with the open frequency, their gain with the string's impedance
+    sqrt(T mu) and their limit with its tension, so that they sustain it alike. All of that is assumed.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def sensor_of(string: StringParams) -> Sensor:
     return replace(
         model,
         name="unnamed",
-        title="A sensor made around a string",
+        title="A sensor made for a string",
         source="",
         notes="Drivers, range and pickups are the prototype's, fitted to the string; assumed.",
         string=string,
@@ -153,9 +153,9 @@ def _simulate(setup: TwinCase, frames: Samples, rate: int) -> Take:
     if setup.contact is not None:
         place, force = setup.contact.position, setup.contact.force
         motion = (
-            Key(time=0.0, position=place, clearance=CLEAR),
-            Key(time=ARRIVAL, position=place),
-            Key(time=ARRIVAL + PRESS, position=place, force=force, across=setup.across),
+            Key(time=0.0, position=place, clearance=START_CLEARANCE),
+            Key(time=CONTACT_TIME, position=place),
+            Key(time=CONTACT_TIME + PRESS_TIME, position=place, force=force, across=setup.across),
         )
         touches = (Touch(material=load_material(setup.material), motion=motion),)
     scene = Scene(touches=touches, pluck=setup.pluck, drivers=setup.drivers, tension_law=setup.tension_law)
@@ -169,10 +169,10 @@ def _after_the_transient(take: Take) -> Samples:
     return min(int(unsettled[-1]) + 1, half) if unsettled.size else 0
 
 
-def _told(take: Take, late: Samples) -> dict[str, float | None]:
-    """Return what the labels say after the transient; without a touch, slip and the force felt are None."""
+def _label_means(take: Take, late: Samples) -> dict[str, float | None]:
+    """Return means of the labels after the transient; without a touch, slip and force are None."""
     labels = take.labels
-    told: dict[str, float | None] = {
+    means: dict[str, float | None] = {
         "settled": float(labels.settled[-1]),
         "transient": late / labels.settled.size,
         "contact": 0.0,
@@ -182,21 +182,21 @@ def _told(take: Take, late: Samples) -> dict[str, float | None]:
     }
     if labels.contact.shape[0]:
         speeds = np.hypot(labels.across[0, late:], labels.along[0, late:])
-        told |= {
+        means |= {
             "contact": float(labels.contact[0, late:].mean()),
             "slip": float(labels.slip[0, late:].mean()),
             "slip_velocity": float(speeds.mean()),
             "felt": float(labels.force[0, late:].mean()),
         }
-    return told
+    return means
 
 
 def _peaks(microphones: np.ndarray, sensor: Sensor, rate: int) -> list[Hertz | None]:
-    """Return the strongest line of each end, the microphones' mixing undone; None for one that is silent."""
+    """Return the strongest line of each end, with the microphones' mixing inverted; None for a silent one."""
     mixing = mixing_matrix(*sensor.pickups.own)
     if abs(np.linalg.det(mixing)) < 1e-6 or min(sensor.pickups.gain) == 0.0:
         raise InputError(
-            f"pickups.own {sensor.pickups.own}", "two microphones that hear the ends differently"
+            f"pickups.own {sensor.pickups.own}", "two microphones that pick up the ends differently"
         )
     gains = np.array(sensor.pickups.gain)[:, None]
     ends: Floats = np.linalg.inv(mixing).astype(np.float64) @ (microphones / gains)
@@ -205,7 +205,7 @@ def _peaks(microphones: np.ndarray, sensor: Sensor, rate: int) -> list[Hertz | N
 
 
 def _strongest(analyser: Analyser, power: Floats) -> Hertz | None:
-    peaks = analyser.peaks(power, analyser.salience(power), STANDS_OUT)
+    peaks = analyser.peaks(power, analyser.salience(power), MIN_SALIENCE)
     return float(peaks.frequency[peaks.power.argmax()]) if peaks.power.size else None
 
 

@@ -1,13 +1,12 @@
-"""The paper's simulator: a touched string as two independent segments, driven and heard.
+"""The paper's simulator: a touched string as two independent, driven segments.
 
 `simulate` runs a `SplitString` for a while, by the paper's finite differences or by its exact modes; `begin`,
 `advance` and `touch` run the modes as a stream whose touch may change.
 """
 
 from monochord.physics.split_string.grid import time_step
-from monochord.physics.split_string.recording import Recording, peaks
 from monochord.physics.split_string.setup import Drive, Pluck, SplitString
-from monochord.physics.split_string.simulate import Route, simulate
+from monochord.physics.split_string.simulate import Recording, Route, peaks, simulate
 from monochord.physics.split_string.stream import Ringing, advance, begin, touch
 
 __all__ = [

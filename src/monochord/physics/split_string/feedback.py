@@ -1,4 +1,4 @@
-"""The drivers' ear: what frequency and phase they take from the vibration that they keep up."""
+"""The drivers' feedback: frequency and phase that they take from the vibration that they sustain."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,25 +16,25 @@ from monochord.physics.theory import mixing_matrix
 
 Complexes: TypeAlias = NDArray[np.complex128]
 
-_SILENCE = 1e-12
-"""A spectral line below this velocity in m/s is no line: a driver that hears it changes nothing."""
+_SILENT_VELOCITY = 1e-12
+"""In m/s: a driver does not follow a spectral line below it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drivers:
     """Both drivers at the start of an interval of constant frequency.
 
-    `frequency` in Hz, zero while silent; `phase` in rad at the start of the interval; `heard` the latest
-    velocities A in m/s, newest last, of which the last `count` are real.
+    `frequency` in Hz, zero while silent; `phase` in rad at the start of the interval; `history` the
+    latest velocities A in m/s, newest last, of which the last `count` are measured.
     """
 
     frequency: Floats
     phase: Floats
-    heard: Floats
+    history: Floats
     count: Samples
 
     @property
-    def sounding(self) -> Floats:
+    def active(self) -> Floats:
         """1 for a driver that has a frequency, else 0."""
         return np.sign(self.frequency)
 
@@ -47,7 +47,7 @@ class Drivers:
         """Return the phases (2, n) in rad at times in s since the start of the interval."""
         return self.phase[:, None] + (2.0 * pi * self.frequency)[:, None] * times
 
-    def swing(self, steps: Samples, step: Seconds) -> Complexes:
+    def phasor(self, steps: Samples, step: Seconds) -> Complexes:
         """Return exp(i phase), (2, steps) complex, at every `step` s of the interval; zero while silent.
 
         By the addition theorem from one coarse and one fine row of times, since a sine for each of a million
@@ -56,38 +56,38 @@ class Drivers:
         fine = np.arange(min(steps, 128), dtype=np.float64) * step
         coarse = np.arange(-(-steps // fine.size), dtype=np.float64) * (fine.size * step)
         turns: Complexes = np.exp(1j * (self.phases(fine) - self.phase[:, None]))
-        swing: Complexes = np.exp(1j * self.phases(coarse))
-        whole = (swing[:, :, None] * turns[:, None, :]).reshape(2, -1)
+        coarse_phasor: Complexes = np.exp(1j * self.phases(coarse))
+        whole = (coarse_phasor[:, :, None] * turns[:, None, :]).reshape(2, -1)
         return np.where(self.frequency[:, None] > 0.0, whole[:, :steps], 0.0)
 
 
 def begin(drive: Drive, rate: float) -> Drivers:
-    """Return the drivers at time zero; they listen to samples that come at `rate`."""
+    """Return the drivers at time zero; they sense at `rate` samples a second."""
     silent = drive.amplitude == 0.0 or drive.start_frequencies is None
     frequency = np.array((0.0, 0.0) if silent else drive.start_frequencies)
-    heard = np.zeros((2, round(drive.window * rate)))
-    return Drivers(frequency=frequency, phase=np.zeros(2), heard=heard, count=0)
+    history = np.zeros((2, round(drive.window * rate)))
+    return Drivers(frequency=frequency, phase=np.zeros(2), history=history, count=0)
 
 
-def listen(drivers: Drivers, velocity: Floats) -> Drivers:
-    """Return the drivers with the newest velocities (2, n) in their ear."""
-    size = drivers.heard.shape[1]
-    heard = np.concatenate((drivers.heard, velocity), axis=1)[:, -size:]
-    return replace(drivers, heard=heard, count=min(size, drivers.count + velocity.shape[1]))
+def sense(drivers: Drivers, velocity: Floats) -> Drivers:
+    """Return the drivers with the newest velocities (2, n) in their history."""
+    size = drivers.history.shape[1]
+    history = np.concatenate((drivers.history, velocity), axis=1)[:, -size:]
+    return replace(drivers, history=history, count=min(size, drivers.count + velocity.shape[1]))
 
 
 def advance(drivers: Drivers, elapsed: Seconds) -> Drivers:
-    """Return the drivers `elapsed` seconds on, at the frequencies that they have."""
+    """Return the drivers `elapsed` seconds later, at unchanged frequencies."""
     return replace(drivers, phase=drivers.phases(np.array([elapsed]))[:, 0] % (2.0 * pi))
 
 
 def retune(drivers: Drivers, setup: SplitString, rate: float, time: Seconds) -> Drivers:
-    """Return the drivers with what they make of what they heard, at `time` since the beginning.
+    """Return the drivers with the frequencies of their history, at `time` in s since the beginning.
 
-    Nothing changes before a whole window has been heard.
+    Nothing changes before their history fills a whole window.
     """
     drive = setup.drive
-    if drive.amplitude != 0.0 and drivers.count == drivers.heard.shape[1]:
+    if drive.amplitude != 0.0 and drivers.count == drivers.history.shape[1]:
         frequency, phase = _RULES[drive.feedback](drivers, setup, rate)
         joins = drivers.frequency == 0.0
         drivers = replace(drivers, frequency=frequency, phase=np.where(joins, phase, drivers.phase))
@@ -129,7 +129,7 @@ def lines(signals: Floats, rate: float) -> tuple[Floats, Floats]:
     rows = np.arange(len(signals))
     peak = 2 + np.argmax(power[:, 2:-1], axis=1)
     left, centre, right = np.sqrt(power[rows, peak + np.array([[-1], [0], [1]])])
-    silent = centre < _SILENCE * size / 4.0
+    silent = centre < _SILENT_VELOCITY * size / 4.0
     ratio = np.maximum(left, right) / np.where(silent, 1.0, centre)
     offset = np.where(right > left, 1.0, -1.0) * (2.0 * ratio - 1.0) / (1.0 + ratio)
     frequency = np.where(silent, 0.0, (peak + offset) * rate / size)
@@ -144,17 +144,17 @@ def _hann(size: Samples) -> Floats:
 
 
 def _follow_own(drivers: Drivers, setup: SplitString, rate: float) -> tuple[Floats, Floats]:
-    heard, phase = lines(drivers.heard, rate)
+    dominant, phase = lines(drivers.history, rate)
     lead = (phase - drivers.phase + pi) % (2.0 * pi) - pi
-    closing = np.clip(setup.drive.pull * lead / (2.0 * pi * setup.drive.hop), -heard / 8.0, heard / 8.0)
-    target = heard + np.where(drivers.frequency == 0.0, 0.0, closing)
-    return np.where(heard == 0.0, drivers.frequency, target), phase
+    closing = np.clip(setup.drive.pull * lead / (2.0 * pi * setup.drive.hop), -dominant / 8.0, dominant / 8.0)
+    target = dominant + np.where(drivers.frequency == 0.0, 0.0, closing)
+    return np.where(dominant == 0.0, drivers.frequency, target), phase
 
 
 def _follow_first(drivers: Drivers, setup: SplitString, rate: float) -> tuple[Floats, Floats]:
-    first = mixing_matrix(*setup.mixing)[:1] @ drivers.heard
-    heard, phase = lines(first, rate)
-    return np.where(heard == 0.0, drivers.frequency, heard), np.repeat(phase, 2)
+    first = mixing_matrix(*setup.mixing)[:1] @ drivers.history
+    dominant, phase = lines(first, rate)
+    return np.where(dominant == 0.0, drivers.frequency, dominant), np.repeat(phase, 2)
 
 
 def _stay(drivers: Drivers, setup: SplitString, rate: float) -> tuple[Floats, Floats]:  # noqa: ARG001

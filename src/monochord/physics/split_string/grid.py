@@ -1,4 +1,4 @@
-"""A segment on a grid of nodes, ready to be stepped by the reference or the compiled kernel."""
+"""A segment on a grid of nodes, and the leapfrog scheme on it in readable NumPy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +25,8 @@ Kernel = Callable[
 ]
 
 APPENDIX_STEP: Seconds = 1.0e-6
-MOST_PARTS = 100  # of the appendix's step: finer grids take minutes a second
+MAX_DIVISOR = 100
+"""Of the appendix's step: finer grids take minutes for a second of sound."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -40,13 +41,13 @@ class Grid:
     weights: Floats
     channels: slice
 
-    def step(self, kernel: Kernel, signals: Floats, heard: Floats) -> None:
-        """Advance by as many steps as `signals` (2, n) has; `heard` (2, n) receives y(n+1) - y(n-1) in m.
+    def step(self, kernel: Kernel, signals: Floats, motion: Floats) -> None:
+        """Advance by as many steps as `signals` (2, n) has; `motion` (2, n) receives y(n+1) - y(n-1) in m.
 
         Only the channels of this segment are played and written.
         """
-        own, ear = signals[self.channels], heard[self.channels]
-        kernel(self.now, self.before, self.coefficients, self.loads, own, self.nodes, self.weights, ear)
+        own, out = signals[self.channels], motion[self.channels]
+        kernel(self.now, self.before, self.coefficients, self.loads, own, self.nodes, self.weights, out)
         if signals.shape[1] % 2:
             self.now, self.before = self.before, self.now
 
@@ -66,8 +67,8 @@ def lay_out(setup: SplitString, segment: Segment) -> Grid:
     for load, place in zip(loads, segment.drivers, strict=True):
         load[:] = drive_density(setup.drive, segment, place, places)
     loads *= dt**2 / (segment.linear_density * (1.0 + loss))
-    heard_at = np.array(segment.pickups) / segment.spacing
-    nodes = np.minimum(heard_at.astype(np.int64), count - 2)
+    pickup_at = np.array(segment.pickups) / segment.spacing
+    nodes = np.minimum(pickup_at.astype(np.int64), count - 2)
     return Grid(
         now=now,
         before=before,
@@ -78,7 +79,7 @@ def lay_out(setup: SplitString, segment: Segment) -> Grid:
         ),
         loads=loads,
         nodes=nodes,
-        weights=heard_at - nodes,
+        weights=pickup_at - nodes,
         channels=segment.channels,
     )
 
@@ -88,7 +89,7 @@ def time_step(setup: SplitString) -> Seconds:
 
     Stable is a step below alpha dxi / v (Eq. 13) on every segment. Where the setup leaves the step open, it
     is 1 us divided by the smallest whole number that makes it so: then the drivers' interval is a whole
-    number of steps, and their ear has the same rate, whatever the string.
+    number of steps, and they sense at the same rate, whatever the string.
 
     Raises
     ------
@@ -99,11 +100,11 @@ def time_step(setup: SplitString) -> Seconds:
     limit = step_limit(segment.spacing, segment.speed, setup.alpha)
     parts = floor(APPENDIX_STEP / limit) + 1
     if setup.time_step is None:
-        if parts <= MOST_PARTS:
+        if parts <= MAX_DIVISOR:
             return APPENDIX_STEP / parts
         given = f"a grid that needs steps below {limit:.4g} s"
         remedy = "set fewer nodes, or take --route modal"
-        raise InputError(given, f"steps of {APPENDIX_STEP / MOST_PARTS:g} s or more", remedy)
+        raise InputError(given, f"steps of {APPENDIX_STEP / MAX_DIVISOR:g} s or more", remedy)
     if setup.time_step >= limit:
         coarsest = int(1 + setup.alpha * segment.length / (segment.speed * setup.time_step))
         raise InputError(
@@ -128,3 +129,64 @@ def _aligned(count: int) -> Floats:
     store = np.zeros(count + 2 * line)
     skip = (-(store.ctypes.data // 8) - 1) % line
     return store[skip : skip + count]
+
+
+def leapfrog(
+    now: Floats,
+    before: Floats,
+    coefficients: tuple[float, float, float],
+    loads: Floats,
+    signals: Floats,
+    nodes: NDArray[np.int64],
+    weights: Floats,
+    motion: Floats,
+) -> None:
+    """Advance one segment in place by as many steps as `signals` has columns.
+
+    With s = gamma dt / 2 and l = v dt / dxi, the central differences of Eq. 10 give
+
+        (1 + s) y_i(n+1) = (2 - 2 l^2) y_i + l^2 (y_(i-1) + y_(i+1)) - (1 - s) y_i(n-1) + dt^2 f_i / mu,
+
+    second order in both steps, stable for l <= 1. The two outermost nodes are never written: they are fixed.
+
+    Parameters
+    ----------
+    now, before
+        Displacements (nodes,) in m at this step and the one before. They change roles at each step: after an
+        odd number of steps the newest is in `before`.
+    coefficients
+        Of y_i, of its neighbours' sum and of y_i(n-1), each divided by 1 + s.
+    loads
+        (drivers, nodes): dt^2 f_i / (mu (1 + s)) in m for a driver at full swing.
+    signals
+        (drivers, steps): what the drivers play, between -1 and 1.
+    nodes, weights
+        (pickups,): a pickup senses (1 - weight) of its node and weight of the next.
+    motion
+        (pickups, steps): receives y(n+1) - y(n-1) at the pickups, in m.
+
+    References
+    ----------
+    Yi, Xing, Manchester and Fazeli, Sound of Touch, Eq. 10 and 13; Bilbao, Numerical Sound Synthesis (2009),
+    section 6.2.
+
+    Examples
+    --------
+    At l = 1 and without loss the scheme shifts a shape by exactly one node a step:
+
+    >>> now, before = np.zeros(6), np.zeros(6)
+    >>> now[2], before[1] = 1.0, 1.0
+    >>> leapfrog(now, before, (0.0, 1.0, -1.0), np.zeros((1, 6)), np.zeros((1, 1)),
+    ...          np.array([3]), np.array([0.0]), motion := np.zeros((1, 1)))
+    >>> before, motion
+    (array([0., 0., 0., 1., 0., 0.]), array([[1.]]))
+    """
+    own, neighbours, past = coefficients
+    for step in range(signals.shape[1]):
+        old = (1.0 - weights) * before[nodes] + weights * before[nodes + 1]
+        inner = own * now[1:-1] + neighbours * (now[:-2] + now[2:]) + past * before[1:-1]
+        for load, signal in zip(loads, signals[:, step], strict=True):
+            inner += load[1:-1] * signal
+        before[1:-1] = inner
+        motion[:, step] = (1.0 - weights) * before[nodes] + weights * before[nodes + 1] - old
+        now, before = before, now

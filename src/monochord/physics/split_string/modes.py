@@ -17,8 +17,8 @@ from monochord.physics.split_string.segments import (
 )
 from monochord.physics.split_string.setup import Pluck, SplitString
 
-_PASSBAND = 0.456
-"""Share of the sample rate up to which modes sound: where the resampler of the FDTD route begins to cut."""
+MAX_AUDIBLE_SHARE = 0.456
+"""Share of the sample rate up to which modes are audible: the cutoff of the FDTD route's resampler."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,37 +43,37 @@ class Modes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModalString:
-    """The modes that matter: `audible` ones are followed in time, `quick` ones above only answer the drive.
+    """The modes that matter: `audible` ones advance in time, `ultrasonic` ones only respond to the drive.
 
-    `carry` is one sample's `free_motion` of the audible modes; `counts` tells how many each segment has,
-    which is none for a segment too short to be heard.
+    `propagator` is one sample's `free_motion` of the audible modes; `counts` is the number of each segment's,
+    zero for a segment too short to be audible.
     """
 
     segments: tuple[Segment, ...]
     counts: tuple[int, ...]
     audible: Modes
-    quick: Modes
-    carry: Floats
+    ultrasonic: Modes
+    propagator: Floats
 
 
 def find_modes(setup: SplitString, sample_rate: int) -> ModalString:
     """Return the modes that matter at a sample rate.
 
-    Those in the audio band, and above it those that the drivers reach: their profile is a Gaussian, so that
-    few do.
+    Those in the audio band, and above it those that the drivers excite, which are few, as a driver's profile
+    is a Gaussian.
     """
     segments = split(setup)
     fundamentals = [segment.speed / (2.0 * segment.length) for segment in segments]
-    counts = tuple(int(_PASSBAND * sample_rate / f) for f in fundamentals)
+    counts = tuple(int(MAX_AUDIBLE_SHARE * sample_rate / f) for f in fundamentals)
     ends = [gaussian_modes(setup.drive.width, segment.length) for segment in segments]
     audible = _join([_modes(setup, s, 1, count) for s, count in zip(segments, counts, strict=True)])
-    quick = [_modes(setup, s, n + 1, end) for s, n, end in zip(segments, counts, ends, strict=True)]
+    ultrasonic = [_modes(setup, s, n + 1, end) for s, n, end in zip(segments, counts, ends, strict=True)]
     return ModalString(
         segments=segments,
         counts=counts,
         audible=audible,
-        quick=_join(quick),
-        carry=free_motion(audible.frequency, audible.decay, 1.0 / sample_rate),
+        ultrasonic=_join(ultrasonic),
+        propagator=free_motion(audible.frequency, audible.decay, 1.0 / sample_rate),
     )
 
 

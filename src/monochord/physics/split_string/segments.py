@@ -11,13 +11,13 @@ from monochord.core.units import KilogramsPerMetre, Metres, MetresPerSecond
 from monochord.physics.split_string.setup import Drive, Pluck, SplitString
 from monochord.physics.theory import damping_under, tension_from_force
 
-_REACH = 6.5
-"""A Gaussian is below 1e-9 of its peak beyond so many standard deviations, in place or in wavenumber."""
+GAUSSIAN_EXTENT = 6.5
+"""In standard deviations: a Gaussian is below 1e-9 of its peak beyond, in position or in wavenumber."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
-    """A stretch of string between two firm points, with what drives it and what hears it.
+    """A part of the string between two fixed points, with its drivers and pickups.
 
     Places are counted from its support at `origin`, in the `direction` +1 or -1 along the string. `drivers`
     and `pickups` are the places of those whose numbers are `channels`. `decay_rate` is the factor of -y_t in
@@ -78,7 +78,7 @@ def drive_density(drive: Drive, segment: Segment, place: Metres, at: Floats) -> 
     the node spacing ("printed", where A g is the force on a node). Zero where g is below 1e-9.
     """
     away = np.abs(at - place) / drive.width
-    shape = np.where(away < _REACH, np.exp(-0.5 * away**2), 0.0)
+    shape = np.where(away < GAUSSIAN_EXTENT, np.exp(-0.5 * away**2), 0.0)
     if drive.profile == "printed":
         return drive.amplitude / segment.spacing * shape
     nodes, weights = support(drive, segment, place)
@@ -88,8 +88,8 @@ def drive_density(drive: Drive, segment: Segment, place: Metres, at: Floats) -> 
 
 def support(drive: Drive, segment: Segment, place: Metres) -> tuple[Floats, Floats]:
     """Return nodes and weights of a quadrature over the stretch that a driver reaches."""
-    low = max(0.0, place - _REACH * drive.width)
-    high = min(segment.length, place + _REACH * drive.width)
+    low = max(0.0, place - GAUSSIAN_EXTENT * drive.width)
+    high = min(segment.length, place + GAUSSIAN_EXTENT * drive.width)
     nodes, weights = _gauss_legendre()
     half = (high - low) / 2.0
     return low + half * (nodes + 1.0), half * weights
@@ -102,7 +102,7 @@ def _gauss_legendre() -> tuple[Floats, Floats]:
 
 def gaussian_modes(width: Metres, length: Metres) -> int:
     """Return how many modes of a segment of `length` a Gaussian of standard deviation `width` reaches."""
-    return max(1, ceil(_REACH * length / (pi * width)))
+    return max(1, ceil(GAUSSIAN_EXTENT * length / (pi * width)))
 
 
 def pluck_amplitudes(pluck: Pluck, segment: Segment, count: int) -> Floats:

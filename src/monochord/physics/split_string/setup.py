@@ -1,4 +1,4 @@
-"""What a split-string simulation is given: string, touch, pluck, drive, microphones and grid."""
+"""The setup of a split-string simulation: string, touch, pluck, drive, microphones and grid."""
 
 from dataclasses import dataclass, field
 from math import isfinite
@@ -15,7 +15,7 @@ Damping: TypeAlias = Literal["continuous", "printed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pluck:
-    """The shape that a string is let go from: a triangle rounded by a Gaussian, at rest.
+    """The shape that a string is released from, at rest: a triangle rounded by a Gaussian.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ class Pluck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """The two drivers (EBows) and what they make of what they hear.
+    """The two drivers (EBows) and their feedback.
 
-    The paper's Eq. 11 and 12 leave three things that matter open to reading; each is an option here.
+    The paper's Eq. 11 and 12 are ambiguous in three ways that matter; each is an option here.
 
     Parameters
     ----------
     amplitude
-        Of the driving force. With the "normalised" profile it is the whole force of one driver in N; with
+        Of the driving force. With the "normalised" profile it is the total force of one driver in N; with
         the "printed" profile it is the force in N on the one node at the driver's centre. Zero: no drive.
     place
         Centre of a driver as a fraction of its segment, counted from the support.
@@ -57,18 +57,18 @@ class Drive:
         "printed": it has unit peak and acts on every node alike (Eq. 11), so that a mesh of twice as many
         nodes is driven twice as hard.
     start_frequencies
-        In Hz, one a driver, from time zero. None: a driver is silent until it has heard a first whole
-        window, and then joins in with that frequency and phase, as an EBow that has no tone of its own.
+        In Hz, one a driver, from time zero. None: a driver is silent until it has sensed a first whole
+        window, and then starts with that frequency and phase, as an EBow, which has no tone of its own.
     feedback
         "per-driver": driver k follows the dominant frequency of its own segment's A_k, since the sensing coil
         sits at the string. "literal": both follow B_1 (Eq. 12), so that the driver of the quieter segment is
-        led away and its segment dies. "off": the start frequencies are kept.
+        detuned and its segment decays. "off": the start frequencies are constant.
     window, hop
-        How long a stretch a driver listens to, and how often, in s.
+        Length of a driver's analysis window, and the time between analyses, in s.
     pull
-        Share of the phase between the heard line and the driver that is closed over the next hop, 0 to 1, for
-        "per-driver". Zero is Eq. 12 alone, which any frequency satisfies: a driven line is its own maximum.
-        Closing the phase makes the resonance attract, as the velocity feedback of an EBow does.
+        Share of the phase between the dominant line and the driver that is closed over the next hop, 0 to 1,
+        for "per-driver". Zero is Eq. 12 alone, which any frequency satisfies: a driven line is its own
+        maximum. Closing the phase makes the resonance attract, as the velocity feedback of an EBow does.
     phase
         "accumulated": the phase runs on when the frequency changes. "printed": sin(2 pi f(t) t) (Eq. 11),
         which jumps in phase by 2 pi t times every change of frequency.
@@ -106,8 +106,9 @@ class SplitString:
     """A touched string as two independent segments, after the paper's Eq. 3-13 and its appendix.
 
     Segment k obeys mu y_tt = T(F) y_xx - d(F) y_t + f_drive with y = 0 at both ends; lengths are x and L - x.
-    The transverse velocity at one pickup a segment is A_k, and the microphones hear B = mixing A. Everything
-    that has a place in a segment is counted from that segment's own support, so that the setup is symmetric.
+    The transverse velocity at one pickup a segment is A_k, and the microphones' signals are B = mixing A.
+    Everything that has a position in a segment is counted from that segment's own support, so that the setup
+    is symmetric.
 
     An untouched string (`contact` None) is one segment of length L that carries both drivers and both
     pickups, mirrored: A_1 is its velocity near the first support and A_2 near the second.
@@ -121,8 +122,8 @@ class SplitString:
     tension_law
         "linear": T0 + k_T F (Eq. 6). "geometric": the stretch of the deflected string.
     initial
-        "plucked": each segment is let go from `pluck` at time zero. "rest": nothing moves before the drivers
-        do, which then need start frequencies.
+        "plucked": each segment is released from `pluck` at time zero. "rest": nothing moves before the
+        drivers start, which then need start frequencies.
     mixing
         Shares l1 and l2 of Eq. 5.
     pickup_place

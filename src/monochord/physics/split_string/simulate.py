@@ -1,26 +1,60 @@
-"""From a setup to a recording, by one of three routes through the same physics."""
+"""From a setup to a recording, by one of three routes through the same physics, and to its two peaks."""
 
 from collections.abc import Callable, Iterator
-from importlib import import_module
-from math import ceil
+from dataclasses import dataclass
+from math import ceil, nan
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Floats
-from monochord.core.units import Samples, Seconds
+from monochord.core.units import Hertz, Samples, Seconds
 from monochord.physics.split_string import feedback, stream
-from monochord.physics.split_string.grid import Kernel, lay_out, time_step
-from monochord.physics.split_string.recording import Recording
+from monochord.physics.split_string.feedback import lines
+from monochord.physics.split_string.grid import Kernel, lay_out, leapfrog, time_step
 from monochord.physics.split_string.segments import split
 from monochord.physics.split_string.setup import SplitString
 from monochord.physics.theory import mixing_matrix
 
 Route: TypeAlias = Literal["fdtd", "modal", "reference"]
 
-_EAR_RATE = 40e3
-"""The drivers hear the grid's velocity at the lowest whole fraction of its rate that is not below this."""
+MIN_DRIVER_RATE = 40e3
+"""In Hz: the drivers sense the grid's velocity at the lowest whole fraction of its rate that is not below
+this."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Two segments' velocities, and what the microphones pick up of them.
+
+    Parameters
+    ----------
+    segments
+        Velocities A (2, n) in m/s at the pickups.
+    microphones
+        B = mixing A, (2, n), in m/s.
+    sample_rate
+        Frames a second.
+    mixing
+        (2, 2), Eq. 5.
+    drive_frequencies
+        (2, intervals) in Hz: frequency of each driver during each interval; NaN while silent.
+    drive_interval
+        Length of an interval in s.
+    """
+
+    segments: Floats
+    microphones: Floats
+    sample_rate: int
+    mixing: Floats
+    drive_frequencies: Floats
+    drive_interval: Seconds
+
+    @property
+    def duration(self) -> Seconds:
+        """Length of the recording."""
+        return self.segments.shape[1] / self.sample_rate
 
 
 def simulate(
@@ -87,6 +121,59 @@ def simulate(
     )
 
 
+def peaks(recording: Recording, *, settle: Seconds = 0.15) -> tuple[Hertz, Hertz]:
+    """Return the dominant frequency of each segment from the microphones, after the transient.
+
+    The mixing of Eq. 5 is undone, since the louder segment would otherwise be the maximum of both
+    microphones; then each channel's strongest line under a Hann window is read between bins.
+
+    A driver that closes its phase sustains a segment slightly above its own frequency f, since its other
+    modes answer the drive too: by about f / (2 Q^2), with Q = 2 pi f mu / d. That is 0.01 % on the appendix's
+    string, and 0.3 % on the longer side of a bass string whose Q is 13; it is the same however long the
+    recording is.
+
+    Parameters
+    ----------
+    recording
+        From `simulate`.
+    settle
+        Time at the beginning to leave out, in s; of a short recording at most its first half.
+
+    Returns
+    -------
+    f1, f2
+        In Hz; NaN for a segment that is silent.
+
+    Raises
+    ------
+    InputError
+        If the mixing cannot be undone (l1 + l2 = 1), or the recording is shorter than 10 ms.
+
+    References
+    ----------
+    Yi, Xing, Manchester and Fazeli, Sound of Touch, "Predicted frequency trends and feature
+    extraction".
+
+    Examples
+    --------
+    >>> from monochord.physics.split_string import SplitString, simulate
+    >>> from monochord.physics.strings import load_string
+    >>> appendix = load_string("appendix")
+    >>> setup = SplitString(string=appendix.string, contact=appendix.contact)
+    >>> f1, f2 = peaks(simulate(setup, 0.4, route="modal"))
+    >>> round(f1), round(f2)
+    (695, 374)
+    """
+    if abs(np.linalg.det(recording.mixing)) < 1e-6:
+        raise InputError("mixing l1 + l2 = 1", "microphones that pick up the segments differently")
+    if recording.duration < 0.01:
+        raise InputError(f"recording of {recording.duration:g} s", "0.01 s or more")
+    skip = round(min(settle, recording.duration / 2.0) * recording.sample_rate)
+    unmixing: Floats = np.linalg.inv(recording.mixing).astype(np.float64)
+    frequency, _ = lines(unmixing @ recording.microphones[:, skip:], recording.sample_rate)
+    return float(frequency[0]) or nan, float(frequency[1]) or nan
+
+
 def _modal(setup: SplitString, count: Samples, sample_rate: int) -> tuple[Floats, list[Floats]]:
     ringing = stream.begin(setup, sample_rate)
     hop = max(1, round(setup.drive.hop * sample_rate))
@@ -99,17 +186,24 @@ def _modal(setup: SplitString, count: Samples, sample_rate: int) -> tuple[Floats
     return np.concatenate(parts, axis=1), tones
 
 
-def _on_grid(kernel_module: str) -> Callable[[SplitString, Samples, int], tuple[Floats, list[Floats]]]:
-    def run(setup: SplitString, count: Samples, sample_rate: int) -> tuple[Floats, list[Floats]]:
-        # On use, since one of the kernels brings numba with it.
-        kernel: Kernel = import_module(f"monochord.physics.split_string.{kernel_module}").leapfrog
-        tones: list[Floats] = []
-        # A little more than asked, so that the resampler's end lies beyond what is kept.
-        seconds = count / sample_rate + 0.005
-        velocity = _resample(step_grid(setup, seconds, kernel, tones), 1.0 / time_step(setup), sample_rate)
-        return np.ascontiguousarray(velocity[:, :count]), tones
+def _fdtd(setup: SplitString, count: Samples, sample_rate: int) -> tuple[Floats, list[Floats]]:
+    from monochord.physics.split_string import kernels  # noqa: PLC0415  (numba loads on use)
 
-    return run
+    return _on_grid(setup, count, sample_rate, kernels.leapfrog)
+
+
+def _reference(setup: SplitString, count: Samples, sample_rate: int) -> tuple[Floats, list[Floats]]:
+    return _on_grid(setup, count, sample_rate, leapfrog)
+
+
+def _on_grid(
+    setup: SplitString, count: Samples, sample_rate: int, kernel: Kernel
+) -> tuple[Floats, list[Floats]]:
+    tones: list[Floats] = []
+    # A little longer than needed, so that the resampler's end effect is cut off.
+    seconds = count / sample_rate + 0.005
+    velocity = _resample(step_grid(setup, seconds, kernel, tones), 1.0 / time_step(setup), sample_rate)
+    return np.ascontiguousarray(velocity[:, :count]), tones
 
 
 def step_grid(setup: SplitString, seconds: Seconds, kernel: Kernel, tones: list[Floats]) -> Iterator[Floats]:
@@ -120,9 +214,9 @@ def step_grid(setup: SplitString, seconds: Seconds, kernel: Kernel, tones: list[
     setup
         What to simulate.
     seconds
-        How long; a part of an interval may be left at the end.
+        How long; the last interval may be incomplete.
     kernel
-        `leapfrog` of the reference or of the compiled module.
+        `leapfrog` of `grid` (NumPy) or of `kernels` (compiled).
     tones
         Receives the drivers' frequencies (2,) of each interval.
 
@@ -134,21 +228,23 @@ def step_grid(setup: SplitString, seconds: Seconds, kernel: Kernel, tones: list[
     grids = [lay_out(setup, segment) for segment in split(setup)]
     dt = time_step(setup)
     steps = max(1, round(setup.drive.hop / dt))
-    stride = max(s for s in range(1, steps + 1) if steps % s == 0 and (s == 1 or 1.0 / (s * dt) >= _EAR_RATE))
-    ear_rate = 1.0 / (stride * dt)
-    drivers = feedback.begin(setup.drive, ear_rate)
+    stride = max(
+        s for s in range(1, steps + 1) if steps % s == 0 and (s == 1 or 1.0 / (s * dt) >= MIN_DRIVER_RATE)
+    )
+    driver_rate = 1.0 / (stride * dt)
+    drivers = feedback.begin(setup.drive, driver_rate)
     total = ceil(seconds / dt)
     for start in range(0, total, steps):
         part = min(steps, total - start)
         tones.append(drivers.tone)
-        signals = np.ascontiguousarray(drivers.swing(part, dt).imag)
+        signals = np.ascontiguousarray(drivers.phasor(part, dt).imag)
         velocity = np.empty((2, part))
         for grid in grids:
             grid.step(kernel, signals, velocity)
         velocity /= 2.0 * dt
         yield velocity
-        drivers = feedback.advance(feedback.listen(drivers, velocity[:, ::stride]), steps * dt)
-        drivers = feedback.retune(drivers, setup, ear_rate, (start + steps) * dt)
+        drivers = feedback.advance(feedback.sense(drivers, velocity[:, ::stride]), steps * dt)
+        drivers = feedback.retune(drivers, setup, driver_rate, (start + steps) * dt)
 
 
 def _resample(blocks: Iterator[Floats], rate: float, sample_rate: int) -> Floats:
@@ -161,7 +257,7 @@ def _resample(blocks: Iterator[Floats], rate: float, sample_rate: int) -> Floats
 
 
 _ROUTES: dict[Route, Callable[[SplitString, Samples, int], tuple[Floats, list[Floats]]]] = {
-    "fdtd": _on_grid("compiled"),
-    "reference": _on_grid("reference"),
+    "fdtd": _fdtd,
+    "reference": _reference,
     "modal": _modal,
 }

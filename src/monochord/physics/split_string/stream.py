@@ -1,4 +1,4 @@
-"""The modal route as a stream: a state goes in, a block and the next state come out."""
+"""The modal route as a stream: a ringing string goes in, a block and the string after it come out."""
 
 from dataclasses import dataclass, replace
 from math import pi
@@ -9,19 +9,19 @@ from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats
 from monochord.core.units import Samples
 from monochord.physics.split_string import feedback
-from monochord.physics.split_string.carry_over import carry_over
 from monochord.physics.split_string.feedback import Complexes, Drivers
 from monochord.physics.split_string.modes import ModalString, find_modes, plucked, response
+from monochord.physics.split_string.segments import Segment
 from monochord.physics.split_string.setup import Pluck, SplitString
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ringing:
-    """A split string that rings: all that its next sample depends on. Never changed, only succeeded.
+    """A split string that rings: all that its next sample depends on. Never changed.
 
     Between changes of the drive a mode's motion is a steady response and a free remainder. `q` in m and `v`
     in m/s (modes,) are the free part now; `steady` (2, modes) the complex response to each driver; `driven`
-    (2, n) what the pickups hear of it, in m/s, for the whole interval of `n` samples, of which `since` are
+    (2, n) its velocity at the pickups, in m/s, for the whole interval of `n` samples, of which `elapsed` are
     past. `start` is the index of the next sample.
     """
 
@@ -33,7 +33,7 @@ class Ringing:
     steady: Complexes
     driven: Floats
     drivers: Drivers
-    since: Samples
+    elapsed: Samples
     start: Samples
 
 
@@ -73,27 +73,77 @@ def advance(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
     """
     parts = [np.zeros((2, 0))]
     while samples > 0:
-        part = min(samples, ringing.driven.shape[1] - ringing.since)
-        velocity, ringing = _sound(ringing, part)
+        part = min(samples, ringing.driven.shape[1] - ringing.elapsed)
+        velocity, ringing = _ring_on(ringing, part)
         parts.append(velocity)
         samples -= part
-        if ringing.since == ringing.driven.shape[1]:
-            ringing = _listen_and_drive(ringing)
+        if ringing.elapsed == ringing.driven.shape[1]:
+            ringing = _follow_and_drive(ringing)
     return np.concatenate(parts, axis=1), ringing
 
 
 def touch(ringing: Ringing, contact: Contact | None, *, pluck: Pluck | None = None) -> Ringing:
     """Return the same string under another touch, or under none, from its next sample on.
 
-    Shape and velocity are projected onto the modes of the new segments, see `carry_over`. A finger that comes
-    or goes quickly plucks the string besides: `pluck` is added to each new segment. The drivers go on with
-    the tone that they have until, at the next whole hop of the sample clock, they hear another.
+    Shape and velocity are projected onto the modes of the new segments, see `project_motion`. A finger that
+    comes or goes quickly plucks the string besides: `pluck` is added to each new segment. The drivers go on
+    with their tone until, at the next whole hop of the sample clock, they sense another.
     """
     setup = replace(ringing.setup, contact=contact)
     string = find_modes(setup, ringing.sample_rate)
-    drivers = feedback.advance(ringing.drivers, ringing.since / ringing.sample_rate)
-    q, v = carry_over(ringing.string, *_motion(ringing, drivers), string)
+    drivers = feedback.advance(ringing.drivers, ringing.elapsed / ringing.sample_rate)
+    q, v = project_motion(ringing.string, *_motion(ringing, drivers), string)
     return _drive(setup, ringing.sample_rate, string, q + plucked(pluck, string), v, drivers, ringing.start)
+
+
+def project_motion(old: ModalString, q: Floats, v: Floats, new: ModalString) -> tuple[Floats, Floats]:
+    """Return the modal motion of a string whose segments have just changed.
+
+    Shape and velocity of the whole string are sampled and projected onto the new modes. Where a touch newly
+    clamps the string, it first brings it to zero there along the static triangle (a straight ramp to either
+    support), as a finger does that presses slowly against the vibration; the remaining shape and the whole
+    velocity are unchanged. A release adds nothing. What lies above the audible modes is lost.
+
+    Parameters
+    ----------
+    old, new
+        The string before and after, of equal length.
+    q, v
+        (old modes,) displacement in m and velocity in m/s.
+
+    Returns
+    -------
+    q, v
+        (new modes,).
+    """
+    parts: list[tuple[Floats, Floats]] = []
+    for segment, count in zip(new.segments, new.counts, strict=True):
+        # At midpoints the sine sum is an exact quadrature for all that the modes can hold.
+        size = max(8 * count, 1)
+        local = (np.arange(size, dtype=np.float64) + 0.5) * (segment.length / size)
+        shape, velocity = _sampled(old, q, v, segment.origin + segment.direction * local)
+        tip, _ = _sampled(old, q, v, np.array([segment.origin + segment.direction * segment.length]))
+        waves = _waves(segment, count, local) * (2.0 / size)
+        parts.append(((shape - tip * local / segment.length) @ waves, velocity @ waves))
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+
+def _sampled(string: ModalString, q: Floats, v: Floats, places: Floats) -> tuple[Floats, Floats]:
+    """Displacement and velocity at places along the whole string."""
+    shape, velocity = np.zeros(places.size), np.zeros(places.size)
+    first = 0
+    for segment, count in zip(string.segments, string.counts, strict=True):
+        local = (places - segment.origin) * segment.direction
+        inside = (local >= 0.0) & (local <= segment.length)
+        waves = _waves(segment, count, local[inside])
+        shape[inside] = waves @ q[first : first + count]
+        velocity[inside] = waves @ v[first : first + count]
+        first += count
+    return shape, velocity
+
+
+def _waves(segment: Segment, count: int, local: Floats) -> Floats:
+    return np.sin(np.outer(local, np.arange(1, count + 1)) * (pi / segment.length))
 
 
 def _drive(
@@ -108,9 +158,12 @@ def _drive(
     """Begin an interval of constant drive: part the motion into steady response and free remainder."""
     hop = max(1, round(setup.drive.hop * sample_rate))
     steady = response(string.audible, drivers.frequency)
-    swing = 2j * pi * drivers.frequency * drivers.sounding
-    heard = string.audible.shape @ steady.T + string.quick.shape @ response(string.quick, drivers.frequency).T
-    driven = (heard * swing) @ drivers.swing(hop - start % hop, 1.0 / sample_rate)
+    omega = 2j * pi * drivers.frequency * drivers.active
+    at_pickups = (
+        string.audible.shape @ steady.T
+        + string.ultrasonic.shape @ response(string.ultrasonic, drivers.frequency).T
+    )
+    driven = (at_pickups * omega) @ drivers.phasor(hop - start % hop, 1.0 / sample_rate)
     q_steady, v_steady = _steady_motion(steady, drivers)
     return Ringing(
         setup=setup,
@@ -121,7 +174,7 @@ def _drive(
         steady=steady,
         driven=np.ascontiguousarray(driven.imag),
         drivers=drivers,
-        since=0,
+        elapsed=0,
         start=start,
     )
 
@@ -138,26 +191,26 @@ def _motion(ringing: Ringing, drivers: Drivers) -> tuple[Floats, Floats]:
     return ringing.q + q_steady, ringing.v + v_steady
 
 
-def _sound(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
+def _ring_on(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
     """Sound on within an interval of constant drive."""
-    from monochord.physics.split_string.ringing import ring  # noqa: PLC0415  (numba loads on use)
+    from monochord.physics.split_string.kernels import ring  # noqa: PLC0415  (numba loads on use)
 
     q, v = ringing.q.copy(), ringing.v.copy()
-    velocity = ringing.driven[:, ringing.since : ringing.since + samples].copy()
-    ring(ringing.string.carry, ringing.string.audible.shape, q, v, velocity)
+    velocity = ringing.driven[:, ringing.elapsed : ringing.elapsed + samples].copy()
+    ring(ringing.string.propagator, ringing.string.audible.shape, q, v, velocity)
     after = replace(
         ringing,
         q=q,
         v=v,
-        drivers=feedback.listen(ringing.drivers, velocity),
-        since=ringing.since + samples,
+        drivers=feedback.sense(ringing.drivers, velocity),
+        elapsed=ringing.elapsed + samples,
         start=ringing.start + samples,
     )
     return velocity, after
 
 
-def _listen_and_drive(ringing: Ringing) -> Ringing:
-    drivers = feedback.advance(ringing.drivers, ringing.since / ringing.sample_rate)
+def _follow_and_drive(ringing: Ringing) -> Ringing:
+    drivers = feedback.advance(ringing.drivers, ringing.elapsed / ringing.sample_rate)
     q, v = _motion(ringing, drivers)
     time = ringing.start / ringing.sample_rate
     drivers = feedback.retune(drivers, ringing.setup, ringing.sample_rate, time)

@@ -1,14 +1,25 @@
 """Closed forms of the touched string: frequencies, their inverse, stiffness, sensitivities and bounds.
 
-Touches are clamps where nothing else is said: they cut the string into two segments that share nothing but
-the tension. Beside these stand softer touches (a spring, Hertz's contact) and what a string loses. Functions
-take plain numbers or, where their signature says so, arrays.
+Touches are clamps unless stated otherwise: they cut the string into two segments that share only the tension.
+There are also softer touches (a spring, Hertz's contact) and the losses of a string. Functions take plain
+numbers or, where their signature says so, arrays.
 """
 
-from monochord.physics.theory.bounds import contact_bound, far_segment_bound, series_bound, tone_bound
-from monochord.physics.theory.hertz import contact_width, hertz_stiffness, mindlin_ratio, outer_diameter
-from monochord.physics.theory.loaded import bending_stiffness, loaded_frequencies, static_compliance
-from monochord.physics.theory.losses import Losses, decay_rates
+from monochord.physics.theory.bounds import (
+    contact_bound,
+    far_segment_bound,
+    far_segment_sensitivity,
+    frequency_sensitivities,
+    series_bound,
+    tone_bound,
+)
+from monochord.physics.theory.contact import (
+    contact_width,
+    hertz_stiffness,
+    loaded_frequencies,
+    mindlin_ratio,
+    static_compliance,
+)
 from monochord.physics.theory.segments import (
     harmonic_frequencies,
     locate_from_segments,
@@ -20,9 +31,12 @@ from monochord.physics.theory.segments import (
     step_limit,
     tension_from_segments,
 )
-from monochord.physics.theory.sensitivity import far_segment_sensitivity, frequency_sensitivities
 from monochord.physics.theory.stiffness import (
+    Losses,
+    bending_stiffness,
+    decay_rates,
     inharmonicity,
+    outer_diameter,
     partial_numbers,
     segment_inharmonicity,
     stiff_partials,

@@ -1,4 +1,4 @@
-"""What the closed forms accept: plain numbers or arrays of them, and refusals in one line."""
+"""Argument checks of the closed forms, which take numbers or arrays of them."""
 
 from typing import TypeVar
 
@@ -8,10 +8,10 @@ from monochord.core.errors import InputError
 from monochord.core.types import Floats
 
 Number = TypeVar("Number", float, Floats)
-"""A float or an array of them; what goes in as one comes out as one."""
+"""A float or an array of floats; the result is of the same kind."""
 
 
-def refuse_pull(force: float | Floats) -> None:
+def refuse_negative_force(force: float | Floats) -> None:
     """Refuse a normal force below zero, or one that is not a number."""
     if not np.all(np.asarray(force) >= 0.0):
         raise InputError(f"force {_worst(force)} N", "0 N or more", "a touch presses, it does not pull")

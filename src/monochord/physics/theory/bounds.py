@@ -1,7 +1,8 @@
-"""The Cramer-Rao bounds: what no unbiased estimator that hears a window of a given length can beat.
+"""How well a touch can be located: sensitivities of the frequencies, and the Cramer-Rao bounds.
 
-White Gaussian noise, known noise level, stationary partials that the window resolves. The signal-to-noise
-ratio is a power ratio (no decibels): half the squared amplitude of a partial over the noise's variance.
+A bound is the least standard error of any unbiased estimator from a window of a given length: white Gaussian
+noise, known noise level, stationary partials that the window resolves. The signal-to-noise ratio is a power
+ratio (no decibels): half the squared amplitude of a partial over the noise's variance.
 """
 
 import numpy as np
@@ -9,11 +10,101 @@ from numpy.typing import ArrayLike
 
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Newtons, Seconds
-from monochord.physics.theory._checks import refuse_not_positive
+from monochord.physics.theory._checks import Number, refuse_not_positive
 from monochord.physics.theory.segments import split_frequencies
-from monochord.physics.theory.sensitivity import far_segment_sensitivity, frequency_sensitivities
 from monochord.physics.theory.stiffness import partial_numbers, segment_inharmonicity, stiff_partials
-from monochord.physics.theory.tension import TensionLaw
+from monochord.physics.theory.tension import TensionLaw, stretch_stiffness, tension_from_force
+
+
+def frequency_sensitivities(string: StringParams, contact: Contact, law: TensionLaw = "linear") -> Floats:
+    """Return the derivatives of both segment frequencies by position and by force.
+
+    With f1 = v / (2 x), f2 = v / (2 (L - x)) and v = sqrt(T / mu):
+
+        df1/dx = -f1 / x + f1 T_x / (2 T),        df1/dF = f1 T_F / (2 T),
+        df2/dx = f2 / (L - x) + f2 T_x / (2 T),   df2/dF = f2 T_F / (2 T),
+
+    where T_x and T_F are the slopes of the tension law: (0, k_T) for the linear one.
+
+    Parameters
+    ----------
+    string
+        The string.
+    contact
+        Where and how hard it is touched.
+    law
+        How the force raises the tension.
+
+    Returns
+    -------
+    array (2, 2)
+        Rows f1 and f2; columns by position in Hz/m and by force in Hz/N.
+
+    Raises
+    ------
+    InputError
+        If the contact is not on the string, pulls, or the law is unknown.
+
+    Examples
+    --------
+    A touch in the middle moves f1 and f2 oppositely with position, alike with force:
+
+    >>> string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0, tension_per_force=6.0)
+    >>> frequency_sensitivities(string, Contact(position=0.325, force=0.0)).round(1)
+    array([[-1496.9,    22.5],
+           [ 1496.9,    22.5]])
+    """
+    x, length = contact.position, string.length
+    f1, f2 = split_frequencies(string, x, contact.force, law)
+    tension = tension_from_force(string, contact.force, x, law)
+    linear = (0.0, string.tension_per_force)
+    slopes = linear if law == "linear" else _geometric_slopes(string, contact, tension)
+    stretch = np.array(slopes) / (2.0 * tension)
+    moved = np.array([[-1.0 / x, 0.0], [1.0 / (length - x), 0.0]])
+    return np.array([[f1], [f2]]) * (stretch + moved)
+
+
+def far_segment_sensitivity(frequency: Number, open_frequency: Hertz, length: Metres) -> Number:
+    """Return the derivative of the position by the far segment's fundamental.
+
+    dx/df = L f_open / f^2, from x = L (1 - f_open / f).
+
+    Parameters
+    ----------
+    frequency
+        Fundamental of the sounding segment in Hz.
+    open_frequency
+        Fundamental of the untouched string in Hz.
+    length
+        L in m.
+
+    Returns
+    -------
+    float or array
+        In m/Hz.
+
+    Raises
+    ------
+    InputError
+        If a quantity is not above zero.
+
+    Examples
+    --------
+    At the twelfth fret of a low E string one hertz is two millimetres:
+
+    >>> round(1e3 * far_segment_sensitivity(164.8, 82.4, 0.65), 2)
+    1.97
+    """
+    refuse_not_positive(frequency=frequency, open_frequency=open_frequency, length=length)
+    return length * open_frequency / frequency**2
+
+
+def _geometric_slopes(string: StringParams, contact: Contact, tension: float) -> tuple[float, float]:
+    # From T^2 (T - T0) = E A F^2 x (L - x) / (2 L^2), differentiated by x and by F.
+    x, length, force = contact.position, string.length, contact.force
+    cubic = tension * (3.0 * tension - 2.0 * string.tension)
+    scale = stretch_stiffness(string) / (length**2 * cubic)
+    return scale * force**2 * (length - 2.0 * x) / 2.0, scale * force * x * (length - x)
 
 
 def tone_bound(duration: Seconds, sample_rate: Hertz, snr: ArrayLike) -> Floats:
@@ -71,15 +162,16 @@ def series_bound(
 ) -> Hertz:
     """Return the least standard error of the fundamental of a stiff harmonic series.
 
-    Each partial f_n = n f0 sqrt(1 + B n^2) is a tone of its own variance and tells f0 with weight
-    (df_n/df0)^2 / var(f_n); the weights add. Where B is not known it is estimated too, and f0 pays for that.
+    Each partial f_n = n f0 sqrt(1 + B n^2) is a tone of its own variance and informs on f0 with weight
+    (df_n/df0)^2 / var(f_n); the weights add. Where B is unknown it is estimated too, which raises the error
+    of f0.
 
     Parameters
     ----------
     f0
         Fundamental in Hz.
     numbers
-        Numbers n of the partials heard, shape (k,).
+        Numbers n of the partials used, shape (k,).
     snr
         Power ratio of each, shape (k,) or one for all.
     duration, sample_rate
@@ -92,7 +184,7 @@ def series_bound(
     Returns
     -------
     float
-        Standard error in Hz; infinite where the partials cannot tell f0.
+        Standard error in Hz; infinite where the partials do not determine f0.
 
     Raises
     ------
@@ -101,7 +193,7 @@ def series_bound(
 
     Examples
     --------
-    Ten harmonics tell the fundamental twenty times better than the first alone:
+    Ten harmonics determine the fundamental twenty times better than the first alone:
 
     >>> one = series_bound(100.0, [1], 100.0, duration=0.1, sample_rate=44100.0)
     >>> ten = series_bound(100.0, range(1, 11), 100.0, duration=0.1, sample_rate=44100.0)
@@ -115,7 +207,7 @@ def series_bound(
     information = float(np.sum(by_f0**2 / variance))
     if not known_inharmonicity:
         own, cross = np.sum(by_b**2 / variance), np.sum(by_f0 * by_b / variance)
-        # A single partial cannot tell stiffness from pitch: what is left of the information is rounding.
+        # A single partial cannot separate stiffness from pitch: what remains of the information is rounding.
         information = float(information - cross**2 / own) if n.size > 1 else 0.0
     return information**-0.5 if information > 0.0 else np.inf
 
@@ -130,10 +222,10 @@ def contact_bound(
     highest: Hertz = 8000.0,
     law: TensionLaw = "linear",
 ) -> tuple[Metres, Newtons]:
-    """Return the least standard errors of position and force, told from both segments.
+    """Return the least standard errors of position and force, from both segments.
 
     Both fundamentals are estimated from their partials up to `highest`, each partial at the same ratio to the
-    noise; the inverse of `frequency_sensitivities` carries their variances over to (x, F).
+    noise; the inverse of `frequency_sensitivities` transforms their variances to (x, F).
 
     Parameters
     ----------
@@ -179,7 +271,7 @@ def contact_bound(
         )
     slopes = frequency_sensitivities(string, contact, law)
     if slopes[0, 1] == 0.0:
-        # The touch itself is still located, by the ratio of the two frequencies.
+        # The position still follows, from the ratio of the two frequencies.
         ratio = string.length * f[0] * f[1] / (f[0] + f[1]) ** 2
         return float(ratio * np.sqrt(np.sum(variances / np.square(f)))), np.inf
     inverse = np.linalg.inv(slopes)
@@ -190,9 +282,9 @@ def contact_bound(
 def far_segment_bound(
     frequency: Hertz, open_frequency: Hertz, length: Metres, frequency_error: Hertz
 ) -> Metres:
-    """Return the standard error of the position that the far segment's fundamental tells.
+    """Return the standard error of the position estimated from the far segment's fundamental.
 
-    std(x) = L f_open / f^2 std(f), the open string's frequency taken as known.
+    std(x) = L f_open / f^2 std(f), the open string's frequency being known.
 
     Parameters
     ----------

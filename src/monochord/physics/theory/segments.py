@@ -219,14 +219,14 @@ def position_from_far_segment(frequency: Number, open_frequency: Hertz, length: 
 
 
 def mixing_matrix(own_1: float, own_2: float) -> Floats:
-    """Return how two microphones hear two segments: B = mixing @ A.
+    """Return the matrix by which two microphones pick up two segments: B = mixing @ A.
 
     [[l1, 1 - l1], [1 - l2, l2]]; (1, 1) is perfect isolation, (0.5, 0.5) leaves no difference at all.
 
     Parameters
     ----------
     own_1, own_2
-        Shares l1 and l2 that each microphone hears of its own segment, from 0 to 1.
+        Shares l1 and l2 of each microphone's own segment in its signal, from 0 to 1.
 
     Returns
     -------

@@ -6,7 +6,12 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats, StringParams
-from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_outside, refuse_pull
+from monochord.physics.theory._checks import (
+    Number,
+    refuse_negative_force,
+    refuse_not_positive,
+    refuse_outside,
+)
 
 TensionLaw: TypeAlias = Literal["linear", "geometric"]
 """How a press raises the tension: the paper's trend k_T F, or the stretch of the deflected string."""
@@ -15,8 +20,8 @@ TensionLaw: TypeAlias = Literal["linear", "geometric"]
 def linear_tension(string: StringParams, force: Number) -> Number:
     """Return the tension of a pressed string after the linear law.
 
-    T(F) = T0 + k_T F, the paper's tunable trend for small deformations; where on the string the press is
-    makes no difference.
+    T(F) = T0 + k_T F, the paper's tunable trend for small deformations; the position of the press has no
+    effect.
 
     Parameters
     ----------
@@ -45,7 +50,7 @@ def linear_tension(string: StringParams, force: Number) -> Number:
     >>> linear_tension(appendix, 0.5)
     68.0
     """
-    refuse_pull(force)
+    refuse_negative_force(force)
     return string.tension + string.tension_per_force * force
 
 
@@ -90,7 +95,7 @@ def geometric_tension(string: StringParams, position: Number, force: Number) -> 
     >>> round(geometric_tension(plain, 0.325, 0.0), 6), round(geometric_tension(plain, 0.325, 2.0), 3)
     (73.0, 73.927)
     """
-    refuse_pull(force)
+    refuse_negative_force(force)
     refuse_outside(position, string.length)
     # With u = T0 / T the cubic reads k u^3 + u = 1, which has one real root, a hyperbolic sine.
     load = stretch_stiffness(string) * force**2 * position * (string.length - position)
@@ -146,7 +151,7 @@ def damping_under(string: StringParams, force: Number) -> Number:
     >>> damping_under(string, 2.0)
     0.04
     """
-    refuse_pull(force)
+    refuse_negative_force(force)
     return string.damping + string.damping_per_force * force
 
 
@@ -220,7 +225,7 @@ def tension_from_force(
     """
     if check_law(law) == "linear":
         return linear_tension(string, force)
-    return geometric_tension(string, _known(position), force)
+    return geometric_tension(string, _required(position), force)
 
 
 def force_from_tension(
@@ -229,10 +234,10 @@ def force_from_tension(
     position: Number | None = None,
     law: TensionLaw = "linear",
 ) -> Number:
-    """Return the normal force that raised the tension to what is heard: the inverse of either law.
+    """Return the normal force that raises the tension to a value: the inverse of either law.
 
     Linear: F = (T - T0) / k_T, which is negative where the tension has fallen below T0.
-    Geometric: F = T sqrt(2 L^2 (T - T0) / (E A x (L - x))), NaN where no press can explain the tension.
+    Geometric: F = T sqrt(2 L^2 (T - T0) / (E A x (L - x))), NaN where no press raises the tension so.
 
     Parameters
     ----------
@@ -264,12 +269,12 @@ def force_from_tension(
     refuse_not_positive(tension=tension)
     if check_law(law) == "linear":
         if string.tension_per_force == 0.0:
-            raise InputError("tension per force 0", "a string whose tension tells force", "set k_T")
+            raise InputError("tension per force 0", "a string whose tension depends on force", "set k_T")
         return (tension - string.tension) / string.tension_per_force
-    position = _known(position)
+    position = _required(position)
     refuse_outside(position, string.length)
     if string.core_diameter == 0.0:
-        raise InputError("core diameter 0", "above 0 for the geometric law", "give the core's diameter")
+        raise InputError("core diameter 0", "above 0 for the geometric law", "set the core's diameter")
     rise = np.maximum(tension - string.tension, 0.0)
     square = (
         2.0 * string.length**2 * rise / (stretch_stiffness(string) * position * (string.length - position))
@@ -279,7 +284,7 @@ def force_from_tension(
 
 
 def check_law(law: str) -> str:
-    """Return the name of a tension law, or refuse it.
+    """Return the name of a tension law, or raise `InputError`.
 
     Examples
     --------
@@ -291,7 +296,7 @@ def check_law(law: str) -> str:
     return law
 
 
-def _known(position: Number | None) -> Number:
+def _required(position: Number | None) -> Number:
     if position is None:
         raise InputError("no position", "a position in m", "the geometric law depends on it")
     return position

@@ -1,11 +1,11 @@
 """The virtual sensor: a whole string with compliant, sliding touches, feedback drivers and two microphones.
 
-`begin` gives a twin at time zero, `advance` a stretch of its sound with labels and the twin after it.
-Everything here is simulated.
+`begin` returns a twin at time zero, `advance` its next frames with labels and the twin after them. Everything
+here is simulated.
 """
 
 from monochord.physics.twin.setup import (
-    MOST_TOUCHES,
+    MAX_TOUCHES,
     Ebow,
     Key,
     Outside,
@@ -16,10 +16,10 @@ from monochord.physics.twin.setup import (
     Touch,
     hold,
 )
-from monochord.physics.twin.stream import Labels, Take, Twin, advance, begin, retouch, switch
+from monochord.physics.twin.stream import Labels, Take, Twin, advance, advance_many, begin, retouch, switch
 
 __all__ = [
-    "MOST_TOUCHES",
+    "MAX_TOUCHES",
     "Ebow",
     "Key",
     "Labels",
@@ -32,6 +32,7 @@ __all__ = [
     "Touch",
     "Twin",
     "advance",
+    "advance_many",
     "begin",
     "hold",
     "retouch",

@@ -1,25 +1,31 @@
-"""The energy of a twin, which nothing but drivers, losses, friction and moving objects can change."""
+"""The energy of a twin, which only drivers, losses, friction and moving objects change."""
+
+from collections.abc import Iterable
 
 import numpy as np
 
-from monochord.physics.twin import bank as layout
-from monochord.physics.twin import memory as k
-from monochord.physics.twin import motion
-from monochord.physics.twin.memory import Sensor, State
+from monochord.physics.twin import records as r
+from monochord.physics.twin.records import (
+    Constants,
+    ContactState,
+    Parameters,
+    SensorState,
+    State,
+    TouchParameters,
+)
 from monochord.physics.twin.stream import Twin
 
 
 def energy(twin: Twin) -> float:
-    """Return the energy that string and contacts hold at an instant.
+    """Return the energy of string and contacts at an instant.
 
     E = sum m/2 (v^2 + omega^2 q^2) + r (a S^2 / 2 - d S) + contacts,  r = pi^2/(4 L), a = E A pi^2/(4 L^2),
 
-    over the modes of both polarisations, with omega at the tension that the modes are carried with, S the
-    stretch sum of weights times q^2, and d how far that tension is above that of a string which does not
-    stretch. A contact holds k1 delta^2 / 2 + 2 k2 delta^(5/2) / 5, its modes left out R f^2 / 2, its bristles
-    sigma z^2 / 2. This is what the scheme keeps: without losses and drivers, under objects that hold still,
-    it stays as it is, up to rounding and to how well tension and motion agree in a step (`agreement` of
-    `begin`).
+    over the modes of both polarisations, with omega at the tension that the propagators hold, S the stretch
+    sum of weights times q^2, and d the excess of that tension over that of a string which does not stretch. A
+    contact stores k1 delta^2 / 2 + 2 k2 delta^(5/2) / 5, the modes beyond the bank R f^2 / 2, the bristles
+    sigma z^2 / 2. This is what the scheme conserves: without losses and drivers, under objects at rest, it is
+    constant up to rounding and to the error of a step's iteration (`tolerance` of `begin`).
 
     Parameters
     ----------
@@ -47,25 +53,29 @@ def energy(twin: Twin) -> float:
     >>> energy(twin) > 0.0
     True
     """
-    fixed = Sensor(*(array[0] for array in twin.fixed))
-    state = State(*(array[0] for array in twin.moving))
-    scalars, memory = fixed.scalars, state.memory
-    bank = state.bank.reshape(layout.rows(len(twin.scene.touches)), -1)
-    tension = memory[k.TUNED] if memory[k.TUNED] > 0.0 else scalars[k.TENSION]
-    square = bank[layout.PULL] * tension + bank[layout.BEND]
-    q, v = bank[layout.Q], bank[layout.V]
-    total = 0.5 * scalars[k.MASS] * float(np.sum(v**2 + square * q**2))
-    if fixed.integers[k.LAW] == 0:
-        stretch = float(bank[layout.STRETCH] @ q**2)
-        tick = max(0, (twin.start * int(fixed.integers[k.FINER]) - 1)) // k.TICK * k.TICK
-        drift = motion.drifted(
-            scalars[k.DRIFT], scalars[k.DRIFT_RATE], tick * scalars[k.STEP], scalars[k.TENSION]
-        )
-        above = tension - scalars[k.TENSION] - drift
-        total += scalars[k.REACH] * (0.5 * scalars[k.STRETCH] * stretch**2 - above * stretch)
-    for own, touch in zip(state.contact, fixed.touches, strict=True):
-        delta, k1, k2 = own[k.S] ** 2, touch[k.K1], touch[k.K2]
+    parameters = Parameters(*(array[0] for array in twin.parameters))
+    state = State(*(array[0] for array in twin.state))
+    constants: Constants = parameters.constants
+    memory: SensorState = state.memory
+    bank = state.bank.reshape(r.rows(len(twin.scene.touches)), -1)
+    tension = memory.tuned_tension if memory.tuned_tension > 0.0 else constants.tension
+    square = bank[r.OMEGA2_TENSION] * tension + bank[r.OMEGA2_BENDING]
+    q, v = bank[r.Q], bank[r.V]
+    total = 0.5 * constants.mass * float(np.sum(v**2 + square * q**2))
+    if constants.linear_law == 0:
+        stretch = float(bank[r.STRETCH] @ q**2)
+        steps = max(0, twin.start * int(constants.oversampling) - 1)
+        update = steps // r.CONTROL_PERIOD * r.CONTROL_PERIOD
+        limit = 0.25 * constants.tension
+        drift = min(limit, max(-limit, constants.drift + constants.drift_rate * (update * constants.step)))
+        above = tension - constants.tension - drift
+        total += constants.tension_gain * (0.5 * constants.tension_per_stretch * stretch**2 - above * stretch)
+    contacts: Iterable[tuple[ContactState, TouchParameters]] = zip(
+        state.contact, parameters.touches, strict=True
+    )
+    for own, touch in contacts:
+        delta, k1, k2 = own.s**2, touch.k1, touch.k2
         force = k1 * delta + k2 * delta**1.5
-        total += 0.5 * k1 * delta**2 + 0.4 * k2 * delta**2.5 + 0.5 * own[k.REST] * force**2
-        total += 0.5 * own[k.GRIP] * (own[k.Z] ** 2 + own[k.Z_ALONG] ** 2)
+        total += 0.5 * k1 * delta**2 + 0.4 * k2 * delta**2.5 + 0.5 * own.residual_compliance * force**2
+        total += 0.5 * own.bristle_stiffness * (own.z**2 + own.z_along**2)
     return float(total)

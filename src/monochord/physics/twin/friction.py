@@ -1,87 +1,85 @@
-"""Friction of a touch: a bristle that sticks, creeps and slides, and what of its motion counts as slip.
+"""Friction of a touch: a bristle that sticks, creeps and slides, and which of its motion counts as slip.
 
-Object and string are joined by a bristle of deflection z and stiffness sigma (Dupont et al. 2002; Canudas
-de Wit et al. 1995). Below a break-away deflection it is elastic (stick); beyond, part of the motion is lost
-(creep); at mu(v) N / sigma all of it (slide), with Stribeck's mu(v) = mu_k + (mu_s - mu_k) exp(-(v /
-v_s)^2). The bristle's own damping acts on dz/dt, so that steady sliding feels mu N and no more. The loss
-takes the speed of the sample before, which leaves one linear equation a sample, and gives energy away only:
-the bristle's store never grows by more than the work done on it.
+Object and string are joined by a bristle of deflection z and stiffness sigma (Dupont et al. 2002; Canudas de
+Wit et al. 1995). Below a break-away deflection it is elastic (stick); beyond, part of the motion is lost
+(creep); at mu(v) N / sigma all of it (slide), with Stribeck's mu(v) = mu_k + (mu_s - mu_k) exp(-(v / v_s)^2).
+The bristle's own damping acts on dz/dt, so that steady sliding feels mu N and no more. The loss of z takes
+the speed of the step before, which leaves one linear equation a step, and only dissipates: the bristle's
+energy never grows by more than the work done on it.
 
-What counts as slip is read from the place of the contact on the object, p = object - string - z. It stays
-put while the contact sticks, and goes to and fro while a ringing string rocks under the object or hops off
-it. Two poles take that swing away, and a play leaves out what then wanders by less than `PLAY` to either
-side; the speed of what is left is the sliding speed.
+Slip is read from the place of the contact on the object, p = object - string - z. It is constant while the
+contact sticks, and oscillates while a ringing string rocks under the object or hops off it. Two poles remove
+that oscillation, and a play (backlash) removes what then wanders by less than `SLIP_PLAY` to either side; the
+speed of what remains is the sliding speed.
 """
 
 import numpy as np
 
-from monochord.physics.twin.part import part
+from monochord.physics.twin.jit import inlined
 
-NONE, STICK, CREEP, SLIDE = range(4)
 BREAKAWAY = 0.7
 """Share of the sliding deflection below which a bristle is elastic."""
-PLAY = 2.5e-5
-"""How far in m a contact wanders to either side before it counts as moving on."""
 
 
-@part
-def grip(speed: float, static: float, kinetic: float, stribeck: float) -> float:
+@inlined
+def friction_coefficient(speed: float, static: float, kinetic: float, stribeck: float) -> float:
     """Return the coefficient of steady friction at a sliding speed in m/s."""
     ratio = speed / stribeck
     return kinetic + (static - kinetic) * np.exp(-ratio * ratio) if ratio < 6.0 else kinetic
 
 
-@part
-def creeping(z: float, most: float) -> float:
-    """Return the share of motion that a deflection loses: 0 sticks, 1 slides, a smooth step between."""
+@inlined
+def sliding_share(z: float, limit: float) -> float:
+    """Return the share of motion that slides at a deflection: 0 sticks, 1 slides, a smooth step between."""
     size = abs(z)
-    low = BREAKAWAY * most
+    low = BREAKAWAY * limit
     if size <= low:
         return 0.0
-    if size >= most:
+    if size >= limit:
         return 1.0
-    t = (size - low) / (most - low)
+    t = (size - low) / (limit - low)
     return t * t * (3.0 - 2.0 * t)
 
 
-@part
+@inlined
 def bristle(
-    z: float, moved: float, ease: float, stiffness: float, loss: float, fade: float
+    z: float, moved: float, compliance: float, stiffness: float, damping: float, fade: float
 ) -> tuple[float, float, float]:
-    """Solve one sample of a bristle: the force on the string, the relative motion left, and the deflection.
+    """Solve one step of a bristle: the force on the string, the relative motion, and the new deflection.
 
     Parameters
     ----------
     z
-        Deflection before the sample in m.
+        Deflection before the step in m.
     moved
-        Motion of the object relative to the string over the sample if no force acted, in m.
-    ease
-        What a newton held over the sample takes off it, in m/N.
+        Motion of the object relative to the string over the step without a force, in m.
+    compliance
+        What a newton held over the step takes off it, in m/N.
     stiffness
         Of the bristle, in N/m.
-    loss
-        Its damping over the time step, in N/m; as much of it acts as the loss of z leaves passive.
+    damping
+        Of the bristle over the time step, in N/m; as much of it acts as the loss of z leaves passive.
     fade
-        Share of z lost over the sample.
+        Share of z lost over the step.
     """
-    if loss * fade > 4.0 * stiffness:
-        loss = 4.0 * stiffness / fade
-    held = (stiffness + loss) / (1.0 + fade)
-    force = (held * (z + moved) - loss * z) / (1.0 + ease * held)
-    left = moved - ease * force
-    return force, left, (z + left) / (1.0 + fade)
+    if damping * fade > 4.0 * stiffness:
+        damping = 4.0 * stiffness / fade
+    total = (stiffness + damping) / (1.0 + fade)
+    force = (total * (z + moved) - damping * z) / (1.0 + compliance * total)
+    slid = moved - compliance * force
+    return force, slid, (z + slid) / (1.0 + fade)
 
 
-@part
-def played(width: float, across: float, along: float, rest: float, rest_along: float) -> tuple[float, float]:
-    """Return how far, in m both ways, a place at `across`, `along` pulls a mark that has a play of `width`.
+@inlined
+def play(width: float, across: float, along: float, mark: float, mark_along: float) -> tuple[float, float]:
+    """Return how far, in m both ways, a place at `across`, `along` drags a mark by a play of `width`.
 
-    The mark, at `rest`, `rest_along`, follows once the place is farther off than `width`, and keeps at that.
+    The mark, at `mark`, `mark_along`, follows once the place is farther off than `width`, and stays at that
+    distance.
     """
-    far, aside = across - rest, along - rest_along
-    gone = np.sqrt(far * far + aside * aside)
-    if gone <= width:
+    x, y = across - mark, along - mark_along
+    distance = np.sqrt(x * x + y * y)
+    if distance <= width:
         return 0.0, 0.0
-    share = 1.0 - width / gone
-    return share * far, share * aside
+    share = 1.0 - width / distance
+    return share * x, share * y

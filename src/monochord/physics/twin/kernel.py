@@ -1,222 +1,643 @@
-"""The whole sensor, sample by sample: the parts put together, compiled, over one sensor or many at once.
+"""The whole sensor, step by step: touches, drivers, string and microphones in one compiled kernel.
 
-One sample: the drivers' forces are held; every mode is carried exactly; then touches and the string's
-stretch are solved together. The stretch enters as an extra tension at the mean of old and new position (a
-discrete gradient, so that energy is kept), which makes the touches' equations scalar once it is known; it
-is found by repeating, and settles within two or three rounds because it is small.
+In one step the drivers' forces are held and every mode is propagated exactly; then the touches and the
+string's stretch are solved together. The stretch enters as an extra tension at the mean of old and new
+position (a discrete gradient, so that energy is conserved), which makes the touches' equations scalar once
+the tension is known; the tension is found by iteration, and converges in two or three rounds because it is
+small.
+
+At every control update, `CONTROL_PERIOD` steps apart, the touches' motion is read: position, force, clearance
+and speed run linearly between keys. A force is converted to the depth at which a string at rest would press
+back with it; the string then decides what force there really is.
 """
 
 import sys
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
-from monochord.physics.twin import bank as layout
-from monochord.physics.twin import (
-    ebow,
-    friction,
-    memory,
-    motion,
-    part,
-    pickup,
-    press,
-    roughness,
-    sounding,
-    string,
-    touching,
-)
-from monochord.physics.twin.memory import (
-    AGREED,
-    AXIAL,
-    COIL_1,
-    COIL_2,
-    DRIFT,
-    DRIFT_RATE,
-    FAR,
-    FINER,
-    FRESH,
-    GATE,
-    HOLD,
-    KICK,
-    LAW,
-    LENGTH,
-    MASS,
-    MOST,
-    NEAR,
-    QUIET,
-    REACH,
-    RETUNE,
-    RISE,
-    ROUNDS,
-    SEED,
-    SETTLED,
-    SHAKE,
-    SINCE,
-    SLACK,
-    SLOPE,
-    SPREAD,
-    STEP,
-    STRETCH,
-    SWITCH,
-    TELLING,
-    TENSION,
-    TICK,
-    TUNED,
+from monochord.core.types import Floats
+from monochord.physics.twin import contact, electronics, friction, jit, records, roughness, string
+from monochord.physics.twin.jit import called, exact, inlined
+from monochord.physics.twin.records import (
+    CONTACT_HOLD,
+    CONTROL_PERIOD,
+    CREEP,
+    FORCE_TOLERANCE,
+    LEVEL_TOLERANCE,
+    LONG_LEVEL_TIME,
+    MAX_CONTACT_SWEEPS,
+    MAX_SLACK,
+    MAX_STRETCH_ITERATIONS,
+    MIN_BRISTLE_FORCE,
+    MIN_GUESS_CHANGE,
+    MIN_SURFACE_MOTION,
+    NONE,
+    PATH_TIME,
+    RETUNING_THRESHOLD,
+    SETTLING_TIME,
+    SHORT_LEVEL_TIME,
+    SILENT_POWER,
+    SLIDE,
+    SLIP_PLAY,
+    SLIP_SPEED,
+    SLIP_SPEED_TIME,
+    STICK,
+    SWITCHING_TIME,
+    Constants,
+    ContactSolution,
+    ContactState,
     Integers,
+    Motion,
     Out,
-    Sensor,
+    Parameters,
+    Records,
+    SensorState,
     State,
+    TouchParameters,
 )
 
 
-@part.called
-def _ask(sensor: Sensor, state: State, index: int) -> tuple[float, bool, bool]:
-    """Read the touches' motion; return the tension it asks for, whether one moves, and whether one did."""
-    scalars, step = sensor.scalars, sensor.scalars[STEP]
+@called
+def read_motion(keys: Records, count: int, time: float, motion: Motion) -> None:
+    """Fill a motion, save its depth, from keys at a time; constant before the first and after the last."""
+    i = 0
+    while i < count and keys[i].time <= time:
+        i += 1
+    if i in (0, count):
+        end = keys[min(i, count - 1)]
+        motion.position, motion.force = end.position, end.force
+        motion.clearance, motion.across = end.clearance, end.across
+        return
+    a, b = keys[i - 1], keys[i]
+    past, period = time - a.time, b.time - a.time
+    motion.position = a.position + (b.position - a.position) * past / period
+    motion.force = a.force + (b.force - a.force) * past / period
+    motion.clearance = a.clearance + (b.clearance - a.clearance) * past / period
+    motion.across = a.across + (b.across - a.across) * past / period
+
+
+@called
+def interpolated(table: Floats, share: float) -> float:
+    """Return a value of a table over 0 to 1, linearly between its entries."""
+    place = share * (table.size - 1)
+    i = min(int(place), table.size - 2)
+    return table[i] + (place - i) * (table[i + 1] - table[i])
+
+
+@called
+def cross_compliance(a: float, b: float, length: float, tension: float) -> float:
+    """Return the deflection at b by a newton at a of a flexible string at rest, in m/N."""
+    return min(a, b) * (length - max(a, b)) / (tension * length)
+
+
+@called
+def surface_depth(
+    force: float, k1: float, k2: float, static: float, others: float, clearance: float
+) -> float:
+    """Return the depth in m of a surface that presses with a force on a string of static compliance in m/N.
+
+    `others` is the deflection that other touches cause there, in m.
+    """
+    s = contact.static_root(force, k1, k2)
+    return s * s + static * force + others - clearance
+
+
+@inlined
+def drifted(start: float, rate: float, time: float, tension: float) -> float:
+    """Return the deviation of the tension from its nominal value at a time, in N: a quarter of it at most."""
+    limit = 0.25 * tension
+    return min(limit, max(-limit, start + rate * time))
+
+
+@exact
+def _cubic_parameter(
+    touch: int, force: float, position: float, length: float, tension: float, stretch: float
+) -> float:
+    """Return 3 k of the cubic k u^3 + u = 1, u = T0 / T, that the geometric law solves.
+
+    The first touch and the others multiply in different order: so a compiler once had it, and so sounds stay
+    what they were to the last bit.
+    """
+    square = force * force
+    load = square * (3.0 * position) if touch == 0 else square * 3.0 * position
+    pull = tension * length
+    return load * (length - position) * stretch / (pull * pull * (2.0 * tension))
+
+
+@called
+def geometric_rise(
+    touch: int, force: float, position: float, length: float, tension: float, stretch: float
+) -> float:
+    """Return the rise of tension in N by a static press; see `monochord.physics.theory.geometric_tension`.
+
+    `touch` is its number, see `_cubic_parameter`.
+    """
+    w = np.sqrt(_cubic_parameter(touch, force, position, length, tension, stretch))
+    if w < 1e-9:
+        return 0.0
+    return tension * (w / (2.0 * np.sinh(np.arcsinh(1.5 * w) / 3.0)) - 1.0)
+
+
+@called
+def _update_motion(sensor: Parameters, state: State, index: int) -> tuple[float, bool, bool]:
+    """Read the touches' motion; return the static tension in N, whether one moves, and whether one moved."""
+    constants: Constants = sensor.constants
+    step = constants.step
     moves, moved = False, False
-    tension = scalars[TENSION] + motion.drifted(
-        scalars[DRIFT], scalars[DRIFT_RATE], index * step, scalars[TENSION]
+    tension = constants.tension + drifted(
+        constants.drift, constants.drift_rate, index * step, constants.tension
     )
-    for t in range(sensor.touches.shape[0]):
-        now, ahead = state.asked[t], state.ahead[t]
-        for c in range(5):
-            moved = moved or now[c] != ahead[c]
-            now[c] = ahead[c]
-        motion.asked(sensor.keys[t], sensor.counts[t], (index + TICK) * step, ahead)
-        for c in range(motion.SPEED + 1):
-            moves = moves or ahead[c] != now[c]
-        if state.contact[t, SINCE] >= HOLD:
+    for t in range(len(sensor.touches)):
+        now: Motion = state.motion[t]
+        ahead: Motion = state.ahead[t]
+        moved = moved or now.position != ahead.position
+        now.position = ahead.position
+        moved = moved or now.force != ahead.force
+        now.force = ahead.force
+        moved = moved or now.clearance != ahead.clearance
+        now.clearance = ahead.clearance
+        moved = moved or now.across != ahead.across
+        now.across = ahead.across
+        moved = moved or now.depth != ahead.depth
+        now.depth = ahead.depth
+        read_motion(sensor.keys[t], sensor.touches[t].keys, (index + CONTROL_PERIOD) * step, ahead)
+        moves = moves or ahead.position != now.position
+        moves = moves or ahead.force != now.force
+        moves = moves or ahead.clearance != now.clearance
+        moves = moves or ahead.across != now.across
+        if state.contact[t].time_off >= CONTACT_HOLD:
             continue
-        if sensor.integers[LAW] == 1:
-            tension += scalars[RISE] * now[motion.LOAD]
-        elif now[motion.LOAD] > 0.0:
-            place = now[motion.PLACE]
-            tension += motion.geometric_rise(
-                now[motion.LOAD], place, scalars[LENGTH], scalars[TENSION], scalars[AXIAL]
+        if constants.linear_law == 1:
+            tension += constants.tension_per_force * now.force
+        elif now.force > 0.0:
+            tension += geometric_rise(
+                t, now.force, now.position, constants.length, constants.tension, constants.axial_stiffness
             )
     return tension, moves, moved
 
 
-@part.called
-def _look(sensor: Sensor, state: State, size: int, index: int) -> None:
-    """At a tick: read the touches' motion and prepare the string for the steps up to the next."""
-    scalars, bank, memory = sensor.scalars, state.bank, state.memory
-    tension, moves, moved = _ask(sensor, state, index)
-    fresh = moves or moved or memory[FRESH] > 0.0
-    memory[FRESH] = 0.0
-    if abs(tension - memory[TUNED]) > RETUNE * scalars[TENSION]:
-        memory[KICK] = string.tune(bank, size, tension, scalars[MASS], scalars[REACH], scalars[STEP])
-        memory[TUNED] = tension
-        fresh = True
-    if fresh:
-        for t in range(sensor.touches.shape[0]):
-            touching.lay(sensor, state, size, t)
-    most = TICK * scalars[STEP] / SWITCH
+@called
+def _prepare_touch(sensor: Parameters, state: State, size: int, t: int) -> None:
+    """At a control update: a touch's depth, its modes' shapes, its residual compliance and its bristles."""
+    constants: Constants = sensor.constants
+    touch: TouchParameters = sensor.touches[t]
+    now: Motion = state.motion[t]
+    ahead: Motion = state.ahead[t]
+    own: ContactState = state.contact[t]
+    bank = state.bank
+    length, tension = constants.length, state.memory.tuned_tension
+    k1, k2, row, ratio = touch.k1, touch.k2, string.row_of(t), constants.tension / tension
+    others = 0.0
+    for o in range(len(sensor.touches)):
+        if o != t:
+            others += state.ahead[o].force * cross_compliance(
+                ahead.position, state.ahead[o].position, length, tension
+            )
+    static = interpolated(sensor.compliance[t], ahead.position / length) * ratio
+    ahead.depth = surface_depth(ahead.force, k1, k2, static, others, ahead.clearance)
+    string.fill_shape(bank, size, row, now.position / length, sensor.weights[t])
+    if ahead.position != now.position:
+        string.fill_shape(bank, size, row + 1, ahead.position / length, sensor.weights[t])
+        for i in range(size // 2):
+            bank[(row + 1) * size + i] = (bank[(row + 1) * size + i] - bank[row * size + i]) / CONTROL_PERIOD
+    if len(sensor.touches) == 1:
+        string.select_touch(bank, size, row)
+    modal = string.static_compliance(bank, size, row, tension, constants.mass)
+    here = interpolated(sensor.compliance[t], now.position / length) * ratio
+    own.residual_compliance = max(0.0, here - modal)
+    if own.s > 0.0:
+        own.eta = contact.approach(own.s, k1, k2, own.residual_compliance)
+    load = max(now.force, MIN_BRISTLE_FORCE)
+    normal = contact.stiffness(contact.static_root(load, k1, k2), k1, k2)
+    own.bristle_stiffness = 1.0 / (1.0 / (touch.tangential_ratio * normal) + own.residual_compliance)
+    own.bristle_damping = touch.beta * load / constants.step
+    if own.time_off >= CONTACT_HOLD and touch.roughness > 0.0:
+        scale = 1.0 / touch.roughness_length
+        own.height = touch.roughness * roughness.height(
+            roughness.surface_seed(constants.seed, t),
+            scale * own.path_across,
+            scale * (own.path_along + own.rolled),
+        )
+
+
+@called
+def _update_controls(sensor: Parameters, state: State, size: int, index: int) -> None:
+    """At a control update: read the touches' motion, tune the string, and move the drivers' switches."""
+    constants: Constants = sensor.constants
+    memory: SensorState = state.memory
+    bank = state.bank
+    tension, moves, moved = _update_motion(sensor, state, index)
+    changed = moves or moved or memory.touches_changed > 0.0
+    memory.touches_changed = 0.0
+    if abs(tension - memory.tuned_tension) > RETUNING_THRESHOLD * constants.tension:
+        memory.max_q_tension = string.tune(
+            bank, size, tension, constants.mass, constants.tension_gain, constants.step
+        )
+        memory.tuned_tension = tension
+        changed = True
+    if changed:
+        for t in range(len(sensor.touches)):
+            _prepare_touch(sensor, state, size, t)
+    largest = CONTROL_PERIOD * constants.step / SWITCHING_TIME
     for d in range(2):
-        gate, wanted = state.coils[d, GATE], sensor.gates[d]
+        gate, wanted = state.drivers[d].gate, sensor.drivers[d].on
         if gate != wanted:
             moves = True
-            state.coils[d, GATE] = gate + min(most, max(-most, wanted - gate))
+            state.drivers[d].gate = gate + min(largest, max(-largest, wanted - gate))
     if moves:
-        memory[QUIET] = 0.0
-        memory[SETTLED] = 0.0
+        memory.steady_time = 0.0
+        memory.settled = 0.0
 
 
-@part.part
-def _agree(sensor: Sensor, state: State, size: int, guess: float, taken: float) -> float:
+@inlined
+def _rub(
+    constants: Constants,
+    touch: TouchParameters,
+    own: ContactState,
+    motion: Motion,
+    solution: ContactSolution,
+    across: float,
+    compliance: float,
+) -> None:
+    """Solve both bristles of a touch under its normal force.
+
+    `across` is where the string would be across the press direction, in m, `compliance` its own there over a
+    step.
+    """
+    load, step, length, axial = solution.force, constants.step, constants.length, constants.axial_stiffness
+    soft = 0.0  # along the string it is the wire that stretches, on both sides of the touch
+    if axial > 0.0:
+        soft = motion.position * (length - motion.position) / (axial * length)
+    moved = motion.across * step - (across - own.string_across)
+    moved_along = solution.speed_along * step + soft * own.force_along
+    solution.force_across, solution.force_along, solution.z, solution.z_along = 0.0, 0.0, 0.0, 0.0
+    solution.slid_across, solution.slid_along, solution.friction = moved, moved_along, float(NONE)
+    solution.string_across = across
+    if load <= 0.0:
+        return
+    speed, stiffness, damping = own.sliding_speed, own.bristle_stiffness, own.bristle_damping
+    z, z_along = own.z, own.z_along
+    coefficient = friction.friction_coefficient(
+        speed, touch.static_friction, touch.kinetic_friction, touch.stribeck_speed
+    )
+    limit = coefficient * load / stiffness
+    share = friction.sliding_share(np.sqrt(z * z + z_along * z_along), limit)
+    fade = share * speed * step / limit
+    force, slid, z_new = friction.bristle(z, moved, compliance, stiffness, damping, fade)
+    force_along, slid_along, z_new_along = friction.bristle(
+        z_along, moved_along, soft, stiffness, damping, fade
+    )
+    kind = STICK if share == 0.0 else (CREEP if share < 1.0 else SLIDE)
+    cap, whole = touch.static_friction * load, np.sqrt(force * force + force_along * force_along)
+    if whole > cap:
+        cut = cap / whole
+        force, force_along, z_new, z_new_along = (
+            cut * force,
+            cut * force_along,
+            cut * z_new,
+            cut * z_new_along,
+        )
+        slid, slid_along = moved - compliance * force, moved_along - soft * force_along
+        kind = SLIDE
+    solution.force_across, solution.force_along = force, force_along
+    solution.z, solution.z_along = z_new, z_new_along
+    solution.slid_across, solution.slid_along, solution.friction = slid, slid_along, float(kind)
+    solution.string_across = across + compliance * force
+
+
+@inlined
+def _predict(
+    bank: Floats, size: int, step: float, touch: TouchParameters, own: ContactState, solution: ContactSolution
+) -> float:
+    """Predict the selected touch's force in a step, and return what it adds to the stretch sum, in m^2."""
+    height, compliance, cross, square = string.predict(bank, size)
+    gap = solution.surface - height
+    k1, k2, residual, beta = touch.k1, touch.k2, own.residual_compliance, touch.beta / step
+    s = contact.initial_guess(gap, compliance, own.s, own.eta, k1, k2)
+    solution.s, _, load = contact.solve(gap, compliance, s, own.s, own.eta, k1, k2, residual, beta)
+    solution.force = load
+    return load * (2.0 * cross + load * square)
+
+
+@inlined
+def _move_touches(sensor: Parameters, state: State, size: int, past: float) -> float:
+    """Move the touches to a share of the control period; return what they will add to the stretch sum."""
+    bank, count, step = state.bank, len(sensor.touches), sensor.constants.step
+    added = 0.0
+    for t in range(count):
+        now: Motion = state.motion[t]
+        ahead: Motion = state.ahead[t]
+        solution: ContactSolution = state.solution[t]
+        own: ContactState = state.contact[t]
+        travel = ahead.position - now.position
+        if travel != 0.0:
+            string.move_shape(bank, size, string.row_of(t))
+        if travel != 0.0 or count > 1:
+            string.select_touch(bank, size, string.row_of(t))
+        rolls = sensor.touches[t].rolls
+        solution.surface = now.depth + past * (ahead.depth - now.depth) + own.height
+        solution.speed_along = (1.0 - rolls) * travel / (CONTROL_PERIOD * step)
+        solution.rolled = rolls * travel / CONTROL_PERIOD
+        solution.force_across = 0.0
+        added += _predict(bank, size, step, sensor.touches[t], own, solution)
+    return added
+
+
+@inlined
+def _find_compliances(sensor: Parameters, state: State, size: int) -> None:
+    """Fill where the string would be at every touch, and the compliance from each touch to each."""
+    bank, mutual = state.bank, state.mutual
+    count = len(sensor.touches)
+    for t in range(count):
+        row = string.row_of(t)
+        solution: ContactSolution = state.solution[t]
+        if count > 1:
+            string.select_touch(bank, size, row)
+        solution.free_height, solution.free_across, mutual[0, t, t], mutual[1, t, t] = string.free_response(
+            bank, size
+        )
+        for o in range(t):
+            normal, tangential = string.mutual_compliance(bank, size, row, string.row_of(o))
+            mutual[0, t, o], mutual[0, o, t] = normal, normal
+            mutual[1, t, o], mutual[1, o, t] = tangential, tangential
+
+
+@inlined
+def _solve_touch(sensor: Parameters, state: State, t: int, turn: int) -> float:
+    """Solve one touch under the others' forces; return by how much its own changed, in N."""
+    mutual = state.mutual
+    own: ContactState = state.contact[t]
+    touch: TouchParameters = sensor.touches[t]
+    solution: ContactSolution = state.solution[t]
+    height, across = solution.free_height, solution.free_across
+    for o in range(len(sensor.touches)):
+        if o != t:
+            height += mutual[0, t, o] * state.solution[o].force
+            across += mutual[1, t, o] * state.solution[o].force_across
+    before, before_across = solution.force, solution.force_across
+    solution.s, solution.eta, solution.force = contact.solve(
+        solution.surface - height,
+        mutual[0, t, t],
+        solution.s,
+        own.s,
+        own.eta,
+        touch.k1,
+        touch.k2,
+        own.residual_compliance,
+        touch.beta / sensor.constants.step,
+    )
+    if turn == 0:
+        _rub(sensor.constants, touch, own, state.motion[t], solution, across, mutual[1, t, t])
+    return abs(solution.force - before) + abs(solution.force_across - before_across)
+
+
+@inlined
+def _solve_touches(sensor: Parameters, state: State, size: int, turn: int) -> float:
+    """Solve all touches together and apply their forces; return the stretch sum in m^2.
+
+    Friction is solved in the first turn of the iteration for the tension, and held in those that follow.
+    """
+    bank, count = state.bank, len(sensor.touches)
+    _find_compliances(sensor, state, size)
+    for _ in range(MAX_CONTACT_SWEEPS):
+        change, largest = 0.0, 0.0
+        for t in range(count):
+            change = max(change, _solve_touch(sensor, state, t, turn))
+            largest = max(largest, state.solution[t].force)
+        if count == 1 or change <= FORCE_TOLERANCE * largest:
+            break
+    stretch = 0.0
+    for t in range(count):
+        if count > 1:
+            string.select_touch(bank, size, string.row_of(t))
+        kept = 0.0 if t == 0 else 1.0
+        stretch = string.apply_force(
+            bank, size, state.solution[t].force, state.solution[t].force_across, kept
+        )
+    return stretch
+
+
+@inlined
+def _keep_contact(
+    touch: TouchParameters, own: ContactState, solution: ContactSolution, step: float, seed: int, t: int
+) -> None:
+    """Take over a touch's solution, and update its path over the object, its height and its labels."""
+    load = solution.force
+    lost = solution.slid_across - (solution.z - own.z)
+    lost_along = solution.slid_along - (solution.z_along - own.z_along)
+    own.s, own.eta, own.force = solution.s, solution.eta, load
+    own.z, own.z_along, own.force_along = solution.z, solution.z_along, solution.force_along
+    own.string_across, own.friction = solution.string_across, solution.friction
+    own.sliding_speed = np.sqrt(solution.slid_across**2 + solution.slid_along**2) / step
+    began = load > 0.0 and own.time_off >= CONTACT_HOLD
+    own.time_off = 0.0 if load > 0.0 else own.time_off + step
+    gone, gone_along = 0.0, 0.0
+    if own.time_off < CONTACT_HOLD:
+        own.path_across += lost
+        own.path_along += lost_along
+        own.rolled += solution.rolled
+        if began:
+            own.lag_across, own.smooth_across, own.mark_across = (
+                own.path_across,
+                own.path_across,
+                own.path_across,
+            )
+            own.lag_along, own.smooth_along, own.mark_along = own.path_along, own.path_along, own.path_along
+        along = own.path_along + own.rolled
+        if abs(own.path_across - own.read_across) + abs(along - own.read_along) > MIN_SURFACE_MOTION:
+            scale = 1.0 / touch.roughness_length
+            own.height = touch.roughness * roughness.height(
+                roughness.surface_seed(seed, t), scale * own.path_across, scale * along
+            )
+            own.read_across, own.read_along = own.path_across, along
+        keep = step / PATH_TIME
+        own.lag_across += keep * (own.path_across - own.lag_across)
+        own.smooth_across += keep * (own.lag_across - own.smooth_across)
+        own.lag_along += keep * (own.path_along - own.lag_along)
+        own.smooth_along += keep * (own.lag_along - own.smooth_along)
+        gone, gone_along = friction.play(
+            SLIP_PLAY, own.smooth_across, own.smooth_along, own.mark_across, own.mark_along
+        )
+        own.mark_across += gone
+        own.mark_along += gone_along
+    keep = step / SLIP_SPEED_TIME
+    own.speed_across += keep * (gone / step - own.speed_across)
+    own.speed_along += keep * (gone_along / step - own.speed_along)
+    own.mean_force += step / CONTACT_HOLD * (load - own.mean_force)
+
+
+@inlined
+def _solve_tension(sensor: Parameters, state: State, size: int, guess: float, included: float) -> float:
     """Find tension and touches that agree, from a guess of the stretch sum; return the extra tension in N.
 
-    A miss comes back by nearly the same share from step to step, which tells the next guess; should that go
-    astray, a bracket is halved. `taken` is the tension that the propagators hold already.
+    The residual of a guess changes from step to step by nearly the same slope, from which the next guess
+    follows; should that diverge, a bracket is halved. `included` is the tension in N that the propagators
+    already hold.
     """
-    scalars, bank, memory = sensor.scalars, state.bank, state.memory
-    tension, slope, spread = 0.0, memory[SLOPE], 0.0
-    before, came, low, high = 0.0, 0.0, 0.0, np.inf
-    for turn in range(MOST):
-        if sensor.integers[LAW] == 0:
-            tension = max(0.5 * scalars[STRETCH] * (memory[SPREAD] + guess) - taken, -SLACK / memory[KICK])
-        spread = string.pulled(bank, size, tension, memory[KICK])
-        memory[ROUNDS] += 1.0
-        if sensor.touches.shape[0] > 0:
-            spread = touching.touch_all(sensor, state, size, turn)
-        if turn == 1 and abs(guess - before) > TELLING * spread:
-            slope = (spread - came) / (guess - before)
-        if sensor.integers[LAW] == 1 or abs(spread - guess) <= scalars[AGREED] * spread:
+    constants: Constants = sensor.constants
+    memory: SensorState = state.memory
+    bank = state.bank
+    tension, slope, stretch = 0.0, memory.residual_slope, 0.0
+    last_guess, last_stretch, low, high = 0.0, 0.0, 0.0, np.inf
+    for turn in range(MAX_STRETCH_ITERATIONS):
+        if constants.linear_law == 0:
+            tension = max(
+                0.5 * constants.tension_per_stretch * (memory.stretch + guess) - included,
+                -MAX_SLACK / memory.max_q_tension,
+            )
+        stretch = string.apply_tension(bank, size, tension, memory.max_q_tension)
+        memory.iterations += 1.0
+        if len(sensor.touches) > 0:
+            stretch = _solve_touches(sensor, state, size, turn)
+        if turn == 1 and abs(guess - last_guess) > MIN_GUESS_CHANGE * stretch:
+            slope = (stretch - last_stretch) / (guess - last_guess)
+        if constants.linear_law == 1 or abs(stretch - guess) <= constants.stretch_tolerance * stretch:
             break
-        before, came = guess, spread
-        if spread > guess:
+        last_guess, last_stretch = guess, stretch
+        if stretch > guess:
             low = guess
         else:
             high = guess
-        guess = (spread - slope * guess) / (1.0 - slope)
+        guess = (stretch - slope * guess) / (1.0 - slope)
         if not low < guess < high:
-            guess = 0.5 * (low + high) if high < np.inf else 2.0 * spread
-    memory[SLOPE] = min(0.5, max(-0.5, slope))
-    memory[SPREAD] = spread
+            guess = 0.5 * (low + high) if high < np.inf else 2.0 * stretch
+    memory.residual_slope = min(0.5, max(-0.5, slope))
+    memory.stretch = stretch
     return tension
 
 
-@part.part
-def _step(sensor: Sensor, state: State, size: int, index: int) -> None:
+@inlined
+def _step(sensor: Parameters, state: State, size: int, index: int) -> None:
     """Take one step of the whole sensor."""
-    scalars, bank, memory = sensor.scalars, state.bank, state.memory
-    first = ebow.drive(sensor.ebows[0], state.coils[0], memory[COIL_1])
-    second = ebow.drive(sensor.ebows[1], state.coils[1], memory[COIL_2])
+    constants: Constants = sensor.constants
+    memory: SensorState = state.memory
+    bank = state.bank
+    first = electronics.drive(sensor.drivers[0], state.drivers[0], memory.coil_speed_1)
+    second = electronics.drive(sensor.drivers[1], state.drivers[1], memory.coil_speed_2)
     shake = 0.0
     if sensor.sound.size > 0:
-        shake = scalars[SHAKE] * sensor.sound[(index // sensor.integers[FINER]) % sensor.sound.size]
-    guess, yields = string.carry(bank, size, first, second, shake)
-    time = (index // TICK) * TICK * scalars[STEP]
-    off = motion.drifted(scalars[DRIFT], scalars[DRIFT_RATE], time, scalars[TENSION])
-    taken = memory[TUNED] - scalars[TENSION] - off
-    if sensor.integers[LAW] == 0:
-        guess -= yields * (scalars[STRETCH] * (memory[SPREAD] + guess) - 2.0 * taken)
-    guess += touching.prepare(sensor, state, size, (index % TICK + 1.0) / TICK)
-    tension = _agree(sensor, state, size, max(0.0, guess), taken)
-    memory[COIL_1], memory[COIL_2], memory[NEAR], memory[FAR] = string.arrive(bank, size, tension)
-    for t in range(sensor.touches.shape[0]):
-        seed = sensor.integers[SEED]
-        touching.remember(sensor.touches[t], state.contact[t], state.solved[t], scalars[STEP], seed, t)
+        shake = (
+            constants.frame_acceleration * sensor.sound[(index // constants.oversampling) % sensor.sound.size]
+        )
+    guess, yields = string.propagate(bank, size, first, second, shake)
+    time = (index // CONTROL_PERIOD) * CONTROL_PERIOD * constants.step
+    drift = drifted(constants.drift, constants.drift_rate, time, constants.tension)
+    included = memory.tuned_tension - constants.tension - drift
+    if constants.linear_law == 0:
+        guess -= yields * (constants.tension_per_stretch * (memory.stretch + guess) - 2.0 * included)
+    guess += _move_touches(sensor, state, size, (index % CONTROL_PERIOD + 1.0) / CONTROL_PERIOD)
+    tension = _solve_tension(sensor, state, size, max(0.0, guess), included)
+    memory.coil_speed_1, memory.coil_speed_2, memory.end_force_1, memory.end_force_2 = string.finish_step(
+        bank, size, tension
+    )
+    for t in range(len(sensor.touches)):
+        _keep_contact(
+            sensor.touches[t], state.contact[t], state.solution[t], constants.step, constants.seed, t
+        )
 
 
-@part.part
-def _one(sensor: Sensor, state: State, out: Out, size: int, start: int) -> None:
-    """Run one sensor for as many frames as `out` holds; `start` is the index of the first."""
-    finer = sensor.integers[FINER]
-    for frame in range(out.settled.size):
-        for sub in range(finer):
-            index = (start + frame) * finer + sub
-            if index % TICK == 0:
-                _look(sensor, state, size, index)
-            _step(sensor, state, size, index)
-        sounding.hear(sensor, state, out, frame, start + frame)
+@inlined
+def _judge_settled(memory: SensorState, first: float, second: float, period: float) -> None:
+    """Call the sound settled once short and long levels of both channels have agreed for a while."""
+    memory.short_level_1 += period / SHORT_LEVEL_TIME * (first * first - memory.short_level_1)
+    memory.short_level_2 += period / SHORT_LEVEL_TIME * (second * second - memory.short_level_2)
+    memory.long_level_1 += period / LONG_LEVEL_TIME * (first * first - memory.long_level_1)
+    memory.long_level_2 += period / LONG_LEVEL_TIME * (second * second - memory.long_level_2)
+    apart_1 = abs(memory.short_level_1 - memory.long_level_1) > LEVEL_TOLERANCE * (
+        memory.long_level_1 + SILENT_POWER
+    )
+    apart_2 = abs(memory.short_level_2 - memory.long_level_2) > LEVEL_TOLERANCE * (
+        memory.long_level_2 + SILENT_POWER
+    )
+    memory.steady_time = 0.0 if apart_1 or apart_2 else memory.steady_time + period
+    if memory.steady_time >= SETTLING_TIME:
+        memory.settled = 1.0
 
 
-OTHERS = (layout, memory, sounding, touching, ebow, friction, motion, part, pickup, press, roughness, string)
-PARTS = part.fingerprint((sys.modules[__name__], *OTHERS))
+@inlined
+def _write_frame(sensor: Parameters, state: State, out: Out, frame: int, index: int) -> None:
+    """Write one frame: microphones and labels."""
+    constants: Constants = sensor.constants
+    memory: SensorState = state.memory
+    taut = memory.tuned_tension / constants.tension
+    air = 0.0
+    if sensor.sound.size > 0:
+        air = float(sensor.sound[index % sensor.sound.size])
+    first, second = electronics.mixed(
+        sensor.pickup, taut * memory.end_force_1, taut * memory.end_force_2, air
+    )
+    first = electronics.amplified(sensor.pickup, state.preamps[0], first)
+    second = electronics.amplified(sensor.pickup, state.preamps[1], second)
+    noise = sensor.pickup.noise
+    out.microphones[0, frame] = electronics.converted(
+        first + noise * electronics.normal_noise(constants.seed, 4 * index)
+    )
+    out.microphones[1, frame] = electronics.converted(
+        second + noise * electronics.normal_noise(constants.seed, 4 * index + 2)
+    )
+    past = ((index * constants.oversampling) % CONTROL_PERIOD) / CONTROL_PERIOD
+    for t in range(len(sensor.touches)):
+        own: ContactState = state.contact[t]
+        now: Motion = state.motion[t]
+        ahead: Motion = state.ahead[t]
+        touching = 1 if own.time_off < CONTACT_HOLD else 0
+        if own.touching != touching:
+            own.touching = float(touching)
+            memory.steady_time = 0.0
+            memory.settled = 0.0
+        speed = np.sqrt(own.speed_across**2 + own.speed_along**2)
+        out.contact[t, frame] = touching
+        out.position[t, frame] = now.position + past * (ahead.position - now.position)
+        out.force[t, frame] = own.mean_force * touching
+        out.reaction[t, frame] = own.force
+        out.slip[t, frame] = 1 if touching == 1 and speed > SLIP_SPEED else 0
+        out.across[t, frame] = own.speed_across
+        out.along[t, frame] = own.speed_along
+        out.friction[t, frame] = int(own.friction)
+    _judge_settled(memory, first, second, constants.step * constants.oversampling)
+    out.settled[frame] = int(memory.settled)
+
+
+FILES = (sys.modules[__name__], contact, electronics, friction, jit, records, roughness, string)
+FINGERPRINT = jit.fingerprint(FILES)
 
 
 @cache
-def kernel(size: int, parts: int = PARTS) -> Callable[[Sensor, State, Out, Integers, int, int], int]:
-    """Compile the kernel for a bank of `size`; `parts` lets their cache know them by their text."""
+def kernel(
+    size: int, fingerprint: int = FINGERPRINT
+) -> Callable[[Parameters, State, Out, Integers, int, int], int]:
+    """Return the kernel for banks of `size` modes a row, compiled on its first call for that size.
 
-    @part.COMPILE(cache=True, fastmath=part.FAST, error_model="numpy", nogil=True, _nrt=False)
-    def run(many: Sensor, states: State, outs: Out, starts: Integers, first: int, stop: int) -> int:
+    It runs sensors `first` to `stop` of a batch for as many frames as the output has room for, each from its
+    own frame of `starts` on. `fingerprint` puts the text of all files into the cache's key.
+    """
+
+    @jit.COMPILE(cache=True, fastmath=jit.FAST, error_model="numpy", nogil=True, _nrt=False)
+    def run(many: Any, states: Any, outs: Any, starts: Integers, first: int, stop: int) -> int:
         for i in range(first, stop):
-            sensor = Sensor(
-                many.scalars[i], many.integers[i], many.ebows[i], many.pickup[i], many.gates[i],
-                many.sound[i], many.touches[i], many.keys[i], many.counts[i], many.weights[i], many.tables[i],
+            sensor = Parameters(
+                many.constants[i], many.drivers[i], many.pickup[i], many.sound[i], many.touches[i],
+                many.keys[i], many.weights[i], many.compliance[i],
             )  # fmt: skip
             state = State(
-                states.bank[i], states.contact[i], states.asked[i], states.ahead[i], states.coils[i],
-                states.band[i], states.memory[i], states.solved[i], states.mutual[i],
+                states.bank[i], states.contact[i], states.motion[i], states.ahead[i], states.drivers[i],
+                states.preamps[i], states.memory[i], states.solution[i], states.mutual[i],
             )  # fmt: skip
             out = Out(
                 outs.microphones[i], outs.contact[i], outs.position[i], outs.force[i], outs.reaction[i],
                 outs.slip[i], outs.across[i], outs.along[i], outs.friction[i], outs.settled[i],
             )  # fmt: skip
-            _one(sensor, state, out, size, starts[i])
-        return parts
+            oversampling = sensor.constants.oversampling
+            for frame in range(out.settled.size):
+                for sub in range(oversampling):
+                    index = (starts[i] + frame) * oversampling + sub
+                    if index % CONTROL_PERIOD == 0:
+                        _update_controls(sensor, state, size, index)
+                    _step(sensor, state, size, index)
+                _write_frame(sensor, state, out, frame, starts[i] + frame)
+        return fingerprint
 
     return run

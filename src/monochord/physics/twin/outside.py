@@ -1,4 +1,4 @@
-"""How loud an outside sound is, told as a signal-to-noise ratio against the sensor itself."""
+"""The level of an outside sound, given as a signal-to-noise ratio against the sensor's own signal."""
 
 from functools import lru_cache
 
@@ -11,13 +11,13 @@ from monochord.physics.twin.setup import Outside, Pluck, Scene, Sensor
 from monochord.physics.twin.stream import advance, begin
 
 SETTLING: Seconds = 1.0
-"""What is let pass of the untouched string before its level is taken."""
-LISTENING: Seconds = 0.5
-"""How long its level is taken."""
-LASTING = 0.5
-"""What the second half's power must be at least, as a share of the first's, for a sound that lasts."""
-STRIKE: Metres = 1e-4
-"""Height of the pluck, at a fifth of the string, that is the history of the level."""
+"""Time that the untouched string has to settle before its level is measured."""
+MEASURING: Seconds = 0.5
+"""Time over which its level is measured."""
+MIN_SUSTAIN = 0.5
+"""Power of the second half of that time, relative to the first's, from which a sound counts as sustained."""
+PLUCK_HEIGHT: Metres = 1e-4
+"""Of the pluck, at a fifth of the string, that the measurement starts from."""
 
 
 def outside_at(samples: Audio, snr_db: float, sensor: Sensor, *, sample_rate: int = 44100) -> Outside:
@@ -25,29 +25,29 @@ def outside_at(samples: Audio, snr_db: float, sensor: Sensor, *, sample_rate: in
 
     The ratio is that of mean powers over both microphones: the string's, `untouched_power`, over the sound's
     as it arrives through the air, level^2 <s^2> (a1^2 + a2^2) / 2 with the pickups' `air`. What enters
-    through the frame, by the sensor's `shake`, comes on top: it moves the string, which then sounds of it.
+    through the frame, by the sensor's `shake`, adds to that: it excites the string.
 
     Parameters
     ----------
     samples
         Mono, (n,), at the twin's rate, not all zero.
     snr_db
-        In dB; the smaller, the louder.
+        In dB; a smaller ratio is a louder sound.
     sensor
-        Which gives the signal.
+        Its signal is the reference.
     sample_rate
         Frames a second.
 
     Returns
     -------
     Outside
-        With the level that the ratio asks for.
+        With the level of that ratio.
 
     Raises
     ------
     InputError
-        If the samples are silent or of another shape, the ratio is not finite, the sensor's microphones hear
-        nothing of the air, or its untouched string falls silent.
+        If the samples are silent or of another shape, the ratio is not finite, no microphone of the sensor
+        picks up air-borne sound, or its untouched string decays to silence.
 
     Examples
     --------
@@ -64,11 +64,11 @@ def outside_at(samples: Audio, snr_db: float, sensor: Sensor, *, sample_rate: in
         )
     if not np.isfinite(snr_db):
         raise InputError(f"signal-to-noise ratio {snr_db:g} dB", "a finite number")
-    heard = float(np.mean(np.square(sensor.pickups.air))) * float(np.mean(samples.astype(np.float64) ** 2))
-    if heard == 0.0:
+    received = float(np.mean(np.square(sensor.pickups.air))) * float(np.mean(samples.astype(np.float64) ** 2))
+    if received == 0.0:
         raise InputError(f"sensor {sensor.name}: air {sensor.pickups.air}", "a share above 0 in a microphone")
     signal = untouched_power(sensor, sample_rate=sample_rate)
-    return Outside(samples=samples, level=float((signal / heard * 10.0 ** (-snr_db / 10.0)) ** 0.5))
+    return Outside(samples=samples, level=float((signal / received * 10.0 ** (-snr_db / 10.0)) ** 0.5))
 
 
 @lru_cache(maxsize=32)
@@ -76,12 +76,12 @@ def untouched_power(sensor: Sensor, *, sample_rate: int = 44100) -> float:
     """Return the mean power of both microphones, in full scale squared, of the untouched, settled string.
 
     Both drivers are on, and the string was plucked at a fifth of its length; after a second the power is
-    taken over half a second. Other histories end in other patterns, of other levels.
+    measured over half a second. Other histories end in other modes, of other levels.
 
     Raises
     ------
     InputError
-        If the sound dies away, so that there is no level to refer to.
+        If the sound decays, so that there is no level to refer to.
 
     Examples
     --------
@@ -89,15 +89,15 @@ def untouched_power(sensor: Sensor, *, sample_rate: int = 44100) -> float:
     >>> 1e-4 < untouched_power(load_sensor("prototype")) < 1.0
     True
     """
-    pluck = Pluck(position=0.2 * sensor.string.length, height=STRIKE)
+    pluck = Pluck(position=0.2 * sensor.string.length, height=PLUCK_HEIGHT)
     twin = begin(sensor, Scene(pluck=pluck), sample_rate=sample_rate)
     _, twin = advance(twin, round(SETTLING * sample_rate))
-    take, _ = advance(twin, round(LISTENING * sample_rate))
+    take, _ = advance(twin, round(MEASURING * sample_rate))
     squares = take.microphones.astype(np.float64) ** 2
     power, half = float(np.mean(squares)), squares.shape[1] // 2
-    lasts = np.mean(squares[:, half:]) > LASTING * np.mean(squares[:, :half])
-    if not lasts or power < 4.0 * sensor.pickups.hiss**2 + 1e-12:
+    sustained = np.mean(squares[:, half:]) > MIN_SUSTAIN * np.mean(squares[:, :half])
+    if not sustained or power < 4.0 * sensor.pickups.hiss**2 + 1e-12:
         raise InputError(
-            f"sensor {sensor.name}: an untouched string that falls silent", "drivers that sustain it"
+            f"sensor {sensor.name}: an untouched string that decays to silence", "drivers that sustain it"
         )
     return power

@@ -1,47 +1,57 @@
-"""The twin's step written to be read: plain NumPy, one thing after the other, roots by halving a bracket.
+"""The twin's step written to be read: plain NumPy, one thing after the other, roots by bisection.
 
-It is the scheme of `monochord.physics.twin.kernel`, on the same arrays, some thousand times slower. It shares
-the names of rows and columns with the parts, and no arithmetic: each formula is written down a second time.
-The force of a touch is found from its equation alone and the tension by repetition until nothing changes,
-where the kernel guesses, corrects and stops early.
+It is the scheme of `monochord.physics.twin.kernel`, on the same records, some thousand times slower. It
+shares the names of rows and fields with the kernel's parts, and no arithmetic: each formula is written down a
+second time. The force of a touch follows from its equation alone and the tension from iteration until nothing
+changes, where the kernel predicts, corrects and stops early.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
-from math import hypot, pi, sqrt
+from math import exp, floor, hypot, pi, sqrt
+from typing import Any
 
 import numpy as np
 
 from monochord.core.types import Floats
 from monochord.core.units import Samples
-from monochord.physics.twin import bank as layout
-from monochord.physics.twin import memory as k
-from monochord.physics.twin import motion, pickup, roughness
-from monochord.physics.twin._slow_touch import (
-    ALIKE,
-    MOST,
-    approach,
-    bits,
-    compressed,
-    foreseen,
-    halved,
-    height,
-    own_key,
-    remember,
-    touched,
+from monochord.physics.twin import friction, roughness
+from monochord.physics.twin import records as r
+from monochord.physics.twin.records import (
+    Constants,
+    ContactSolution,
+    ContactState,
+    DriverParameters,
+    DriverState,
+    Motion,
+    Out,
+    Parameters,
+    PickupParameters,
+    PreampState,
+    SensorState,
+    State,
+    TouchParameters,
 )
-from monochord.physics.twin.memory import Out, Sensor, State
-from monochord.physics.twin.stream import Labels, Take, Twin
+from monochord.physics.twin.stream import Take, Twin, empty_out, take_of
+
+TOLERANCE = 1e-14
+"""Relative change at which the tension, and several touches among themselves, have converged."""
+MAX_ITERATIONS = 200
+"""Of either."""
+GAUSS = ((-sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (sqrt(0.6), 5.0 / 18.0))
+"""Nodes and weights: exact for the mean of a polynomial of degree five."""
+MASK_64 = (1 << 64) - 1
 
 
 def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
-    """Return what `monochord.physics.twin.stream.advance` returns, by the readable way.
+    """Return what `monochord.physics.twin.advance` returns, by the readable step.
 
     Parameters
     ----------
     twin
-        A twin at an instant, as `begin` or `advance` gave it; it is not changed.
+        A twin at an instant, from `begin` or `advance`; it is not changed.
     frames
-        How many frames, some thousand at most for patience: a step takes about a millisecond.
+        How many frames: a step takes about a millisecond.
 
     Returns
     -------
@@ -58,269 +68,507 @@ def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     >>> take.microphones.shape, twin.start
     ((2, 3), 3)
     """
-    sensor = Sensor(*(array[0] for array in twin.fixed))
-    state = State(*(array[0].copy() for array in twin.moving))
-    bank = state.bank.reshape(layout.rows(len(twin.scene.touches)), -1)
-    out = _silence(len(twin.scene.touches), frames)
-    finer = int(sensor.integers[k.FINER])
+    sensor = Parameters(*(array[0] for array in twin.parameters))
+    batch = State(*(array.copy() for array in twin.state))
+    state = State(*(array[0] for array in batch))
+    bank = state.bank.reshape(r.rows(len(twin.scene.touches)), -1)
+    batched_out = empty_out(1, len(twin.scene.touches), frames)
+    out = Out(*(array[0] for array in batched_out))
+    oversampling = int(sensor.constants.oversampling)
     for frame in range(frames):
-        for index in range((twin.start + frame) * finer, (twin.start + frame + 1) * finer):
-            if index % k.TICK == 0:
-                _look(sensor, state, bank, index)
+        for index in range((twin.start + frame) * oversampling, (twin.start + frame + 1) * oversampling):
+            if index % r.CONTROL_PERIOD == 0:
+                _update_controls(sensor, state, bank, index)
             _step(sensor, state, bank, index)
-        _hear(sensor, state, bank, out, frame, twin.start + frame)
-    heard, *labels = out
-    take = Take(microphones=heard, labels=Labels(**dict(zip(Out._fields[1:], labels, strict=True))))
-    return take, replace(twin, start=twin.start + frames, moving=tuple(array[None] for array in state))
+        _write_frame(sensor, state, bank, out, frame, twin.start + frame)
+    return take_of(batched_out, 0), replace(twin, start=twin.start + frames, state=batch)
 
 
-def _silence(touches: int, frames: int) -> Out:
-    one = (touches, frames)
-    return Out(
-        microphones=np.zeros((2, frames), np.float32),
-        contact=np.zeros(one, np.uint8),
-        position=np.zeros(one, np.float32),
-        force=np.zeros(one, np.float32),
-        reaction=np.zeros(one, np.float32),
-        slip=np.zeros(one, np.uint8),
-        across=np.zeros(one, np.float32),
-        along=np.zeros(one, np.float32),
-        friction=np.zeros(one, np.uint8),
-        settled=np.zeros(frames, np.uint8),
-    )
-
-
-def _look(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
-    """At a tick: where touches will be at the next, how taut that makes the string, how far it gives way."""
-    step, length, nominal, mass, reach = sensor.scalars[[k.STEP, k.LENGTH, k.TENSION, k.MASS, k.REACH]]
-    place, load, gap = motion.PLACE, motion.LOAD, motion.GAP
+def _update_controls(sensor: Parameters, state: State, bank: Floats, index: int) -> None:
+    """At a control update: where touches will be at the next, the tension, and the compliances."""
+    constants: Constants = sensor.constants
+    memory: SensorState = state.memory
+    nominal = constants.tension
     touches = range(len(sensor.touches))
-    time = (index + k.TICK) * step
-    gates_moving = bool((state.coils[:, k.GATE] != sensor.gates).any())
+    time = (index + r.CONTROL_PERIOD) * constants.step
+    moving = bool((state.drivers["gate"] != sensor.drivers["on"]).any())
     for t in touches:
-        state.asked[t] = state.ahead[t]
-        keys = sensor.keys[t, : sensor.counts[t]]
-        columns = keys[:, motion.TIME + 1 :].T
-        state.ahead[t, : motion.DEPTH] = [np.interp(time, keys[:, motion.TIME], column) for column in columns]
-    moving = gates_moving or bool((state.asked[:, : motion.DEPTH] != state.ahead[:, : motion.DEPTH]).any())
+        state.motion[t] = state.ahead[t]
+        keys = sensor.keys[t, : sensor.touches[t].keys]
+        for name in ("position", "force", "clearance", "across"):
+            state.ahead[name][t] = np.interp(time, keys["time"], keys[name])
+            moving |= bool(state.ahead[name][t] != state.motion[name][t])
 
-    tension = nominal + _drifted(sensor.scalars, index)
+    tension = nominal + _drifted(constants, index)
     for t in touches:
-        if state.contact[t, k.SINCE] < k.HOLD:
-            tension += _rise(sensor, state.asked[t, load], state.asked[t, place])
-    if abs(tension - state.memory[k.TUNED]) > k.RETUNE * nominal:
-        _tune(bank, tension, mass, reach, step)
-        state.memory[k.TUNED], state.memory[k.KICK] = tension, bank[layout.KICK_Q].max()
+        if state.contact[t].time_off < r.CONTACT_HOLD:
+            tension += _rise(constants, state.motion[t])
+    if abs(tension - memory.tuned_tension) > r.RETUNING_THRESHOLD * nominal:
+        _tune(bank, constants, tension)
+        memory.tuned_tension, memory.max_q_tension = tension, bank[r.Q_TENSION].max()
 
-    squares = bank[layout.PULL] * tension + bank[layout.BEND]
     for t in touches:
-        own, (k1, k2) = state.contact[t], sensor.touches[t, [k.K1, k.K2]]
-        now, ahead = state.asked[t], state.ahead[t]
-        places = np.linspace(0.0, length, sensor.tables.shape[1])
-        ahead_gives, now_gives = (
-            np.interp([ahead[place], now[place]], places, sensor.tables[t]) * nominal / tension
-        )
-        others = sum(
-            state.ahead[o, load]
-            * min(ahead[place], state.ahead[o, place])
-            * (length - max(ahead[place], state.ahead[o, place]))
-            / (tension * length)
-            for o in touches
-            if o != t
-        )
-        s = compressed(ahead[load], k1, k2)
-        ahead[motion.DEPTH] = s * s + ahead_gives * ahead[load] + others - ahead[gap]
-        row = layout.SHAPE + layout.EACH * t
-        half = bank.shape[1] // 2
-        n = np.arange(1, half + 1)
-        bank[row, :half] = sensor.weights[t] * np.sin(n * pi * now[place] / length)
-        then = sensor.weights[t] * np.sin(n * pi * ahead[place] / length)
-        bank[row + 1, :half] = (then - bank[row, :half]) / k.TICK
-        ringing = squares[:half] > 0.0
-        shape = bank[row, :half][ringing]
-        own[k.REST] = max(0.0, now_gives - float(np.sum(shape**2 / (mass * squares[:half][ringing]))))
-        if own[k.S] > 0.0:
-            own[k.ETA] = approach(own[k.S], k1, k2, own[k.REST])
-        usual = max(now[load], k.LEAST)
-        normal = k1 + 1.5 * k2 * compressed(usual, k1, k2)
-        own[k.GRIP] = 1.0 / (1.0 / (sensor.touches[t, k.TANGENT] * normal) + own[k.REST])
-        own[k.DAMP] = sensor.touches[t, k.LOSS] * usual / step
-        if own[k.SINCE] >= k.HOLD:
-            own[k.HEIGHT] = height(sensor.touches[t], own, surface(sensor, t))
-
-    most = k.TICK * step / k.SWITCH
-    gates = state.coils[:, k.GATE]
-    state.coils[:, k.GATE] = gates + np.clip(sensor.gates - gates, -most, most)
+        _prepare_touch(sensor, state, bank, t, tension)
+    largest = r.CONTROL_PERIOD * constants.step / r.SWITCHING_TIME
+    gates = state.drivers["gate"]
+    state.drivers["gate"] = gates + np.clip(sensor.drivers["on"] - gates, -largest, largest)
     if moving:
-        state.memory[[k.QUIET, k.SETTLED]] = 0.0
+        memory.steady_time, memory.settled = 0.0, 0.0
 
 
-def _drifted(scalars: Floats, index: int) -> float:
-    """Return how far the tension has drifted at a step, in N, a quarter of it at most."""
-    drift = scalars[k.DRIFT] + scalars[k.DRIFT_RATE] * index * scalars[k.STEP]
-    return float(np.clip(drift, -0.25 * scalars[k.TENSION], 0.25 * scalars[k.TENSION]))
+def _prepare_touch(sensor: Parameters, state: State, bank: Floats, t: int, tension: float) -> None:
+    """Fill a touch's depth, its modes' shapes, its residual compliance and its bristles."""
+    constants: Constants = sensor.constants
+    touch: TouchParameters = sensor.touches[t]
+    own: ContactState = state.contact[t]
+    now: Motion = state.motion[t]
+    ahead: Motion = state.ahead[t]
+    length, k1, k2 = constants.length, touch.k1, touch.k2
+    places = np.linspace(0.0, length, sensor.compliance.shape[1])
+    static_ahead, static_now = (
+        np.interp([ahead.position, now.position], places, sensor.compliance[t]) * constants.tension / tension
+    )
+    others = sum(
+        other.force
+        * min(ahead.position, other.position)
+        * (length - max(ahead.position, other.position))
+        / (tension * length)
+        for o, other in enumerate(state.ahead)
+        if o != t
+    )
+    s = _compressed(ahead.force, k1, k2)
+    ahead.depth = s * s + static_ahead * ahead.force + others - ahead.clearance
+    row = r.SHAPE + r.ROWS_A_TOUCH * t
+    half = bank.shape[1] // 2
+    n = np.arange(1, half + 1)
+    bank[row, :half] = sensor.weights[t] * np.sin(n * pi * now.position / length)
+    then = sensor.weights[t] * np.sin(n * pi * ahead.position / length)
+    bank[row + 1, :half] = (then - bank[row, :half]) / r.CONTROL_PERIOD
+    square = (bank[r.OMEGA2_TENSION] * tension + bank[r.OMEGA2_BENDING])[:half]
+    oscillates = square > 0.0
+    shape = bank[row, :half][oscillates]
+    own.residual_compliance = max(
+        0.0, static_now - float(np.sum(shape**2 / (constants.mass * square[oscillates])))
+    )
+    if own.s > 0.0:
+        own.eta = _approach(own.s, k1, k2, own.residual_compliance)
+    load = max(now.force, r.MIN_BRISTLE_FORCE)
+    normal = k1 + 1.5 * k2 * _compressed(load, k1, k2)
+    own.bristle_stiffness = 1.0 / (1.0 / (touch.tangential_ratio * normal) + own.residual_compliance)
+    own.bristle_damping = touch.beta * load / constants.step
+    if own.time_off >= r.CONTACT_HOLD:
+        own.height = _height(touch, own, _surface_seed(constants, t))
 
 
-def surface(sensor: Sensor, t: int) -> int:
-    """Return the seed of a touch's surface."""
-    return own_key(int(sensor.integers[k.SEED]), roughness.OCTAVES + t)
+def _drifted(constants: Constants, index: int) -> float:
+    """Return the drift of the tension at a step, in N, a quarter of the tension at most."""
+    drift = constants.drift + constants.drift_rate * index * constants.step
+    return float(np.clip(drift, -0.25 * constants.tension, 0.25 * constants.tension))
 
 
-def _rise(sensor: Sensor, force: float, place: float) -> float:
+def _rise(constants: Constants, motion: Motion) -> float:
     """Return k_T F, or solve T^2 (T - T0) = E A F^2 x (L - x) / (2 L^2) for T - T0, in N."""
-    if sensor.integers[k.LAW] == 1:
-        return float(sensor.scalars[k.RISE]) * force
-    length, nominal, axial = sensor.scalars[[k.LENGTH, k.TENSION, k.AXIAL]]
-    right = axial * force**2 * place * (length - place) / (2.0 * length**2)
-    return halved(lambda rise: (nominal + rise) ** 2 * rise - right, 0.0, right / nominal**2)
+    if constants.linear_law == 1:
+        return float(constants.tension_per_force) * motion.force
+    length, nominal, x = constants.length, constants.tension, motion.position
+    right = constants.axial_stiffness * motion.force**2 * x * (length - x) / (2.0 * length**2)
+    return _bisected(lambda rise: (nominal + rise) ** 2 * rise - right, 0.0, right / nominal**2)
 
 
-def _tune(bank: Floats, tension: float, mass: float, reach: float, step: float) -> None:
-    """Write down how each mode goes over one step of its closed solution."""
-    square = bank[layout.PULL] * tension + bank[layout.BEND]
-    rings = square > 0.0
-    square, sigma, stretch = square[rings], bank[layout.SIGMA, rings], bank[layout.STRETCH, rings]
+def _tune(bank: Floats, constants: Constants, tension: float) -> None:
+    """Fill the propagator: one step of each mode's closed solution."""
+    step, mass = constants.step, constants.mass
+    square = bank[r.OMEGA2_TENSION] * tension + bank[r.OMEGA2_BENDING]
+    own = square > 0.0
+    square, sigma, stretch = square[own], bank[r.DECAY, own], bank[r.STRETCH, own]
     ring = np.sqrt(square - sigma**2)
     decay = np.exp(-sigma * step)
     cosine, sine = decay * np.cos(ring * step), decay * np.sin(ring * step) / ring
-    bank[layout.Q_Q, rings], bank[layout.Q_V, rings] = cosine + sigma * sine, sine
-    bank[layout.V_Q, rings], bank[layout.V_V, rings] = -square * sine, cosine - sigma * sine
-    bank[layout.PUSH_Q, rings] = (1.0 - cosine - sigma * sine) / (mass * square)
-    bank[layout.PUSH_V, rings] = sine / mass
-    bank[layout.KICK_Q, rings] = bank[layout.PUSH_Q, rings] * stretch * reach
-    bank[layout.KICK_V, rings] = bank[layout.PUSH_V, rings] * stretch * reach
+    bank[r.Q_Q, own], bank[r.Q_V, own] = cosine + sigma * sine, sine
+    bank[r.V_Q, own], bank[r.V_V, own] = -square * sine, cosine - sigma * sine
+    bank[r.Q_FORCE, own] = (1.0 - cosine - sigma * sine) / (mass * square)
+    bank[r.V_FORCE, own] = sine / mass
+    bank[r.Q_TENSION, own] = bank[r.Q_FORCE, own] * stretch * constants.tension_gain
+    bank[r.V_TENSION, own] = bank[r.V_FORCE, own] * stretch * constants.tension_gain
 
 
-def _step(sensor: Sensor, state: State, bank: Floats, index: int) -> None:
-    """Take one step: hold the drivers' forces, let every mode go, then find tension and touches together."""
-    scalars, memory, count = sensor.scalars, state.memory, len(sensor.touches)
-    step = scalars[k.STEP]
+def _step(sensor: Parameters, state: State, bank: Floats, index: int) -> None:
+    """Take one step: hold the drivers' forces, propagate every mode, then solve tension and touches."""
+    constants: Constants = sensor.constants
+    memory: SensorState = state.memory
+    step, count = constants.step, len(sensor.touches)
     shake = 0.0
     if sensor.sound.size:
-        shake = scalars[k.SHAKE] * sensor.sound[(index // sensor.integers[k.FINER]) % sensor.sound.size]
-    forces = [_driven(sensor.ebows[d], state.coils[d], memory[k.COIL_1 + d]) for d in (0, 1)]
-    push = bank[layout.DRIVE_1] * forces[0] + bank[layout.DRIVE_2] * forces[1] + bank[layout.FRAME] * shake
-    q, v = bank[layout.Q].copy(), bank[layout.V].copy()
-    q_free = bank[layout.Q_Q] * q + bank[layout.Q_V] * v + bank[layout.PUSH_Q] * push
-    v_free = bank[layout.V_Q] * q + bank[layout.V_V] * v + bank[layout.PUSH_V] * push
+        frame = (index // constants.oversampling) % sensor.sound.size
+        shake = constants.frame_acceleration * sensor.sound[frame]
+    first = _driver_force(sensor.drivers[0], state.drivers[0], memory.coil_speed_1)
+    second = _driver_force(sensor.drivers[1], state.drivers[1], memory.coil_speed_2)
+    push = bank[r.DRIVE_1] * first + bank[r.DRIVE_2] * second + bank[r.FRAME] * shake
+    q, v = bank[r.Q].copy(), bank[r.V].copy()
+    q_free = bank[r.Q_Q] * q + bank[r.Q_V] * v + bank[r.Q_FORCE] * push
+    v_free = bank[r.V_Q] * q + bank[r.V_V] * v + bank[r.V_FORCE] * push
 
-    past = (index % k.TICK + 1.0) / k.TICK
-    found = np.zeros((count, k.FOUND))
-    for t, one in enumerate(found):
-        travel = (state.ahead[t, motion.PLACE] - state.asked[t, motion.PLACE]) / k.TICK
+    past = (index % r.CONTROL_PERIOD + 1.0) / r.CONTROL_PERIOD
+    solutions = np.zeros(count, r.dtype_of(ContactSolution))
+    for t in range(count):
+        solution: ContactSolution = solutions[t]
+        now: Motion = state.motion[t]
+        ahead: Motion = state.ahead[t]
+        travel = (ahead.position - now.position) / r.CONTROL_PERIOD
         if travel != 0.0:
-            bank[layout.SHAPE + layout.EACH * t] += bank[layout.SHAPE + layout.EACH * t + 1]
-        rolls = sensor.touches[t, k.ROLLS] != 0.0
-        one[k.ALONG_SPEED], one[k.ROLLED] = (0.0, travel) if rolls else (travel / step, 0.0)
-        depth, depth_ahead = state.asked[t, motion.DEPTH], state.ahead[t, motion.DEPTH]
-        one[k.SURFACE] = depth + past * (depth_ahead - depth) + state.contact[t, k.HEIGHT]
+            bank[r.SHAPE + r.ROWS_A_TOUCH * t] += bank[r.SHAPE + r.ROWS_A_TOUCH * t + 1]
+        rolls = sensor.touches[t].rolls != 0.0
+        solution.speed_along, solution.rolled = (0.0, travel) if rolls else (travel / step, 0.0)
+        solution.surface = now.depth + past * (ahead.depth - now.depth) + state.contact[t].height
 
-    taken = memory[k.TUNED] - scalars[k.TENSION] - _drifted(scalars, index - index % k.TICK)
-    free = float(bank[layout.STRETCH] @ q_free**2)
-    spread, tension, q_next, held = free, 0.0, q_free, np.zeros_like(q)
-    if sensor.integers[k.LAW] == 0:
-        tension = 0.5 * scalars[k.STRETCH] * (memory[k.SPREAD] + free) - taken
-        spread -= (
-            2.0 * tension * float((bank[layout.STRETCH] * bank[layout.KICK_Q]) @ (q_free * (q_free + q)))
-        )
-    for t, one in enumerate(found):
-        alone = (
-            foreseen(sensor.touches[t], state.contact[t], one, bank, t, q_free, step) * bank[layout.PUSH_Q]
-        )
-        spread += float(bank[layout.STRETCH] @ (alone * (2.0 * q_free + alone)))
-    spread = max(0.0, spread)
-    for turn in range(MOST):
-        if sensor.integers[k.LAW] == 0:
-            tension = 0.5 * scalars[k.STRETCH] * (memory[k.SPREAD] + spread) - taken
-            tension = max(tension, -k.SLACK / memory[k.KICK])
-        pull = bank[layout.KICK_Q] * tension
-        q_pulled, ease = (q_free - pull * q) / (1.0 + pull), bank[layout.PUSH_Q] / (1.0 + pull)
-        held = touched(sensor, state, bank, q_pulled, ease, found, rubbing=turn == 0)
-        q_next = q_pulled + ease * held
-        before, spread = spread, float(bank[layout.STRETCH] @ q_next**2)
-        if abs(spread - before) <= ALIKE * spread:
+    included = (
+        memory.tuned_tension - constants.tension - _drifted(constants, index - index % r.CONTROL_PERIOD)
+    )
+    free = float(bank[r.STRETCH] @ q_free**2)
+    stretch, tension, q_new, force = free, 0.0, q_free, np.zeros_like(q)
+    if constants.linear_law == 0:
+        tension = 0.5 * constants.tension_per_stretch * (memory.stretch + free) - included
+        stretch -= 2.0 * tension * float((bank[r.STRETCH] * bank[r.Q_TENSION]) @ (q_free * (q_free + q)))
+    for t in range(count):
+        alone = _predicted(sensor, state, solutions[t], bank, t, q_free) * bank[r.Q_FORCE]
+        stretch += float(bank[r.STRETCH] @ (alone * (2.0 * q_free + alone)))
+    stretch = max(0.0, stretch)
+    for turn in range(MAX_ITERATIONS):
+        if constants.linear_law == 0:
+            tension = 0.5 * constants.tension_per_stretch * (memory.stretch + stretch) - included
+            tension = max(tension, -r.MAX_SLACK / memory.max_q_tension)
+        pull = bank[r.Q_TENSION] * tension
+        q_pulled, compliance = (q_free - pull * q) / (1.0 + pull), bank[r.Q_FORCE] / (1.0 + pull)
+        force = _solve_touches(sensor, state, bank, q_pulled, compliance, solutions, rubbing=turn == 0)
+        q_new = q_pulled + compliance * force
+        before, stretch = stretch, float(bank[r.STRETCH] @ q_new**2)
+        if abs(stretch - before) <= TOLERANCE * stretch:
             break
-    memory[k.SPREAD] = spread
-    bank[layout.V] = v_free + bank[layout.PUSH_V] * held - bank[layout.KICK_V] * tension * (q_next + q)
-    bank[layout.Q] = q_next
-    memory[k.COIL_1] = bank[layout.SENSE_1] @ bank[layout.V]
-    memory[k.COIL_2] = bank[layout.SENSE_2] @ bank[layout.V]
-    for t, one in enumerate(found):
-        remember(sensor.touches[t], state.contact[t], one, step, surface(sensor, t))
+    memory.stretch = stretch
+    bank[r.V] = v_free + bank[r.V_FORCE] * force - bank[r.V_TENSION] * tension * (q_new + q)
+    bank[r.Q] = q_new
+    memory.coil_speed_1 = bank[r.SENSE_1] @ bank[r.V]
+    memory.coil_speed_2 = bank[r.SENSE_2] @ bank[r.V]
+    for t in range(count):
+        _keep_contact(sensor.touches[t], state.contact[t], solutions[t], step, _surface_seed(constants, t))
 
 
-def _driven(parameters: Floats, memory: Floats, velocity: float) -> float:
-    """Return a driver's force in N: band filter (trapezoidal rule), limit, and half a step of foresight."""
-    warp, damp, sensitivity, limit, _ = parameters
-    rise, fall, before, gate = memory
-    band = (rise + warp * (velocity - fall)) / (1.0 + warp * (warp + damp))
-    low = fall + warp * band
-    heard = damp * band
-    memory[:] = 2.0 * band - rise, 2.0 * low - fall, heard, gate
-    if limit == 0.0 or gate == 0.0:
+def _driver_force(driver: DriverParameters, memory: DriverState, velocity: float) -> float:
+    """Return a driver's force in N: band filter (trapezoidal rule), extrapolated half a step, and limit."""
+    g, k = driver.g, driver.k
+    band = (memory.first + g * (velocity - memory.second)) / (1.0 + g * (g + k))
+    low = memory.second + g * band
+    output, before = k * band, memory.output
+    memory.first, memory.second, memory.output = 2.0 * band - memory.first, 2.0 * low - memory.second, output
+    if driver.limit == 0.0 or memory.gate == 0.0:
         return 0.0
-    half = 0.5 * float(np.clip(sensitivity * (1.5 * heard - 0.5 * before), -20.0, 20.0))
+    half = 0.5 * float(np.clip(driver.gain * (1.5 * output - 0.5 * before), -20.0, 20.0))
     fraction = 11.0
     for odd in (9.0, 7.0, 5.0, 3.0, 1.0):
         fraction = odd + half * half / fraction
-    return gate * limit * 2.0 * (half / fraction) / (1.0 + (half / fraction) ** 2)
+    return memory.gate * driver.limit * 2.0 * (half / fraction) / (1.0 + (half / fraction) ** 2)
 
 
-def _bell(seed: int, index: int) -> float:
-    """Return the sum of eight uniform numbers, shifted and scaled to no mean and unit variance."""
-    words = [(bits(seed, index + half) >> 16 * piece) & 0xFFFF for half in (0, 1) for piece in range(4)]
+def _solve_touches(
+    sensor: Parameters,
+    state: State,
+    bank: Floats,
+    q: Floats,
+    compliance: Floats,
+    solutions: Any,
+    *,
+    rubbing: bool,
+) -> Floats:
+    """Solve all touches in turn until none changes; return their modal force.
+
+    Friction is solved in the first iteration of the tension only, with `rubbing`, and held in those that
+    follow.
+    """
+    half, step = q.size // 2, sensor.constants.step
+    shapes = [bank[r.SHAPE + r.ROWS_A_TOUCH * t, :half] for t in range(len(solutions))]
+    normal = sum((one.force * shape for one, shape in zip(solutions, shapes, strict=True)), np.zeros(half))
+    tangential = sum(
+        (one.force_across * shape for one, shape in zip(solutions, shapes, strict=True)), np.zeros(half)
+    )
+    for _ in range(MAX_ITERATIONS):
+        change = 0.0
+        for t, shape in enumerate(shapes):
+            one: ContactSolution = solutions[t]
+            before, before_across = one.force, one.force_across
+            normal = normal - shape * one.force
+            height = float(shape @ (q[:half] + compliance[:half] * normal))
+            one.s, one.eta, one.force = _pressed(
+                one.surface - height,
+                float(shape**2 @ compliance[:half]),
+                state.contact[t],
+                sensor.touches[t],
+                step,
+            )
+            normal = normal + shape * one.force
+            if rubbing:
+                tangential = tangential - shape * one.force_across
+                across = float(shape @ (q[half:] + compliance[half:] * tangential))
+                _rub(sensor, state, t, one, across, float(shape**2 @ compliance[half:]))
+                tangential = tangential + shape * one.force_across
+            change = max(change, abs(one.force - before), abs(one.force_across - before_across))
+        if len(solutions) <= 1 or change <= TOLERANCE * solutions["force"].max():
+            break
+    return np.concatenate([normal, tangential])
+
+
+def _predicted(
+    sensor: Parameters, state: State, one: ContactSolution, bank: Floats, t: int, q_free: Floats
+) -> Floats:
+    """Return the modal force of a touch that presses alone on a string that moves freely, (modes,) in N."""
+    half, step = q_free.size // 2, sensor.constants.step
+    shape = bank[r.SHAPE + r.ROWS_A_TOUCH * t, :half]
+    gap = one.surface - float(shape @ q_free[:half])
+    _, _, one.force = _pressed(
+        gap, float(shape**2 @ bank[r.Q_FORCE, :half]), state.contact[t], sensor.touches[t], step
+    )
+    return np.concatenate([shape * one.force, np.zeros(half)])
+
+
+def _pressed(
+    gap: float, compliance: float, own: ContactState, touch: TouchParameters, step: float
+) -> tuple[float, float, float]:
+    """Solve eta + compliance force(eta) = gap for one touch; return s, eta and the force held over the step.
+
+    The force is the rise of stored energy over that of eta, that is the mean elastic force over eta, and Hunt
+    and Crossley's loss while contact lasts; where it ends within the step, all stored energy is returned.
+    """
+    k1, k2, residual = float(touch.k1), float(touch.k2), float(own.residual_compliance)
+    beta, s_old, eta_old = float(touch.beta / step), float(own.s), float(own.eta)
+    if gap <= 0.0 and s_old == 0.0:
+        return 0.0, gap, 0.0
+
+    def force_to(s: float) -> float:
+        work = way = 0.0
+        for node, weight in GAUSS:
+            between = 0.5 * (s + s_old) + 0.5 * (s - s_old) * node
+            slope = 2.0 * between + residual * between * (2.0 * k1 + 3.0 * k2 * between)
+            work, way = work + weight * slope * _elastic(between, k1, k2), way + weight * slope
+        mean = work / way if eta_old >= 0.0 else work * s / (way * s - eta_old)
+        both = _elastic(s, k1, k2) + _elastic(s_old, k1, k2)
+        return max(0.0, mean + 0.5 * beta * both * (s * s - s_old * s_old))
+
+    if gap <= 0.0 or (s_old > 0.0 and compliance * force_to(0.0) >= gap):
+        stored = s_old**4 * (0.5 * k1 + 0.4 * k2 * s_old) + 0.5 * residual * _elastic(s_old, k1, k2) ** 2
+        lowest = gap - compliance * stored / eta_old
+        eta = _bisected(lambda eta: eta + compliance * stored / (eta_old - eta) - gap, lowest, 0.0)
+        return 0.0, eta, stored / (eta_old - eta)
+    s = _bisected(lambda s: _approach(s, k1, k2, residual) + compliance * force_to(s) - gap, 0.0, sqrt(gap))
+    return s, _approach(s, k1, k2, residual), force_to(s)
+
+
+def _elastic(s: float, k1: float, k2: float) -> float:
+    """Return the elastic force in N at a compression s^2."""
+    return k1 * s**2 + k2 * s**3
+
+
+def _approach(s: float, k1: float, k2: float, residual: float) -> float:
+    """Return eta in m: the compression s^2 and the deflection of the modes beyond the bank."""
+    return s**2 + residual * _elastic(s, k1, k2)
+
+
+def _compressed(force: float, k1: float, k2: float) -> float:
+    """Return s where the elastic force has a given value."""
+    if force <= 0.0:
+        return 0.0
+    most = (force / k2) ** (1.0 / 3.0) if k2 > 0.0 else sqrt(force / k1)
+    return _bisected(lambda s: _elastic(s, k1, k2) - force, 0.0, 1.01 * most)
+
+
+def _bisected(rising: Callable[[float], float], low: float, high: float) -> float:
+    """Return the root of a rising function between two numbers, to their last digit."""
+    while True:
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            return middle
+        if rising(middle) > 0.0:
+            high = middle
+        else:
+            low = middle
+
+
+def _rub(
+    sensor: Parameters, state: State, t: int, one: ContactSolution, across: float, compliance: float
+) -> None:
+    """Solve the bristles across and along the string under the touch's force, which is known by now."""
+    constants: Constants = sensor.constants
+    touch: TouchParameters = sensor.touches[t]
+    own: ContactState = state.contact[t]
+    motion: Motion = state.motion[t]
+    load, step, length, axial = one.force, constants.step, constants.length, constants.axial_stiffness
+    soft = motion.position * (length - motion.position) / (axial * length) if axial > 0.0 else 0.0
+    z = np.array([own.z, own.z_along])
+    moved = np.array([
+        motion.across * step - (across - own.string_across),
+        one.speed_along * step + soft * own.force_along,
+    ])  # fmt: skip
+    yielding = np.array([compliance, soft])
+    force, z_new, slid, kind = np.zeros(2), np.zeros(2), moved, r.NONE
+    if load > 0.0:
+        static, kinetic = touch.static_friction, touch.kinetic_friction
+        stiffness, speed = own.bristle_stiffness, own.sliding_speed
+        coefficient = kinetic + (static - kinetic) * exp(-((speed / touch.stribeck_speed) ** 2))
+        longest = coefficient * load / stiffness
+        stretched = hypot(own.z, own.z_along) / longest
+        u = min(1.0, max(0.0, (stretched - friction.BREAKAWAY) / (1.0 - friction.BREAKAWAY)))
+        creep = 3.0 * u**2 - 2.0 * u**3
+        fade = creep * speed * step / longest
+        damping = min(own.bristle_damping, 4.0 * stiffness / fade) if fade > 0.0 else own.bristle_damping
+        # force = stiffness z_new + damping (z_new - z), z_new = (z + moved - yielding force) / (1 + fade)
+        total = (stiffness + damping) / (1.0 + fade)
+        force = (total * (z + moved) - damping * z) / (1.0 + yielding * total)
+        slid = moved - yielding * force
+        z_new = (z + slid) / (1.0 + fade)
+        kind = r.STICK if creep == 0.0 else r.CREEP if creep < 1.0 else r.SLIDE
+        whole = hypot(*force)
+        if whole > static * load:
+            force, z_new = force * static * load / whole, z_new * static * load / whole
+            slid, kind = moved - yielding * force, r.SLIDE
+    one.force_across, one.force_along = force
+    one.z, one.z_along = z_new
+    one.slid_across, one.slid_along = slid
+    one.friction, one.string_across = kind, across + compliance * force[0]
+
+
+def _keep_contact(
+    touch: TouchParameters, own: ContactState, one: ContactSolution, step: float, seed: int
+) -> None:
+    """Take over a touch's solution; its place on the object moves by what the bristles lost."""
+    slid = np.array([one.slid_across, one.slid_along])
+    lost = slid - (np.array([one.z, one.z_along]) - np.array([own.z, own.z_along]))
+    own.s, own.eta, own.force = one.s, one.eta, one.force
+    own.z, own.z_along, own.force_along = one.z, one.z_along, one.force_along
+    own.string_across, own.friction = one.string_across, one.friction
+    own.sliding_speed = hypot(*slid) / step
+    touches = one.force > 0.0
+    begins = touches and own.time_off >= r.CONTACT_HOLD
+    own.time_off = 0.0 if touches else own.time_off + step
+    gone = np.zeros(2)
+    if own.time_off < r.CONTACT_HOLD:
+        path = np.array([own.path_across, own.path_along]) + lost
+        lag, smooth, mark = (
+            path.copy()
+            if begins
+            else np.array([getattr(own, f"{name}_across"), getattr(own, f"{name}_along")])
+            for name in ("lag", "smooth", "mark")
+        )
+        own.path_across, own.path_along = path
+        own.rolled += one.rolled
+        along = own.path_along + own.rolled
+        if abs(own.path_across - own.read_across) + abs(along - own.read_along) > r.MIN_SURFACE_MOTION:
+            own.height = _height(touch, own, seed)
+            own.read_across, own.read_along = own.path_across, along
+        lag += step / r.PATH_TIME * (path - lag)
+        smooth += step / r.PATH_TIME * (lag - smooth)
+        distance = float(np.hypot(*(smooth - mark)))
+        if distance > r.SLIP_PLAY:
+            gone = (smooth - mark) * (1.0 - r.SLIP_PLAY / distance)
+        own.lag_across, own.lag_along = lag
+        own.smooth_across, own.smooth_along = smooth
+        own.mark_across, own.mark_along = mark + gone
+    own.speed_across += step / r.SLIP_SPEED_TIME * (gone[0] / step - own.speed_across)
+    own.speed_along += step / r.SLIP_SPEED_TIME * (gone[1] / step - own.speed_along)
+    own.mean_force += step / r.CONTACT_HOLD * (one.force - own.mean_force)
+
+
+def _write_frame(sensor: Parameters, state: State, bank: Floats, out: Out, frame: int, index: int) -> None:
+    """Write one frame: microphones and labels."""
+    constants: Constants = sensor.constants
+    memory: SensorState = state.memory
+    pickup: PickupParameters = sensor.pickup
+    taut = memory.tuned_tension / constants.tension
+    near, far = taut * (bank[r.END_1] @ bank[r.Q]), taut * (bank[r.END_2] @ bank[r.Q])
+    air = float(sensor.sound[index % sensor.sound.size]) if sensor.sound.size else 0.0
+    raw = (
+        pickup.gain_1 * (pickup.own_1 * near + (1.0 - pickup.own_1) * far) + pickup.air_1 * air,
+        pickup.gain_2 * (pickup.own_2 * far + (1.0 - pickup.own_2) * near) + pickup.air_2 * air,
+    )
+    amplified = [_amplified(pickup, state.preamps[c], raw[c]) for c in (0, 1)]
+    for c in (0, 1):
+        noisy = amplified[c] + pickup.noise * _normal_noise(int(constants.seed), 4 * index + 2 * c)
+        out.microphones[c, frame] = np.clip(noisy, -1.0, 1.0)
+    past = ((index * constants.oversampling) % r.CONTROL_PERIOD) / r.CONTROL_PERIOD
+    for t in range(len(sensor.touches)):
+        own: ContactState = state.contact[t]
+        touching = own.time_off < r.CONTACT_HOLD
+        if own.touching != touching:
+            own.touching, memory.steady_time, memory.settled = touching, 0.0, 0.0
+        now, ahead = state.motion[t].position, state.ahead[t].position
+        out.contact[t, frame] = touching
+        out.position[t, frame] = now + past * (ahead - now)
+        out.force[t, frame] = own.mean_force * touching
+        out.reaction[t, frame] = own.force
+        out.slip[t, frame] = touching and hypot(own.speed_across, own.speed_along) > r.SLIP_SPEED
+        out.across[t, frame], out.along[t, frame] = own.speed_across, own.speed_along
+        out.friction[t, frame] = own.friction
+    period = constants.step * constants.oversampling
+    steady = True
+    for value, c in zip(amplified, (1, 2), strict=True):
+        levels = [
+            level + period / time * (value**2 - level)
+            for time, level in (
+                (r.SHORT_LEVEL_TIME, getattr(memory, f"short_level_{c}")),
+                (r.LONG_LEVEL_TIME, getattr(memory, f"long_level_{c}")),
+            )
+        ]
+        setattr(memory, f"short_level_{c}", levels[0])
+        setattr(memory, f"long_level_{c}", levels[1])
+        steady &= abs(levels[0] - levels[1]) <= r.LEVEL_TOLERANCE * (levels[1] + r.SILENT_POWER)
+    memory.steady_time = memory.steady_time + period if steady else 0.0
+    if memory.steady_time >= r.SETTLING_TIME:
+        memory.settled = 1.0
+    out.settled[frame] = memory.settled
+
+
+def _amplified(pickup: PickupParameters, memory: PreampState, signal: float) -> float:
+    """Return a signal after the preamplifier: a high-pass of one pole and a low-pass of two, trapezoidal."""
+    step = pickup.low_cut * (signal - memory.low_cut)
+    passed = signal - (memory.low_cut + step)
+    band = (memory.first + pickup.g * (passed - memory.second)) / (1.0 + pickup.g * (pickup.g + pickup.k))
+    low = memory.second + pickup.g * band
+    memory.low_cut, memory.first = memory.low_cut + 2.0 * step, 2.0 * band - memory.first
+    memory.second = 2.0 * low - memory.second
+    return low
+
+
+def _normal_noise(seed: int, index: int) -> float:
+    """Return the sum of eight uniform numbers, shifted and scaled to zero mean and unit variance."""
+    words = [(_bits(seed, index + half) >> 16 * piece) & 0xFFFF for half in (0, 1) for piece in range(4)]
     return (sum(words) - 8 * 32767.5) * sqrt(12.0 / 8.0) / 65536.0
 
 
-def _hear(sensor: Sensor, state: State, bank: Floats, out: Out, frame: int, index: int) -> None:
-    """Write one frame: what the microphones give, and what is true."""
-    memory, parameters, seed = state.memory, sensor.pickup, int(sensor.integers[k.SEED])
-    taut = memory[k.TUNED] / sensor.scalars[k.TENSION]
-    near, far = taut * (bank[layout.END_1] @ bank[layout.Q]), taut * (bank[layout.END_2] @ bank[layout.Q])
-    air = float(sensor.sound[index % sensor.sound.size]) if sensor.sound.size else 0.0
-    heard = [0.0, 0.0]
-    for c, (own, other) in enumerate(((near, far), (far, near))):
-        share = parameters[pickup.OWN_1 + c]
-        raw = (
-            parameters[pickup.GAIN_1 + c] * (share * own + (1.0 - share) * other)
-            + parameters[pickup.AIR_1 + c] * air
-        )
-        heard[c] = _amplified(parameters, state.band[c], raw)
-        noisy = heard[c] + parameters[pickup.HISS] * _bell(seed, 4 * index + 2 * c)
-        out.microphones[c, frame] = np.clip(noisy, -1.0, 1.0)
-    past = ((index * sensor.integers[k.FINER]) % k.TICK) / k.TICK
-    for t in range(len(sensor.touches)):
-        own = state.contact[t]
-        touching = own[k.SINCE] < k.HOLD
-        if own[k.ON] != touching:
-            own[k.ON], memory[k.QUIET], memory[k.SETTLED] = touching, 0.0, 0.0
-        now, ahead = state.asked[t, motion.PLACE], state.ahead[t, motion.PLACE]
-        out.contact[t, frame] = touching
-        out.position[t, frame] = now + past * (ahead - now)
-        out.force[t, frame] = own[k.MEAN] * touching
-        out.reaction[t, frame] = own[k.NOW]
-        out.slip[t, frame] = touching and hypot(own[k.ACROSS], own[k.ALONG]) > k.SLIPPING
-        out.across[t, frame], out.along[t, frame] = own[k.ACROSS], own[k.ALONG]
-        out.friction[t, frame] = own[k.STATE]
-    period = sensor.scalars[k.STEP] * sensor.integers[k.FINER]
-    calm = True
-    for value, brief, lasting in zip(heard, (k.BRIEF_1, k.BRIEF_2), (k.LONG_1, k.LONG_2), strict=True):
-        memory[brief] += period / k.BRIEF * (value**2 - memory[brief])
-        memory[lasting] += period / k.LONG * (value**2 - memory[lasting])
-        calm &= abs(memory[brief] - memory[lasting]) <= k.SAME * (memory[lasting] + k.SILENCE)
-    memory[k.QUIET] = memory[k.QUIET] + period if calm else 0.0
-    if memory[k.QUIET] >= k.CALM:
-        memory[k.SETTLED] = 1.0
-    out.settled[frame] = memory[k.SETTLED]
+def _height(touch: TouchParameters, own: ContactState, seed: int) -> float:
+    """Return a surface's height in m where it touches: octaves of random heights at whole numbers."""
+    across = own.path_across / touch.roughness_length
+    along = (own.path_along + own.rolled) / touch.roughness_length
+    total = 0.0
+    for octave in range(roughness.OCTAVES):
+        column, row = floor(across * 2**octave), floor(along * 2**octave)
+        key = _derived_seed(seed, octave)
+        heights = [
+            [(_bits(key, ((column + i) << 24) + row + j) >> 11) / 2**52 - 1.0 for j in (0, 1)] for i in (0, 1)
+        ]
+        x, y = across * 2**octave - column, along * 2**octave - row
+        x, y = 3.0 * x**2 - 2.0 * x**3, 3.0 * y**2 - 2.0 * y**3
+        total += 0.5**octave * float(np.array([1.0 - x, x]) @ np.array(heights) @ np.array([1.0 - y, y]))
+    return touch.roughness * roughness.RMS_SCALE * total
 
 
-def _amplified(parameters: Floats, memory: Floats, signal: float) -> float:
-    """Return a signal after the preamplifier: a high-pass of one pole and a low-pass of two, trapezoidal."""
-    slow, band_memory, low_memory = memory
-    step = parameters[pickup.LOW_CUT] * (signal - slow)
-    passed = signal - (slow + step)
-    warp, damp = parameters[pickup.HIGH_WARP], parameters[pickup.HIGH_DAMP]
-    band = (band_memory + warp * (passed - low_memory)) / (1.0 + warp * (warp + damp))
-    low = low_memory + warp * band
-    memory[:] = slow + 2.0 * step, 2.0 * band - band_memory, 2.0 * low - low_memory
-    return low
+def _surface_seed(constants: Constants, t: int) -> int:
+    return _derived_seed(int(constants.seed), roughness.OCTAVES + t)
+
+
+def _derived_seed(seed: int, index: int) -> int:
+    return _bits(seed, roughness.SEED_INDEX + index) >> 2
+
+
+def _bits(seed: int, index: int) -> int:
+    """Return 64 bits by SplitMix64."""
+    x = (seed * 0x9E3779B97F4A7C15 + index) & MASK_64
+    x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & MASK_64
+    x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & MASK_64
+    return x ^ (x >> 31)

@@ -1,4 +1,4 @@
-"""What a twin is made of: the sensor as built, and the scene around it."""
+"""What a twin is given: the sensor as built, with its tolerances, and the scene around it."""
 
 import sys
 from collections.abc import Iterator
@@ -14,20 +14,23 @@ from monochord.core.types import Audio, StringParams
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses, TensionLaw
-from monochord.physics.twin.tolerance import Changes, Tolerances
 
-MOST_TOUCHES = 8
-"""How many objects may touch the string at once."""
+MAX_TOUCHES = 8
+"""Objects that may touch the string at once."""
 FINITE = sys.float_info.max
-"""No number is further from nought, save infinity."""
+"""Largest finite number: bound of a field without a range of its own."""
+Share = Annotated[float, Meta(ge=0.0, le=0.3)]
+"""A relative standard deviation."""
+Small = Annotated[Metres, Meta(ge=0.0, le=0.005)]
+"""A standard deviation of a position or length, in m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ebow:
     """A driver: coils at `sense` and `drive` on the string, each `aperture` wide.
 
-    The aperture is the deviation of a Gaussian. Its band has the centre `centre` and quality `quality`;
-    `gain` in N s/m is what it gives for a small velocity in its band, `limit` in N what it gives at most.
+    The aperture is the standard deviation of a Gaussian. Its band has the centre `centre` and quality
+    `quality`; `gain` in N s/m is that of a small velocity in its band, `limit` in N its largest force.
     `angle` is between its pull and the direction in which touches press, in radians.
     """
 
@@ -48,9 +51,9 @@ class Ebow:
 class Pickups:
     """Two contact microphones at the string's ends and what follows them.
 
-    `own` is l1 and l2 of the paper's Eq. 5; `gain` in full scale a newton; `angle` is the direction they
-    feel, from that of a touch's press. The preamplifiers pass `low` to `high`; `hiss` is the converter's
-    noise in rms of full scale; `air` is how much of an outside sound each hears, of its full scale.
+    `own` is l1 and l2 of the paper's Eq. 5; `gain` in full scale a newton; `angle` is the direction in which
+    they sense force, from that of a touch's press. The preamplifiers pass `low` to `high`; `hiss` is the
+    converter's rms noise in full scale; `air` is the share of an outside sound that each picks up.
     """
 
     own: tuple[Annotated[float, Meta(ge=0.0, le=1.0)], Annotated[float, Meta(ge=0.0, le=1.0)]] = (0.85, 0.85)
@@ -66,16 +69,63 @@ class Pickups:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor:
-    """A sensor as built: string, losses, two drivers, two pickups, and the stretch where it senses.
+class Tolerances:
+    """How another sensor of the same design differs: standard deviations, assumed unless a source is named.
 
-    `drift` is how far the string's tension is off its nominal value at the start, in N, and `drift_rate`
-    how fast it moves, in N/s, up to a quarter of the tension in all. `shake` is the acceleration of the
+    The wire: `diameter` is relative; ASTM A228 allows 0.3 thousandths of an inch on a music wire of .010, 3 %
+    or three of these deviations. `tuning` is the tuning error, by ear or meter, in cents. `length` is that
+    between the ends, `places` that of each of the four coils, `aperture` a coil's effective width.
+
+    The drivers: `gain`, `limit`, `centre` and `quality` are relative, of coils wound, glued and set at a
+    height by hand; `tilt` is that of drivers and pickups about the string, in radians. The pickups:
+    `pickup_gain` is relative, 0.12 being a decibel of piezo and preamplifier; `own` is that of l1 and l2,
+    absolute, which depend on how the frame is mounted. `losses` is relative, of each loss factor.
+    """
+
+    diameter: Share = 0.01
+    tuning: Annotated[float, Meta(ge=0.0, le=100.0)] = 10.0
+    length: Small = 2.5e-4
+    places: Small = 5.0e-4
+    aperture: Share = 0.05
+    gain: Share = 0.10
+    limit: Share = 0.10
+    centre: Share = 0.05
+    quality: Share = 0.05
+    tilt: Annotated[float, Meta(ge=0.0, le=0.3)] = 0.05
+    pickup_gain: Share = 0.12
+    own: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.03
+    losses: Share = 0.20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Changes:
+    """How the same sensor differs on another day: standard deviations, assumed.
+
+    `temperature` is the change of frame and string together since tuning, in K, in a room in daily use.
+    `creep` is the tension that string and tuner have lost since, in N. `warming` is the rate of the
+    temperature within a session, in K an hour. `gain` and `limit` are relative: a battery, and the height of
+    an EBow that was put back; `pickup_gain` is relative, 0.035 being 0.3 dB: knobs set again by their marks.
+    """
+
+    temperature: Annotated[float, Meta(ge=0.0, le=30.0)] = 3.0
+    creep: Annotated[Newtons, Meta(ge=0.0, le=5.0)] = 0.05
+    warming: Annotated[float, Meta(ge=0.0, le=60.0)] = 1.5
+    gain: Share = 0.05
+    limit: Share = 0.05
+    pickup_gain: Share = 0.035
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """A sensor as built: string, losses, two drivers, two pickups, and its sensing range.
+
+    `drift` is the deviation of the string's tension from its nominal value at the start, in N, and
+    `drift_rate` its rate in N/s, up to a quarter of the tension in all. `shake` is the acceleration of the
     frame, in m/s^2, that an outside sound of full scale causes.
 
-    `frame_expansion` and `string_expansion` are how much frame and wire lengthen by a kelvin, of their
-    length: handbook values of aluminium and of steel. `tolerances` say how another sensor of the design may
-    differ and `changes` how this one does on another day; `monochord.physics.twin.variation` draws them.
+    `frame_expansion` and `string_expansion` are relative, in 1/K: handbook values of aluminium and of steel.
+    `tolerances` say how another sensor of the design may differ and `changes` how this one does on another
+    day; `monochord.physics.twin.variation` draws them.
     """
 
     name: str
@@ -103,7 +153,7 @@ class Sensor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """What a touch is told to do at a time: where, and how hard or how far off.
+    """What a touch does at a time: where it is, and how hard it presses or how far off it is.
 
     `force` is the normal force that a string at rest would press back with, `clearance` the distance of the
     surface from the string at rest, `across` the object's speed across the string.
@@ -121,10 +171,10 @@ class Key:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Touch:
-    """An object and its motion; between keys all runs linearly, before the first and after the last it holds.
+    """An object and its motion: linear between keys, constant before the first and after the last.
 
-    `radius` is the object's where it touches, its material's usual one if none is given. Where the position
-    moves, the object rolls along the string or, with `rolls` false, slides.
+    `radius` is the object's where it touches, by default its material's. Where the position moves, the object
+    rolls along the string or, with `rolls` false, slides.
     """
 
     material: Material
@@ -146,7 +196,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outside:
-    """A sound from outside: mono, at the twin's rate, repeated without end.
+    """A sound from outside: mono, at the twin's rate, repeated endlessly.
 
     Full scale is that of the converter; `level` multiplies it before it reaches microphones and frame.
     """
@@ -172,7 +222,7 @@ class Pluck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """What happens to a sensor: touches, outside sound, its start, drivers that are on, and the law T(F)."""
+    """What happens to a sensor: touches, outside sound, pluck, drivers that are on, and the tension law."""
 
     touches: tuple[Touch, ...] = ()
     outside: Outside | None = None
@@ -181,12 +231,12 @@ class Scene:
     tension_law: TensionLaw = "geometric"
 
     def __post_init__(self) -> None:
-        if len(self.touches) > MOST_TOUCHES:
-            raise InputError(f"{len(self.touches)} touches", f"{MOST_TOUCHES} at most")
+        if len(self.touches) > MAX_TOUCHES:
+            raise InputError(f"{len(self.touches)} touches", f"{MAX_TOUCHES} at most")
 
 
 def hold(position: Metres, force: Newtons, material: Material, *, across: MetresPerSecond = 0.0) -> Touch:
-    """Return a touch that presses from the start and never changes.
+    """Return a touch that presses from the start with constant force.
 
     Examples
     --------
@@ -198,7 +248,7 @@ def hold(position: Metres, force: Newtons, material: Material, *, across: Metres
 
 
 def refuse_outside(part: object) -> None:
-    """Raise `InputError` where a number of a dataclass is not finite, or outside what its annotation allows.
+    """Raise `InputError` where a number of a dataclass is not finite, or outside the range of its annotation.
 
     Fields annotated as numbers count, optional ones and those of tuples too; a range is that of `Meta`.
 
@@ -217,7 +267,7 @@ def refuse_outside(part: object) -> None:
 
 
 def refuse_impossible(sensor: Sensor) -> None:
-    """Raise `InputError` for a sensor that no string could be, or that the scheme was not made for."""
+    """Raise `InputError` for a sensor whose string is implausible or outside what the scheme is made for."""
     string, where = sensor.string, f"sensor {sensor.name}"
     for name, low, high, unit in (
         ("length", 0.05, 2.0, "m"),
@@ -249,19 +299,19 @@ def refuse_impossible(sensor: Sensor) -> None:
 
 @cache
 def _ranges(kind: type) -> tuple[tuple[str, int | None, float, float], ...]:
-    """Return each number that a dataclass holds: its field, its place in a tuple, its least and its most."""
-    found: list[tuple[str, int | None, float, float]] = []
+    """Return each number of a dataclass: its field, its place in a tuple, its lowest and highest value."""
+    numbers: list[tuple[str, int | None, float, float]] = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
         if get_origin(hint) is tuple:
             for place, inner in enumerate(get_args(hint)):
-                found += [(name, place, *limits) for limits in _limits(inner)]
+                numbers += [(name, place, *limits) for limits in _limits(inner)]
         else:
-            found += [(name, None, *limits) for limits in _limits(hint)]
-    return tuple(found)
+            numbers += [(name, None, *limits) for limits in _limits(hint)]
+    return tuple(numbers)
 
 
 def _limits(hint: Any) -> Iterator[tuple[float, float]]:
-    """Return the least and the most of a number, also of one that may be absent; nothing for other types."""
+    """Yield lowest and highest value of a number, also of an optional one; nothing for other types."""
     if hint is float:
         yield -FINITE, FINITE
     elif get_origin(hint) is Annotated and hint.__origin__ is float:

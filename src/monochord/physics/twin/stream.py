@@ -1,44 +1,92 @@
-"""The twin as a stream: a state goes in, sound with its labels and the next state come out."""
+"""The twin as a stream: a twin goes in, its next frames with labels and the twin after them come out.
 
+Also how a sensor and a scene, in the field's terms, become the records and arrays that the kernel runs on,
+and how several twins run side by side.
+"""
+
+import itertools
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from math import cos, pi, sin, tan
+from typing import Any, TypeVar
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio
-from monochord.core.units import Samples
-from monochord.physics.twin.assemble import plucked, sensor_arrays, touch_arrays
-from monochord.physics.twin.bank import FORCE, PRESS, RUB, SHAPE, STRETCH, Q, rows
-from monochord.physics.twin.memory import (
-    ETA,
-    FOUND,
-    FRESH,
-    GATE,
-    QUIET,
-    SENSOR_MEMORY,
-    SETTLED,
-    SINCE,
-    SPREAD,
-    TOUCH_MEMORY,
-    Out,
-    State,
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz, Metres, Samples
+from monochord.physics.theory import (
+    bending_stiffness,
+    contact_width,
+    decay_rates,
+    hertz_stiffness,
+    mindlin_ratio,
+    static_compliance,
+    stretch_stiffness,
 )
-from monochord.physics.twin.memory import Sensor as Fixed
-from monochord.physics.twin.rate import Plan, padded, plan
-from monochord.physics.twin.setup import Scene, Sensor, Touch
+from monochord.physics.twin.rate import Plan, mode_frequencies, padded, plan, touch_weights
+from monochord.physics.twin.records import (
+    DECAY,
+    DRIVE_1,
+    END_1,
+    END_2,
+    FORCE,
+    FRAME,
+    NORMAL,
+    OMEGA2_BENDING,
+    OMEGA2_TENSION,
+    SENSE_1,
+    SHAPE,
+    STRETCH,
+    TANGENTIAL,
+    Constants,
+    ContactSolution,
+    ContactState,
+    DriverParameters,
+    DriverState,
+    KeyRecord,
+    Motion,
+    Out,
+    Parameters,
+    PickupParameters,
+    PreampState,
+    Q,
+    Records,
+    SensorState,
+    State,
+    TouchParameters,
+    dtype_of,
+    rows,
+)
+from monochord.physics.twin.setup import Ebow, Pluck, Scene, Sensor, Touch
+
+COMPLIANCE_PLACES = 513
+"""Entries of the table of static compliance along the string."""
+WIDTH_MODES = 400
+"""Modes that a touch's compliance is corrected by for its width."""
+WIDTH_FORCE = 1.0
+"""Press in N at which the width of a touch is taken."""
+CLEARANCE_OF_NEW: Metres = 1e-3
+"""Distance from all of the string at which a new object waits for the first control update."""
+SHARES_A_CORE = 4
+"""Parts into which each core's share of many twins is cut, so that none waits long for another."""
+
+Named = TypeVar("Named", Parameters, State)
 
 
 @dataclass(frozen=True, slots=True)
 class Labels:
-    """What is true at every frame; of each touch, (touches, n), save `settled`, (n,).
+    """The true state at every frame: for each touch, (touches, n), save `settled`, (n,).
 
-    `contact` and `slip` are 0 or 1, `position` in m, `force` the normal force in N averaged over 5 ms
-    (which makes it lag), `reaction` the normal force at that instant, with the string's vibration in it,
-    `across` and `along` the speed at which the object slides, in m/s, `friction` the state of the contact at
-    that instant (0 none, 1 stick, 2 creep, 3 slide), `settled` whether the sound has come to rest since the
-    last change of any touch or driver. `slip` is 1 where the place of the contact on the object moves on by
-    more than half a millimetre a second; what a ringing string rocks to and fro under an object at rest does
-    not count, nor do 25 um of wandering to either side. See `monochord.physics.twin.friction`.
+    `contact` and `slip` are 0 or 1, `position` in m, `force` the normal force in N averaged over 5 ms (which
+    makes it lag), `reaction` the normal force at that instant, with the string's vibration in it, `across`
+    and `along` the speed at which the object slides, in m/s, `friction` the state of the contact at that
+    instant (0 none, 1 stick, 2 creep, 3 slide), `settled` whether the sound has become steady since the last
+    change of any touch or driver. `slip` is 1 where the place of the contact on the object moves by more than
+    half a millimetre a second; the rocking of a ringing string under an object at rest does not count, nor
+    does wandering by 25 um to either side. See `monochord.physics.twin.friction`.
     """
 
     contact: np.ndarray
@@ -54,7 +102,7 @@ class Labels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Take:
-    """A stretch of sound, `microphones` (2, n) in full scale, with its labels."""
+    """Some frames of sound, `microphones` (2, n) in full scale, with their labels."""
 
     microphones: Audio
     labels: Labels
@@ -62,10 +110,10 @@ class Take:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twin:
-    """A twin at an instant: all that its next frame depends on. Never changed, only succeeded.
+    """A twin at an instant: all that its next frame depends on. Never changed; `advance` returns another.
 
-    `start` is the index of the next frame; `fixed` and `moving` are the kernel's arrays, with an axis of one
-    sensor in front.
+    `start` is the index of the next frame; `parameters` and `state` are the kernel's, as a batch of one
+    sensor.
     """
 
     sensor: Sensor
@@ -74,8 +122,8 @@ class Twin:
     seed: int
     plan: Plan
     start: Samples
-    fixed: tuple[np.ndarray, ...]
-    moving: tuple[np.ndarray, ...]
+    parameters: Parameters
+    state: State
 
 
 def begin(
@@ -84,8 +132,8 @@ def begin(
     *,
     sample_rate: int = 44100,
     seed: int = 0,
-    finer: int | None = None,
-    agreement: float = 1e-4,
+    oversampling: int | None = None,
+    tolerance: float = 1e-4,
 ) -> Twin:
     """Return a twin at time zero.
 
@@ -98,92 +146,193 @@ def begin(
     sample_rate
         Frames a second, 16 kHz to 192 kHz.
     seed
-        Of the converter's noise and the surfaces of objects.
-    finer
-        Steps a frame; found from the string by `monochord.physics.twin.rate.plan` by default.
-    agreement
-        How well tension and motion of a step agree, of the stretch sum; what is left goes into the energy.
+        Random seed of the converter's noise and of the objects' surfaces.
+    oversampling
+        Steps a frame; chosen for the string by `monochord.physics.twin.rate.plan` by default.
+    tolerance
+        Relative error of the stretch sum at which a step's iteration ends; the error enters the energy.
 
     Raises
     ------
     InputError
-        If the rate or the scene cannot be.
+        If the rate, the seed or the scene is out of range.
     """
     scene = Scene() if scene is None else scene
     if not 16000 <= sample_rate <= 192000:
         raise InputError(f"sample rate {sample_rate} Hz", "16000 to 192000 Hz")
     if not 0 <= seed < 2**62:
         raise InputError(f"seed {seed}", "0 to 2^62 - 1")
-    if not 0.0 < agreement < 1.0:
-        raise InputError(f"agreement {agreement:g}", "between 0 and 1")
-    found = plan(sensor.string, float(sample_rate), finer=finer)
-    fixed = sensor_arrays(sensor, scene, found, float(sample_rate), seed, agreement)
-    fixed |= touch_arrays(sensor, scene.touches, found, float(sample_rate))
-    size, count = 2 * padded(found.count), len(scene.touches)
-    bank = np.concatenate([fixed.pop("bank"), np.zeros((rows(count) - rows(0), size))])
-    bank[Q] = plucked(sensor, scene.pluck, found)
-    memory = np.zeros(SENSOR_MEMORY)
-    memory[FRESH] = 1.0
-    memory[SPREAD] = float(bank[STRETCH] @ bank[Q] ** 2)
-    asked, ahead = np.zeros((count, 5)), np.zeros((count, 5))
-    for t, touch in enumerate(scene.touches):
-        _place(touch, 0.0, _reach(bank), asked[t], ahead[t])
-    coils = np.zeros((2, 4))
-    coils[:, GATE] = fixed["gates"]
-    moving = {
-        "bank": bank.ravel(),
-        "contact": _untouched(count, _reach(bank)),
-        "asked": asked,
-        "ahead": ahead,
-        "coils": coils,
-        "band": np.zeros((2, 3)),
-        "memory": memory,
-        "solved": np.zeros((count, FOUND)),
-        "mutual": np.zeros((2, count, count)),
-    }
+    if not 0.0 < tolerance < 1.0:
+        raise InputError(f"tolerance {tolerance:g}", "between 0 and 1")
+    chosen, rate = plan(sensor.string, float(sample_rate), oversampling=oversampling), float(sample_rate)
+    count = len(scene.touches)
+    bank = np.zeros((rows(count), 2 * padded(chosen.count)))
+    bank[: rows(0)] = _bank(sensor, chosen, 1.0 / (rate * chosen.oversampling))
+    bank[Q] = _plucked(sensor, scene.pluck, chosen)
+    memory = np.zeros((), dtype_of(SensorState))
+    memory["touches_changed"] = 1.0
+    memory["stretch"] = float(bank[STRETCH] @ bank[Q] ** 2)
+    parameters = Parameters(
+        constants=_constants(sensor, scene, chosen, rate, seed, tolerance),
+        drivers=_drivers(sensor, scene, 1.0 / (rate * chosen.oversampling)),
+        pickup=_pickup(sensor, rate),
+        sound=_outside(scene),
+        **_touches(sensor, scene.touches, chosen, rate),
+    )
+    drivers = np.zeros(2, dtype_of(DriverState))
+    drivers["gate"] = parameters.drivers["on"]
+    contact, motion = _new_contacts(scene.touches, 0.0, bank)
+    state = State(
+        bank=bank.ravel(),
+        contact=contact,
+        motion=motion,
+        ahead=motion.copy(),
+        drivers=drivers,
+        preamps=np.zeros(2, dtype_of(PreampState)),
+        memory=memory,
+        solution=np.zeros(count, dtype_of(ContactSolution)),
+        mutual=np.zeros((2, count, count)),
+    )
     return Twin(
         sensor=sensor,
         scene=scene,
         sample_rate=sample_rate,
         seed=seed,
-        plan=found,
+        plan=chosen,
         start=0,
-        fixed=_packed(fixed),
-        moving=tuple(array[None] for array in moving.values()),
+        parameters=_batched(parameters),
+        state=_batched(state),
     )
 
 
-FIXED = (
-    "scalars", "integers", "ebows", "pickup", "gates", "sound", "touches", "keys", "counts", "weights",
-    "tables",
-)  # fmt: skip
-
-
-MOVING = ("bank", "contact", "asked", "ahead", "coils", "band", "memory", "solved", "mutual")
-OUT_OF_REACH = 1e-3
-"""Metres above all of the string where a new object waits for the first tick."""
-
-
 def advance(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
-    """Return the next `frames` frames and the twin after them; alike, bit for bit, however they are cut."""
+    """Return the next `frames` frames and the twin after them; the same bits however the frames are cut."""
     from monochord.physics.twin.kernel import kernel  # noqa: PLC0415  (numba loads on use)
 
-    refuse_negative(frames)
-    moving = tuple(array.copy() for array in twin.moving)
-    heard = room(1, len(twin.scene.touches), frames)
-    run = kernel(2 * padded(twin.plan.count))
-    run(Fixed(*twin.fixed), State(*moving), heard, np.array([twin.start]), 0, 1)
-    return taken(heard, 0), replace(twin, start=twin.start + frames, moving=moving)
+    _refuse_negative(frames)
+    state = State(*(array.copy() for array in twin.state))
+    out = empty_out(1, len(twin.scene.touches), frames)
+    kernel(2 * padded(twin.plan.count))(twin.parameters, state, out, np.array([twin.start]), 0, 1)
+    return take_of(out, 0), replace(twin, start=twin.start + frames, state=state)
 
 
-def refuse_negative(frames: Samples) -> None:
-    """Raise `InputError` for fewer frames than none."""
-    if frames < 0:
-        raise InputError(f"{frames} frames", "0 or more")
+def advance_many(
+    twins: Sequence[Twin], frames: Samples, *, cores: int | None = None
+) -> list[tuple[Take, Twin]]:
+    """Return the next `frames` frames of every twin, and the twins after them, in the order given.
+
+    Each is what `advance` returns, bit for bit. Twins of one shape (as many modes and touches, an outside
+    sound of the same length) run side by side, one a core; those of another shape run after them. The kernel
+    releases Python's lock, so that plain threads do.
+
+    Parameters
+    ----------
+    twins
+        At any instants; none is changed.
+    frames
+        How many frames each advances.
+    cores
+        How many cores to use; by default all that this process may use.
+
+    Examples
+    --------
+    >>> from monochord.physics.sensors import load_sensor
+    >>> from monochord.physics.twin import Pluck, Scene, begin
+    >>> scene = Scene(pluck=Pluck(position=0.07, height=1e-4))
+    >>> several = [begin(load_sensor("prototype"), scene, seed=seed) for seed in range(3)]
+    >>> [take.microphones.shape for take, _ in advance_many(several, 10)]
+    [(2, 10), (2, 10), (2, 10)]
+    """
+    _refuse_negative(frames)
+    shapes: dict[object, list[int]] = {}
+    for i, twin in enumerate(twins):
+        # Keys may differ in number: they are padded.
+        fixed = tuple(array.shape for array in twin.parameters._replace(keys=np.zeros(0)))
+        shapes.setdefault((padded(twin.plan.count), fixed), []).append(i)
+    done: dict[int, tuple[Take, Twin]] = {}
+    for group in shapes.values():
+        done |= zip(group, _side_by_side([twins[i] for i in group], frames, cores), strict=True)
+    return [done[i] for i in range(len(twins))]
 
 
-def room(sensors: int, touches: int, frames: Samples) -> Out:
-    """Return arrays for what the kernel writes."""
+def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> list[tuple[Take, Twin]]:
+    from monochord.physics.twin.kernel import kernel  # noqa: PLC0415  (numba loads on use)
+
+    longest = max(twin.parameters.keys.shape[2] for twin in twins)
+    padded_parameters: list[Parameters] = []
+    for twin in twins:
+        keys = twin.parameters.keys
+        wide = np.zeros((*keys.shape[:2], longest), keys.dtype)
+        wide[:, :, : keys.shape[2]] = keys
+        padded_parameters.append(twin.parameters._replace(keys=wide))
+    parameters = Parameters(*(_stacked(arrays) for arrays in zip(*padded_parameters, strict=True)))
+    state = State(*(_stacked(arrays) for arrays in zip(*(twin.state for twin in twins), strict=True)))
+    out = empty_out(len(twins), len(twins[0].scene.touches), frames)
+    run = kernel(2 * padded(twins[0].plan.count))
+    arguments = parameters, state, out, np.array([twin.start for twin in twins])
+    cores = cores or len(os.sched_getaffinity(0))
+    edges = np.linspace(0, len(twins), min(len(twins), SHARES_A_CORE * cores) + 1).astype(int)
+    with ThreadPoolExecutor(cores) as pool:
+        list(pool.map(lambda pair: run(*arguments, *pair), itertools.pairwise(edges)))
+    return [
+        (
+            take_of(out, i),
+            replace(twin, start=twin.start + frames, state=State(*(a[i : i + 1].copy() for a in state))),
+        )
+        for i, twin in enumerate(twins)
+    ]
+
+
+def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
+    """Return the same twin with other motions of its touches from its next frame on.
+
+    The keys' times count from the twin's own time zero. The first touches continue as the objects they were;
+    further ones are new objects, which begin where their motion says, and missing ones are gone.
+    """
+    rate = float(twin.sample_rate)
+    parameters = _single(twin.parameters)._replace(**_touches(twin.sensor, touches, twin.plan, rate))
+    state = _single(twin.state)
+    kept, count, size = min(len(touches), len(twin.scene.touches)), len(touches), 2 * padded(twin.plan.count)
+    bank = np.zeros((rows(count), size))
+    bank[: rows(kept)] = state.bank.reshape(-1, size)[: rows(kept)]
+    bank[[FORCE, NORMAL, TANGENTIAL]] = 0.0
+    if count > 0:
+        bank[NORMAL, : size // 2] = bank[SHAPE, : size // 2]
+        bank[TANGENTIAL, size // 2 :] = bank[SHAPE, : size // 2]
+    contact, motion = _new_contacts(touches, twin.start / twin.sample_rate, bank)
+    ahead = motion.copy()
+    contact[:kept], motion[:kept], ahead[:kept] = (
+        state.contact[:kept],
+        state.motion[:kept],
+        state.ahead[:kept],
+    )
+    memory = state.memory.copy()
+    memory["touches_changed"] = 1.0
+    if touches != twin.scene.touches:
+        memory["steady_time"], memory["settled"] = 0.0, 0.0
+    state = state._replace(
+        bank=bank.ravel(),
+        contact=contact,
+        motion=motion,
+        ahead=ahead,
+        memory=memory,
+        solution=np.zeros(count, dtype_of(ContactSolution)),
+        mutual=np.zeros((2, count, count)),
+    )
+    scene = replace(twin.scene, touches=touches)
+    return replace(twin, scene=scene, parameters=_batched(parameters), state=_batched(state))
+
+
+def switch(twin: Twin, drivers: tuple[bool, bool]) -> Twin:
+    """Return the same twin with its drivers on or off from its next control update on; each takes 5 ms."""
+    records = twin.parameters.drivers.copy()
+    records["on"] = drivers
+    scene = replace(twin.scene, drivers=drivers)
+    return replace(twin, scene=scene, parameters=twin.parameters._replace(drivers=records))
+
+
+def empty_out(sensors: int, touches: int, frames: Samples) -> Out:
+    """Return uninitialised arrays for what the kernel writes."""
     each = (sensors, touches, frames)
     return Out(
         microphones=np.empty((sensors, 2, frames), np.float32),
@@ -199,86 +348,229 @@ def room(sensors: int, touches: int, frames: Samples) -> Out:
     )
 
 
-def taken(heard: Out, i: int) -> Take:
+def take_of(out: Out, i: int) -> Take:
     """Return what the kernel wrote of one sensor."""
-    microphones, *labels = (array[i] for array in heard)
+    microphones, *labels = (array[i] for array in out)
     return Take(microphones=microphones, labels=Labels(*labels))
 
 
-def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
-    """Return the same twin with other motions of its touches from its next frame on.
+def _batched(named: Named) -> Named:
+    arrays: list[Any] = [np.ascontiguousarray(array).reshape(1, *array.shape) for array in named]
+    return type(named)(*arrays)
 
-    Keys' times count from the twin's own time zero. The first touches go on as the objects they were; more
-    are new objects, which begin where their motion says, and those left out are gone.
-    """
-    scene = replace(twin.scene, touches=touches)
-    arrays = _named(FIXED, twin.fixed)
-    arrays |= touch_arrays(twin.sensor, touches, twin.plan, float(twin.sample_rate))
-    moving = _named(MOVING, twin.moving)
-    kept, count, size = min(len(touches), len(twin.scene.touches)), len(touches), 2 * padded(twin.plan.count)
-    kept_rows = moving["bank"].reshape(-1, size)[: rows(kept)]
-    bank = np.concatenate([kept_rows, np.zeros((rows(count) - rows(kept), size))])
-    bank[[FORCE, PRESS, RUB]] = 0.0
-    if count > 0:
-        bank[PRESS, : size // 2] = bank[SHAPE, : size // 2]
-        bank[RUB, size // 2 :] = bank[SHAPE, : size // 2]
-    moving["bank"] = bank.ravel()
-    reach = _reach(bank)
-    for name, fresh in (
-        ("contact", _untouched(count, reach)),
-        ("asked", np.zeros((count, 5))),
-        ("ahead", np.zeros((count, 5))),
-    ):
-        fresh[:kept] = moving[name][:kept]
-        moving[name] = fresh
-    moving["solved"], moving["mutual"] = np.zeros((count, FOUND)), np.zeros((2, count, count))
-    moving["memory"] = moving["memory"].copy()
-    moving["memory"][FRESH] = 1.0
-    if touches != twin.scene.touches:
-        moving["memory"][[QUIET, SETTLED]] = 0.0
-    time = twin.start / twin.sample_rate
-    for t in range(kept, count):
-        _place(touches[t], time, reach, moving["asked"][t], moving["ahead"][t])
-    return replace(
-        twin,
-        scene=scene,
-        fixed=_packed(arrays),
-        moving=tuple(np.ascontiguousarray(moving[name])[None] for name in MOVING),
+
+def _single(named: Named) -> Named:
+    singles: list[Any] = [array[0] for array in named]
+    return type(named)(*singles)
+
+
+def _stacked(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    """Return batches of one as one batch; `np.concatenate` would turn records into plain tuples."""
+    stacked = np.empty((len(arrays), *arrays[0].shape[1:]), arrays[0].dtype)
+    for i, array in enumerate(arrays):
+        stacked[i] = array[0]
+    return stacked
+
+
+def _refuse_negative(frames: Samples) -> None:
+    if frames < 0:
+        raise InputError(f"{frames} frames", "0 or more")
+
+
+def _record(kind: type, **fields: float) -> Records:
+    """Return one record, each field given by its name."""
+    record = np.zeros((), dtype_of(kind))
+    record[()] = tuple(fields[name] for name in record.dtype.names or ())
+    return record
+
+
+def _bank(sensor: Sensor, chosen: Plan, step: float) -> Floats:
+    """Return the rows of the bank that belong to the string, its modes at rest."""
+    string, half, count = sensor.string, padded(chosen.count), chosen.count
+    omega = mode_frequencies(string, count)
+    n = np.arange(1, count + 1)
+    wave = n * pi / string.length
+    turn = omega * step
+    sigma = decay_rates(string, sensor.losses, omega / (2.0 * pi))
+    if (sigma >= 0.9 * omega).any():
+        raise InputError(f"sensor {sensor.name}: losses", "modes that oscillate", "lower the loss factors")
+    bank = np.zeros((rows(0), 2 * half))
+    for first, share in ((0, cos), (half, sin)):
+        own = slice(first, first + count)
+        bank[OMEGA2_TENSION, own] = wave**2 / string.linear_density
+        bank[OMEGA2_BENDING, own] = bending_stiffness(string) * wave**4 / string.linear_density
+        bank[DECAY, own] = sigma
+        bank[STRETCH, own] = n**2 * np.minimum(turn / np.sin(turn), 1.0 / np.sin(0.5 * turn) ** 2)
+        for d, driver in enumerate(sensor.drivers):
+            blur = np.exp(-0.5 * (wave * driver.aperture) ** 2) * share(driver.angle)
+            bank[DRIVE_1 + d, own] = np.sin(wave * driver.drive) * blur
+            bank[SENSE_1 + d, own] = np.sin(wave * driver.sense) * blur
+        end = (string.tension + bending_stiffness(string) * wave**2) * wave * share(sensor.pickups.angle)
+        bank[END_1, own] = end
+        bank[END_2, own] = -end * np.cos(n * pi)
+    bank[FRAME, :count] = -string.linear_density * (1.0 - np.cos(n * pi)) / wave
+    return bank
+
+
+def _constants(
+    sensor: Sensor, scene: Scene, chosen: Plan, rate: Hertz, seed: int, tolerance: float
+) -> Records:
+    string, linear, axial = sensor.string, scene.tension_law == "linear", stretch_stiffness(sensor.string)
+    return _record(
+        Constants,
+        step=1.0 / (rate * chosen.oversampling),
+        length=string.length,
+        tension=string.tension,
+        mass=0.5 * string.linear_density * string.length,
+        tension_gain=pi**2 / (4.0 * string.length),
+        tension_per_stretch=0.0 if linear else axial * pi**2 / (4.0 * string.length**2),
+        axial_stiffness=axial,
+        tension_per_force=string.tension_per_force,
+        drift=sensor.drift,
+        drift_rate=sensor.drift_rate,
+        frame_acceleration=sensor.shake,
+        stretch_tolerance=tolerance,
+        oversampling=chosen.oversampling,
+        seed=seed,
+        linear_law=int(linear),
     )
 
 
-def switch(twin: Twin, drivers: tuple[bool, bool]) -> Twin:
-    """Return the same twin with its drivers on or off from its next tick on; each goes over in 5 ms."""
-    arrays = _named(FIXED, twin.fixed)
-    arrays["gates"] = np.array(drivers, dtype=np.float64)
-    return replace(twin, scene=replace(twin.scene, drivers=drivers), fixed=_packed(arrays))
+def _drivers(sensor: Sensor, scene: Scene, step: float) -> Records:
+    drivers = np.zeros(2, dtype_of(DriverParameters))
+    for d, driver in enumerate(sensor.drivers):
+        drivers[d] = _driver(driver, step, on=scene.drivers[d])
+    return drivers
 
 
-def _reach(bank: np.ndarray) -> float:
-    """Return a height in m above all that the string can be at."""
-    return OUT_OF_REACH + float(np.abs(bank[Q, : bank.shape[1] // 2]).sum())
+def _driver(driver: Ebow, step: float, *, on: bool) -> Records:
+    g, k = tan(pi * min(driver.centre * step, 0.45)), 1.0 / driver.quality
+    gain = driver.gain / driver.limit if driver.limit > 0.0 else 0.0
+    scale = 1.0 / (1.0 + g * (g + k))
+    return _record(DriverParameters, g=g, k=k, gain=gain, limit=driver.limit, scale=scale, on=float(on))
 
 
-def _untouched(count: int, reach: float) -> np.ndarray:
-    contact = np.zeros((count, TOUCH_MEMORY))
-    contact[:, SINCE] = 1.0
-    contact[:, ETA] = -reach
-    return contact
+def _pickup(sensor: Sensor, rate: Hertz) -> Records:
+    pickups, low = sensor.pickups, tan(pi * sensor.pickups.low / rate)
+    g = tan(pi * min(pickups.high, 0.45 * rate) / rate)
+    return _record(
+        PickupParameters,
+        own_1=pickups.own[0],
+        own_2=pickups.own[1],
+        gain_1=pickups.gain[0],
+        gain_2=pickups.gain[1],
+        low_cut=low / (1.0 + low),
+        g=g,
+        k=2.0**0.5,
+        noise=pickups.hiss,
+        air_1=pickups.air[0],
+        air_2=pickups.air[1],
+        scale=1.0 / (1.0 + g * (g + 2.0**0.5)),
+    )
 
 
-def _place(touch: Touch, time: float, reach: float, asked: np.ndarray, ahead: np.ndarray) -> None:
-    """Put a new object where its motion says, out of reach until the next tick reads how deep it is."""
-    times = [key.time for key in touch.motion]
-    for column, name in enumerate(("position", "force", "clearance", "across")):
-        ahead[column] = np.interp(time, times, [getattr(key, name) for key in touch.motion])
-    ahead[4] = -reach
-    asked[:] = ahead
+def _outside(scene: Scene) -> Audio:
+    if scene.outside is None:
+        return np.zeros(0, dtype=np.float32)
+    samples = np.asarray(scene.outside.samples, dtype=np.float32)
+    if samples.ndim != 1 or samples.size == 0 or not np.isfinite(samples).all():
+        raise InputError(f"an outside sound of shape {samples.shape}", "finite mono samples, (n,)")
+    return samples * np.float32(scene.outside.level)
 
 
-def _packed(arrays: dict[str, np.ndarray]) -> tuple[np.ndarray, ...]:
-    return tuple(np.ascontiguousarray(arrays[name])[None] for name in FIXED)
+def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: Plan, rate: Hertz) -> dict[str, Any]:
+    """Return the fields of `Parameters` that belong to the touches."""
+    string, step = sensor.string, 1.0 / (rate * chosen.oversampling)
+    omega = mode_frequencies(string, chosen.count)
+    weights = np.zeros((len(touches), padded(chosen.count)))
+    compliance = np.zeros((len(touches), COMPLIANCE_PLACES))
+    records = np.zeros(len(touches), dtype_of(TouchParameters))
+    keys = np.zeros(
+        (len(touches), max((len(touch.motion) for touch in touches), default=1)), dtype_of(KeyRecord)
+    )
+    exact = np.sqrt(touch_weights(omega, step, chosen.beta))
+    for t, touch in enumerate(touches):
+        material = touch.material
+        radius = touch.radius if touch.radius is not None else material.radius
+        elastic = (radius, material.young_modulus, material.poisson_ratio)
+        _refuse_outside(touch, sensor)
+        records[t] = _record(
+            TouchParameters,
+            k1=0.0,
+            k2=hertz_stiffness(string, *elastic),
+            beta=material.loss,
+            tangential_ratio=mindlin_ratio(material.poisson_ratio),
+            static_friction=material.friction_static,
+            kinetic_friction=material.friction_kinetic,
+            stribeck_speed=material.stribeck_speed,
+            roughness=material.roughness,
+            roughness_length=material.roughness_length,
+            rolls=float(touch.rolls),
+            keys=len(touch.motion),
+        )
+        for i, key in enumerate(touch.motion):
+            keys[t, i] = (key.time, key.position, key.force, key.clearance, key.across)
+        width = float(contact_width(string, *elastic, WIDTH_FORCE))
+        weights[t, : chosen.count] = exact * _blur(string.length, width, chosen.count)
+        compliance[t] = _compliance(sensor, width)
+    return {"touches": records, "keys": keys, "weights": weights, "compliance": compliance}
 
 
-def _named(names: tuple[str, ...], arrays: tuple[np.ndarray, ...]) -> dict[str, np.ndarray]:
-    """Return the arrays of one twin by their names."""
-    return {name: array[0] for name, array in zip(names, arrays, strict=True)}
+def _refuse_outside(touch: Touch, sensor: Sensor) -> None:
+    length = sensor.string.length
+    edge = 0.02 * length
+    for key in touch.motion:
+        if not edge <= key.position <= length - edge:
+            raise InputError(f"a touch at {key.position:g} m", f"{edge:g} to {length - edge:g} m")
+
+
+def _blur(length: float, width: float, count: int) -> Floats:
+    """Return the share of each mode that a touch of a width feels, a Gaussian of the same variance."""
+    wave = np.arange(1, count + 1) * pi / length
+    return np.exp(-((wave * width) ** 2) / 24.0)
+
+
+def _compliance(sensor: Sensor, width: float) -> Floats:
+    """Return the static compliance along the string, in m/N, of a touch of a width in m."""
+    string = sensor.string
+    place = np.linspace(0.0, 1.0, COMPLIANCE_PLACES)
+    point = np.zeros(COMPLIANCE_PLACES)
+    point[1:-1] = static_compliance(string, place[1:-1] * string.length)
+    omega = mode_frequencies(string, WIDTH_MODES)
+    lost = (1.0 - _blur(string.length, width, WIDTH_MODES) ** 2) * 2.0
+    lost /= string.linear_density * string.length * omega**2
+    return point - np.sin(np.outer(place, np.arange(1, WIDTH_MODES + 1)) * pi) ** 2 @ lost
+
+
+def _plucked(sensor: Sensor, pluck: Pluck | None, chosen: Plan) -> Floats:
+    """Return the displacement in m of every mode of the bank at the start."""
+    half = padded(chosen.count)
+    q = np.zeros(2 * half)
+    if pluck is None:
+        return q
+    length, place = sensor.string.length, pluck.position
+    if not 0.0 < place < length:
+        raise InputError(f"a pluck at {place:g} m", f"between 0 and {length:g} m")
+    n = np.arange(1, chosen.count + 1)
+    share = np.sin(n * pi * place / length) * length**2 / (place * (length - place))
+    triangle = 2.0 * pluck.height * share / (n * pi) ** 2
+    q[: chosen.count] = triangle * cos(pluck.angle)
+    q[half : half + chosen.count] = triangle * sin(pluck.angle)
+    return q
+
+
+def _new_contacts(touches: tuple[Touch, ...], time: float, bank: Floats) -> tuple[Records, Records]:
+    """Return states and motions of new objects: where they are at a time, but off all of the string.
+
+    Their depth, and with it the first contact, follows from the next control update.
+    """
+    far = CLEARANCE_OF_NEW + float(np.abs(bank[Q, : bank.shape[1] // 2]).sum())
+    contact = np.zeros(len(touches), dtype_of(ContactState))
+    contact["time_off"], contact["eta"] = 1.0, -far
+    motion = np.zeros(len(touches), dtype_of(Motion))
+    for t, touch in enumerate(touches):
+        times = [key.time for key in touch.motion]
+        for name in ("position", "force", "clearance", "across"):
+            motion[name][t] = np.interp(time, times, [getattr(key, name) for key in touch.motion])
+    motion["depth"] = -far
+    return contact, motion

@@ -1,63 +1,62 @@
-"""The string: modes that are carried from sample to sample exactly, in two polarisations.
+"""The string: modes in two polarisations, each propagated from step to step exactly.
 
-Each mode obeys m (q'' + 2 sigma q' + omega^2 q) = F with F held over a sample, which has a closed solution
-(Trautmann and Rabenstein 2003; Issanchou et al. 2017). All that belongs to modes stands in one flat bank,
-row after row of `size` numbers: the modes of the press direction in the first half of a row, those across
-it in the second, each half padded with modes at rest. One array and a size that is known when the kernel is
-compiled let a row be one run of vector instructions.
+Each mode obeys m (q'' + 2 sigma q' + omega^2 q) = F with F held over a step, which has a closed solution
+(Trautmann and Rabenstein 2003; Issanchou et al. 2017). The modes stand in one flat bank, laid out in
+`monochord.physics.twin.records`. One array, and a size that is known when the kernel is compiled, let every
+loop over modes be a few vector instructions.
 """
 
 import numpy as np
 
 from monochord.core.types import Floats
-from monochord.physics.twin.bank import (
-    BEND,
+from monochord.physics.twin.jit import inlined
+from monochord.physics.twin.records import (
+    COMPLIANCE,
+    DECAY,
     DRIVE_1,
     DRIVE_2,
-    EACH,
-    EASE,
     END_1,
     END_2,
     FORCE,
     FRAME,
-    KICK_Q,
-    KICK_V,
-    PRESS,
-    PULL,
-    PUSH_Q,
-    PUSH_V,
+    NORMAL,
+    OMEGA2_BENDING,
+    OMEGA2_TENSION,
+    Q_FORCE,
     Q_FREE,
-    Q_NEXT,
+    Q_NEW,
     Q_Q,
+    Q_TENSION,
     Q_V,
-    RUB,
+    ROWS_A_TOUCH,
     SENSE_1,
     SENSE_2,
     SHAPE,
-    SIGMA,
     STRETCH,
+    TANGENTIAL,
+    V_FORCE,
     V_FREE,
     V_Q,
+    V_TENSION,
     V_V,
     WORK,
     Q,
     V,
 )
-from monochord.physics.twin.part import part
 
-LITTLE = 0.1
-"""Share of a mode's motion in a sample up to which an extra tension is little."""
+MAX_SMALL_H = 0.1
+"""Largest h = `Q_TENSION` times extra tension for which 1 / (1 + h) is taken from its series."""
 
 
-@part
+@inlined
 def row_of(touch: int) -> int:
     """Return the first row of a touch."""
-    return SHAPE + EACH * touch
+    return SHAPE + ROWS_A_TOUCH * touch
 
 
-@part
-def tune(bank: Floats, size: int, tension: float, mass: float, reach: float, step: float) -> float:
-    """Fill the propagator of every mode for a tension; return the largest of `KICK_Q`.
+@inlined
+def tune(bank: Floats, size: int, tension: float, mass: float, tension_gain: float, step: float) -> float:
+    """Fill the propagator of every mode for a tension; return the largest of `Q_TENSION`.
 
     Parameters
     ----------
@@ -69,41 +68,41 @@ def tune(bank: Floats, size: int, tension: float, mass: float, reach: float, ste
         In N.
     mass
         Modal mass mu L / 2 in kg.
-    reach
-        pi^2 / (4 L) in 1/m: half the force on a mode's unit weight and displacement a newton of tension.
+    tension_gain
+        pi^2 / (4 L) in 1/m: half the force on a mode of unit weight and displacement a newton of tension.
     step
         Time step in s.
     """
-    most = 0.0
+    largest = 0.0
     for i in range(size):
-        square = bank[PULL * size + i] * tension + bank[BEND * size + i]
-        sigma = bank[SIGMA * size + i]
+        square = bank[OMEGA2_TENSION * size + i] * tension + bank[OMEGA2_BENDING * size + i]
+        sigma = bank[DECAY * size + i]
         if square <= sigma * sigma:
-            continue  # no mode, or one that a slack string has lost: it stays as it was
+            continue  # padding, or a mode that does not oscillate on a slack string: it keeps its propagator
         ring = np.sqrt(square - sigma * sigma)
         fall = np.exp(-sigma * step)
         sine = fall * np.sin(ring * step) / ring
         cosine = fall * np.cos(ring * step)
         push = (1.0 - cosine - sigma * sine) / (mass * square)
-        weight = bank[STRETCH * size + i] * reach
+        weight = bank[STRETCH * size + i] * tension_gain
         bank[Q_Q * size + i] = cosine + sigma * sine
         bank[Q_V * size + i] = sine
         bank[V_Q * size + i] = -square * sine
         bank[V_V * size + i] = cosine - sigma * sine
-        bank[PUSH_Q * size + i] = push
-        bank[PUSH_V * size + i] = sine / mass
-        bank[KICK_Q * size + i] = push * weight
-        bank[KICK_V * size + i] = sine / mass * weight
-        most = max(most, push * weight)
-    return most
+        bank[Q_FORCE * size + i] = push
+        bank[V_FORCE * size + i] = sine / mass
+        bank[Q_TENSION * size + i] = push * weight
+        bank[V_TENSION * size + i] = sine / mass * weight
+        largest = max(largest, push * weight)
+    return largest
 
 
-@part
-def carry(bank: Floats, size: int, first: float, second: float, shake: float) -> tuple[float, float]:
-    """Carry all modes over one sample under held forces.
+@inlined
+def propagate(bank: Floats, size: int, first: float, second: float, shake: float) -> tuple[float, float]:
+    """Propagate all modes over one step under held forces, without touches and extra tension.
 
-    Returns their stretch sum, and by how much half a newton of extra tension would lower it, in m^2/N.
-    `first` and `second` are the drivers' forces in N, `shake` the acceleration of the frame in m/s^2.
+    `first` and `second` are the drivers' forces in N, `shake` the acceleration of the frame in m/s^2. Returns
+    the stretch sum in m^2, and by how much half a newton of extra tension would lower it, in m^2/N.
     """
     total, yields = 0.0, 0.0
     for i in range(size):
@@ -113,61 +112,61 @@ def carry(bank: Floats, size: int, first: float, second: float, shake: float) ->
             + bank[FRAME * size + i] * shake
         )
         q, v = bank[Q * size + i], bank[V * size + i]
-        new = bank[Q_Q * size + i] * q + bank[Q_V * size + i] * v + bank[PUSH_Q * size + i] * force
+        new = bank[Q_Q * size + i] * q + bank[Q_V * size + i] * v + bank[Q_FORCE * size + i] * force
         bank[Q_FREE * size + i] = new
         bank[V_FREE * size + i] = (
-            bank[V_Q * size + i] * q + bank[V_V * size + i] * v + bank[PUSH_V * size + i] * force
+            bank[V_Q * size + i] * q + bank[V_V * size + i] * v + bank[V_FORCE * size + i] * force
         )
         stretch = bank[STRETCH * size + i] * new
         total += stretch * new
-        yields += stretch * bank[KICK_Q * size + i] * (new + q)
+        yields += stretch * bank[Q_TENSION * size + i] * (new + q)
     return total, yields
 
 
-@part
-def pulled(bank: Floats, size: int, tension: float, most: float) -> float:
-    """Fill `Q_NEXT` and `EASE` under an extra tension, in N; return the stretch sum.
+@inlined
+def apply_tension(bank: Floats, size: int, tension: float, max_q_tension: float) -> float:
+    """Fill `Q_NEW` and `COMPLIANCE` under an extra tension in N; return the stretch sum in m^2.
 
-    The tension acts at the mean of old and new position, q_next = (q_free - h q) / (1 + h) with h = KICK_Q
-    tension, which solves that mean exactly. `most` is the largest KICK_Q: while h stays below `LITTLE`, 1 /
-    (1 + h) is 1 - h + h^2 after two rounds of Newton's reciprocal, wrong by h^12, which is far cheaper.
+    The tension acts at the mean of old and new position: q_new = (q_free - h q) / (1 + h) with h = Q_TENSION
+    tension. `max_q_tension` is the largest Q_TENSION: while h stays below `MAX_SMALL_H`, 1 / (1 + h) is 1 - h
+    + h^2 after two rounds of Newton's reciprocal, whose error is h^12 and which is far cheaper than a
+    division.
     """
     total = 0.0
-    if abs(tension) * most < LITTLE:
+    if abs(tension) * max_q_tension < MAX_SMALL_H:
         for i in range(size):
-            h = bank[KICK_Q * size + i] * tension
+            h = bank[Q_TENSION * size + i] * tension
             share = 1.0 - h + h * h
             share *= 2.0 - share * (1.0 + h)
             share *= 2.0 - share * (1.0 + h)
             new = (bank[Q_FREE * size + i] - h * bank[Q * size + i]) * share
-            bank[Q_NEXT * size + i] = new
-            bank[EASE * size + i] = bank[PUSH_Q * size + i] * share
+            bank[Q_NEW * size + i] = new
+            bank[COMPLIANCE * size + i] = bank[Q_FORCE * size + i] * share
             total += bank[STRETCH * size + i] * new * new
         return total
     for i in range(size):
-        h = bank[KICK_Q * size + i] * tension
+        h = bank[Q_TENSION * size + i] * tension
         new = (bank[Q_FREE * size + i] - h * bank[Q * size + i]) / (1.0 + h)
-        bank[Q_NEXT * size + i] = new
-        bank[EASE * size + i] = bank[PUSH_Q * size + i] / (1.0 + h)
+        bank[Q_NEW * size + i] = new
+        bank[COMPLIANCE * size + i] = bank[Q_FORCE * size + i] / (1.0 + h)
         total += bank[STRETCH * size + i] * new * new
     return total
 
 
-@part
-def arrive(bank: Floats, size: int, tension: float) -> tuple[float, float, float, float]:
-    """Let new positions and velocities take the old ones' place.
+@inlined
+def finish_step(bank: Floats, size: int, tension: float) -> tuple[float, float, float, float]:
+    """Replace old positions and velocities by the new ones.
 
     `FORCE` holds the modal force of the touches, `tension` is the extra tension in N. Returns the speeds at
-    both sense coils in m/s and the forces on both ends as the microphones feel them, in N at nominal
-    tension.
+    both sense coils in m/s, and the forces on both ends in the pickups' direction, in N at nominal tension.
     """
     first, second, near, far = 0.0, 0.0, 0.0, 0.0
     for i in range(size):
-        old, new = bank[Q * size + i], bank[Q_NEXT * size + i]
+        old, new = bank[Q * size + i], bank[Q_NEW * size + i]
         speed = (
             bank[V_FREE * size + i]
-            + bank[PUSH_V * size + i] * bank[FORCE * size + i]
-            - bank[KICK_V * size + i] * tension * (new + old)
+            + bank[V_FORCE * size + i] * bank[FORCE * size + i]
+            - bank[V_TENSION * size + i] * tension * (new + old)
         )
         bank[V * size + i] = speed
         bank[Q * size + i] = new
@@ -178,9 +177,9 @@ def arrive(bank: Floats, size: int, tension: float) -> tuple[float, float, float
     return first, second, near, far
 
 
-@part
-def shape_at(bank: Floats, size: int, row: int, position: float, weight: Floats) -> None:
-    """Fill a touch's row with sin(n pi x / L) times each mode's weight, by recurrence; `position` is x/L."""
+@inlined
+def fill_shape(bank: Floats, size: int, row: int, position: float, weight: Floats) -> None:
+    """Fill a row with sin(n pi x / L) times each mode's weight, by recurrence; `position` is x / L."""
     angle = np.pi * position
     turn = 2.0 * np.cos(angle)
     before, now = 0.0, np.sin(angle)
@@ -189,97 +188,98 @@ def shape_at(bank: Floats, size: int, row: int, position: float, weight: Floats)
         before, now = now, turn * now - before
 
 
-@part
-def take(bank: Floats, size: int, row: int) -> None:
-    """Take a touch in hand: its shapes are copied where `foreseen`, `placed` and `pushed` look for them.
+@inlined
+def select_touch(bank: Floats, size: int, row: int) -> None:
+    """Copy a touch's shapes to `NORMAL` and `TANGENTIAL`, where the functions below read them.
 
-    Those run along whole rows at known places, and keep what they multiply: that lets them be vectors,
-    where a bare sum over half a row at some place would be unrolled into one long chain, ten times as slow.
+    Those run along whole rows at fixed addresses, and store their products (`WORK`): so they compile to
+    vector instructions, where a bare sum over half a row at a variable address is unrolled into one long
+    chain of additions, ten times as slow.
     """
     half = size // 2
     for i in range(half):
-        bank[PRESS * size + i] = bank[row * size + i]
-        bank[RUB * size + half + i] = bank[row * size + i]
+        bank[NORMAL * size + i] = bank[row * size + i]
+        bank[TANGENTIAL * size + half + i] = bank[row * size + i]
 
 
-@part
-def foreseen(bank: Floats, size: int) -> tuple[float, float, float, float]:
-    """Return what tells about the force of the touch at hand before anything has pushed, from `Q_FREE`.
+@inlined
+def predict(bank: Floats, size: int) -> tuple[float, float, float, float]:
+    """Return height and compliances at the selected touch before any touch acts, from `Q_FREE`.
 
-    Where the string would be there, in m; what a newton gives it in a sample, in m/N; and what a force f
-    adds to the stretch sum: 2 f times the third number and f^2 times the fourth.
+    The string's height there in m; its compliance over a step in m/N; and the change of the stretch sum by a
+    force f: 2 f times the third number and f^2 times the fourth. The force is predicted from these.
     """
-    below, ease, cross, square = 0.0, 0.0, 0.0, 0.0
+    height, compliance, cross, square = 0.0, 0.0, 0.0, 0.0
     for i in range(size):
-        shape, free = bank[PRESS * size + i], bank[Q_FREE * size + i]
-        gives = shape * bank[PUSH_Q * size + i]
+        shape, free = bank[NORMAL * size + i], bank[Q_FREE * size + i]
+        gives = shape * bank[Q_FORCE * size + i]
         weighed = bank[STRETCH * size + i] * gives
         bank[WORK * size + i] = weighed
-        below += shape * free
-        ease += shape * gives
+        height += shape * free
+        compliance += shape * gives
         cross += weighed * free
         square += weighed * gives
-    return below, ease, cross, square
+    return height, compliance, cross, square
 
 
-@part
-def placed(bank: Floats, size: int) -> tuple[float, float, float, float]:
-    """Return where the string is at the touch at hand, from `Q_NEXT`, and its ease there.
+@inlined
+def free_response(bank: Floats, size: int) -> tuple[float, float, float, float]:
+    """Return where the string is at the selected touch, from `Q_NEW`, and its compliance there over a step.
 
-    In the press direction and across it, in m, then what a newton there gives it in a sample, in m/N.
+    Both in the press direction and across it: m, m, m/N, m/N.
     """
-    below, aside, ease, ease_aside = 0.0, 0.0, 0.0, 0.0
+    height, across, compliance, compliance_across = 0.0, 0.0, 0.0, 0.0
     for i in range(size):
-        shape, shape_aside = bank[PRESS * size + i], bank[RUB * size + i]
-        gives, gives_aside = shape * bank[EASE * size + i], shape_aside * bank[EASE * size + i]
-        bank[WORK * size + i] = gives + gives_aside
-        below += shape * bank[Q_NEXT * size + i]
-        aside += shape_aside * bank[Q_NEXT * size + i]
-        ease += shape * gives
-        ease_aside += shape_aside * gives_aside
-    return below, aside, ease, ease_aside
+        normal, tangential = bank[NORMAL * size + i], bank[TANGENTIAL * size + i]
+        gives, gives_across = normal * bank[COMPLIANCE * size + i], tangential * bank[COMPLIANCE * size + i]
+        bank[WORK * size + i] = gives + gives_across
+        height += normal * bank[Q_NEW * size + i]
+        across += tangential * bank[Q_NEW * size + i]
+        compliance += normal * gives
+        compliance_across += tangential * gives_across
+    return height, across, compliance, compliance_across
 
 
-@part
-def pushed(bank: Floats, size: int, load: float, side: float, kept: float) -> float:
-    """Let the touch at hand push, in N; return the stretch sum.
+@inlined
+def apply_force(bank: Floats, size: int, normal: float, tangential: float, kept: float) -> float:
+    """Apply the selected touch's forces, in N; return the stretch sum in m^2.
 
-    Its modal force is added to `FORCE`, of which a share is kept: none for the first touch.
+    Its modal force is added to `FORCE`, of which the share `kept` remains: 0 for the first touch, then 1.
     """
     total = 0.0
     for i in range(size):
-        force = bank[PRESS * size + i] * load + bank[RUB * size + i] * side
-        new = bank[Q_NEXT * size + i] + bank[EASE * size + i] * force
+        force = bank[NORMAL * size + i] * normal + bank[TANGENTIAL * size + i] * tangential
+        new = bank[Q_NEW * size + i] + bank[COMPLIANCE * size + i] * force
         bank[FORCE * size + i] = kept * bank[FORCE * size + i] + force
-        bank[Q_NEXT * size + i] = new
+        bank[Q_NEW * size + i] = new
         total += bank[STRETCH * size + i] * new * new
     return total
 
 
-@part
-def between(bank: Floats, size: int, row: int, other: int) -> tuple[float, float]:
-    """Return what a newton held over a sample at another touch gives this one, in m/N, both ways."""
-    ease, ease_aside = 0.0, 0.0
+@inlined
+def mutual_compliance(bank: Floats, size: int, row: int, other: int) -> tuple[float, float]:
+    """Return the compliance over a step from one touch to another, normal and tangential, in m/N."""
+    normal, tangential = 0.0, 0.0
     for i in range(size // 2):
         both = bank[row * size + i] * bank[other * size + i]
-        ease += both * bank[EASE * size + i]
-        ease_aside += both * bank[EASE * size + size // 2 + i]
-    return ease, ease_aside
+        normal += both * bank[COMPLIANCE * size + i]
+        tangential += both * bank[COMPLIANCE * size + size // 2 + i]
+    return normal, tangential
 
 
-@part
-def slide(bank: Floats, size: int, row: int) -> None:
-    """Move a touch's shape on by one step."""
+@inlined
+def move_shape(bank: Floats, size: int, row: int) -> None:
+    """Advance a moving touch's shape by one step."""
     for i in range(size // 2):
         bank[row * size + i] += bank[(row + 1) * size + i]
 
 
-@part
-def static_share(bank: Floats, size: int, row: int, tension: float, mass: float) -> float:
-    """Return the static compliance in m/N that the bank's modes give a touch, at a tension."""
+@inlined
+def static_compliance(bank: Floats, size: int, row: int, tension: float, mass: float) -> float:
+    """Return the static compliance in m/N of the bank's modes at a touch, at a tension in N."""
     total = 0.0
     for i in range(size // 2):
-        square = bank[PULL * size + i] * tension + bank[BEND * size + i]
+        square = bank[OMEGA2_TENSION * size + i] * tension + bank[OMEGA2_BENDING * size + i]
         if square > 0.0:
             total += bank[row * size + i] ** 2 / (mass * square)
     return total

@@ -1,7 +1,8 @@
-"""Another sensor of the same design, and the same sensor on another day: each drawn by one seed.
+"""Random variation: another sensor of the same design, and the same sensor on another day, each from a seed.
 
-Every quantity has a stream of its own, named and seeded, so that a tolerance more or less leaves the other
-draws as they were. All are normal, cut at 2.5 standard deviations, and end within what `Sensor` allows.
+Every quantity has a random stream of its own, by name and seed, so that adding or removing a tolerance leaves
+the other draws unchanged. All are normal, truncated at 2.5 standard deviations, and clipped to the range that
+`Sensor` allows.
 """
 
 from dataclasses import replace
@@ -14,26 +15,26 @@ from monochord.core.units import Newtons
 from monochord.physics.theory import Losses, stretch_stiffness
 from monochord.physics.twin.setup import Ebow, Pickups, Sensor
 
-CUT = 2.5
-"""Standard deviations at which draws are cut: what is further off would be sent back."""
-EDGE = 1e-3
-"""Least distance of a coil from an end, in m."""
+TRUNCATION = 2.5
+"""Standard deviations at which draws are truncated: a part further off would be rejected."""
+MIN_END_DISTANCE = 1e-3
+"""Of a coil from an end, in m."""
 HOUR = 3600.0
 
 
 def build(sensor: Sensor, seed: int) -> Sensor:
-    """Return another sensor of the same design, as `sensor.tolerances` allow.
+    """Return another sensor of the same design, drawn from `sensor.tolerances`.
 
-    Density goes with the square of the wire's diameter, and so do its stretch and bending stiffness, by
-    `core_diameter`. The tension is what brings that wire to its pitch, give or take the tuning's error of c
-    cents: T ~ rho L^2 2^(c/600). Range, frame, polarity and everything electronic that is not named stay.
+    Density goes with the square of the wire's diameter, and its stretch and bending stiffness follow
+    `core_diameter`. The tension brings that wire to its pitch, with a tuning error of c cents:
+    T ~ rho L^2 2^(c/600). Range, frame, polarity and all electronics that are not named keep their values.
 
     Parameters
     ----------
     sensor
         The design, with its nominal values.
     seed
-        Which of its sensors, 0 or more. The same seed gives the same sensor.
+        Random seed, 0 or more.
 
     Returns
     -------
@@ -48,7 +49,7 @@ def build(sensor: Sensor, seed: int) -> Sensor:
     (True, False)
     """
     allowed, string = sensor.tolerances, _wire(sensor, seed)
-    drivers = tuple(_built(sensor, string, d, seed) for d in range(2))
+    drivers = tuple(_driver(sensor, string, d, seed) for d in range(2))
     pickups, losses = sensor.pickups, sensor.losses
     share = [_normal(seed, f"loss {i}") for i in range(3)]
     return replace(
@@ -60,7 +61,7 @@ def build(sensor: Sensor, seed: int) -> Sensor:
             pickups,
             own=_pair(pickups.own, [allowed.own * _normal(seed, f"own {i}") for i in range(2)]),
             gain=_gains(pickups, allowed.pickup_gain, seed, "pickup gain"),
-            angle=_within(pickups.angle + allowed.tilt * _normal(seed, "pickup tilt"), -np.pi, np.pi),
+            angle=_clipped(pickups.angle + allowed.tilt * _normal(seed, "pickup tilt"), -np.pi, np.pi),
         ),
         losses=Losses(
             air_viscosity=losses.air_viscosity,
@@ -73,17 +74,17 @@ def build(sensor: Sensor, seed: int) -> Sensor:
 
 
 def day(sensor: Sensor, seed: int) -> Sensor:
-    """Return the same sensor on another day, as `sensor.changes` say: drift of tension, drivers and pickups.
+    """Return the same sensor on another day: its `changes` of tension, drivers and pickups, drawn.
 
-    The tension goes with temperature, creep and, within the session, with warming: see `tension_by_warmth`.
-    String, places of coils, bands, losses and crosstalk stay as they were built.
+    The tension changes with temperature, creep and, within the session, warming: see `tension_per_kelvin`.
+    String, places of coils, bands, losses and crosstalk stay as built.
 
     Parameters
     ----------
     sensor
         As built, see `build`.
     seed
-        Which day, 0 or more. The same seed gives the same day to every sensor.
+        Random seed, 0 or more; one seed draws the same day for every sensor.
 
     Returns
     -------
@@ -97,16 +98,16 @@ def day(sensor: Sensor, seed: int) -> Sensor:
     >>> today.string == load_sensor("prototype").string, today.drift == 0.0
     (True, False)
     """
-    changes, warmth = sensor.changes, tension_by_warmth(sensor)
-    drift = sensor.drift + warmth * changes.temperature * _normal(seed, "temperature")
+    changes, per_kelvin = sensor.changes, tension_per_kelvin(sensor)
+    drift = sensor.drift + per_kelvin * changes.temperature * _normal(seed, "temperature")
     drift -= changes.creep * abs(_normal(seed, "creep"))
-    rate = sensor.drift_rate + warmth * changes.warming / HOUR * _normal(seed, "warming")
-    most = 0.25 * sensor.string.tension
+    rate = sensor.drift_rate + per_kelvin * changes.warming / HOUR * _normal(seed, "warming")
+    limit = 0.25 * sensor.string.tension
     drivers = [
         replace(
             driver,
-            gain=_within(driver.gain * (1.0 + changes.gain * _normal(seed, f"day gain {d}")), -10.0, 10.0),
-            limit=_within(driver.limit * (1.0 + changes.limit * _normal(seed, f"day limit {d}")), 0.0, 1.0),
+            gain=_clipped(driver.gain * (1.0 + changes.gain * _normal(seed, f"day gain {d}")), -10.0, 10.0),
+            limit=_clipped(driver.limit * (1.0 + changes.limit * _normal(seed, f"day limit {d}")), 0.0, 1.0),
         )
         for d, driver in enumerate(sensor.drivers)
     ]
@@ -117,22 +118,21 @@ def day(sensor: Sensor, seed: int) -> Sensor:
         pickups=replace(
             sensor.pickups, gain=_gains(sensor.pickups, changes.pickup_gain, seed, "day pickup gain")
         ),
-        drift=_within(drift, -min(50.0, most), min(50.0, most)),
-        drift_rate=_within(rate, -1.0, 1.0),
+        drift=_clipped(drift, -min(50.0, limit), min(50.0, limit)),
+        drift_rate=_clipped(rate, -1.0, 1.0),
     )
 
 
-def tension_by_warmth(sensor: Sensor) -> Newtons:
-    """Return by how much a kelvin raises the tension, in N/K.
+def tension_per_kelvin(sensor: Sensor) -> Newtons:
+    """Return the rise of tension a kelvin, in N/K.
 
-    dT = E A (alpha_frame - alpha_string) dtheta: frame and wire are as warm as each other, and the frame
-    does not give. A frame that lengthens more than its string, as aluminium does with steel, pulls it
-    tighter.
+    dT = E A (alpha_frame - alpha_string) dtheta: frame and wire have one temperature, and the frame is rigid.
+    A frame that expands more than its string, as aluminium does with steel, tightens it.
 
     Examples
     --------
     >>> from monochord.physics.sensors import load_sensor
-    >>> round(tension_by_warmth(load_sensor("prototype")), 3)
+    >>> round(tension_per_kelvin(load_sensor("prototype")), 3)
     0.115
     """
     return float(stretch_stiffness(sensor.string) * (sensor.frame_expansion - sensor.string_expansion))
@@ -152,43 +152,47 @@ def _wire(sensor: Sensor, seed: int) -> StringParams:
     )
 
 
-def _built(sensor: Sensor, string: StringParams, index: int, seed: int) -> Ebow:
+def _driver(sensor: Sensor, string: StringParams, index: int, seed: int) -> Ebow:
     driver, allowed = sensor.drivers[index], sensor.tolerances
 
-    def off(name: str) -> float:
+    def draw(name: str) -> float:
         return _normal(seed, f"driver {index} {name}")
 
     return Ebow(
-        sense=_within(driver.sense + allowed.places * off("sense"), EDGE, string.length - EDGE),
-        drive=_within(driver.drive + allowed.places * off("drive"), EDGE, string.length - EDGE),
-        aperture=_within(driver.aperture * (1.0 + allowed.aperture * off("aperture")), 0.0, 0.05),
-        centre=_within(driver.centre * (1.0 + allowed.centre * off("centre")), 20.0, 12000.0),
-        quality=_within(driver.quality * (1.0 + allowed.quality * off("quality")), 0.1, 20.0),
-        gain=_within(driver.gain * (1.0 + allowed.gain * off("gain")), -10.0, 10.0),
-        limit=_within(driver.limit * (1.0 + allowed.limit * off("limit")), 0.0, 1.0),
-        angle=_within(driver.angle + allowed.tilt * off("tilt"), -np.pi, np.pi),
+        sense=_clipped(
+            driver.sense + allowed.places * draw("sense"), MIN_END_DISTANCE, string.length - MIN_END_DISTANCE
+        ),
+        drive=_clipped(
+            driver.drive + allowed.places * draw("drive"), MIN_END_DISTANCE, string.length - MIN_END_DISTANCE
+        ),
+        aperture=_clipped(driver.aperture * (1.0 + allowed.aperture * draw("aperture")), 0.0, 0.05),
+        centre=_clipped(driver.centre * (1.0 + allowed.centre * draw("centre")), 20.0, 12000.0),
+        quality=_clipped(driver.quality * (1.0 + allowed.quality * draw("quality")), 0.1, 20.0),
+        gain=_clipped(driver.gain * (1.0 + allowed.gain * draw("gain")), -10.0, 10.0),
+        limit=_clipped(driver.limit * (1.0 + allowed.limit * draw("limit")), 0.0, 1.0),
+        angle=_clipped(driver.angle + allowed.tilt * draw("tilt"), -np.pi, np.pi),
     )
 
 
 def _gains(pickups: Pickups, share: float, seed: int, name: str) -> tuple[float, float]:
     first, second = (
-        _within(gain * (1.0 + share * _normal(seed, f"{name} {i}")), 0.0, 1e4)
+        _clipped(gain * (1.0 + share * _normal(seed, f"{name} {i}")), 0.0, 1e4)
         for i, gain in enumerate(pickups.gain)
     )
     return first, second
 
 
-def _pair(values: tuple[float, float], off: list[float]) -> tuple[float, float]:
-    return _within(values[0] + off[0], 0.0, 1.0), _within(values[1] + off[1], 0.0, 1.0)
+def _pair(values: tuple[float, float], changes: list[float]) -> tuple[float, float]:
+    return _clipped(values[0] + changes[0], 0.0, 1.0), _clipped(values[1] + changes[1], 0.0, 1.0)
 
 
-def _within(value: float, low: float, high: float) -> float:
+def _clipped(value: float, low: float, high: float) -> float:
     return float(min(high, max(low, value)))
 
 
 def _normal(seed: int, name: str) -> float:
-    """Return the draw of one quantity: normal, of unit deviation before its tails are cut off at `CUT`."""
+    """Return the draw of one quantity: standard normal, truncated at `TRUNCATION`."""
     stream = np.random.default_rng([seed, crc32(name.encode())])
-    while abs(value := float(stream.standard_normal())) > CUT:
+    while abs(value := float(stream.standard_normal())) > TRUNCATION:
         pass
     return value

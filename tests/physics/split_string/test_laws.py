@@ -7,8 +7,8 @@ import pytest
 
 from monochord.core.types import Contact, Floats
 from monochord.physics.split_string import Drive, Pluck, Recording, Route, SplitString, peaks, simulate
-from monochord.physics.split_string.compiled import leapfrog
 from monochord.physics.split_string.grid import Grid, lay_out, time_step
+from monochord.physics.split_string.kernels import leapfrog
 from monochord.physics.split_string.segments import split
 from monochord.physics.split_string.simulate import step_grid
 from monochord.physics.strings import load_string

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from tests.physics.twin.built import inside
 
 from monochord.core.types import Floats
 from monochord.evaluation.slip_features import rumble
@@ -12,10 +13,7 @@ from monochord.physics.materials import Material, load_material, material_names
 from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
 from monochord.physics.theory import static_compliance
-from monochord.physics.twin import Ebow, Key, Scene, Sensor, Take, Touch, Twin, advance, begin, friction, hold
-from monochord.physics.twin.memory import LOAD, PULL_ALONG, SIDE, SIDE_FORCE
-from monochord.physics.twin.roughness import height
-from monochord.physics.twin.stream import MOVING
+from monochord.physics.twin import Ebow, Key, Scene, Sensor, Take, Touch, advance, begin, friction, hold
 
 RATE = 44100
 PLACE = 0.08
@@ -50,13 +48,9 @@ def pulled(material: Material, force: float, speed: float, seconds: float, every
     rows: list[tuple[float, ...]] = []
     for _ in range(round(seconds * RATE / every)):
         _, twin = advance(twin, every)
-        found, own = inside(twin, "solved"), inside(twin, "contact")
-        rows.append((found[SIDE_FORCE], found[LOAD], own[SIDE]))
+        one, own = inside(twin, "solution")[0], inside(twin, "contact")[0]
+        rows.append((one.force_across, one.force, own.string_across))
     return Pulled(**dict(zip(("friction", "load", "place"), np.array(rows).T, strict=True)))
-
-
-def inside(twin: Twin, name: str) -> Floats:
-    return twin.moving[MOVING.index(name)][0, 0]
 
 
 @pytest.mark.parametrize("name", material_names())
@@ -66,7 +60,7 @@ def test_sliding_pulls_by_the_coefficient_of_friction(name: str) -> None:
         late = pulled(material, 1.0, speed, 0.3)
         half = late.friction.size // 2
         ratio = late.friction[half:].mean() / late.load[half:].mean() * np.sign(speed)
-        steady = friction.grip(
+        steady = friction.friction_coefficient(
             speed, material.friction_static, material.friction_kinetic, material.stribeck_speed
         )
         # Where the load flutters, it is slower at times than on the whole, and holds harder then.
@@ -156,7 +150,7 @@ def test_friction_along_holds_back_by_the_coefficient() -> None:
     pulls: list[float] = []
     for _ in range(200):
         _, twin = advance(twin, 7)
-        pulls.append(inside(twin, "contact")[PULL_ALONG])
+        pulls.append(inside(twin, "contact")[0].force_along)
     low, high = 0.9 * material.friction_kinetic, material.friction_static
     assert low <= np.mean(pulls) <= high
 
@@ -198,12 +192,6 @@ def test_a_bristle_never_gives_more_than_it_took() -> None:
             z = new
 
 
-def test_a_mark_follows_its_play_and_no_less() -> None:
-    assert friction.played(1.0, 0.6, 0.6, 0.0, 0.0) == (0.0, 0.0)
-    across, along = friction.played(1.0, 3.0, 4.0, 0.0, 0.0)
-    assert (across, along) == pytest.approx((3.0 * 0.8, 4.0 * 0.8))
-
-
 def test_a_ringing_string_under_an_object_at_rest_has_no_power_from_friction() -> None:
     # Drivers off, the swing of the first press dies away: with friction never more slowly than without.
 
@@ -215,19 +203,6 @@ def test_a_ringing_string_under_an_object_at_rest_has_no_power_from_friction() -
 
     slippery = replace(SMOOTH, friction_static=0.01, friction_kinetic=0.01)
     assert left(SMOOTH) <= 1.05 * left(slippery)
-
-
-def test_a_surface_is_a_fixed_landscape_of_unit_height() -> None:
-    stream = np.random.default_rng(5)
-    places = stream.uniform(-400.0, 400.0, (20000, 2))
-    heights = np.array([height(11, x, y) for x, y in places.tolist()])
-    assert np.sqrt(np.mean(heights**2)) == pytest.approx(1.0, abs=0.05)
-    assert abs(heights.mean()) < 0.05
-    assert height(11, 3.3, -7.7) == height(11, 3.3, -7.7) != height(12, 3.3, -7.7)
-    # It is continuous across the edges of its cells, and forgets within some lengths.
-    assert height(11, 5.0 - 1e-9, 2.0 - 1e-9) == pytest.approx(height(11, 5.0 + 1e-9, 2.0 + 1e-9), abs=1e-6)
-    apart = np.array([height(11, x + 3.0, y) for x, y in places[:5000].tolist()])
-    assert abs(np.corrcoef(heights[:5000], apart)[0, 1]) < 0.1
 
 
 def test_roughness_is_heard_the_more_the_faster_and_the_rougher() -> None:

@@ -1,47 +1,24 @@
-"""Contact of a steel string with a round object across it: Hertz's stiffness, and how wide they touch."""
+"""A string against an object: Hertz's contact, and a string that a spring or a force loads at one point."""
 
 import math
 
-from monochord.core.errors import InputError
-from monochord.core.types import StringParams
-from monochord.core.units import Metres, Pascals
-from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_pull
-from monochord.physics.theory.loaded import bending_stiffness
+import numpy as np
 
-STEEL_DENSITY = 7850.0
-"""Of plain carbon steel, in kg/m^3: the handbook value."""
+from monochord.core.errors import InputError
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Metres, Pascals
+from monochord.physics.theory._checks import (
+    Number,
+    refuse_negative_force,
+    refuse_not_positive,
+    refuse_outside,
+)
+from monochord.physics.theory.stiffness import bending_stiffness, outer_diameter
+
 STEEL_POISSON_RATIO = 0.3
 """Of steel: the handbook value."""
-
-
-def outer_diameter(string: StringParams) -> Metres:
-    """Return the diameter of a solid steel string of the same weight.
-
-    d = sqrt(4 mu / (pi rho)), rho = 7850 kg/m^3. For a plain string this is its gauge; a wound one, whose
-    windings leave air between them, is a few per cent thicker than this.
-
-    Parameters
-    ----------
-    string
-        The string; its linear density counts.
-
-    Returns
-    -------
-    float
-        d in m.
-
-    Raises
-    ------
-    InputError
-        If the linear density is not above zero.
-
-    Examples
-    --------
-    >>> f"{outer_diameter(StringParams(length=0.65, linear_density=3.978e-4, tension=73.0)):.3e}"
-    '2.540e-04'
-    """
-    refuse_not_positive(linear_density=string.linear_density)
-    return math.sqrt(4.0 * string.linear_density / (math.pi * STEEL_DENSITY))
+_MAX_BISECTIONS = 60
+"""Of a bracket no wider than pi: the error is below the spacing of floating-point numbers near pi."""
 
 
 def hertz_stiffness(
@@ -96,7 +73,7 @@ def hertz_stiffness(
 def contact_width(
     string: StringParams, radius: Metres, young_modulus: Pascals, poisson_ratio: float, force: Number
 ) -> Number:
-    """Return the length of string that takes part in a contact.
+    """Return the length of string in contact with an object.
 
     The axis of Hertz's ellipse along the string, plus the wrap: a press F turns the string by F / T, so that
     an ideally flexible one lies on the arc R F / T. A stiff string turns by lambda / R on each side before it
@@ -132,7 +109,7 @@ def contact_width(
     >>> round(1e3 * contact_width(plain, 5.0e-3, 2.0e9, 0.35, 1.0), 3)
     0.36
     """
-    refuse_pull(force)
+    refuse_negative_force(force)
     modulus = _contact_modulus(string, young_modulus, poisson_ratio)
     squared, _, part = _ellipse(string, radius)
     major_per_force = 3.0 * part / (2.0 * math.pi * modulus * _least_curvature(string, radius))
@@ -225,3 +202,115 @@ def _elliptic(complement: float) -> tuple[float, float]:
         share += weight * term
     integral = math.pi / (mean + geometric)
     return integral, share * integral
+
+
+def loaded_frequencies(string: StringParams, position: Metres, stiffness: float, count: int) -> Floats:
+    """Return the lowest natural frequencies of a string that a linear spring holds at one point.
+
+    They solve (T/c) w [cot(w x / c) + cot(w (L - x) / c)] = -K, with w = 2 pi f and c = sqrt(T / mu): an
+    ideally flexible string between firm ends on a spring without mass or loss. A mode with a node at x is
+    not moved. K = 0 gives the harmonics of the untouched string, K infinite those of both segments together.
+    The n-th frequency lies between the n-th of these two series, from which it follows by bisection to the
+    precision of floating point.
+
+    Parameters
+    ----------
+    string
+        The string; length, tension and linear density count.
+    position
+        Where the spring holds it, x in m, strictly inside the string.
+    stiffness
+        Of the spring, K in N/m, zero or more; infinite for a clamp.
+    count
+        How many frequencies, at least one.
+
+    Returns
+    -------
+    array (count,)
+        In Hz, ascending. Two are equal where both segments of a clamp sound alike.
+
+    Raises
+    ------
+    InputError
+        If the position is not inside the string, K is negative or the count is below one.
+
+    Notes
+    -----
+    Derived here from the jump of slope at a point force; one spring interlaces the frequencies (Rayleigh).
+
+    Examples
+    --------
+    >>> string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
+    >>> loaded_frequencies(string, 0.325, 1000.0, 3).round(2)
+    array([368.66, 486.5 , 799.58])
+    """
+    refuse_outside(position, string.length)
+    if not stiffness >= 0.0:
+        raise InputError(f"stiffness {stiffness:g} N/m", "0 N/m or more", "a spring pushes back")
+    if count < 1:
+        raise InputError(f"count {count}", "1 or more")
+    # In phi = w L / c: phi sin(phi) + K L / T sin(phi x / L) sin(phi (L - x) / L) = 0, without a pole.
+    number = np.arange(1.0, count + 1)
+    near, far = position / string.length, (string.length - position) / string.length
+    load = stiffness * string.length / string.tension
+    free, spring = (1.0 / load, 1.0) if load > 1.0 else (1.0, load)
+    low = number * math.pi
+    clamped = np.sort(np.concatenate([low / near, low / far]))[:count]
+    high = np.maximum(clamped, low)
+    sign = np.where(number % 2 == 1.0, 1.0, -1.0)
+    for _ in range(_MAX_BISECTIONS):
+        middle = 0.5 * (low + high)
+        above = sign * (
+            free * middle * np.sin(middle) + spring * np.sin(middle * near) * np.sin(middle * far)
+        )
+        low, high = np.where(above > 0.0, middle, low), np.where(above > 0.0, high, middle)
+    speed = math.sqrt(string.tension / string.linear_density)
+    return (low + high) * (speed / (4.0 * math.pi * string.length))  # pyright: ignore[reportReturnType]
+
+
+def static_compliance(string: StringParams, position: Number) -> Number:
+    """Return the static compliance of a string where it is pressed.
+
+    C = [x (L - x) / L - sinh(a x) sinh(a (L - x)) / (a sinh(a L))] / T, with a = sqrt(T / (E I)): a tensioned
+    stiff string between hinged ends under a point force, for small slopes and constant tension. Without core
+    diameter the second term vanishes. Where a L is well below one, bending bears the load instead of tension,
+    the terms nearly cancel and digits are lost; a L is some hundreds for a guitar string.
+
+    Parameters
+    ----------
+    string
+        The string; E I is its `bending_stiffness`.
+    position
+        Where it is pressed, x in m, strictly inside the string; any shape.
+
+    Returns
+    -------
+    float or array
+        C in m/N, of the shape of `position`.
+
+    Raises
+    ------
+    InputError
+        If a position is not inside the string.
+
+    Notes
+    -----
+    Derived here: it is the sum over hinged modes of 2 sin^2(k x) / (L (T k^2 + E I k^4)), k = n pi / L.
+
+    Examples
+    --------
+    >>> string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
+    >>> static_compliance(string, 0.325)
+    0.0025
+    """
+    refuse_outside(position, string.length)
+    flexible = position * (string.length - position) / string.length
+    bending = bending_stiffness(string)
+    if bending == 0.0:
+        return flexible / string.tension  # pyright: ignore[reportReturnType]
+    a = math.sqrt(string.tension / bending)
+    # sinh(p) sinh(q) / sinh(p + q), with no exponent above zero.
+    decay = np.expm1(-2.0 * a * position) * np.expm1(-2.0 * a * (string.length - position))
+    rounding = -decay / (2.0 * a * np.expm1(-2.0 * a * string.length))
+    result = (flexible - rounding) / string.tension
+    return result if result.ndim else float(result)  # pyright: ignore[reportReturnType]

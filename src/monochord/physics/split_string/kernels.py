@@ -1,0 +1,71 @@
+"""The compiled kernels: the leapfrog scheme, node by node, and the free motion of many modes."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from monochord.core.types import Floats
+
+
+@njit(cache=True, error_model="numpy", fastmath=False)
+def leapfrog(
+    now: Floats,
+    before: Floats,
+    coefficients: tuple[float, float, float],
+    loads: Floats,
+    signals: Floats,
+    nodes: NDArray[np.int64],
+    weights: Floats,
+    motion: Floats,
+) -> None:
+    """Advance one segment in place; see `monochord.physics.split_string.grid.leapfrog`.
+
+    No fast-math here: reassociated sums and fused products would end the agreement to rounding.
+    """
+    own, neighbours, past = coefficients
+    first, last = loads[0], now.size - 1  # the end must be known outside, or the sweep is not vectorised
+    for step in range(signals.shape[1]):
+        for p in range(nodes.size):
+            i, w = nodes[p], weights[p]
+            motion[p, step] = (1.0 - w) * before[i] + w * before[i + 1]
+        push = signals[0, step]
+        # The first driver rides in the main sweep: a second sweep over its nodes would cost a fifth more.
+        for i in range(1, last):
+            before[i] = (
+                own * now[i] + neighbours * (now[i - 1] + now[i + 1]) + past * before[i] + first[i] * push
+            )
+        for d in range(1, loads.shape[0]):
+            for i in range(1, last):
+                before[i] += loads[d, i] * signals[d, step]
+        for p in range(nodes.size):
+            i, w = nodes[p], weights[p]
+            motion[p, step] = (1.0 - w) * before[i] + w * before[i + 1] - motion[p, step]
+        now, before = before, now
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def ring(propagator: Floats, shape: Floats, q: Floats, v: Floats, velocity: Floats) -> None:
+    """Add the pickups' velocity by freely moving modes to `velocity`; advance `q` and `v` in place.
+
+    Parameters
+    ----------
+    propagator
+        (4, modes) from `free_motion` over one sample.
+    shape
+        (pickups, modes) value of each mode at each pickup.
+    q, v
+        (modes,) displacement in m and velocity in m/s; changed.
+    velocity
+        (pickups, samples) in m/s; the first sample is the velocity as it comes in. Sums over modes are
+        reassociated, which changes them by rounding only, and alike however the samples are cut into blocks.
+    """
+    for sample in range(velocity.shape[1]):
+        for p in range(shape.shape[0]):
+            total = 0.0
+            for m in range(q.size):
+                total += shape[p, m] * v[m]
+            velocity[p, sample] += total
+        for m in range(q.size):
+            old = q[m]
+            q[m] = propagator[0, m] * old + propagator[1, m] * v[m]
+            v[m] = propagator[2, m] * old + propagator[3, m] * v[m]

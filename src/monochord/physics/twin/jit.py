@@ -1,0 +1,74 @@
+"""How the parts of the twin are compiled, and how their kernel is cached.
+
+The parts are plain functions that numba inlines into one kernel. numba's cache watches the kernel's own file
+only: a part inlined from another file would stay as it was after a change. The kernel therefore carries the
+`fingerprint` of every file in its cache key.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
+
+from numba import njit
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+COMPILE: Any = njit
+"""numba's stubs know neither all of its options nor that a function keeps its signature."""
+FAST = {"reassoc", "contract", "arcp", "nsz"}
+"""Sums over modes may be reordered and products fused; NaN and infinity keep their meaning.
+
+What is reordered depends on the code around it: to inline a part in another way changes the last bit of
+results."""
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function that numba inlines into the kernel; it is not cached by itself.
+
+    Examples
+    --------
+    >>> inlined(lambda x: x + 1.0)(2.0)
+    3.0
+    """
+    return COMPILE(fastmath=FAST, error_model="numpy", inline="always")(function)
+
+
+def called(function: Function) -> Function:
+    """Compile a function that the kernel calls: one that runs seldom, or has no loop over modes.
+
+    Examples
+    --------
+    >>> called(lambda x: x + 1.0)(2.0)
+    3.0
+    """
+    return COMPILE(fastmath=FAST, error_model="numpy", _nrt=False)(function)
+
+
+def exact(function: Function) -> Function:
+    """Compile a function that the kernel calls, in IEEE arithmetic: neither reordered nor fused.
+
+    `fastmath` is switched off by name, since numba passes a caller's options on to what it calls.
+
+    Examples
+    --------
+    >>> exact(lambda x: x + 1.0)(2.0)
+    3.0
+    """
+    return COMPILE(fastmath=False, error_model="numpy", _nrt=False)(function)
+
+
+def fingerprint(modules: Iterable[ModuleType]) -> int:
+    """Return a number that changes with the text of any of the modules, below 2^62.
+
+    Examples
+    --------
+    >>> import math, monochord.core.units
+    >>> fingerprint([monochord.core.units]) == fingerprint([monochord.core.units])
+    True
+    """
+    digest = hashlib.sha256()
+    for module in modules:
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return int.from_bytes(digest.digest()[:8], "big") >> 2
