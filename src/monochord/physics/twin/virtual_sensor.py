@@ -9,7 +9,7 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
-from monochord.physics.twin.setup import MOST_TOUCHES, Key, Pluck, Scene, Sensor, Touch
+from monochord.physics.twin.setup import MAX_TOUCHES, Key, Pluck, Scene, Sensor, Touch
 from monochord.physics.twin.stream import Labels, advance, begin, retouch, switch
 from monochord.physics.twin.variation import build as build_of
 from monochord.physics.twin.variation import day as day_of
@@ -126,8 +126,8 @@ class VirtualSensor:
         last = [touch.motion[-1] for touch in self._touches]
         if all(key.clearance > 0.0 and self.time >= key.time for key in last):
             self._touches = []  # all are gone
-        if len(self._touches) == MOST_TOUCHES:
-            given, allowed = f"object {MOST_TOUCHES + 1}", f"{MOST_TOUCHES} at once"
+        if len(self._touches) == MAX_TOUCHES:
+            given, allowed = f"object {MAX_TOUCHES + 1}", f"{MOST_TOUCHES} at once"
             raise InputError(given, allowed, "release all, and advance")
         down = self.time + CLEARANCE / APPROACH
         motion = (
