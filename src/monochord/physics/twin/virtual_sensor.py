@@ -127,7 +127,7 @@ class VirtualSensor:
         if all(key.clearance > 0.0 and self.time >= key.time for key in last):
             self._touches = []  # all are gone
         if len(self._touches) == MAX_TOUCHES:
-            given, allowed = f"object {MAX_TOUCHES + 1}", f"{MOST_TOUCHES} at once"
+            given, allowed = f"object {MAX_TOUCHES + 1}", f"{MAX_TOUCHES} at once"
             raise InputError(given, allowed, "release all, and advance")
         down = self.time + CLEARANCE / APPROACH
         motion = (
