@@ -1,6 +1,7 @@
-"""Adding a plug-in adds one file and edits nothing: each folder is given a file it has never seen."""
+"""A plug-in or preset is one new file, of this tree or of an installed package, and edits nothing."""
 
 import json
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 
 from monochord import cli
+from monochord.core.errors import InputError
 from monochord.core.registry import Registry
 
 SRC = Path(__file__).parents[2] / "src" / "monochord"
@@ -38,21 +40,110 @@ class Newcomer({base}):
 '''
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
-def test_one_file_is_a_plug_in(add: Add, capsys: pytest.CaptureFixture[str], folder: str) -> None:
-    registry: Registry[Any] = next(v for v in vars(import_module(folder)).values() if isinstance(v, Registry))
-    before = registry.names()
-    (method,) = registry.base.__abstractmethods__
-    add(folder, "newcomer", PLUGIN.format(package=folder, base=registry.base.__name__, method=method))
-    assert registry.names() == sorted([*before, "newcomer"])
+def registry_of(folder: str) -> Registry[Any]:
+    return next(value for value in vars(import_module(folder)).values() if isinstance(value, Registry))
+
+
+def text_of(folder: str) -> str:
+    base = registry_of(folder).base
+    (method,) = base.__abstractmethods__
+    return PLUGIN.format(package=folder, base=base.__name__, method=method)
+
+
+def refuse(constant: str) -> None:
+    """JSON has no infinity and no NaN; Python reads and writes them all the same."""
+    pytest.fail(f"{constant} is not JSON")
+
+
+def refuse_unlisted(folder: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Fail where the newcomer of a folder is not built, or not listed with its option."""
+    registry = registry_of(folder)
     assert registry.build("newcomer", {"loudness": "2"}).loudness == 2.0
-    assert cli.run(["list", "--json"]) == 0
+    assert cli.run(["list", folder.rpartition(".")[2], "--json"]) == 0
     listed = json.loads(capsys.readouterr().out, parse_constant=refuse)[folder.rpartition(".")[2]]
     (newcomer,) = [entry for entry in listed if entry["name"] == "newcomer"]
     assert newcomer["summary"] == "Came as one file."
     assert newcomer["options"][0]["default"] == 1.0
 
 
-def refuse(constant: str) -> None:
-    """JSON has no infinity and no NaN; Python reads and writes them all the same."""
-    pytest.fail(f"{constant} is not JSON")
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_one_file_is_a_plug_in(add: Add, capsys: pytest.CaptureFixture[str], folder: str) -> None:
+    before = registry_of(folder).names()
+    add(folder, "newcomer", text_of(folder))
+    assert registry_of(folder).names() == sorted([*before, "newcomer"])
+    refuse_unlisted(folder, capsys)
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder on the path with an installed distribution that adds a plug-in to each of our folders."""
+    home = tmp_path / "site"
+    (home / "bellfoundry").mkdir(parents=True)
+    (home / "bellfoundry" / "__init__.py").touch()
+    entries: list[str] = []
+    for folder in FOLDERS:
+        name = folder.rpartition(".")[2]
+        (home / "bellfoundry" / f"{name}.py").write_text(text_of(folder), encoding="utf-8")
+        entries += [f"[monochord.{name}]", f"newcomer = bellfoundry.{name}"]
+    write_distribution(home, "bellfoundry", entries)
+    monkeypatch.syspath_prepend(home)
+    return home
+
+
+def write_distribution(home: Path, name: str, entries: list[str]) -> None:
+    about = home / f"{name}-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8")
+    (about / "entry_points.txt").write_text("\n".join(entries) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_an_installed_package_adds_a_plug_in(
+    package: Path, capsys: pytest.CaptureFixture[str], folder: str
+) -> None:
+    assert "newcomer" in registry_of(folder).names()
+    refuse_unlisted(folder, capsys)
+
+
+def test_an_entry_point_may_name_the_class(package: Path, tmp_path: Path, monkeypatch: Any) -> None:
+    write_distribution(
+        tmp_path / "b", "carillon", ["[monochord.sinks]", "chime = bellfoundry.sinks:Newcomer"]
+    )
+    monkeypatch.syspath_prepend(tmp_path / "b")
+    sinks = registry_of("monochord.live.sinks")
+    assert sinks.load("chime") is sinks.load("newcomer")
+
+
+@pytest.mark.parametrize(
+    ("entry", "name", "line"),
+    [
+        ("newcomer = bellfoundry.sinks", "newcomer", "of bellfoundry and of carillon"),
+        ("terminal = bellfoundry.sinks", "terminal", "of Monochord and of carillon"),
+        ("absent = bellfoundry.absent", "absent", "a Sink that loads"),
+        ("other = bellfoundry.sources:Newcomer", "other", "a subclass of Sink"),
+        ("empty = bellfoundry", "empty", "a Sink that loads"),
+    ],
+)
+def test_a_clash_or_a_broken_entry_point_is_refused_in_one_line(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entry: str, name: str, line: str
+) -> None:
+    write_distribution(tmp_path / "b", "carillon", ["[monochord.sinks]", entry])
+    monkeypatch.syspath_prepend(tmp_path / "b")
+    sinks = registry_of("monochord.live.sinks")
+    with pytest.raises(InputError, match=line) as caught:
+        sinks.load(name)
+    assert "carillon" in str(caught.value)
+    assert sinks.load("jsonl").__name__ == "Jsonl"  # the others stay as they are
+
+
+def test_names_are_listed_without_importing_a_package(package: Path) -> None:
+    registry_of("monochord.live.sinks").names()
+    assert "bellfoundry.sinks" not in sys.modules
+
+
+@pytest.fixture(autouse=True)
+def forget() -> Any:
+    """Let go of the made-up package, whose text differs from test to test."""
+    yield
+    for name in [name for name in sys.modules if name.startswith("bellfoundry")]:
+        del sys.modules[name]

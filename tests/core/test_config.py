@@ -26,7 +26,7 @@ class Framing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Listening:
+class Reader:
     string: str
     partials: int = 16
     side: Literal["near", "far"] = "far"
@@ -50,7 +50,7 @@ class Listening:
 
 def refused(tree: dict[str, Any]) -> str:
     with pytest.raises(InputError) as caught:
-        from_tree(Listening, {"string": "e4", **tree}, where="ear")
+        from_tree(Reader, {"string": "e4", **tree}, where="part")
     line = str(caught.value)
     assert "\n" not in line
     assert "`" not in line
@@ -61,32 +61,32 @@ def refused(tree: dict[str, Any]) -> str:
 @pytest.mark.parametrize(
     ("tree", "line"),
     [
-        ({"partails": 3}, "option 'ear.partails': allowed is string, partials,"),
+        ({"partails": 3}, "option 'part.partails': allowed is string, partials,"),
         ({"partails": 3}, "did you mean 'partials'?"),
-        ({"framing": {"hopp": 1}}, "option 'ear.framing.hopp': allowed is length, hop; did you mean 'hop'?"),
-        ({"fallback": {"hopp": 1}}, "option 'ear.fallback.hopp': allowed is length, hop"),
-        ({"layers": [{}, {"hopp": 1}]}, "option 'ear.layers[1].hopp': allowed is length, hop"),
-        ({"by_name": {"a": {"hopp": 1}}}, "option 'ear.by_name.a.hopp': allowed is length, hop"),
-        ({"partials": "many"}, "option 'ear.partials' = 'many': allowed is a whole number"),
-        ({"partials": 2.5}, "option 'ear.partials' = 2.5: allowed is a whole number"),
-        ({"partials": True}, "option 'ear.partials' = True: allowed is a whole number"),
-        ({"framing": {"hop": "q"}}, "option 'ear.framing.hop' = 'q': allowed is a number"),
-        ({"framing": 3}, "option 'ear.framing' = 3: allowed is a table of length, hop"),
-        ({"side": "fat"}, "option 'ear.side' = 'fat': allowed is near, far; did you mean 'far'?"),
-        ({"shape": "han"}, "option 'ear.shape' = 'han': allowed is hann, flat; did you mean 'hann'?"),
-        ({"take": 7}, "option 'ear.take' = 7: allowed is a path"),
-        ({"limit": "low"}, "option 'ear.limit' = 'low': allowed is a number or nothing"),
-        ({"limit": math.nan}, "option 'ear.limit' = nan: allowed is a number or nothing"),
-        ({"limit": "nan"}, "option 'ear.limit' = nan: allowed is a number or nothing"),
-        ({"framing": {"hop": "nan"}}, "option 'ear.framing.hop' = nan: allowed is a number"),
-        ({"quiet": "yes"}, "option 'ear.quiet' = 'yes': allowed is true or false"),
-        ({"string": 4}, "option 'ear.string' = 4: allowed is text"),
-        ({"calibration": [[1, 2], [1, "x"]]}, "option 'ear.calibration[1][1]' = 'x': allowed is a number"),
+        ({"framing": {"hopp": 1}}, "option 'part.framing.hopp': allowed is length, hop; did you mean 'hop'?"),
+        ({"fallback": {"hopp": 1}}, "option 'part.fallback.hopp': allowed is length, hop"),
+        ({"layers": [{}, {"hopp": 1}]}, "option 'part.layers[1].hopp': allowed is length, hop"),
+        ({"by_name": {"a": {"hopp": 1}}}, "option 'part.by_name.a.hopp': allowed is length, hop"),
+        ({"partials": "many"}, "option 'part.partials' = 'many': allowed is a whole number"),
+        ({"partials": 2.5}, "option 'part.partials' = 2.5: allowed is a whole number"),
+        ({"partials": True}, "option 'part.partials' = True: allowed is a whole number"),
+        ({"framing": {"hop": "q"}}, "option 'part.framing.hop' = 'q': allowed is a number"),
+        ({"framing": 3}, "option 'part.framing' = 3: allowed is a table of length, hop"),
+        ({"side": "fat"}, "option 'part.side' = 'fat': allowed is near, far; did you mean 'far'?"),
+        ({"shape": "han"}, "option 'part.shape' = 'han': allowed is hann, flat; did you mean 'hann'?"),
+        ({"take": 7}, "option 'part.take' = 7: allowed is a path"),
+        ({"limit": "low"}, "option 'part.limit' = 'low': allowed is a number or nothing"),
+        ({"limit": math.nan}, "option 'part.limit' = nan: allowed is a number or nothing"),
+        ({"limit": "nan"}, "option 'part.limit' = nan: allowed is a number or nothing"),
+        ({"framing": {"hop": "nan"}}, "option 'part.framing.hop' = nan: allowed is a number"),
+        ({"quiet": "yes"}, "option 'part.quiet' = 'yes': allowed is true or false"),
+        ({"string": 4}, "option 'part.string' = 4: allowed is text"),
+        ({"calibration": [[1, 2], [1, "x"]]}, "option 'part.calibration[1][1]' = 'x': allowed is a number"),
         (
             {"calibration": [[1]]},
-            "option 'ear.calibration[0]' = [1]: allowed is a list of 2: a number, a number",
+            "option 'part.calibration[0]' = [1]: allowed is a list of 2: a number, a number",
         ),
-        ({"calibration": 5}, "option 'ear.calibration' = 5: allowed is a list, each a list of 2"),
+        ({"calibration": 5}, "option 'part.calibration' = 5: allowed is a list, each a list of 2"),
         ({"by_name": {"a": {"hop": "q"}}}, "'q': allowed is a number"),
         ({"partials": 0}, "0 partials: allowed is 1 or more"),
         ({"partials": 101}, "at most 100 partials"),
@@ -97,22 +97,22 @@ def test_what_cannot_be_is_refused_in_one_line(tree: dict[str, Any], line: str) 
 
 
 def test_a_field_left_out_is_named() -> None:
-    with pytest.raises(InputError, match=r"^option 'ear\.string' \(not given\): allowed is text$"):
-        from_tree(Listening, {}, where="ear")
+    with pytest.raises(InputError, match=r"^option 'part\.string' \(not given\): allowed is text$"):
+        from_tree(Reader, {}, where="part")
     with pytest.raises(InputError, match=r"^option 'string' \(not given\)"):
-        from_tree(Listening, {})
+        from_tree(Reader, {})
 
 
 def test_text_is_read_as_the_field_wants_it() -> None:
     tree = {"string": "7", "partials": "3", "quiet": "true", "limit": "inf", "shape": "flat"}
-    made = from_tree(Listening, tree)
-    assert made == Listening(string="7", partials=3, quiet=True, limit=math.inf, shape=Window.FLAT)
+    made = from_tree(Reader, tree)
+    assert made == Reader(string="7", partials=3, quiet=True, limit=math.inf, shape=Window.FLAT)
 
 
 finite = st.floats(allow_nan=False)
 framings = st.builds(Framing, length=finite, hop=finite)
-listenings = st.builds(
-    Listening,
+readers = st.builds(
+    Reader,
     string=st.text(),
     partials=st.integers(1, 100),
     side=st.sampled_from(["near", "far"]),
@@ -128,9 +128,9 @@ listenings = st.builds(
 )
 
 
-@given(listenings)
-def test_the_resolved_copy_gives_the_same_configuration(listening: Listening) -> None:
-    assert from_tree(Listening, tomllib.loads(dump_toml(to_tree(listening)))) == listening
+@given(readers)
+def test_the_resolved_copy_gives_the_same_configuration(reader: Reader) -> None:
+    assert from_tree(Reader, tomllib.loads(dump_toml(to_tree(reader)))) == reader
 
 
 names = st.from_regex(r"[a-z][a-z0-9_]{0,5}", fullmatch=True)
@@ -139,15 +139,15 @@ values = st.integers(-(2**63), 2**63 - 1) | st.booleans() | finite
 
 @given(st.lists(names, min_size=1, max_size=4), values)
 def test_an_override_sets_its_value_and_leaves_the_rest(path: list[str], value: float) -> None:
-    before: dict[str, Any] = {"Other": {"kept": 1}}
+    before: dict[str, Any] = {"Other": {"value": 1}}
     text = str(value).lower() if isinstance(value, bool) else repr(value)
     node: Any = override(before, [f"{'.'.join(path)}={text}"])
-    assert node["Other"] == {"kept": 1}
+    assert node["Other"] == {"value": 1}
     for name in path:
         node = node[name]
     assert node == value
     assert type(node) is type(value)
-    assert before == {"Other": {"kept": 1}}
+    assert before == {"Other": {"value": 1}}
 
 
 def test_later_overrides_win() -> None:
@@ -204,7 +204,7 @@ def test_toml_beyond_what_python_reads_is_refused(tmp_path: Path) -> None:
 def test_an_override_beyond_what_python_reads_is_refused() -> None:
     for text in ("9" * 5000, "0x" + "f" * 5000, "[" * 5000):
         line = refused(override({}, [f"partials={text}"]))
-        assert "option 'ear" in line
+        assert "option 'part" in line
         assert len(line) < 200
     with pytest.raises(InputError, match="NAME"):
         override({}, [".".join("a" * 5000) + "=1"])
@@ -217,7 +217,7 @@ def test_bytes_that_are_no_text_are_refused() -> None:
 
 def test_what_a_dataclass_refuses_is_no_cause_of_itself() -> None:
     with pytest.raises(InputError, match="0 partials") as caught:
-        from_tree(Listening, {"string": "e4", "partials": 0})
+        from_tree(Reader, {"string": "e4", "partials": 0})
     seen: list[BaseException] = []
     error: BaseException | None = caught.value
     while error is not None:

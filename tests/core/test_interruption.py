@@ -1,4 +1,4 @@
-"""Signals of the process itself: the first is a wish, the second is not."""
+"""Signals of the process itself: the first is a stop, the second is not."""
 
 import os
 import signal
@@ -14,13 +14,13 @@ def strike(number: signal.Signals) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_the_first_signal_asks_and_closes_the_stream(number: signal.Signals) -> None:
+def test_the_first_signal_requests_the_end_and_closes_the_stream(number: signal.Signals) -> None:
     closed: list[str] = []
-    with interruption() as wish:
-        with wish.ending(lambda: closed.append(threading.current_thread().name)):
-            assert not wish.asked
+    with interruption() as stop:
+        with stop.ending(lambda: closed.append(threading.current_thread().name)):
+            assert not stop.requested
             strike(number)
-            assert wish.asked
+            assert stop.requested
         assert closed != [threading.main_thread().name]
         assert len(closed) == 1
 
@@ -35,9 +35,9 @@ def test_the_second_signal_interrupts() -> None:
 
 def test_a_stream_opened_after_the_signal_is_closed_at_once() -> None:
     closed: list[bool] = []
-    with interruption() as wish:
+    with interruption() as stop:
         strike(signal.SIGTERM)
-        with wish.ending(lambda: closed.append(True)):
+        with stop.ending(lambda: closed.append(True)):
             assert closed == [True]
 
 
@@ -45,9 +45,9 @@ def test_a_stream_opened_after_the_signal_is_closed_at_once() -> None:
 def test_what_is_ignored_stays_ignored(number: signal.Signals) -> None:
     before = signal.signal(number, signal.SIG_IGN)
     try:
-        with interruption() as wish:
+        with interruption() as stop:
             strike(number)
-            assert not wish.asked
+            assert not stop.requested
         assert signal.getsignal(number) is signal.SIG_IGN
     finally:
         signal.signal(number, before)

@@ -1,33 +1,33 @@
 """Configuration: TOML text and ``a.b=c`` overrides into frozen dataclasses, strictly.
 
-An unknown key is an error with "did you mean"; a value of the wrong type is an error with its path. The
-dataclass itself is the schema, and stands beside the code that it configures.
+A dataclass is the schema of its own configuration, and stands beside the code that it configures. An unknown
+key is an error with "did you mean"; a value of the wrong type is an error that names the option by its path.
 """
 
 import dataclasses
 import errno
 import json
-import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, get_args
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import tomli_w
 
 from monochord.core.errors import InputError, did_you_mean
-from monochord.core.schema import choices_of, fields_of, inside, wording
 
 T = TypeVar("T")
 Tree: TypeAlias = dict[str, Any]
 MAX_BYTES = 1 << 26
-"""Of a file of text that is read whole."""
-DEEPEST = 32
-"""Names in an override, at most."""
-LONGEST = 80
-"""Characters of a value that an error message shows."""
+"""Size of the largest text file that is read whole."""
+MAX_DEPTH = 32
+"""Names in the path of an override, at most."""
+MAX_SHOWN = 80
+"""Characters of a value that an error message quotes."""
 
 
 def load_toml(path: Path) -> Tree:
@@ -56,15 +56,15 @@ def table(tree: Mapping[str, Any], name: str) -> Tree:
     Raises
     ------
     InputError
-        If something else than a table is there.
+        If something other than a table stands there.
 
     >>> table({"window": {"hop": 0.01}}, "window"), table({}, "window")
     ({'hop': 0.01}, {})
     """
-    found = tree.get(name, {})
-    if not isinstance(found, dict):
-        raise InputError(f"option '{name}' = {_shown(found)}", "a table")
-    return found
+    value = tree.get(name, {})
+    if not isinstance(value, dict):
+        raise _refusal(name, value, "a table")
+    return value
 
 
 def override(tree: Tree, assignments: Iterable[str]) -> Tree:
@@ -79,7 +79,7 @@ def override(tree: Tree, assignments: Iterable[str]) -> Tree:
     for assignment in assignments:
         key, equals, text = assignment.partition("=")
         names = key.strip().split(".")
-        if not equals or not all(names) or len(names) > DEEPEST:
+        if not equals or not all(names) or len(names) > MAX_DEPTH:
             raise InputError(f"override '{assignment}'", "NAME.NAME=VALUE", "write --set window.hop=0.02")
         node = result
         for name in names[:-1]:
@@ -98,9 +98,10 @@ def from_tree(cls: type[T], tree: Mapping[str, Any], where: str = "") -> T:
     cls
         A dataclass, perhaps with dataclasses, lists or tables inside.
     tree
-        Plain values by field name, as TOML or JSON gives them; text is converted where a number is due.
+        Plain values by field name, as TOML or JSON gives them; text is converted to a number where the field
+        is one.
     where
-        Name of this part in error messages.
+        Path of this part in error messages.
 
     Returns
     -------
@@ -111,20 +112,13 @@ def from_tree(cls: type[T], tree: Mapping[str, Any], where: str = "") -> T:
     ------
     InputError
         Naming the option by its path: for a key that is unknown (with a suggestion), a value of the wrong
-        type, a field without default that is left out, and a number that is NaN. What the dataclass itself
-        refuses passes through as it raised it.
+        type, a field without default that is left out, and a number that is NaN. An `InputError` of the
+        dataclass itself passes through.
     """
     try:
-        _refuse_unknown(cls, tree, where)
-        return msgspec.convert(tree, cls, strict=False, dec_hook=_decode)
+        return _converted(cls, tree, where)
     except RecursionError as error:
-        raise InputError(f"{where or cls.__name__} (nested too deep)", wording(cls)) from error
-    except msgspec.ValidationError as error:
-        own = error.__cause__
-        if not isinstance(own, InputError):
-            raise _explain(error, cls, tree, where) from error
-    # What the dataclass refused came of nothing else: raised there, each error would be the other's cause.
-    raise own
+        raise InputError(f"{where or cls.__name__} (nested too deep)", describe_type(cls)) from error
 
 
 def to_tree(config: Any) -> Tree:
@@ -141,101 +135,215 @@ def dump_toml(tree: Tree) -> str:
     return tomli_w.dumps(_plain(tree))
 
 
+def describe_type(kind: Any) -> str:
+    """Return what a type annotation allows, in plain words.
+
+    >>> describe_type(float | None), describe_type(tuple[float, float]), describe_type(Literal["near", "far"])
+    ('a number or nothing', 'a list of 2: a number, a number', 'near, far')
+    >>> describe_type(Annotated[float, msgspec.Meta(ge=0.0, le=60.0)])
+    'a number from 0 to 60'
+    """
+    kind, metadata = _bare(kind)
+    parts, fields = get_args(kind), _fields(kind)
+    if _is_union(kind):
+        words = " or ".join(map(describe_type, parts))
+    elif choices := _choices(kind):
+        words = ", ".join(choices)
+    elif fields is not None:
+        words = f"a table of {', '.join(fields)}" if fields else "an empty table"
+    elif _is(kind, Mapping):
+        words = "a table"
+    elif _is(kind, Sequence) and parts:
+        inner = list(map(describe_type, parts))
+        uniform = parts[1:] in ((), (...,))
+        words = f"a list, each {inner[0]}" if uniform else f"a list of {len(parts)}: {', '.join(inner)}"
+    else:
+        words = _WORDS.get(kind, "a value of its type")
+    return words + "".join(_bounds(each) for each in metadata if isinstance(each, msgspec.Meta))
+
+
+_WORDS: dict[Any, str] = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "text",
+    Path: "a path",
+    NoneType: "nothing",
+    ...: "more",
+}
+
+
+def _bounds(meta: msgspec.Meta) -> str:
+    """Return the limits of a number in words, with a space before."""
+    if meta.ge is not None and meta.le is not None:
+        return f" from {meta.ge:g} to {meta.le:g}"
+    limits = {
+        "of {:g} or more": meta.ge,
+        "above {:g}": meta.gt,
+        "of {:g} at most": meta.le,
+        "below {:g}": meta.lt,
+    }
+    words = " and ".join(text.format(limit) for text, limit in limits.items() if limit is not None)
+    return f" {words}" if words else ""
+
+
+def _converted(kind: Any, value: Any, where: str) -> Any:
+    """Return a plain value as the type `kind`; `where` is its path."""
+    bare, metadata = _bare(kind)
+    if _is_union(bare):
+        return _converted_union(bare, value, where)
+    fields = _fields(bare)
+    if fields is not None:
+        return _built(bare, fields, value, where)
+    if bare is Any or bare is object:
+        return _checked_text(value, where)
+    parts = get_args(bare)
+    if _is(bare, Mapping):
+        if not isinstance(value, Mapping):
+            raise _refusal(where, value, describe_type(kind))
+        key, inner = parts if len(parts) == 2 else (str, Any)
+        return {
+            _leaf(key, name, where): _converted(inner, each, _joined(where, name))
+            for name, each in value.items()
+        }
+    if _is(bare, Sequence):
+        uniform = parts[1:] in ((), (...,))
+        if not isinstance(value, (list, tuple)) or not (uniform or len(parts) == len(value)):
+            raise _refusal(where, value, describe_type(kind))
+        inner_types = [parts[0] if parts else Any] * len(value) if uniform else parts
+        items = [
+            _converted(inner, each, f"{where}[{index}]")
+            for index, (inner, each) in enumerate(zip(inner_types, value, strict=True))
+        ]
+        return tuple(items) if _is(bare, tuple) else items
+    return _leaf(kind if metadata else bare, value, where)
+
+
+def _converted_union(kind: Any, value: Any, where: str) -> Any:
+    """Return a value as the member of a union that its shape fits: a table, a list, or a single value."""
+    parts = get_args(kind)
+    tables = [part for part in parts if _fields(_bare(part)[0]) is not None or _is(_bare(part)[0], Mapping)]
+    lists = [part for part in parts if _is(_bare(part)[0], Sequence)]
+    singles = tuple(part for part in parts if part not in tables and part not in lists)
+    fitting = tables if isinstance(value, Mapping) else lists if isinstance(value, (list, tuple)) else []
+    if len(fitting) == 1:
+        return _converted(fitting[0], value, where)
+    if not singles or (value is None and NoneType not in singles):
+        raise _refusal(where, value, describe_type(kind))
+    return _leaf(Union[singles], value, where, describe_type(kind))  # noqa: UP007
+
+
+def _built(cls: Any, fields: Mapping[str, Any], value: Any, where: str) -> Any:
+    """Return the dataclass `cls` with the entries of a table as its fields."""
+    if not isinstance(value, Mapping):
+        raise _refusal(where, value, describe_type(cls))
+    unknown = next((name for name in value if name not in fields), None)
+    if unknown is not None:
+        given = f"option '{_joined(where, unknown)}'"
+        raise InputError(given, ", ".join(fields) or "none", did_you_mean(unknown, fields))
+    arguments = {name: _converted(fields[name], each, _joined(where, name)) for name, each in value.items()}
+    for field in dataclasses.fields(cls):
+        required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+        if field.init and required and field.name not in arguments:
+            given = f"option '{_joined(where, field.name)}' (not given)"
+            raise InputError(given, describe_type(fields[field.name]))
+    try:
+        return cls(**arguments)
+    except InputError:
+        raise
+    except ValueError as error:  # raised by the dataclass's own check
+        raise _refusal(where, value, str(error)) from error
+
+
+def _leaf(kind: Any, value: Any, where: str, allowed: str = "") -> Any:
+    """Return a single value as a number, text, truth value, path, choice or nothing."""
+    allowed = allowed or describe_type(kind)
+    members = [_bare(part)[0] for part in (get_args(kind) if _is_union(kind) else [kind])]
+    if Path not in members:  # whose name may be of any bytes
+        _checked_text(value, where)
+    if float in members and isinstance(value, (float, str)) and str(value).strip().lower() == "nan":
+        raise _refusal(where, "nan", allowed, quoted=False)
+    try:
+        return msgspec.convert(value, kind, strict=False, dec_hook=_path)
+    except msgspec.ValidationError as error:
+        choices = [choice for member in members for choice in _choices(member)]
+        remedy = did_you_mean(value, choices) if isinstance(value, str) else ""
+        raise _refusal(where, value, allowed, remedy) from error
+
+
+def _path(kind: type, value: Any) -> Any:
+    if issubclass(kind, Path) and isinstance(value, str):
+        return kind(value)
+    raise TypeError(f"{value!r} is no {kind.__name__}")
+
+
+def _checked_text(value: Any, where: str) -> Any:
+    """Return a value of any shape; raises `InputError` for text in it that UTF-8 cannot write."""
+    if isinstance(value, str) and not value.isascii():
+        try:
+            value.encode()
+        except UnicodeEncodeError as error:  # an argument's bytes that were no UTF-8
+            raise InputError(f"option '{where}' = {value!a}", "text in UTF-8") from error
+    elif isinstance(value, Mapping):
+        for name, each in value.items():
+            _checked_text(name, where)
+            _checked_text(each, _joined(where, str(name)))
+    elif isinstance(value, (list, tuple)):
+        for index, each in enumerate(value):
+            _checked_text(each, f"{where}[{index}]")
+    return value
+
+
+def _refusal(where: str, value: Any, allowed: str, remedy: str = "", *, quoted: bool = True) -> InputError:
+    """Return the error for a value that its option does not allow; its line quotes no more than it needs."""
+    try:
+        text = repr(value) if quoted else str(value)
+    except ValueError:  # an integer of more digits than Python writes
+        text = "a number of thousands of digits"
+    text = text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."
+    return InputError(f"option '{where}' = {text}" if where else text, allowed, remedy)
+
+
+@cache
+def _fields(kind: Any) -> dict[str, Any] | None:
+    """Return the types of a dataclass's fields by name; None for what is not a dataclass."""
+    if not (isinstance(kind, type) and dataclasses.is_dataclass(kind)):
+        return None
+    hints = get_type_hints(kind, include_extras=True)
+    return {field.name: hints[field.name] for field in dataclasses.fields(kind) if field.init}
+
+
+def _choices(kind: Any) -> list[str]:
+    """Return the values that a ``Literal`` or an enumeration allows; empty for any other type."""
+    if get_origin(kind) is Literal:
+        return [str(choice) for choice in get_args(kind)]
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return [str(member.value) for member in kind]
+    return []
+
+
+def _bare(kind: Any) -> tuple[Any, tuple[Any, ...]]:
+    """Return a type without ``Annotated``, and what was annotated."""
+    return (kind.__origin__, kind.__metadata__) if get_origin(kind) is Annotated else (kind, ())
+
+
+def _is_union(kind: Any) -> bool:
+    return get_origin(kind) in (Union, UnionType)
+
+
+def _is(kind: Any, family: type) -> bool:
+    origin = get_origin(kind) or kind
+    return isinstance(origin, type) and origin is not str and issubclass(origin, family)
+
+
+def _joined(where: str, step: str) -> str:
+    return f"{where}.{step}" if where else step
+
+
 def _text(path: Path) -> str:
     if path.stat().st_size > MAX_BYTES:
         raise OSError(errno.EFBIG, f"more than {MAX_BYTES} bytes", str(path))
     return path.read_text(encoding="utf-8")
-
-
-def _decode(kind: type, value: Any) -> Any:
-    if issubclass(kind, Path) and isinstance(value, str):
-        return kind(value)
-    message = f"cannot make {kind.__name__} of {value!r}"
-    raise TypeError(message)
-
-
-def _refuse_unknown(kind: Any, value: Any, where: str) -> None:
-    """Refuse what msgspec lets pass: keys that no field has, at any depth, and numbers that are NaN."""
-    is_path = kind is Path or Path in get_args(kind)  # whose name may be of any bytes
-    for text in value if isinstance(value, Mapping) else [] if is_path else [value]:
-        if isinstance(text, str) and not text.isascii() and not _is_unicode(text):
-            raise InputError(f"option '{where}' = {text!a}", "text in UTF-8")
-    is_number = kind is float or float in get_args(kind)
-    if is_number and isinstance(value, (float, str)) and str(value).strip().lower() == "nan":
-        raise InputError(f"option '{where}' = nan", wording(kind))
-    if isinstance(value, Mapping):
-        fields = fields_of(kind)
-        for name in value:
-            if fields is not None and name not in fields:
-                given = f"option '{_place(where, name)}'"
-                raise InputError(given, ", ".join(fields) or "none", did_you_mean(name, fields))
-    for step, child in _children(value):
-        _refuse_unknown(inside(kind, step), child, _place(where, step))
-
-
-def _explain(error: msgspec.ValidationError, cls: type, tree: Mapping[str, Any], where: str) -> InputError:
-    """Say in one line which option was given what, and what it may be, from msgspec's reason and path."""
-    reason, _, path = str(error).partition(" - at `$")
-    steps: list[str | int] = [
-        int(index) if index.isdigit() else name or index
-        for name, index in re.findall(r"\.(\w+)|\[([^]]*)\]", path)
-    ]
-    absent = re.match("Object missing required field `(.+?)`", reason)
-    kind: Any = cls
-    value: Any = tree
-    for step in steps + ([absent[1]] if absent else []):
-        key = _culprit(kind, value) if step == "..." else step
-        kind, where, value = inside(kind, key), _place(where, key), dict(_children(value)).get(key)
-    if absent:
-        return InputError(f"option '{where}' (not given)", wording(kind))
-    bound = re.match("Expected `(.+?)` ([<>].*|matching .*)", reason)
-    allowed = f"{bound[1]} {bound[2]}" if bound else wording(kind)
-    if not reason.startswith(("Expected", "Invalid", "cannot make", "Integer value out of range")):
-        allowed = reason  # a ValueError of the dataclass's own
-    remedy = did_you_mean(value, choices_of(kind)) if isinstance(value, str) else ""
-    shown = _shown(value)
-    return InputError(f"option '{where}' = {shown}" if where else shown, allowed, remedy)
-
-
-def _shown(value: Any) -> str:
-    """Return a value as an error message shows it: in one line, and not in thousands of digits."""
-    try:
-        text = repr(value)
-    except ValueError:  # an integer of more digits than Python writes
-        return "a number of thousands of digits"
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
-
-
-def _is_unicode(text: str) -> bool:
-    """Whether a text can be written as UTF-8; an argument that holds other bytes cannot."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
-
-
-def _culprit(kind: Any, table: Mapping[str, Any]) -> str:
-    """Return the key of the first entry that will not convert; msgspec does not name keys of a table."""
-    for key, value in table.items():
-        try:
-            msgspec.convert(value, inside(kind, key), strict=False, dec_hook=_decode)
-        except msgspec.ValidationError:
-            return key
-    return "..."
-
-
-def _place(where: str, step: str | int) -> str:
-    if isinstance(step, int):
-        return f"{where}[{step}]"
-    return f"{where}.{step}" if where else step
-
-
-def _children(value: Any) -> Iterator[tuple[str | int, Any]]:
-    if isinstance(value, Mapping):
-        yield from value.items()
-    elif isinstance(value, (list, tuple)):
-        yield from enumerate(value)
 
 
 def _toml_value(text: str) -> Any:

@@ -1,4 +1,4 @@
-"""Control-C, SIGTERM and SIGHUP as a wish that a loop grants when it comes to it."""
+"""Control-C, SIGTERM and SIGHUP as a request that a loop grants between two steps."""
 
 import signal
 import threading
@@ -10,24 +10,24 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interruption:
-    """Whether the person or the system asked for the end of a run; a second signal raises at once.
+    """Whether the person or the system requested the end of a run; a second signal raises at once.
 
     A KeyboardInterrupt may be raised anywhere, and inside a compiled kernel it comes out as another error; so
-    the first signal only sets `asked` and closes the stream, which may be waiting for a block that never
+    the first signal only sets `requested` and closes the stream, which may be waiting for a block that never
     comes.
     """
 
     def __init__(self) -> None:
-        self.asked = False
+        self.requested = False
         self._at_once = False
         self._close: Callable[[], None] | None = None
         self._closing: threading.Thread | None = None
 
     @contextmanager
     def ending(self, close: Callable[[], None]) -> Generator[None]:
-        """Have `close` called, from a thread of its own, once the end is asked for."""
+        """Have `close` called, from a thread of its own, once the end is requested."""
         self._close = close
-        if self.asked:
+        if self.requested:
             close()
         try:
             yield
@@ -41,7 +41,7 @@ class Interruption:
         """Have the first signal raise too: meanwhile devices are opened, and there is nothing yet to save."""
         self._at_once = True
         try:
-            if self.asked:
+            if self.requested:
                 raise KeyboardInterrupt
             yield
         finally:
@@ -49,9 +49,9 @@ class Interruption:
 
     def handle(self, number: int, frame: FrameType | None) -> None:
         """Take a signal."""
-        if self.asked or self._at_once:
+        if self.requested or self._at_once:
             signal.default_int_handler(number, frame)
-        self.asked = True
+        self.requested = True
         if self._close:
             # The interrupted code may hold a lock that closing wants, and goes on only after this returns.
             self._closing = threading.Thread(target=self._close, daemon=True)
@@ -65,14 +65,14 @@ def interruption() -> Generator[Interruption]:
     One that is ignored, as SIGHUP is under nohup, stays so. Outside the main thread, where Python takes no
     signals, nothing is changed.
     """
-    wish = Interruption()
+    stop = Interruption()
     before = {}
     with suppress(ValueError):  # not the main thread
         for number in SIGNALS:
             if signal.getsignal(number) is not signal.SIG_IGN:
-                before[number] = signal.signal(number, wish.handle)
+                before[number] = signal.signal(number, stop.handle)
     try:
-        yield wish
+        yield stop
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -1,15 +1,22 @@
-"""A plug-in folder is its own registry.
+"""A plug-in folder is its own registry, and installed packages add to it by entry points.
 
 The folder holds ``base.py`` with one abstract class and one file per implementation; a file whose name
 begins with ``_`` is private. The file's name is the plug-in's name in configuration and on the command
 line (a hyphen reads as an underscore). Adding a plug-in adds a file and edits nothing.
+
+Another distribution adds plug-ins by entry points of the group ``monochord.FOLDER``, such as
+``monochord.sources``: the entry's name is the plug-in's, its value the class or the module that holds it.
 """
 
 import inspect
 import pkgutil
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from monochord.core.config import from_tree
@@ -20,7 +27,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Registry(Generic[T]):
-    """The plug-ins of one folder.
+    """The plug-ins of one folder, and those that installed packages add to it.
 
     Parameters
     ----------
@@ -34,22 +41,50 @@ class Registry(Generic[T]):
     base: type[T]
 
     @property
+    def folder(self) -> str:
+        """The folder's own name, such as ``sources``."""
+        return self.package.rpartition(".")[2]
+
+    @property
     def kind(self) -> str:
         """What one of its plug-ins is called: the folder's name without its plural s."""
-        return self.package.rpartition(".")[2].removesuffix("s")
+        return self.folder.removesuffix("s")
 
     def names(self) -> list[str]:
         """Return the names of all plug-ins, sorted, without importing any."""
-        folder = import_module(self.package).__path__
-        found = (module.name for module in pkgutil.iter_modules(folder))
-        return sorted(name for name in found if name != "base" and not name.startswith("_"))
+        return sorted({*self._own_names(), *installed(self.folder)})
 
     def load(self, name: str) -> type[T]:
-        """Return the plug-in class called `name`; raises `InputError` with a suggestion if there is none."""
+        """Return the plug-in class called `name`.
+
+        Raises
+        ------
+        InputError
+            If there is none of this name (with a suggestion), or more than one.
+        TypeError
+            If a file of the folder holds no plug-in, or several.
+        """
         key, names = name.replace("-", "_"), self.names()
         if key not in names:
             raise InputError(f"{self.kind} '{name}'", ", ".join(names), did_you_mean(key, names))
-        module = import_module(f"{self.package}.{key}")
+        added = installed(self.folder).get(key, ())
+        own = key in self._own_names()
+        refuse_clash(self.kind, key, added, own=own)
+        return self._class_in(import_module(f"{self.package}.{key}")) if own else self._added(added[0])
+
+    def build(self, name: str, options: Mapping[str, Any] | None = None, *, where: str | None = None) -> T:
+        """Return the plug-in `name` built from plain option values; a plug-in is a frozen dataclass.
+
+        `where` is the path of the options in error messages, the plug-in's name by default.
+        """
+        return from_tree(self.load(name), options or {}, where=name if where is None else where)
+
+    def _own_names(self) -> set[str]:
+        names = (module.name for module in pkgutil.iter_modules(import_module(self.package).__path__))
+        return {name for name in names if name != "base" and not name.startswith("_")}
+
+    def _class_in(self, module: ModuleType) -> type[T]:
+        """Return the one public plug-in class that a module defines."""
         own = [
             member
             for member_name, member in inspect.getmembers(module, inspect.isclass)
@@ -62,6 +97,59 @@ class Registry(Generic[T]):
             raise TypeError(message)
         return own[0]
 
-    def build(self, name: str, options: Mapping[str, Any] | None = None) -> T:
-        """Return the plug-in `name` built from plain option values; a plug-in is a frozen dataclass."""
-        return from_tree(self.load(name), options or {}, where=name)
+    def _added(self, entry: EntryPoint) -> type[T]:
+        """Return the plug-in class of an installed package."""
+        given = f"{self.kind} '{entry.name}' of the package {_distribution(entry)}"
+        remedy = f"reinstall or remove {_distribution(entry)}"
+        try:
+            value = entry.load()
+            value = self._class_in(value) if isinstance(value, ModuleType) else value
+        except (ImportError, AttributeError, TypeError) as error:
+            raise InputError(f"{given} ({error})", f"a {self.base.__name__} that loads", remedy) from error
+        if not (inspect.isclass(value) and issubclass(value, self.base)):
+            raise InputError(f"{given} ({entry.value})", f"a subclass of {self.base.__name__}", remedy)
+        return value
+
+
+def installed(folder: str) -> Mapping[str, tuple[EntryPoint, ...]]:
+    """Return what installed distributions add to a folder of plug-ins or presets, by name.
+
+    Parameters
+    ----------
+    folder
+        The folder's own name: ``sources``, ``sensors``. The group of entry points is ``monochord.FOLDER``;
+        nothing of a distribution is imported.
+
+    Returns
+    -------
+    Mapping[str, tuple[EntryPoint, ...]]
+        More than one entry of a name is a clash, see `refuse_clash`.
+
+    Examples
+    --------
+    >>> dict(installed("no_such_folder"))
+    {}
+    """
+    return _installed(folder, tuple(sys.path))
+
+
+@cache
+def _installed(folder: str, path: tuple[str, ...]) -> Mapping[str, tuple[EntryPoint, ...]]:  # noqa: ARG001
+    """Return the entry points by name; `path` is where Python looks for them, which takes milliseconds."""
+    entries: dict[str, tuple[EntryPoint, ...]] = {}
+    for entry in entry_points(group=f"monochord.{folder}"):
+        name = entry.name.replace("-", "_")
+        entries[name] = (*entries.get(name, ()), entry)
+    return entries
+
+
+def refuse_clash(kind: str, name: str, added: tuple[EntryPoint, ...], *, own: bool) -> None:
+    """Raise `InputError` where a name stands for several things: one of Monochord's own, or of packages."""
+    if len(added) + own > 1:
+        owners = [*(["Monochord"] if own else []), *sorted(map(_distribution, added))]
+        given = f"{kind} '{name}' (of {' and of '.join(owners)})"
+        raise InputError(given, "one of each name", f"remove the package {owners[-1]}")
+
+
+def _distribution(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist else "unknown"

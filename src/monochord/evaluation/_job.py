@@ -139,7 +139,7 @@ class Job:
             return open_dataset(folder)
 
         def progress(*_: object) -> None:
-            if wish.asked:
+            if wish.requested:
                 raise KeyboardInterrupt
 
         folder.parent.mkdir(exist_ok=True)

@@ -89,7 +89,7 @@ def ablate(grid: Grid, out: Path, told: Told = lambda *_: None, *, workers: int 
     with interruption() as wish, wish.ending(children.stop):
         ready = _prepared([job for job in jobs if not job.is_done], base, split, found, told, wish)
         _carry_out(ready, found, told, workers, wish)
-        if wish.asked:
+        if wish.requested:
             raise KeyboardInterrupt
     order = list(grid.compared)
     return Ablation(
@@ -119,8 +119,8 @@ def _carry_out(jobs: Sequence[Job], found: Ablation, told: Told, workers: int, w
     waiting, running = list(jobs), dict[Future[Tree], Job]()
     with ThreadPoolExecutor(workers) as pool, ExitStack() as stack:
         stack.callback(lambda: [job.children.stop() for job in jobs])
-        while (waiting and not wish.asked) or running:
-            while waiting and len(running) < workers and not wish.asked:
+        while (waiting and not wish.requested) or running:
+            while waiting and len(running) < workers and not wish.requested:
                 busy = {job.kin for job in running.values()}
                 job = min(waiting, key=lambda one: one.kin in busy)
                 waiting.remove(job)
@@ -131,7 +131,7 @@ def _carry_out(jobs: Sequence[Job], found: Ablation, told: Told, workers: int, w
                     _keep(found, job, future.result())
                     told(job.name, f"done, {len(waiting) + len(running)} left")
                 except AblationError as error:
-                    if not wish.asked:
+                    if not wish.requested:
                         _fail(found, job, error, told)
 
 

@@ -72,7 +72,7 @@ def undisturbed() -> Generator[None]:
             yield
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    if stop.asked:
+    if stop.requested:
         raise KeyboardInterrupt
 
 

@@ -46,22 +46,22 @@ def run(session: Session) -> Summary:
         If a device is absent or goes away for good.
     """
     with ExitStack() as stack:
-        wish = stack.enter_context(interruption())
-        with wish.at_once():
+        stop = stack.enter_context(interruption())
+        with stop.at_once():
             stream = stack.enter_context(session.source.open())
-        stack.enter_context(wish.ending(stream.close))
+        stack.enter_context(stop.ending(stream.close))
         live = LiveStream(session, stream)
         writers = [stack.enter_context(sink.open(live.signal)) for sink in session.sinks]
         stack.enter_context(_heap_set_aside())
         try:
             for moment in live:
-                if wish.asked:
+                if stop.requested:
                     break
                 for writer in writers:
                     writer.write(moment)
         except KeyboardInterrupt:
-            wish.asked = True
-        return live.summary(interrupted=wish.asked)
+            stop.requested = True
+        return live.summary(interrupted=stop.requested)
 
 
 @contextmanager

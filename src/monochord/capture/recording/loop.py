@@ -91,7 +91,7 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
                     writer.clocks(now.time, offsets)
                     notices += watch.clocks(now.time, offsets)
                 notices += ending.look(
-                    now, pumps, asked=wish.asked, disk_errors=disk_errors, audio=tally.audio_end
+                    now, pumps, asked=wish.requested, disk_errors=disk_errors, audio=tally.audio_end
                 )
                 for notice in notices:
                     writer.event(notice.time, notice.kind, notice.text, **notice.data)
