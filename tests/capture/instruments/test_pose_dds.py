@@ -140,7 +140,7 @@ def test_a_message_longer_than_the_limit_is_not_put_together() -> None:
         f"with Participant(domain={DOMAIN}) as robot:\n"
         "    writer = robot.writer('long', 'PoseStamped')\n"
         "    while not select.select([sys.stdin], [], [], 0.05)[0]:\n"
-        "        for x, size in ((1.0, 1 << 19), (2.0, 2 << 20), (3.0, 1)):\n"
+        "        for x, size in ((1.0, 1 << 19), (2.0, 17 << 16), (3.0, 1)):\n"
         "            pose = ros.Pose(position=ros.Point(x, 0.0, 0.0), orientation=turn)\n"
         "            writer.write(ros.PoseStamped(header=ros.header(1, 'f' * size), pose=pose), 1)\n"
     )
