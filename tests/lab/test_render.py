@@ -9,10 +9,10 @@ from monochord.core.types import Floats
 from monochord.lab import render as rendering
 from monochord.lab.course import Course, course
 from monochord.lab.plan import Group
-from monochord.lab.pressing import depth_under
 from monochord.lab.render import pieces, render
 from monochord.lab.rendering import Rendering, joined
 from monochord.physics.twin.outside import untouched_power
+from monochord.physics.twin.trajectory import depth_under
 
 GROUPS = (
     Group(name="hold", grid=(2, 1), forces=(0.8, 1.2), hold=0.5),

@@ -5,9 +5,19 @@ from dataclasses import dataclass, replace
 
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Metres, Seconds
-from monochord.lab.motion import Motion, Move, Press, Retreat, Slide, Stay, Tap, Travel, motion
 from monochord.lab.plan import Assignment
-from monochord.lab.pressing import depth_under
+from monochord.physics.twin.trajectory import (
+    Move,
+    Press,
+    Retreat,
+    Slide,
+    Stay,
+    Tap,
+    Trajectory,
+    Travel,
+    depth_under,
+    trajectory,
+)  # fmt: skip
 
 PAUSES = (0.24, 0.31)
 """Rests between the taps in s: unequal, so that no tap is taken for its neighbour."""
@@ -32,7 +42,7 @@ BRUSH = (0.08, 0.35)
 class Course:
     """A session's motion, and when its drivers are on: from `on` to `off`, in s."""
 
-    motion: Motion
+    motion: Trajectory
     on: Seconds
     off: Seconds
 
@@ -58,11 +68,11 @@ def course(session: Assignment) -> Course:
     tense = sensor.string.tension + sensor.drift
     string = replace(sensor.string, tension=tense)
     first = [Stay(seconds=BEFORE, kind="rest"), *_taps(), Stay(seconds=AFTER, kind="rest")]
-    on = motion(first, string, position=middle).end
+    on = trajectory(first, string, position=middle).end
     inner = [Stay(seconds=SETTLING, kind="rest"), *_touches(session, design.string), Travel(position=middle)]
-    off = motion([*first, *inner], string, position=middle).end
+    off = trajectory([*first, *inner], string, position=middle).end
     last = [Stay(seconds=FADING, kind="rest"), *_taps(), Stay(seconds=BEFORE, kind="rest")]
-    whole = motion([*first, *inner, *last], string, position=middle)
+    whole = trajectory([*first, *inner, *last], string, position=middle)
     whole = whole.lifted(session.group.lifted) if session.group.lifted > 0.0 else whole
     return Course(motion=whole, on=on, off=off)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monochord.capture.jack.ring import FRAME_TIME_SPAN, Period
-from monochord.capture.sources._timeline import Timeline
+from monochord.capture.sources._ring_stream import Timeline
 from monochord.capture.sources.jack import Jack
 from monochord.core.errors import DeviceError, InputError
 

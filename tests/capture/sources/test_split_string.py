@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monochord.capture.sources._touches import Touch
+from monochord.capture.sources._script import ScriptedTouch
 from monochord.capture.sources.split_string import SplitStringSource
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Contact, Truth
@@ -15,7 +15,7 @@ from monochord.physics.split_string.feedback import lines
 from monochord.physics.theory import mixing_matrix, segment_frequencies
 
 RATE = 44100
-SCRIPT = (Touch(start=0.5, position=0.25, force=1.5), Touch(start=1.1))
+SCRIPT = (ScriptedTouch(start=0.5, position=0.25, force=1.5, seconds=0.6),)
 
 
 def audio(**options: Any) -> Audio:
@@ -42,7 +42,7 @@ def test_blocks_follow_one_another_to_the_end() -> None:
 
 @pytest.mark.parametrize("block", [1, 333])
 def test_the_size_of_blocks_does_not_matter(block: int) -> None:
-    options: dict[str, Any] = {"duration": 0.2, "script": (Touch(start=0.1234567, position=0.3),)}
+    options: dict[str, Any] = {"duration": 0.2, "script": (ScriptedTouch(start=0.1234567, position=0.3),)}
     assert audio(block=block, **options).tobytes() == audio(block=4096, **options).tobytes()
 
 
@@ -111,7 +111,7 @@ def test_closing_from_another_thread_ends_the_wait() -> None:
 
 @pytest.mark.parametrize("preset", ["appendix", "prototype", "bass_100"])
 def test_every_string_sounds_about_as_loud_as_asked(preset: str) -> None:
-    sound = audio(preset=preset, level=0.1, duration=1.0, script=(Touch(start=5.0),))
+    sound = audio(preset=preset, level=0.1, duration=1.0, script=(ScriptedTouch(start=5.0, position=0.1),))
     assert np.abs(sound).max(axis=1) == pytest.approx([0.1, 0.1], rel=0.6)
     assert np.abs(sound[:, -4410:]).max(axis=1) == pytest.approx([0.1, 0.1], rel=0.3)
 
@@ -132,10 +132,11 @@ def test_noise_is_as_loud_as_asked() -> None:
         ({"forces": (2.0, 1.0)}, "forces 2 to 1 N"),
         ({"places": (0.0, 0.5)}, "places 0 to 0.5"),
         ({"sample_rate": 1}, "sample rate 1 Hz"),
-        ({"script": (Touch(start=0.0, position=0.7),)}, "touch at 0.7 m: allowed is strictly between"),
-        ({"script": (Touch(start=-1.0),)}, "touch at -1 s"),
-        ({"script": (Touch(start=0.0, force=-1.0),)}, "touch of -1 N"),
-        ({"script": (Touch(start=2.0), Touch(start=1.0))}, "script out of order"),
+        ({"script": (ScriptedTouch(position=0.7),)}, "position 0.7 m: allowed is 0.013 to 0.637 m"),
+        ({"script": (ScriptedTouch(start=-1.0, position=0.2),)}, "start -1"),
+        ({"script": (ScriptedTouch(position=0.2, force=-1.0),)}, "force -1"),
+        ({"script": (ScriptedTouch(position=0.2, across=0.01),)}, "across for a split string"),
+        ({"script": (ScriptedTouch(start=2.0, position=0.2), ScriptedTouch(position=0.2))}, "out of order"),
     ],
 )
 def test_options_that_cannot_be_used_are_refused(options: dict[str, Any], line: str) -> None:

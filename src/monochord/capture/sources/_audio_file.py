@@ -6,11 +6,11 @@ from typing import Any, BinaryIO
 
 import soundfile
 
-from monochord.capture.sources._rates import refuse_other_rates
+from monochord.capture.sources.base import refuse_other_rates
 from monochord.core.errors import InputError
 
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
-MOST_CHANNELS = 2
+MAX_CHANNELS = 2
 UNKNOWN_LENGTH = 0xFFFFFFFF  # what a program that writes to a pipe, or RF64, puts for a length
 
 READ_ANYWAY = "read what is there: locate --allow-truncated, live --set source.allow_truncated=true"
@@ -60,7 +60,7 @@ def _open(path: Path) -> soundfile.SoundFile:
 def _refuse(file: soundfile.SoundFile, path: Path) -> None:
     if file.format not in FORMATS:
         raise InputError(f"file {path} of format {file.format}", "wav or flac", "convert it")
-    if file.channels > MOST_CHANNELS:
+    if file.channels > MAX_CHANNELS:
         raise InputError(f"file {path} with {file.channels} channels", "1 or 2", "keep the pickups' channels")
     refuse_other_rates(file.samplerate, f"file {path}", "resample it first")
     if not file.frames:

@@ -1,22 +1,18 @@
-"""An open JACK capture, with the patience to outlive server and ports."""
+"""An open JACK capture, which survives a server or ports that go away and come back."""
 
+import re
 import time
-from typing import TYPE_CHECKING
 
 from monochord.capture.jack import arena as at
 from monochord.capture.jack import libjack
 from monochord.capture.jack.client import JackClient
 from monochord.capture.jack.ring import Period, Ring
-from monochord.capture.sources._jack_ports import choose_ports
-from monochord.capture.sources._rates import refuse_other_rates
 from monochord.capture.sources._ring_stream import RingStream
+from monochord.capture.sources.base import refuse_other_rates
 from monochord.core.clock import clock_offsets
-from monochord.core.errors import DeviceError
+from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Signal, StreamHealth
 from monochord.core.units import Seconds
-
-if TYPE_CHECKING:
-    from monochord.capture.sources.jack import Jack
 
 RETRY: Seconds = 0.05  # between looks for a server or port that is away
 IDLE: Seconds = 0.5  # between looks at anything else while no audio comes
@@ -24,19 +20,30 @@ CLOCK_EVERY: Seconds = 1.0  # between measurements of the clock offset
 
 
 class JackStream(RingStream):
-    """See `Jack`, whose options it is made of."""
+    """Blocks of a JACK server's ports; see `Jack` for the arguments."""
 
-    def __init__(self, options: "Jack") -> None:
-        self._options = options
+    def __init__(
+        self,
+        *,
+        ports: str,
+        client_name: str,
+        server: str,
+        channels: int,
+        ring_seconds: Seconds,
+        reconnect: bool,
+        patience_seconds: Seconds,
+    ) -> None:
+        self._names = client_name, server
+        self._port_pattern, self._reconnect, self._patience = ports, reconnect, patience_seconds
         self._client: JackClient | None = None
         self._away_since: Seconds = 0.0  # where there is no client
         self._reconnects = 0
-        client = JackClient(options.client_name, options.server)
+        client = JackClient(*self._names)
         try:
             rate = client.sample_rate
             refuse_other_rates(rate, "JACK server", "start it with -r 44100")
-            ring = Ring(options.channels, max(round(options.ring_seconds * rate), 4 * client.period))
-            super().__init__(Signal(sample_rate=rate, channels=options.channels), ring)
+            ring = Ring(channels, max(round(ring_seconds * rate), 4 * client.period))
+            super().__init__(Signal(sample_rate=rate, channels=channels), ring)
             self._inputs = self._enter(client)
             self._connect(client)
         except BaseException:
@@ -55,7 +62,7 @@ class JackStream(RingStream):
 
     def _idle(self) -> None:
         if self._client is None:
-            if self._options.reconnect:
+            if self._reconnect:
                 self._return()
             else:
                 self._closed.set()
@@ -83,9 +90,9 @@ class JackStream(RingStream):
     def _connect(self, client: JackClient) -> None:
         """Connect the inputs; raises `DeviceError` where the ports are not there."""
         self._ports_seen = self._ring.arena.count(at.PORTS_CHANGED)
-        if self._options.ports == "none":
+        if self._port_pattern == "none":
             return
-        outputs = choose_ports(client, self._options.ports, self._signal.channels)
+        outputs = _choose_ports(client, self._port_pattern, self._signal.channels)
         for output, into in zip(outputs, self._inputs, strict=True):
             if not client.connect(output, into):
                 raise DeviceError(f"JACK port {output}: refused the connection; is its client active?")
@@ -94,12 +101,12 @@ class JackStream(RingStream):
     def _tend_ports(self, client: JackClient) -> None:
         """Connect again after ports came or went, if ours were among them."""
         changed = self._ring.arena.count(at.PORTS_CHANGED)
-        if self._options.ports == "none" or not (self._waiting or changed != self._ports_seen):
+        if self._port_pattern == "none" or not (self._waiting or changed != self._ports_seen):
             return
         self._ports_seen = changed
         if all(client.connected(port) for port in self._ring.arena.ports):
             self._waiting = False
-        elif not self._options.reconnect:
+        elif not self._reconnect:
             self._closed.set()
         else:
             self._waiting = not self._reconnected(client)
@@ -115,9 +122,9 @@ class JackStream(RingStream):
     def _return(self) -> None:
         """Try once to come back to a server that went away."""
         try:
-            client = JackClient(self._options.client_name, self._options.server)
+            client = JackClient(*self._names)
         except DeviceError:
-            if time.monotonic() - self._away_since > self._options.patience_seconds:
+            if time.monotonic() - self._away_since > self._patience:
                 raise
             self._closed.wait(RETRY)
             return
@@ -129,7 +136,7 @@ class JackStream(RingStream):
             client.close()
             raise
         self._client = client
-        self._waiting = self._options.ports != "none"
+        self._waiting = self._port_pattern != "none"
         self._reconnects += not self._waiting  # with ports to connect, it counts when they are
 
     def _refuse_other_rate(self, rate: int) -> None:
@@ -148,3 +155,41 @@ class JackStream(RingStream):
     def _measure_clock(self, client: JackClient) -> None:
         self._clock_offset, self._clock_read = client.clock_offset(), time.monotonic()
         self._latency = max(client.capture_latency(port) for port in self._ring.arena.ports)
+
+
+def _choose_ports(client: JackClient, ports: str, channels: int) -> list[str]:
+    """Return the full names of the first `channels` output ports that `ports` describes.
+
+    `ports` is names, or regular expressions that match part of a full name, separated by commas; empty
+    means the physical ports.
+
+    Raises
+    ------
+    InputError
+        If an expression is invalid.
+    DeviceError
+        If fewer ports match than there are channels.
+    """
+    if ports:
+        names = [name for part in ports.split(",") for name in _matching(client, part.strip())]
+    else:
+        names = client.outputs(physical=True)
+    chosen = list(dict.fromkeys(names))[:channels]
+    if len(chosen) < channels:
+        expected = f"ports '{ports}'" if ports else "physical capture ports"
+        there = ", ".join(client.outputs()) or "none"
+        remedy = f"set channels={len(chosen)}" if chosen else "start what plays, or set ports=none"
+        raise DeviceError(f"JACK {expected}: {len(chosen)} of {channels} found; there are {there}; {remedy}")
+    return chosen
+
+
+def _matching(client: JackClient, expression: str) -> list[str]:
+    try:
+        pattern = re.compile(expression)
+    except re.error as error:
+        raise InputError(
+            f"ports '{expression}' ({error})", "regular expressions separated by commas"
+        ) from error
+    names = client.outputs()
+    # A full name is not read as an expression: "a (b):out" has brackets.
+    return [name for name in names if name == expression] or [n for n in names if pattern.search(n)]

@@ -1,14 +1,13 @@
-"""An open device: a callback fills a ring, and the ring's periods are the blocks."""
+"""An open device: a callback fills a ring, and each period in it becomes a block on the stream's clock."""
 
 import threading
 import time
 from abc import abstractmethod
 from collections.abc import Iterator
 
-from monochord.capture.jack.ring import Period, Ring
-from monochord.capture.sources._timeline import Timeline
+from monochord.capture.jack.ring import FRAME_TIME_SPAN, Period, Ring, frames_between
 from monochord.capture.sources.base import Stream
-from monochord.core.types import Block, Signal
+from monochord.core.types import Block, Signal, StreamHealth
 from monochord.core.units import Samples, Seconds
 
 
@@ -26,14 +25,14 @@ class RingStream(Stream):
 
     @abstractmethod
     def _adc_time(self, period: Period) -> Seconds | None:
-        """Return the monotonic time of a period's first frame at the converter, None where nobody knows."""
+        """Return the monotonic time of a period's first frame at the converter, None where it is unknown."""
 
     @abstractmethod
     def _idle(self) -> None:
         """Look after the device, or wait a little, while the ring is empty; raise if it is gone for good."""
 
     def _leave(self) -> None:
-        """Leave the device; where another closes it, before the stream, this may be left out."""
+        """Close the device; a subclass whose device is closed elsewhere does not override this."""
 
     @property
     def signal(self) -> Signal:
@@ -56,7 +55,7 @@ class RingStream(Stream):
         self._ring.arena.wake()
 
     def release(self) -> None:
-        """Close, wait until the reader has left, and leave the device."""
+        """Close, wait until the reader has left, and close the device."""
         self.close()
         with self._reading:
             self._leave()
@@ -70,3 +69,71 @@ class RingStream(Stream):
                     return self._timeline.place(period, self._adc_time(period), time.monotonic())
                 self._idle()
             return None
+
+
+class Timeline:
+    """Places periods on the stream's sample clock, at `sample_rate` frames a second, and counts what is lost.
+
+    While one device runs, its frame counter is the truth; after `interrupt`, when another counter begins,
+    the gap is what the monotonic clock says.
+    """
+
+    def __init__(self, sample_rate: int) -> None:
+        self._rate = sample_rate
+        self._end: Samples = 0  # index after the newest frame
+        self._frame_time: Samples | None = None  # the device's count there
+        self._time: Seconds | None = None  # the monotonic clock there; None before the first frame
+        self._frames = self._dropped = self._gaps = 0
+
+    def interrupt(self) -> None:
+        """Note that the device's counter restarts."""
+        self._frame_time = None
+
+    def place(self, period: Period, adc_time: Seconds | None, now: Seconds) -> Block:
+        """Return the period as a block.
+
+        Parameters
+        ----------
+        period
+            Samples of one callback; its `frame_time` counts modulo 2^32.
+        adc_time
+            Monotonic time of the period's first frame at the converter, None where it is unknown.
+        now
+            Present monotonic time, used where `adc_time` is unknown: the last frame was converted just now.
+        """
+        frames = period.samples.shape[1]
+        began = now - frames / self._rate if adc_time is None else adc_time
+        lost = self._lost(period.frame_time, began)
+        start = self._end + lost
+        self._end, self._time = start + frames, began + frames / self._rate
+        self._frame_time = (period.frame_time + frames) % FRAME_TIME_SPAN
+        self._frames += frames
+        self._dropped += lost
+        self._gaps += lost > 0
+        return Block(
+            samples=period.samples,
+            start=start,
+            dropped=lost,
+            adc_time=adc_time,
+            frame_time=period.frame_time,
+        )
+
+    def health(self, *, xruns: int, reconnects: int, clock_offsets: dict[str, Seconds]) -> StreamHealth:
+        """Return the counters so far together with those of the device."""
+        return StreamHealth(
+            frames=self._frames,
+            dropped=self._dropped,
+            gaps=self._gaps,
+            xruns=xruns,
+            reconnects=reconnects,
+            clock_offsets=clock_offsets,
+        )
+
+    def _lost(self, frame_time: Samples, began: Seconds) -> Samples:
+        if self._time is None:
+            return 0
+        if self._frame_time is None:
+            lost = round((began - self._time) * self._rate)
+        else:
+            lost = frames_between(self._frame_time, frame_time)
+        return max(lost, 0)  # a count may step back a little after an xrun; indices never do

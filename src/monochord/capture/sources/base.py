@@ -4,15 +4,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 
+from monochord.core.errors import InputError
 from monochord.core.types import Block, Signal, StreamHealth, Truth
 from monochord.core.units import Samples
+
+MIN_RATE, MAX_RATE = 16_000, 96_000
+"""Sample rates in Hz: a string's partials need 16 kHz, and 96 kHz is ample."""
 
 
 class Stream(ABC):
     """An open source. Iterating yields blocks in order until the source ends.
 
     Frame indices never go back: ``block.start == previous end + block.dropped``. Lost frames are counted
-    in `health` and marked on the next block; a stream never invents samples. `close` (or leaving the
+    in `health` and marked on the next block; a stream never makes up samples. `close` (or leaving the
     context) may be called from another thread and ends the iteration.
     """
 
@@ -26,7 +30,7 @@ class Stream(ABC):
         """Yield blocks; waits where the device is slower than the reader."""
 
     def close(self) -> None:  # noqa: B027
-        """End the iteration, from whatever thread; a stream that never waits may leave this out."""
+        """End the iteration, from whatever thread; a stream that never waits need not override it."""
 
     @property
     def pending(self) -> Samples:
@@ -39,7 +43,7 @@ class Stream(ABC):
         return StreamHealth()
 
     def truth(self, start: Samples, stop: Samples) -> Truth:  # noqa: ARG002
-        """Return what is known to be true over [start, stop), empty where nothing is (real hardware)."""
+        """Return the true labels over [start, stop), empty where there are none (real hardware)."""
         return {}
 
 
@@ -53,3 +57,9 @@ class Source(ABC):
     @abstractmethod
     def open(self) -> AbstractContextManager[Stream]:
         """Open the source; leaving the context releases the device or file."""
+
+
+def refuse_other_rates(sample_rate: float, what: str, remedy: str) -> None:
+    """Raise `InputError` for a sample rate below 16 kHz or above 96 kHz."""
+    if not MIN_RATE <= sample_rate <= MAX_RATE:
+        raise InputError(f"{what} at {sample_rate:g} Hz", f"{MIN_RATE} to {MAX_RATE} Hz", remedy)

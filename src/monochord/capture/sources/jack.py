@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from monochord.capture.sources.base import Source
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 class Jack(Source):
     """Ports of a running JACK server, captured by a compiled callback into a ring.
 
-    A period (the server's unit, one block here) counts when all `channels` inputs are connected. Frames that
-    were lost, or passed while a port or the server was away, are measured by JACK's clocks and reported as
-    the next block's `dropped`. No server is ever started.
+    A period (the server's unit, one block here) is captured when all `channels` inputs are connected. Frames
+    that were lost, or passed while a port or the server was away, are measured by JACK's clocks and reported
+    as the next block's `dropped`. No server is ever started.
 
     Parameters
     ----------
     ports
-        What to listen to: regular expressions for full names of output ports, separated by commas, as in
+        Ports to capture: regular expressions for full names of output ports, separated by commas, as in
         ``player:.*`` (as many as there are channels, in the order found); empty for the physical capture
         ports; ``none`` to wait until something else connects this client's inputs.
     client_name
@@ -58,10 +58,10 @@ class Jack(Source):
             raise InputError(f"ring of {self.ring_seconds} s", "0.01 to 60 s")
         if not self.client_name:
             raise InputError("client_name ''", "a name")
-        # Imported here, because this compiles the callbacks.
+        # Imported here, because this loads numba and compiles the callbacks.
         from monochord.capture.sources._jack_stream import JackStream  # noqa: PLC0415
 
-        stream = JackStream(self)
+        stream = JackStream(**asdict(self))
         try:
             yield stream
         finally:

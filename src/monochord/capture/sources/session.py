@@ -1,7 +1,7 @@
 """A recorded session, played again."""
 
 import math
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,24 +9,24 @@ from pathlib import Path
 import numpy as np
 
 from monochord.capture.sources._paced_stream import PacedStream
-from monochord.capture.sources._rates import refuse_other_rates
-from monochord.capture.sources._track_truth import TrackTruth
-from monochord.capture.sources.base import Source
+from monochord.capture.sources.base import Source, refuse_other_rates
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Signal, Truth
-from monochord.core.units import Samples
+from monochord.core.types import Audio, Floats, Signal, Truth
+from monochord.core.units import Samples, Seconds
 from monochord.sessions import Session, read_session
 from monochord.sessions.alignment import AUDIO, align
 
-MOST_CHANNELS = 2
+MAX_CHANNELS = 2
+BINARY_LABELS = ("contact", "slip", "settled")
+"""Labels that are 0 or 1: a stretch has the value of its majority."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionSource(Source):
     """A session (.mcap): its audio with the gaps that it has, and its labels as truth.
 
-    Frames have the indices that they had when they were recorded, so that windows, and whatever is estimated
-    from them, are the same as they were live. A session that was cut off is played as far as it is whole.
+    Frames have the indices that they had when they were recorded, so that windows and estimates are the same
+    as they were live. A session that was cut off is played up to its damage.
 
     Parameters
     ----------
@@ -35,12 +35,12 @@ class SessionSource(Source):
     block
         Frames a block; one before a gap holds what is left.
     speed
-        Pace against real time: 1 gives each block when its last frame would have been heard, 20 twenty times
-        as fast, 0 as fast as it is read.
+        Pace against real time: 1 yields each block when its last frame would have been captured, 20 twenty
+        times as fast, 0 as fast as it is read.
     aligned
-        Whether labels are taken to be on the clock of the force, where there is one, as the twin's and those
-        of a measurement are: what taps tell of the microphones' lateness is then taken off. It costs the time
-        to find the taps; without it labels are taken to be on the microphones' clock.
+        Whether labels are on the clock of the force sensor, where there is one, as the twin's and those of a
+        measurement are: the microphones' delay, estimated from taps, is then subtracted. It costs the time
+        to detect the taps; without it labels are taken to be on the microphones' clock.
     """
 
     path: Path
@@ -57,7 +57,7 @@ class SessionSource(Source):
             raise InputError(f"speed {self.speed}", "0 (as fast as possible) or more")
         session = read_session(Path(self.path))
         channels, what = session.description.channels, f"session {self.path}"
-        if channels > MOST_CHANNELS:
+        if channels > MAX_CHANNELS:
             raise InputError(f"{what} with {channels} channels", "1 or 2", "export it, keep the pickups'")
         refuse_other_rates(session.description.sample_rate, what, "export it, and resample that")
         if not session.audio.samples.shape[1]:
@@ -71,30 +71,74 @@ class SessionSource(Source):
 
 class _SessionStream(PacedStream):
     def __init__(self, session: Session, options: SessionSource) -> None:
-        told, track = session.description, session.audio
-        signal = Signal(sample_rate=told.sample_rate, channels=told.channels, string=told.string)
+        about, track = session.description, session.audio
+        signal = Signal(sample_rate=about.sample_rate, channels=about.channels, string=about.string)
         end = track.samples.shape[1]
         super().__init__(signal, block=options.block, speed=options.speed, end=end)
         self._samples = track.samples
         self._gaps_after = dict(track.gaps)
-        self._firsts = np.array([*(first for first, _ in track.gaps), end])
+        self._gap_starts = np.array([*(first for first, _ in track.gaps), end])
         labels = session.labels
-        bare = not (options.aligned and session.streams and len(labels.time))
-        self._alignment = None if bare else align(session)
-        self._line, self._truth = track.line, TrackTruth(labels.time, labels.columns)
+        aligned = options.aligned and session.streams and len(labels.time)
+        self._alignment = align(session) if aligned else None
+        self._line, self._truth = track.line, _RecordedLabels(labels.time, labels.columns)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
-        """Return what the session's labels say of the frames [start, stop)."""
+        """Return the session's labels of the frames [start, stop)."""
         rate, begin = self._line
-        when = begin + np.array([start, stop]) / rate
+        times = begin + np.array([start, stop]) / rate
         if self._alignment is not None:
-            when = self._alignment.correct(AUDIO, when)
-        return self._truth.over(*when.tolist())
+            times = self._alignment.correct(AUDIO, times)
+        return self._truth.over(*times.tolist())
 
     def _lost(self) -> Samples:
         return self._gaps_after.get(self._start, self._start) - self._start
 
     def _read(self, frames: Samples) -> Audio:
         """Return the next frames, at most to the next gap."""
-        whole_until = self._firsts[np.searchsorted(self._firsts, self._start, side="right")]
-        return self._samples[:, self._start : min(self._start + frames, int(whole_until))]
+        end = self._gap_starts[np.searchsorted(self._gap_starts, self._start, side="right")]
+        return self._samples[:, self._start : min(self._start + frames, int(end))]
+
+
+class _RecordedLabels:
+    """Recorded labels by column (n,), NaN where unknown, at times (n,) in s."""
+
+    def __init__(self, time: Floats, columns: Mapping[str, Floats]) -> None:
+        self._time = np.maximum.accumulate(time) if len(time) else time
+        self._columns = columns
+
+    def over(self, start: Seconds, stop: Seconds) -> Truth:
+        """Return the labels of the time [start, stop): those within it, or the latest one before.
+
+        ``contact`` and ``slip`` are decided by the majority; the others are means over the touched part.
+        ``settled`` is 1 where all known labels are settled, and no touch begins or ends.
+        """
+        first, last = np.searchsorted(self._time, [start, stop])
+        within = slice(max(first - 1, 0) if first == last else first, last)
+        columns = {name: column[within] for name, column in self._columns.items()}
+        contact = columns.pop("contact", np.zeros(0))
+        if not np.isfinite(contact).any():
+            return {
+                name: mean for name, column in columns.items() if (mean := _mean(name, column)) is not None
+            }
+        touched, known = contact > 0.0, np.isfinite(contact)
+        steady = touched.all() or not touched.any()
+        settled = columns.pop("settled", np.ones(0))
+        truth = {
+            "contact": float(2 * touched.sum() >= known.sum()),
+            "settled": float(steady and bool((settled[np.isfinite(settled)] > 0.0).all())),
+        }
+        if truth["contact"]:
+            for name, column in columns.items():
+                mean = _mean(name, column[touched])
+                if mean is not None:
+                    truth[name] = mean
+        return truth
+
+
+def _mean(name: str, column: Floats) -> float | None:
+    known = column[np.isfinite(column)]
+    if not len(known):
+        return None
+    mean = float(known.mean())
+    return float(mean >= 0.5) if name in BINARY_LABELS else mean

@@ -5,8 +5,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from monochord.capture.sources._rates import refuse_other_rates
-from monochord.capture.sources.base import Source
+from monochord.capture.sources.base import Source, refuse_other_rates
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.units import Samples
 

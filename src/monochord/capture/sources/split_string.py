@@ -1,4 +1,4 @@
-"""The split-string simulation in place of the two contact microphones, with the truth at hand."""
+"""The split-string simulation in place of the two contact microphones, with its true labels."""
 
 import math
 from collections import deque
@@ -9,7 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monochord.capture.sources._paced_stream import PacedStream
-from monochord.capture.sources._touches import Touch, play_at_random, play_script
+from monochord.capture.sources._script import (
+    ScriptedTouch,
+    clamp_changes,
+    draw_clamps,
+    refuse_unlike_clamps,
+)
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Contact, Signal, StringParams, Truth
@@ -28,15 +33,15 @@ class SplitStringSource(Source):
     preset
         The string, by its name or as a TOML file.
     speed
-        Pace against real time: 1 gives each block when its last frame would have been heard, 0 as fast as the
-        reader takes it.
+        Pace against real time: 1 yields each block when its last frame would have been captured, 0 as fast as
+        the reader takes it.
     duration
         Length in seconds; 0 without end.
     script
-        Touches in the order of their starts, such as ``[{start = 1.0, position = 0.2, force = 0.5}]``; one
-        without a position is a release. Empty: touches drawn at random.
+        Touches in the order of their starts, such as ``[{start = 1.0, position = 0.2, force = 0.5, seconds =
+        2.0}]``; one without ``seconds`` lasts until the next. Empty: touches drawn at random.
     seed
-        Of the random touches and of the noise; equal seeds give equal sounds.
+        Random seed of the touches and of the noise; equal seeds give equal sounds.
     hold
         Mean time in seconds that a random touch, or none, lasts.
     forces
@@ -46,11 +51,11 @@ class SplitStringSource(Source):
     settle
         For how many seconds after a change of touch the truth counts as unsettled.
     level
-        About the velocity in m/s that the drivers sustain at a pickup, whatever the string; samples are
+        Approximate velocity in m/s that the drivers sustain at a pickup, for any string; samples are
         velocities in m/s.
     strike
-        How strongly the string is plucked by each change of touch, in multiples of `level`. A weak strike
-        leaves it to history which harmonics sound: see the drivers' feedback.
+        Strength of the pluck at each change of touch, in multiples of `level`. After a weak strike the
+        harmonics that sound depend on those before: see the drivers' feedback.
     noise
         Standard deviation of the microphones' own white noise, as a sample value.
     block
@@ -62,7 +67,7 @@ class SplitStringSource(Source):
     preset: str = "appendix"
     speed: float = 1.0
     duration: Seconds = 0.0
-    script: tuple[Touch, ...] = ()
+    script: tuple[ScriptedTouch, ...] = ()
     seed: int = 0
     hold: Seconds = 1.5
     forces: tuple[Newtons, Newtons] = (0.2, 2.0)
@@ -99,14 +104,15 @@ class SplitStringSource(Source):
         low, high = self.places
         if not 0.0 < low <= high < 1.0:
             raise InputError(f"places {low:g} to {high:g}", "fractions between 0 and 1, the least first")
-        for each in self.script:
-            each.refuse_impossible(string.length)
-        if list(self.script) != sorted(self.script, key=lambda each: each.start):
+        for scripted in self.script:
+            scripted.refuse_impossible(string.length)
+        refuse_unlike_clamps(self.script)
+        if list(self.script) != sorted(self.script, key=lambda scripted: scripted.start):
             raise InputError("script out of order", "touches by their start, the earliest first")
 
 
 def _setup(string: StringParams, level: MetresPerSecond) -> SplitString:
-    """Return the untouched string with a drive and a first pluck that both give about the level asked for.
+    """Return the untouched string with a drive and a first pluck of about the given level.
 
     At resonance the drive makes up for the loss: one driver on half the string, or two on the whole, at a
     quarter of the segment, sustain 2 A / (d L) at a pickup there.
@@ -121,11 +127,7 @@ def _setup(string: StringParams, level: MetresPerSecond) -> SplitString:
 class _SimulatedStream(PacedStream):
     def __init__(self, options: SplitStringSource, string: StringParams) -> None:
         rate = options.sample_rate
-        signal = Signal(
-            sample_rate=rate,
-            channels=2,
-            string=string,
-        )
+        signal = Signal(sample_rate=rate, channels=2, string=string)
         end = round(options.duration * rate) if options.duration else math.inf
         super().__init__(signal, block=options.block, speed=options.speed, end=end)
         self._options = options
@@ -135,13 +137,13 @@ class _SimulatedStream(PacedStream):
         self._ringing: Ringing = begin(setup, rate)
         advance(self._ringing, 1)  # compiles here, where nobody waits for a block
         self._random = np.random.default_rng([options.seed, 1])
-        touches = options.script or play_at_random(
+        touches = options.script or draw_clamps(
             seed=options.seed,
             hold=options.hold,
             positions=(options.places[0] * string.length, options.places[1] * string.length),
             forces=options.forces,
         )
-        self._changes = play_script(touches, rate)
+        self._changes = clamp_changes(touches, rate)
         self._change = next(self._changes, None)
         self._history: deque[tuple[Samples, Contact | None]] = deque([(0, None)], maxlen=256)
 
@@ -154,11 +156,11 @@ class _SimulatedStream(PacedStream):
         if not past:
             return {}
         changed, contact = past[-1]
-        calm = start - changed >= self._options.settle * self._signal.sample_rate
-        known = {"contact": 0.0 if contact is None else 1.0, "settled": float(calm)}
+        settled = start - changed >= self._options.settle * self._signal.sample_rate
+        truth = {"contact": 0.0 if contact is None else 1.0, "settled": float(settled)}
         if contact is None:
-            return known
-        return known | {"position": contact.position, "force": contact.force}
+            return truth
+        return truth | {"position": contact.position, "force": contact.force}
 
     def _read(self, frames: Samples) -> Audio:
         """Return the next frames, with touches that change at their own sample and not at a block's."""

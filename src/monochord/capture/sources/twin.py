@@ -1,4 +1,4 @@
-"""The twin in place of the sensor: a driven string, pressed and slid over, with the truth at hand."""
+"""The twin in place of the sensor: a driven string that is pressed and slid over, with its true labels."""
 
 import math
 from collections.abc import Generator, Iterable
@@ -10,9 +10,8 @@ import numpy as np
 import soxr
 
 from monochord.capture.sources._audio_file import open_audio
-from monochord.capture.sources._labels import LabelMemory
 from monochord.capture.sources._paced_stream import PacedStream
-from monochord.capture.sources._visits import Visit, changes, wander
+from monochord.capture.sources._script import ScriptedTouch, draw_touches, twin_changes
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal, Truth
@@ -20,15 +19,17 @@ from monochord.core.units import Newtons, Samples, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import TensionLaw
-from monochord.physics.twin import Outside, Pluck, Scene, Sensor, Twin, advance, begin, retouch
+from monochord.physics.twin import Labels, Outside, Pluck, Scene, Sensor, Twin, advance, begin, retouch
 from monochord.physics.twin.outside import outside_at
 from monochord.physics.twin.variation import build, day
 
-REMEMBERED: Seconds = 61.0
-"""For how long labels are kept: a second more than the longest window."""
-AHEAD: Samples = 2048
-"""Frames that are made at once, if a block is not longer."""
-STRIKE = 5e-4
+LABEL_SECONDS: Seconds = 61.0
+"""For how long labels are stored: a second more than the longest window."""
+LABEL_STEP: Samples = 32
+"""Frames from one stored label to the next, 0.7 ms: the labels themselves are averages over 5 ms."""
+CHUNK: Samples = 2048
+"""Frames that are simulated at once, if a block is not longer."""
+PLUCK_HEIGHT = 5e-4
 """Height of the first pluck, as a share of the length."""
 
 
@@ -36,9 +37,9 @@ STRIKE = 5e-4
 class TwinSource(Source):
     """The virtual sensor in real time: `monochord.physics.twin`, simulated in every sample.
 
-    Of the frames [a, b), `truth` tells whether they are for the most part touched (``contact``) and, where
-    they are, the means of ``position`` in m, ``force`` in N and sliding speed ``slip_velocity`` in m/s, and
-    its parts with their signs, ``slip_across`` and ``slip_along``; whether the touch slides for the most part
+    For the frames [a, b), `truth` returns whether most of them are touched (``contact``) and, if so, the
+    means of ``position`` in m, ``force`` in N and sliding speed ``slip_velocity`` in m/s, and its components
+    with their signs, ``slip_across`` and ``slip_along``; whether the touch slides for most of them
     (``slip``); and whether the sound had come to rest throughout (``settled``).
 
     Parameters
@@ -46,34 +47,34 @@ class TwinSource(Source):
     sensor
         A preset's name or a TOML file of your own.
     build
-        Seed of another sensor of the same design, within its tolerances; left out, the design itself. The
-        signal's string is the design's either way, which is all that a listener can know.
+        Seed of another sensor of the same design, within its tolerances; by default the design itself. The
+        signal's string is the design's either way, which is all that an estimator can know.
     day
-        Seed of the same sensor on another day; left out, the day it was tuned.
+        Seed of the same sensor on another day; by default the day it was tuned.
     script
-        Visits in the order of their starts, such as ``[{start = 1.0, position = 0.08, force = 0.5,
-        seconds = 2.0, across = 0.01}]``; without ``seconds`` the touch stays. Empty: visits drawn at random.
+        Touches in the order of their starts, such as ``[{start = 1.0, position = 0.08, force = 0.5,
+        seconds = 2.0, across = 0.01}]``; without ``seconds`` the touch stays. Empty: touches drawn at random.
     seed
-        Of the random visits, of surfaces and of the converters' noise; equal seeds give equal sounds.
+        Random seed of the touches, of surfaces and of the converters' noise; equal seeds give equal sounds.
     hold
-        Mean time in seconds that a random visit lasts.
+        Mean time in seconds that a random touch lasts.
     forces
-        Least and greatest normal force of a random visit in N.
+        Least and greatest normal force of a random touch in N.
     places
-        Where random visits fall, as shares of the sensing range.
+        Where random touches fall, as shares of the sensing range.
     slips
-        Share of the random visits that move while they press.
+        Share of the random touches that move while they press.
     materials
-        What random visits are made of, and the first what a script's are; names or files.
+        Materials of random touches; the first is a script's default. Names or files.
     tension_law
         How force raises tension: "geometric", the stretch of the deflected string, or "linear".
     noise
-        A wav or flac file that sounds in the room, round and round; none if empty.
+        A wav or flac file that sounds around the sensor, repeated without end; none if empty.
     snr
-        How far it stays below the untouched string's sound, in dB.
+        Ratio of the untouched string's sound to that noise, in dB.
     speed
-        Pace against real time: 1 gives each block when its last frame would have been heard, 0 as fast as the
-        reader takes it.
+        Pace against real time: 1 yields each block when its last frame would have been captured, 0 as fast as
+        the reader takes it.
     duration
         Length in seconds; 0 without end.
     block
@@ -85,7 +86,7 @@ class TwinSource(Source):
     sensor: str = "prototype"
     build: int | None = None
     day: int | None = None
-    script: tuple[Visit, ...] = ()
+    script: tuple[ScriptedTouch, ...] = ()
     seed: int = 0
     hold: Seconds = 1.8
     forces: tuple[Newtons, Newtons] = (0.1, 2.0)
@@ -113,10 +114,10 @@ class TwinSource(Source):
         finally:
             stream.release()
 
-    def visits(self, design: Sensor) -> Iterable[Visit]:
-        """Return the visits of a sensor of this design: the script, or those drawn."""
+    def touches(self, design: Sensor) -> Iterable[ScriptedTouch]:
+        """Return the touches of a sensor of this design: the script, or those drawn."""
         low, high = design.range
-        return self.script or wander(
+        return self.script or draw_touches(
             seed=self.seed,
             hold=self.hold,
             positions=(low + self.places[0] * (high - low), low + self.places[1] * (high - low)),
@@ -125,8 +126,8 @@ class TwinSource(Source):
             materials=self.materials,
         )
 
-    def room(self, sensor: Sensor) -> Outside | None:
-        """Return what sounds in the room, at its ratio to this sensor's own sound."""
+    def ambient_noise(self, sensor: Sensor) -> Outside | None:
+        """Return the noise around the sensor, at its ratio to the sensor's own sound."""
         if not self.noise:
             return None
         with open_audio(Path(self.noise), allow_truncated=False) as file:
@@ -145,12 +146,14 @@ class TwinSource(Source):
         if not 0.5 <= self.hold < math.inf:
             raise InputError(f"hold {self.hold:g} s", "0.5 s or more")
         self._refuse_impossible_draws()
-        for visit in self.script:
-            visit.refuse_impossible(design.string.length)
+        for touch in self.script:
+            touch.refuse_impossible(design.string.length)
         for before, after in zip(self.script, self.script[1:], strict=False):
             if not before.end <= after.begin:
-                given = f"a visit from {after.begin:.3g} s, before the last one is gone ({before.end:.3g} s)"
-                raise InputError(given, "visits one after another", "give seconds")
+                given = (
+                    f"a touch from {after.begin:.3g} s, before the last one has ended ({before.end:.3g} s)"
+                )
+                raise InputError(given, "touches one after another", "set seconds")
 
     def _refuse_impossible_draws(self) -> None:
         low, high = self.forces
@@ -175,30 +178,30 @@ class _TwinStream(PacedStream):
         super().__init__(signal, block=options.block, speed=options.speed, end=end)
         length = sensor.string.length
         scene = Scene(
-            outside=options.room(sensor),
-            pluck=Pluck(position=0.2 * length, height=STRIKE * length),
+            outside=options.ambient_noise(sensor),
+            pluck=Pluck(position=0.2 * length, height=PLUCK_HEIGHT * length),
             tension_law=options.tension_law,
         )
         self._twin: Twin = begin(sensor, scene, sample_rate=rate, seed=options.seed)
         advance(self._twin, 1)  # compiles here, where nobody waits for a block
-        self._labels = LabelMemory(round(REMEMBERED * rate))
-        self._changes = changes(options.visits(design), options.materials[0], rate)
+        self._labels = LabelMemory(round(LABEL_SECONDS * rate))
+        self._changes = twin_changes(options.touches(design), sensor.string, options.materials[0], rate)
         self._change = next(self._changes, None)
-        self._made: Audio = np.zeros((2, 0), dtype=np.float32)
+        self._ahead: Audio = np.zeros((2, 0), dtype=np.float32)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
-        """Return what is true over the frames [start, stop); see `TwinSource`."""
+        """Return the labels of the frames [start, stop); see `TwinSource`."""
         return self._labels.over(start, stop)
 
     def _read(self, frames: Samples) -> Audio:
-        """Return the next frames out of what was made ahead, which wakes the simulation less often."""
-        while self._made.shape[1] < frames:
-            self._made = np.concatenate([self._made, self._more(max(frames, AHEAD))], axis=1)
-        given, self._made = self._made[:, :frames], self._made[:, frames:]
-        return np.ascontiguousarray(given)
+        """Return the next frames; they are simulated ahead in chunks, which costs fewer calls."""
+        while self._ahead.shape[1] < frames:
+            self._ahead = np.concatenate([self._ahead, self._simulate(max(frames, CHUNK))], axis=1)
+        samples, self._ahead = self._ahead[:, :frames], self._ahead[:, frames:]
+        return np.ascontiguousarray(samples)
 
-    def _more(self, frames: Samples) -> Audio:
-        """Simulate on to the next coming or going of an object, or for some frames, and keep the labels."""
+    def _simulate(self, frames: Samples) -> Audio:
+        """Simulate until an object comes or goes, `frames` at most, and store the labels."""
         while self._change is not None and self._change[0] <= self._twin.start:
             self._twin = retouch(self._twin, self._change[1])
             self._change = next(self._changes, None)
@@ -207,3 +210,53 @@ class _TwinStream(PacedStream):
         take, self._twin = advance(self._twin, frames)
         self._labels.add(take.labels)
         return take.microphones
+
+
+CONTACT, POSITION, FORCE, SLIP, ACROSS, ALONG, SETTLED = range(7)
+
+
+class LabelMemory:
+    """Labels of the latest `frames` frames of a stream with at most one touch, one in `LABEL_STEP` frames."""
+
+    def __init__(self, frames: Samples) -> None:
+        self._rows = np.zeros((7, max(frames // LABEL_STEP, 1)), dtype=np.float32)
+        self._start: Samples = 0  # index of the next frame
+
+    def add(self, labels: Labels) -> None:
+        """Store the labels of the frames that follow those before."""
+        count = labels.settled.size
+        at = np.arange(-self._start % LABEL_STEP, count, LABEL_STEP)
+        column = (self._start + at) // LABEL_STEP % self._rows.shape[1]
+        self._rows[:, column] = 0.0
+        if labels.contact.shape[0]:
+            of_touch = (
+                labels.contact, labels.position, labels.force, labels.slip, labels.across, labels.along
+            )  # fmt: skip
+            for row, label in enumerate(of_touch):
+                self._rows[row, column] = label[0, at]
+        self._rows[SETTLED, column] = labels.settled[at]
+        self._start += count
+
+    def over(self, start: Samples, stop: Samples) -> Truth:
+        """Return the labels of the frames [start, stop); empty where none are stored. See `TwinSource`."""
+        last = -(-min(stop, self._start) // LABEL_STEP)
+        oldest = max(-(-self._start // LABEL_STEP) - self._rows.shape[1], 0)
+        first = max(min(-(-start // LABEL_STEP), last - 1), oldest)
+        if last <= first:
+            return {}
+        rows = self._rows[:, np.arange(first, last) % self._rows.shape[1]].astype(np.float64)
+        touched = rows[:, rows[CONTACT] > 0.0]
+        contact = 2 * touched.shape[1] >= rows.shape[1]
+        settled = bool(rows[SETTLED].all()) and touched.shape[1] in (0, rows.shape[1])
+        truth = {"contact": float(contact), "settled": float(settled)}
+        if not contact:
+            return truth
+        mean = touched.mean(axis=1).tolist()
+        return truth | {
+            "position": mean[POSITION],
+            "force": mean[FORCE],
+            "slip": float(mean[SLIP] >= 0.5),
+            "slip_velocity": math.hypot(mean[ACROSS], mean[ALONG]),
+            "slip_across": mean[ACROSS],
+            "slip_along": mean[ALONG],
+        }
