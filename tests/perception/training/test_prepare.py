@@ -9,7 +9,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.datasets.store import open_dataset
-from monochord.perception.features.base import Extractor
+from monochord.perception.features.base import SupportsCompliance
 from monochord.perception.training.prepare import (
     Material,
     examples_of,
@@ -114,33 +114,35 @@ def test_a_part_may_not_be_empty(lesson: dict[str, Any]) -> None:
         examples_of(source, part[:0], "validation")
 
 
-def test_objects_that_were_never_heard_are_made_of_those_that_were(
-    lesson: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+def test_copies_of_other_compliance_follow_the_recorded_windows(
+    lesson: dict[str, Any],
 ) -> None:
     settings, source, part = made(lesson, noise={"copies": 1}, objects={"copies": 3, "give": [0.5, 2.0]})
-    asked: list[tuple[np.ndarray, np.ndarray]] = []
+    calls: list[tuple[np.ndarray, np.ndarray]] = []
 
-    def as_if(_: Extractor, rows: np.ndarray, force: np.ndarray, share: np.ndarray) -> np.ndarray:
-        asked.append((force, share))
-        return rows + 1.0
+    class Augmented(SupportsCompliance):
+        def with_compliance(self, rows: np.ndarray, force: np.ndarray, share: np.ndarray) -> np.ndarray:
+            calls.append((force, share))
+            return rows + 1.0
 
-    monkeypatch.setattr(type(source.feature.extractor), "as_if", as_if)
-    seen = examples_of(source, part, "train", noises_of(settings, 16000))
-    more = with_objects(source, seen, settings)
-    assert (seen.base.shape[0], more.base.shape[0], more.context.shape[0]) == (2, 8, 8)
-    np.testing.assert_array_equal(more.base[2:4], seen.base + 1.0)
-    np.testing.assert_array_equal(more.context[6:8], seen.context)
-    force, share = asked[0]
-    np.testing.assert_allclose(force[seen.masks["force"]], seen.labels["force"][seen.masks["force"]])
-    assert (force[~seen.masks["force"]] == 0.0).all()
+    examples = examples_of(source, part, "train", noises_of(settings, 16000))
+    source = dataclasses.replace(source, feature=dataclasses.replace(source.feature, extractor=Augmented()))
+    augmented = with_objects(source, examples, settings)
+    assert (examples.base.shape[0], augmented.base.shape[0], augmented.context.shape[0]) == (2, 8, 8)
+    np.testing.assert_array_equal(augmented.base[2:4], examples.base + 1.0)
+    np.testing.assert_array_equal(augmented.context[6:8], examples.context)
+    force, share = calls[0]
+    valid = examples.masks["force"]
+    np.testing.assert_allclose(force[valid], examples.labels["force"][valid])
+    assert (force[~valid] == 0.0).all()
     assert 0.5 <= share.min() < 0.6
     assert 1.8 < share.max() <= 2.0
-    assert len({share.tobytes() for _, share in asked}) == 6
+    assert len({share.tobytes() for _, share in calls}) == 6
 
 
-def test_a_feature_that_cannot_think_of_other_objects_is_refused(lesson: dict[str, Any]) -> None:
+def test_a_feature_without_compliance_augmentation_is_refused(lesson: dict[str, Any]) -> None:
     settings, source, part = made(lesson, objects={"copies": 1})
-    seen = examples_of(source, part, "train")
-    with pytest.raises(InputError, match=r"'bands' for objects .* set objects.copies = 0"):
-        with_objects(source, seen, settings)
-    assert with_objects(source, seen, Settings.read(lesson)) is seen
+    examples = examples_of(source, part, "train")
+    with pytest.raises(InputError, match=r"'bands' .* set objects.copies = 0"):
+        with_objects(source, examples, settings)
+    assert with_objects(source, examples, Settings.read(lesson)) is examples

@@ -1,4 +1,4 @@
-"""What is measured around the harmonics of three series, and of each channel as a whole."""
+"""Measures of the harmonics of several series, and of each channel as a whole."""
 
 import numba
 import numpy as np
@@ -10,109 +10,119 @@ from monochord.core.units import Hertz
 HARMONICS = 8
 """Harmonics of a series."""
 LEVEL, OFFSET, SIDE, GROWTH, LIKENESS = range(5)
-"""What is measured of a harmonic, in this order."""
+"""Quantities of a harmonic, in the order of the last axis."""
 QUANTITIES = 5
-REACH_BINS, REACH_SHARE = 1.5, 0.004
-"""How far from its place a harmonic is looked for, in bins and as a share of its frequency, added up."""
-NEAR, FAR = 3, 9
-"""Bins from the line between which its sidebands are."""
-DEEP = 1.0e-7
-"""Powers below this share of a channel's count as it: there is nothing but hiss to be told."""
-QUIET = 1.0e-13
-"""Power that counts as none at all, in full scale."""
-SIDE_LEAST = 1.0e-5
-"""Sidebands below this share of their line count as it; a Hann taper leaks more."""
-OFFSET_MOST, GROWTH_MOST = 5.0, 30.0
-"""Largest offsets told, in thousandths, and growths, in 1/s."""
-RUMBLES = np.array([[20.0, 150.0], [150.0, 500.0]])
-"""Bands in Hz of which power is told."""
-GAPS = np.array([[500.0, 2000.0], [2000.0, 6000.0], [6000.0, 12000.0], [12000.0, 20000.0]])
-"""Bands in Hz of which the mean of the logarithm of power is told."""
-FLAT = np.array([4000.0, 15000.0])
-"""Band in Hz whose flatness is told."""
-PARTS = 10
-"""Stretches whose levels tell how steady a window is."""
-WHOLES = 10
-"""What is measured of a channel as a whole."""
+SEARCH_BINS, SEARCH_SHARE = 1.5, 0.004
+"""Half width of the search for a harmonic: so many bins plus such a share of its frequency."""
+SIDEBAND_FIRST, SIDEBAND_END = 3, 9
+"""Distances in bins from a line at which its sidebands begin and end."""
+MIN_CHANNEL_SHARE = 1.0e-7
+"""Least power of a harmonic as a share of the channel's; below is only hiss."""
+MIN_POWER = 1.0e-13
+"""Least power in full scale."""
+MIN_SIDEBAND_SHARE = 1.0e-5
+"""Least power of sidebands as a share of their line's; a Hann taper leaks more."""
+MAX_OFFSET, MAX_GROWTH = 5.0, 30.0
+"""Largest offsets, in thousandths, and growths, in 1/s."""
+RUMBLE_BANDS = np.array([[20.0, 150.0], [150.0, 500.0]])
+"""Bands in Hz whose power is measured."""
+GAP_BANDS = np.array([[500.0, 2000.0], [2000.0, 6000.0], [6000.0, 12000.0], [12000.0, 20000.0]])
+"""Bands in Hz whose mean logarithm of power is measured, which is that of the gaps between lines."""
+FLATNESS_BAND = np.array([4000.0, 15000.0])
+"""Band in Hz whose flatness is measured."""
+STRETCHES = 10
+"""Stretches of a window whose levels measure how steady it is."""
+CHANNEL_QUANTITIES = 10
+"""Quantities of a channel as a whole."""
 
 
 @numba.njit(cache=True, error_model="numpy")
-def harmonics(plain: NDArray[np.complex128], power: Floats, places: Floats, spacing: Hertz) -> Floats:
-    """Return what is measured at each place, (channels, series, harmonics, quantities).
+def measure_harmonics(
+    transform: NDArray[np.complex128], power: Floats, partials: Floats, spacing: Hertz
+) -> Floats:
+    """Return the quantities of each harmonic, (channels, series, harmonics, `QUANTITIES`).
 
-    Level: log10 of the power of three bins in full scale. Offset: of the line from its place, in
+    Level: log10 of the power of three bins in full scale. Offset: of the line from the expected partial, in
     thousandths. Side: log10 of the sidebands' power over the line's. Growth: of its amplitude, in 1/s.
-    Likeness: 2 Re(A B*) / (|A|^2 + |B|^2) of this channel and the next. Offset, growth and likeness count
-    the less, the less the line stands out of its sidebands.
+    Likeness: 2 Re(A B*) / (|A|^2 + |B|^2) of this channel and the next. Offset, growth and likeness are
+    scaled down where the line does not stand out of its sidebands.
 
-    `plain` and `power` are transform and Hann power (channels, bins) and `spacing` is the distance of
-    two bins. `places` (series, harmonics) are in Hz; where one is 0, or too high, nothing is there.
+    Parameters
+    ----------
+    transform, power
+        Transform without a taper and Hann power, (channels, bins).
+    partials
+        Expected frequencies (series, harmonics) in Hz; a harmonic at 0 or too high is left out.
+    spacing
+        Distance of two bins in Hz.
     """
     channels, bins = power.shape
-    told = np.zeros((channels, *places.shape, QUANTITIES))
+    measured = np.zeros((channels, *partials.shape, QUANTITIES))
     for c in range(channels):
-        deep = QUIET + DEEP * power[c, 2:].sum() / 1.5
-        told[c, :, :, LEVEL] = np.log10(deep)
-        for s in range(places.shape[0]):
-            for n in range(places.shape[1]):
-                place = places[s, n] / spacing
-                reach = REACH_BINS + REACH_SHARE * place
-                first, last = int(np.ceil(place - reach)), int(np.floor(place + reach))
-                if first <= FAR or last >= bins - FAR:
+        least = MIN_POWER + MIN_CHANNEL_SHARE * power[c, 2:].sum() / 1.5
+        measured[c, :, :, LEVEL] = np.log10(least)
+        for s in range(partials.shape[0]):
+            for n in range(partials.shape[1]):
+                expected = partials[s, n] / spacing
+                reach = SEARCH_BINS + SEARCH_SHARE * expected
+                first, last = int(np.ceil(expected - reach)), int(np.floor(expected + reach))
+                if first <= SIDEBAND_END or last >= bins - SIDEBAND_END:
                     continue
                 peak = first + int(power[c, first : last + 1].argmax())
                 line = power[c, peak - 1 : peak + 2].sum()
                 side = (
-                    power[c, peak - FAR + 1 : peak - NEAR + 1].sum()
-                    + power[c, peak + NEAR : peak + FAR].sum()
+                    power[c, peak - SIDEBAND_END + 1 : peak - SIDEBAND_FIRST + 1].sum()
+                    + power[c, peak + SIDEBAND_FIRST : peak + SIDEBAND_END].sum()
                 )
-                clear = line / (line + 3.0 * side + deep)
-                value, turned = _hann(plain, c, peak)
-                other, _ = _hann(plain, (c + 1) % channels, peak)
-                offset = 1000.0 * ((peak + min(max(0.25 * turned.real, -1.0), 1.0)) / place - 1.0)
-                growth = -0.5 * np.pi * spacing * turned.imag
-                alike = 2.0 * (value * other.conjugate()).real / (abs(value) ** 2 + abs(other) ** 2 + QUIET)
-                told[c, s, n, LEVEL] = np.log10(line / 1.5 + deep)
-                told[c, s, n, OFFSET] = clear * min(max(offset, -OFFSET_MOST), OFFSET_MOST)
-                told[c, s, n, SIDE] = np.log10((side + SIDE_LEAST * line + deep) / (line + deep))
-                told[c, s, n, GROWTH] = clear * min(max(growth, -GROWTH_MOST), GROWTH_MOST)
-                told[c, s, n, LIKENESS] = clear * alike
-    return told
+                clarity = line / (line + 3.0 * side + least)
+                value, ratio = _hann(transform, c, peak)
+                other, _ = _hann(transform, (c + 1) % channels, peak)
+                offset = 1000.0 * ((peak + min(max(0.25 * ratio.real, -1.0), 1.0)) / expected - 1.0)
+                growth = -0.5 * np.pi * spacing * ratio.imag
+                cross = 2.0 * (value * other.conjugate()).real
+                likeness = cross / (abs(value) ** 2 + abs(other) ** 2 + MIN_POWER)
+                measured[c, s, n, LEVEL] = np.log10(line / 1.5 + least)
+                measured[c, s, n, OFFSET] = clarity * min(max(offset, -MAX_OFFSET), MAX_OFFSET)
+                beside = side + MIN_SIDEBAND_SHARE * line + least
+                measured[c, s, n, SIDE] = np.log10(beside / (line + least))
+                measured[c, s, n, GROWTH] = clarity * min(max(growth, -MAX_GROWTH), MAX_GROWTH)
+                measured[c, s, n, LIKENESS] = clarity * likeness
+    return measured
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _hann(plain: NDArray[np.complex128], channel: int, k: int) -> tuple[complex, complex]:
+def _hann(transform: NDArray[np.complex128], channel: int, k: int) -> tuple[complex, complex]:
     """Return a bin under a Hann taper, and the difference of its neighbours over it."""
-    below, above = plain[channel, k - 1], plain[channel, k + 1]
-    value = 0.5 * plain[channel, k] - 0.25 * (below + above)
+    below, above = transform[channel, k - 1], transform[channel, k + 1]
+    value = 0.5 * transform[channel, k] - 0.25 * (below + above)
     return value, (below - above) / (value + 1e-30)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def wholes(samples: Floats, power: Floats, spacing: Hertz) -> Floats:
-    """Return what is measured of each channel as a whole, (channels, `WHOLES`).
+def measure_channels(samples: Floats, power: Floats, spacing: Hertz) -> Floats:
+    """Return the quantities of each channel as a whole, (channels, `CHANNEL_QUANTITIES`).
 
-    log10 of its mean square; of its power in `RUMBLES`; the mean log10 of its power in `GAPS`; how flat it is
-    in `FLAT`, log10 of geometric over arithmetic mean; by how much log10 of its mean square grows from the
-    first half to the second; and how much that deviates over `PARTS` stretches.
+    log10 of its mean square; of its power in `RUMBLE_BANDS`; the mean log10 of its power in `GAP_BANDS`; its
+    flatness in `FLATNESS_BAND`, log10 of geometric over arithmetic mean; the growth of log10 of its mean
+    square from the first half to the second; and that level's deviation over `STRETCHES`.
     """
-    told = np.zeros((samples.shape[0], WHOLES))
-    length = samples.shape[1] // PARTS
+    measured = np.zeros((samples.shape[0], CHANNEL_QUANTITIES))
+    length = samples.shape[1] // STRETCHES
     for c in range(samples.shape[0]):
-        parts = np.full(PARTS, QUIET)
-        for p in range(PARTS):
+        squares = np.full(STRETCHES, MIN_POWER)
+        for p in range(STRETCHES):
             for i in range(p * length, (p + 1) * length):
-                parts[p] += samples[c, i] ** 2 / length
-        told[c, 0] = np.log10(parts.mean())
+                squares[p] += samples[c, i] ** 2 / length
+        measured[c, 0] = np.log10(squares.mean())
         for b in range(2):
-            told[c, 1 + b] = np.log10(QUIET + _within(power[c], RUMBLES[b], spacing).sum() / 1.5)
+            measured[c, 1 + b] = np.log10(MIN_POWER + _within(power[c], RUMBLE_BANDS[b], spacing).sum() / 1.5)
         for b in range(4):
-            told[c, 3 + b] = _mean_log(_within(power[c], GAPS[b], spacing))
-        flat = _within(power[c], FLAT, spacing)
-        told[c, 7] = _mean_log(flat) - np.log10(QUIET + flat.sum() / max(flat.size, 1))
-        told[c, 8] = np.log10(parts[PARTS // 2 :].sum() / parts[: PARTS // 2].sum())
-        told[c, 9] = np.log10(parts).std()
-    return told
+            measured[c, 3 + b] = _mean_log(_within(power[c], GAP_BANDS[b], spacing))
+        band = _within(power[c], FLATNESS_BAND, spacing)
+        measured[c, 7] = _mean_log(band) - np.log10(MIN_POWER + band.sum() / max(band.size, 1))
+        measured[c, 8] = np.log10(squares[STRETCHES // 2 :].sum() / squares[: STRETCHES // 2].sum())
+        measured[c, 9] = np.log10(squares).std()
+    return measured
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -126,8 +136,8 @@ def _mean_log(power: Floats) -> float:
     """Return the mean log10 of powers; four are multiplied before a logarithm is taken, which is slow."""
     total, product = 0.0, 1.0
     for k in range(power.size):
-        product *= power[k] + QUIET
+        product *= power[k] + MIN_POWER
         if k % 4 == 3:
             total += np.log10(product)
             product = 1.0
-    return (total + np.log10(product)) / power.size if power.size else np.log10(QUIET)
+    return (total + np.log10(product)) / power.size if power.size else np.log10(MIN_POWER)

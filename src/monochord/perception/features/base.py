@@ -2,13 +2,12 @@
 
 from abc import ABC, abstractmethod
 
-from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal
 from monochord.core.units import Samples
 
 
 class Extractor(ABC):
-    """A feature made ready for windows of one length.
+    """A feature prepared for windows of one length.
 
     A row depends on its own window alone: the same window gives the same bits alone, in any batch and at any
     place in it, offline and live. It never raises on audio: windows of silence or of samples that are not
@@ -24,27 +23,6 @@ class Extractor(ABC):
     def __call__(self, windows: Audio) -> Audio:
         """Return the rows (n, columns) float32 of windows (n, channels, samples) float32."""
 
-    def as_if(self, rows: Audio, force: Floats, share: Floats) -> Audio:
-        """Return the rows (n, columns) that other objects would have given, for training; few features can.
-
-        Parameters
-        ----------
-        rows
-            Of windows that were heard, (n, columns).
-        force
-            Of the touch in each, in N, (n,); 0 where nothing touches or it is not known, and the row stays.
-        share
-            How far the other object gives way, as a share of how far that one does, (n,), above 0.
-
-        Raises
-        ------
-        InputError
-            If the feature does not tell how far an object gives way.
-        """
-        del rows, force, share
-        given = f"feature '{type(self).__module__.rpartition('.')[2]}' for objects that give way otherwise"
-        raise InputError(given, "fft_harmonic with tones", "set objects.copies = 0")
-
 
 class Feature(ABC):
     """Options of a feature, a frozen keyword-only dataclass; they and its name define it, for caches too."""
@@ -54,5 +32,23 @@ class Feature(ABC):
         """Return the extractor for windows of `size` frames of such a signal.
 
         What is slow (tables, filters, weights, compiling) happens here. Raises `InputError` for a signal or a
-        size that it cannot serve, and where weights are needed and not there, with the way to get them.
+        size that it cannot serve, and for missing weights, with the way to get them.
+        """
+
+
+class SupportsCompliance(ABC):
+    """Optional interface of an `Extractor`: contact-compliance augmentation, for training."""
+
+    @abstractmethod
+    def with_compliance(self, rows: Audio, force: Floats, share: Floats) -> Audio:
+        """Return the rows (n, columns) of objects of another compliance.
+
+        Parameters
+        ----------
+        rows
+            Of recorded windows, (n, columns).
+        force
+            Of the touch in each, in N, (n,); a row whose force is 0 stays as it is.
+        share
+            Compliance as a share of the actual object's, (n,), above 0.
         """

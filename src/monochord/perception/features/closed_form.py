@@ -1,4 +1,4 @@
-"""Position and tension by physics alone, with what speaks for and against them."""
+"""Position and tension by physics alone, with the scores for and against them."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,9 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal, Window
 from monochord.core.units import Metres, Newtons, Samples
+from monochord.perception.closed_form.modes import ModeReading
+from monochord.perception.closed_form.spectrum import SpectrumAnalyser
 from monochord.perception.closed_form.usable import why_unusable
-from monochord.perception.features._ear import Ear, Heard
 from monochord.perception.features.base import Extractor, Feature
 from monochord.physics.theory import force_from_tension
 
@@ -46,24 +47,25 @@ class ClosedForm(Feature):
     """The inverse of the clamped, stiff string from its two strongest lines, their harmonic numbers resolved.
 
     x = L f2 / (f1 + f2) and T = mu (2 L f1 f2 / (f1 + f2))^2, where f1 and f2 are the fundamentals of the
-    segments with stiffness taken off. Which modes the lines are, `features._reading` decides.
+    segments with stiffness taken off. `monochord.perception.closed_form.modes` decides which modes the lines
+    are, for this feature and for the estimator of the same name alike.
 
-    Columns: position in m, tension in N, the open frequency that it means in thousandths over the nominal
-    one, and the force in N that the geometric law wants for that tension if the untouched string has its
-    nominal one, 0 where it is lower; the two fundamentals and the two lines in kHz, their modes, and the
-    share of their power that microphone 1 hears; the score of the reading, its lead over the best rival
-    that puts the touch elsewhere, the rival's position in m, its lead over the untouched string
-    (`contact`), that string's own score and its frequency in thousandths over nominal (`rest`); the share
-    of lines that the reading leaves over, and how many lines there are. Flags, 0 or 1: no reading at all;
-    two candidates, where the lead is less than `margin`; untouched, where contact is negative; and why the
-    window cannot be used.
+    Columns: `position` in m, `tension` in N, `open`, the open frequency that follows from it in thousandths
+    over nominal, and `force` in N by the geometric law if the untouched string has its nominal tension, 0
+    below that; the two fundamentals and the two lines in kHz, their modes, and the share of their power at
+    microphone 1; the `score` of the reading, its `lead` over the best rival that puts the touch elsewhere,
+    that rival's position in m, its lead over the untouched string (`contact`), that string's own score and
+    its frequency in thousandths over nominal (`rest`); the share of lines that the reading leaves
+    unexplained (`left over`), and the count of lines. Flags, 0 or 1: no reading at all; two candidates,
+    where the lead is less than `margin`; untouched, where contact is negative; and why the window cannot be
+    used.
 
     Parameters
     ----------
     margin
         Lead of the best reading below which two candidates are flagged.
     most_force
-        Largest force told, in N.
+        Largest force in the column `force`, in N.
 
     Examples
     --------
@@ -80,18 +82,18 @@ class ClosedForm(Feature):
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Return the extractor, compiled, for two channels of a known string."""
-        ear = Ear.of(signal, size)
+        analyser = SpectrumAnalyser.of(signal, size)
         if not (0.0 <= self.margin < np.inf and 0.0 < self.most_force < np.inf):
             given = f"margin {self.margin:g}, most_force {self.most_force:g} N"
             raise InputError(given, "a margin from 0 on and a force above 0 N")
-        extractor = _Extractor(ear, self)
+        extractor = _Extractor(analyser, self)
         extractor(np.zeros((1, 2, size), np.float32))
         return extractor
 
 
 class _Extractor(Extractor):
-    def __init__(self, ear: Ear, options: ClosedForm) -> None:
-        self._ear, self._string, self._options = ear, ear.string, options
+    def __init__(self, analyser: SpectrumAnalyser, options: ClosedForm) -> None:
+        self._analyser, self._string, self._options = analyser, analyser.string, options
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -100,40 +102,40 @@ class _Extractor(Extractor):
     def __call__(self, windows: Audio) -> Audio:
         rows = np.empty((len(windows), len(COLUMNS)), np.float32)
         for window, row in zip(windows, rows, strict=True):
-            row[:] = (*self._told(self._ear.hear(window)), *self._unusable(window))
+            row[:] = (*self._values(self._analyser.analyse(window).reading), *self._unusable(window))
         return rows
 
-    def _told(self, heard: Heard) -> tuple[float, ...]:
-        told, ear, string = heard.reading, self._ear, self._string
-        touched = told.position > 0.0
-        tension = string.linear_density * (2.0 * ear.length * told.open_frequency) ** 2
-        sides = (told.position, ear.length - told.position)
-        first, second = (told.open_frequency * ear.length / side if touched else 0.0 for side in sides)
-        lead, contact = told.score - told.rival, told.score - told.untouched
+    def _values(self, reading: ModeReading) -> tuple[float, ...]:
+        analyser, string, touched = self._analyser, self._string, reading.touched
+        tension = string.linear_density * (2.0 * string.length * reading.open_frequency) ** 2
+        segments = (reading.position, string.length - reading.position)
+        first, second = (
+            reading.open_frequency * string.length / side if touched else 0.0 for side in segments
+        )
         return (
-            told.position,
+            reading.position,
             tension,
-            ear.per_mille(told.open_frequency),
-            self._force(tension, told.position),
+            analyser.per_mille(reading.open_frequency),
+            self._force(tension, reading.position),
             first / 1000.0,
             second / 1000.0,
-            told.mode_1,
-            told.mode_2,
-            told.line_1 / 1000.0,
-            told.line_2 / 1000.0,
-            told.share_1,
-            told.share_2,
-            told.score,
-            lead,
-            told.rival_position,
-            contact,
-            told.untouched,
-            ear.per_mille(told.rest_frequency),
-            told.left_over,
-            told.lines,
+            reading.mode_1,
+            reading.mode_2,
+            reading.line_1 / 1000.0,
+            reading.line_2 / 1000.0,
+            reading.share_1,
+            reading.share_2,
+            reading.score,
+            reading.lead,
+            reading.rival_position,
+            reading.contact_lead,
+            reading.untouched_score,
+            analyser.per_mille(reading.untouched_frequency),
+            reading.unexplained,
+            reading.lines,
             float(not touched),
-            float(touched and lead < self._options.margin),
-            float(contact < 0.0),
+            float(touched and reading.lead < self._options.margin),
+            float(reading.contact_lead < 0.0),
         )
 
     def _force(self, tension: Newtons, position: Metres) -> Newtons:
@@ -144,5 +146,5 @@ class _Extractor(Extractor):
 
     def _unusable(self, window: Audio) -> list[float]:
         samples = np.array(window, np.float32, order="C")
-        why_not = why_unusable(Window(samples=samples, start=0, sample_rate=self._ear.sample_rate))
+        why_not = why_unusable(Window(samples=samples, start=0, sample_rate=self._analyser.sample_rate))
         return [float(why_not == reason) for reason in REASONS]

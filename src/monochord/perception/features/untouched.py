@@ -1,4 +1,4 @@
-"""What an untouched string tells of itself: its partials, hence its tension, and what the drivers hold."""
+"""The untouched string: its partials, hence its tension, and the modes that the drivers sustain."""
 
 from dataclasses import dataclass
 
@@ -6,15 +6,15 @@ import numpy as np
 
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Hertz, Samples
-from monochord.perception.features._ear import Ear, Heard
-from monochord.perception.features._harmonics import LEVEL, OFFSET, SIDE, harmonics
+from monochord.perception.closed_form.spectrum import Spectrum, SpectrumAnalyser
+from monochord.perception.features._harmonics import LEVEL, OFFSET, SIDE, measure_harmonics
 from monochord.perception.features.base import Extractor, Feature
 
 PARTIALS = 6
-CLEAR = -0.5
-"""A partial is heard where log10 of its sidebands' power over its own is below this,"""
-FAINT = 3.0
-"""and its power within so many decades of the loudest one's."""
+MAX_SIDE = -0.5
+"""Largest log10 of the sidebands' power over the line's of an audible partial."""
+MAX_DECADES = 3.0
+"""Most decades of power that an audible partial lies below the loudest one."""
 COLUMNS = (
     "open",
     "tension",
@@ -31,17 +31,17 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Untouched(Feature):
-    """The numbers of an untouched window by which a later touch is read: force hides in tension that drifts.
+    """Measures of the untouched string, the reference for later touches: tension drifts, and force with it.
 
-    Columns: the open frequency in thousandths over the nominal one and the tension in N that it means, T =
-    mu (2 L f)^2; how far the partials that are heard disagree on it, in thousandths; the number of the
-    loudest partial at each microphone, which its driver holds; log10 of each microphone's mean square; the
-    score of the reading that the string is untouched; of partials 1 to 6 what each says of the open
-    frequency, in thousandths over the nominal one, and log10 of its power over the loudest one's.
+    Columns: the open frequency in thousandths over the nominal one and the tension in N that follows, T = mu
+    (2 L f)^2; how far the audible partials disagree on it, in thousandths; the number of the loudest partial
+    at each microphone, which its driver sustains (`held 1`, `held 2`); log10 of each microphone's mean
+    square; the score of the reading that the string is untouched; for partials 1 to 6 the open frequency that
+    follows from each, in thousandths over the nominal one, and log10 of its power over the loudest one's.
 
-    The open frequency is told by the lowest partial that is heard: a driver that holds a high one pulls it
-    by a thousandth or two. A partial that is not heard says what the others say, so that a mean over
-    windows is not drawn to anything. Rows of touched windows mean nothing.
+    The lowest audible partial gives the open frequency: a driver that sustains a high one pulls it by a
+    thousandth or two. An inaudible partial repeats that value, so that a mean over windows has no bias. Rows
+    of touched windows mean nothing.
 
     Examples
     --------
@@ -56,14 +56,14 @@ class Untouched(Feature):
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Return the extractor, compiled, for two channels of a known string."""
-        extractor = _Extractor(Ear.of(signal, size))
+        extractor = _Extractor(SpectrumAnalyser.of(signal, size))
         extractor(np.zeros((1, 2, size), np.float32))
         return extractor
 
 
 class _Extractor(Extractor):
-    def __init__(self, ear: Ear) -> None:
-        self._ear = ear
+    def __init__(self, analyser: SpectrumAnalyser) -> None:
+        self._analyser = analyser
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -72,32 +72,31 @@ class _Extractor(Extractor):
     def __call__(self, windows: Audio) -> Audio:
         rows = np.empty((len(windows), len(COLUMNS)), np.float32)
         for window, row in zip(windows, rows, strict=True):
-            row[:] = self._row(self._ear.hear(window))
+            row[:] = self._row(self._analyser.analyse(window))
         return rows
 
-    def _row(self, heard: Heard) -> tuple[float, ...]:
-        ear = self._ear
-        rest = heard.reading.rest_frequency or ear.nominal
-        places = ear.partials(rest, ear.length, PARTIALS)[np.newaxis]
-        each = harmonics(heard.plain, heard.power, places, ear.spacing)[:, 0]
-        loud = each[..., LEVEL].mean(axis=0)
-        level = np.maximum(loud - loud.max(), -FAINT)
-        is_heard = (each[..., SIDE].mean(axis=0) < CLEAR) & (level > -FAINT)
-        told = ear.per_mille(rest) + each[..., OFFSET].mean(axis=0)
-        lowest = int(is_heard.argmax())
-        own = float(told[lowest]) if is_heard.any() else ear.per_mille(rest)
-        told = np.where(is_heard, told, own)
+    def _row(self, spectrum: Spectrum) -> tuple[float, ...]:
+        analyser = self._analyser
+        rest = spectrum.reading.untouched_frequency or analyser.nominal
+        partials = analyser.partials(rest, analyser.length, PARTIALS)[np.newaxis]
+        measured = measure_harmonics(spectrum.transform, spectrum.power, partials, analyser.bin_spacing)[:, 0]
+        loudness = measured[..., LEVEL].mean(axis=0)
+        level = np.maximum(loudness - loudness.max(), -MAX_DECADES)
+        audible = (measured[..., SIDE].mean(axis=0) < MAX_SIDE) & (level > -MAX_DECADES)
+        offset = analyser.per_mille(rest) + measured[..., OFFSET].mean(axis=0)
+        own = float(offset[int(audible.argmax())]) if audible.any() else analyser.per_mille(rest)
+        offset = np.where(audible, offset, own)
         return (
             own,
-            self._tension(ear.nominal * (1.0 + 0.001 * own)),
-            float(np.abs(told - own).max()),
-            *(each[:, :, LEVEL].argmax(axis=1) + 1.0).tolist(),
-            *np.log10(np.mean(heard.samples**2, axis=1) + 1e-13).tolist(),
-            heard.reading.untouched,
-            *told.tolist(),
+            self._tension(analyser.nominal * (1.0 + 0.001 * own)),
+            float(np.abs(offset - own).max()),
+            *(measured[:, :, LEVEL].argmax(axis=1) + 1.0).tolist(),
+            *np.log10(np.mean(spectrum.samples**2, axis=1) + 1e-13).tolist(),
+            spectrum.reading.untouched_score,
+            *offset.tolist(),
             *level.tolist(),
         )
 
     def _tension(self, frequency: Hertz) -> float:
-        string = self._ear.string
+        string = self._analyser.string
         return string.linear_density * (2.0 * string.length * frequency) ** 2

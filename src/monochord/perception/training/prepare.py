@@ -13,6 +13,7 @@ from monochord.datasets.manifest import FILE, checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, Indices
 from monochord.perception.features import FEATURES
+from monochord.perception.features.base import SupportsCompliance
 from monochord.perception.heads.base import CONTACT, Task
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord
 from monochord.perception.model.probe import probed
@@ -128,7 +129,7 @@ def with_objects(source: Material, examples: Examples, settings: Settings) -> Ex
     Raises
     ------
     InputError
-        If the feature cannot tell how far an object gives way, or the dataset has no label of force.
+        If the feature does not support this augmentation, or the dataset has no label of force.
     """
     dataset, options = source.dataset, settings.objects
     if not options.copies:
@@ -136,11 +137,16 @@ def with_objects(source: Material, examples: Examples, settings: Settings) -> Ex
     label, valid = dataset.label("force")[examples.rows], dataset.valid["force"][examples.rows]
     force = np.where(valid & (dataset.label(CONTACT)[examples.rows] == 1.0), label, 0.0)
     random = np.random.default_rng(settings.seed)
+    extractor = source.feature.extractor
+    if not isinstance(extractor, SupportsCompliance):
+        name = type(extractor).__module__.rpartition(".")[2]
+        given = f"feature '{name}' with copies of other contact compliance"
+        raise InputError(given, "fft_harmonic with tones", "set objects.copies = 0")
     base, context = [examples.base], [examples.context]
     for _ in range(options.copies):
         give = np.exp(random.uniform(*np.log(options.give), size=(len(examples.base), len(force))))
         made = [
-            source.feature.extractor.as_if(row, force, share)
+            extractor.with_compliance(row, force, share)
             for row, share in zip(examples.base, give, strict=True)
         ]
         base.append(np.stack(made))
