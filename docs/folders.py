@@ -1,71 +1,83 @@
-"""Reference pages that follow the folders: a new verb, plug-in or preset is documented by being there."""
+"""Reference pages made from the package: a new command, plug-in, preset or module is documented at once."""
 
+import inspect
 import tomllib
 from collections.abc import Iterator
+from functools import partial
 from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 from pkgutil import walk_packages
+from types import ModuleType
 from typing import Any
 
 import click
 
 import monochord
-from monochord.cli import monochord as verbs
+from monochord.cli import monochord as cli
 from monochord.core.registry import Registry
 
 PRESETS = ("sensors", "strings", "materials")
+NOT_IN_LIBRARY = ("cli", "benchmarks", "figures")
+"""Packages whose contents are on the pages of commands and plug-ins."""
 
 
 def write(folder: Path) -> None:
-    """Write `verbs.md`, `plugins.md` and `presets.md` into a folder, leaving alone what would not change."""
-    for name, text in (("verbs.md", _verbs()), ("plugins.md", _plugins()), ("presets.md", presets())):
-        page = folder / name
+    """Write the generated pages into a folder; a page that would not change is left alone."""
+    pages = {"commands": commands, "plugins": plugins, "presets": presets}
+    for package in packages():
+        pages[f"library/{package}"] = partial(library, package)
+    for name, text_of in pages.items():
+        page, text = folder / f"{name}.md", text_of()
+        page.parent.mkdir(exist_ok=True)
         if not page.exists() or page.read_text(encoding="utf-8") != text:
             page.write_text(text, encoding="utf-8")
 
 
-def _verbs() -> str:
-    parent = click.Context(verbs, info_name="monochord", **verbs.context_settings)
-    parts = ["# Verbs\n"]
-    for name in verbs.list_commands(parent):
-        verb = verbs.get_command(parent, name)
-        if verb is not None:
+def commands() -> str:
+    """Return the page of all commands with their help."""
+    parent = click.Context(cli, info_name="monochord", **cli.context_settings)
+    parts = ["# Commands\n"]
+    for name in cli.list_commands(parent):
+        command = cli.get_command(parent, name)
+        if command is not None:
             parts.append(f"## {name}\n")
-            parts += _usages(verb, click.Context(verb, info_name=name, parent=parent))
+            parts += _usages(command, click.Context(command, info_name=name, parent=parent))
     return "\n".join(parts)
 
 
-def _usages(verb: click.Command, context: click.Context) -> Iterator[str]:
-    """Yield the help of a verb, and then of every command that it holds."""
-    yield f"```text\n{verb.get_help(context)}\n```\n"
-    if not isinstance(verb, click.Group):
+def _usages(command: click.Command, context: click.Context) -> Iterator[str]:
+    """Yield the help of a command and of its subcommands."""
+    yield f"```text\n{command.get_help(context)}\n```\n"
+    if not isinstance(command, click.Group):
         return
-    for name in verb.list_commands(context):
-        part = verb.get_command(context, name)
+    for name in command.list_commands(context):
+        part = command.get_command(context, name)
         if part is not None:
             yield from _usages(part, click.Context(part, info_name=name, parent=context))
 
 
-def _plugins() -> str:
+def plugins() -> str:
+    """Return the page of all plug-ins with their options."""
     parts = [
         "# Plug-ins\n",
-        "Options of a plug-in are set by its table in a configuration file or by `--set`.\n",
+        "Options of a plug-in are set in its table of a configuration file or with `--set`.\n",
     ]
     for registry in _registries():
         parts.append(f"## {registry.package.rpartition('.')[2].capitalize()}\n")
-        parts += [_described(registry, name) for name in registry.names()]
+        parts += [_plugin(registry, name) for name in registry.names()]
     return "\n".join(parts)
 
 
 def _registries() -> Iterator[Registry[Any]]:
-    for room in walk_packages(monochord.__path__, "monochord."):
-        held = list(vars(import_module(room.name)).values()) if room.ispkg else []
-        yield from (v for v in held if isinstance(v, Registry) and v.package == room.name)
+    for package in walk_packages(monochord.__path__, "monochord."):
+        values = list(vars(import_module(package.name)).values()) if package.ispkg else []
+        yield from (v for v in values if isinstance(v, Registry) and v.package == package.name)
 
 
-def _described(registry: Registry[Any], name: str) -> str:
-    directive = f".. autoclass:: {registry.package}.{name}.{registry.load(name).__name__}\n   :no-members:\n"
+def _plugin(registry: Registry[Any], name: str) -> str:
+    cls = registry.load(name)
+    directive = f".. autoclass:: {cls.__module__}.{cls.__name__}\n   :no-members:\n"
     return f"### {name}\n\n```{{eval-rst}}\n{directive}```\n"
 
 
@@ -73,14 +85,50 @@ def presets() -> str:
     """Return the page of all strings, sensors and materials, each with its source."""
     parts = [
         "# Presets\n",
-        "Each is a file of numbers with its source; one of your own is named by its path, `FILE.toml`.\n",
+        "Each is a file of numbers with its source. A path, `FILE.toml`, names one of your own.\n",
     ]
-    for room in PRESETS:
-        parts.append(f"## {room.capitalize()}\n")
-        held = sorted(Path(str(files(f"monochord.physics.{room}"))).glob("*.toml"))
-        parts += [_preset(path.stem, tomllib.loads(path.read_text(encoding="utf-8"))) for path in held]
+    for package in PRESETS:
+        parts.append(f"## {package.capitalize()}\n")
+        paths = sorted(Path(str(files(f"monochord.physics.{package}"))).glob("*.toml"))
+        parts += [_preset(path.stem, tomllib.loads(path.read_text(encoding="utf-8"))) for path in paths]
     return "\n".join(parts)
 
 
-def _preset(name: str, told: dict[str, Any]) -> str:
-    return f"### {name}\n\n{told['title']}.\n\nSource: {told['source']}.\n\n{told.get('notes', '')}\n"
+def _preset(name: str, definition: dict[str, Any]) -> str:
+    title, source, notes = definition["title"], definition["source"], definition.get("notes", "")
+    return f"### {name}\n\n{title}.\n\nSource: {source}.\n\n{notes}\n"
+
+
+def packages() -> list[str]:
+    """Return the names of the packages that have a library page."""
+    names = (module.name for module in walk_packages(monochord.__path__) if "." not in module.name)
+    return [name for name in names if not name.startswith("_") and name not in NOT_IN_LIBRARY]
+
+
+def library(package: str) -> str:
+    """Return the page of a package: every public module with its docstrings."""
+    root = import_module(f"monochord.{package}")
+    registries = {registry.package for registry in _registries()}
+    parts = [f"# monochord.{package}\n", _automodule(root)]
+    for info in walk_packages(root.__path__, f"{root.__name__}."):
+        parent, _, name = info.name.rpartition(".")
+        private = any(part.startswith("_") for part in info.name.split("."))
+        plugin = parent in registries and name != "base"
+        if not private and not plugin:
+            parts += [f"## {info.name.removeprefix('monochord.')}\n", _automodule(import_module(info.name))]
+    return "\n".join(parts)
+
+
+def _automodule(module: ModuleType) -> str:
+    """Return the directive for a module and for what it defines itself, not what it imports."""
+    own = [
+        name
+        for name, value in vars(module).items()
+        if not name.startswith("_")
+        and (inspect.isclass(value) or inspect.isfunction(value))
+        and value.__module__ == module.__name__
+    ]
+    exports = hasattr(module, "__all__") or hasattr(module, "__path__")
+    members = f"   :members: {', '.join(own)}\n" if own else "   :no-members:\n"
+    directive = f".. automodule:: {module.__name__}\n{members if exports else ''}"
+    return f"```{{eval-rst}}\n{directive}```\n"

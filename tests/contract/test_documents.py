@@ -19,7 +19,7 @@ from monochord.physics.strings import string_names
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-GENERATED = {"verbs.md", "plugins.md", "presets.md"}
+GENERATED = {"commands.md", "plugins.md", "presets.md"}
 COMMANDS = sorted(
     {
         (page.name, line.strip())

@@ -66,7 +66,7 @@ def wrench_of(touched: Touched, material: Material, sensor: ForceSensor) -> Floa
 def mount(bandwidth: Hertz, sample_rate: int) -> Floats:
     """Return the filter that sensor and object are to a force: a mass on a spring, well damped.
 
-    |H(f)| = 1 / sqrt(1 + (f / f0)^4): what is far above the bandwidth f0 comes through with (f0 / f)^2, which
+    ``|H(f)| = 1 / sqrt(1 + (f / f0)^4)``: far above the bandwidth f0 the gain is (f0 / f)^2, which
     leaves some of the string's vibration in the force. The filter has that size and no delay; the delay of a
     real one is a part of its stream's. Nothing else keeps high frequencies from folding into the readings,
     as nothing does in a sensor that thins out what it measures.

@@ -38,7 +38,7 @@ def temperature(reference: NDArray[np.bool_], logit: Floats) -> float:
 def spread_factor(error: Floats, std: Floats) -> float:
     """Return the factor that makes stated standard errors (n,) cover the errors (n,) as one sigma should.
 
-    It is the quantile of |error| / std at 68.3 %, the finite-sample one of split conformal prediction: of
+    It is the quantile of ``|error| / std`` at 68.3 %, the finite-sample one of split conformal prediction: of
     new windows like these, at least that share will be covered on average, whatever the distribution.
 
     References

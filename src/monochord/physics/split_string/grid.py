@@ -143,7 +143,7 @@ def leapfrog(
 ) -> None:
     """Advance one segment in place by as many steps as `signals` has columns.
 
-    With s = gamma dt / 2 and l = v dt / dxi, the central differences of Eq. 10 give
+    With s = gamma dt / 2 and l = v dt / dxi, the central differences of Eq. 10 give::
 
         (1 + s) y_i(n+1) = (2 - 2 l^2) y_i + l^2 (y_(i-1) + y_(i+1)) - (1 - s) y_i(n-1) + dt^2 f_i / mu,
 
