@@ -9,8 +9,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from monochord.datasets.build import build_dataset
-from monochord.evaluation.disturbance import Disturbance
-from monochord.evaluation.replay import Course, replay
+from monochord.evaluation.noise import Disturbance
+from monochord.evaluation.replay import Selection, replay
 from monochord.lab.bench import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
@@ -26,16 +26,16 @@ def main() -> None:
         sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
         dataset = build_dataset(sessions, folder / "dataset")
         string = load_sensor("prototype").string
-        course = Course(dataset=dataset, rows=np.arange(len(dataset)), string=string)
+        selection = Selection(dataset=dataset, rows=np.arange(len(dataset)), string=string)
         estimator = ClosedForm(tension_law="geometric")
         print(f"{'simulated':<12}{'answered':>10}{'mean error':>12}")
         for noise in (None, Disturbance(kind="hum", ratio=10.0), Disturbance(kind="white", ratio=20.0)):
-            results = replay(course, estimator, name="closed_form", disturbance=noise)
-            told = results.where(results.label("contact") == 1.0)
-            place, said = told.label("position"), told.estimate("position")
-            both = known(place, said)
-            error = 1e3 * mean_absolute_error(place[both], said[both])
-            print(f"{results.trials[0].condition:<12}{both.mean():>10.1%}{error:>9.2f} mm")
+            results = replay(selection, estimator, name="closed_form", disturbance=noise)
+            touched = results.where(results.label("contact") == 1.0)
+            truth, estimate = touched.label("position"), touched.estimate("position")
+            answered = known(truth, estimate)
+            error = 1e3 * mean_absolute_error(truth[answered], estimate[answered])
+            print(f"{results.trials[0].condition:<12}{answered.mean():>10.1%}{error:>9.2f} mm")
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ import pytest
 
 from monochord.benchmarks.realstrings import Realstrings
 from monochord.evaluation import realstrings
-from monochord.evaluation.autocorrelation import autocorrelation_errors
-from monochord.evaluation.known_touches import Protocol, recorded_strings
+from monochord.evaluation.realstrings import autocorrelation_errors
+from monochord.evaluation.realstrings import Protocol, recorded_strings
 
 real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 

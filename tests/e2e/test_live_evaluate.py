@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.cli import run
-from monochord.evaluation.results_file import read_results
+from monochord.evaluation.results import read_results
 
 PLAN = """
 sensor = "prototype"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Window
-from monochord.evaluation.autocorrelation import period
+from monochord.evaluation.realstrings import period
 
 
 @pytest.mark.parametrize("frequency", [82.4, 196.0, 440.0, 1000.0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.evaluation.detection import by_speed, detection, speed
+from monochord.evaluation.scores import by_speed, detection, speed
 from monochord.evaluation.results import Results
 
 Oracle = Callable[..., Results]

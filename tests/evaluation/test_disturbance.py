@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.evaluation.disturbance import Disturbance, disturbances
+from monochord.evaluation.noise import Disturbance, disturbances
 
 RATE = 44100
 SOUND = 0.1 * np.random.default_rng(0).normal(size=(2, 2 * RATE)).astype(np.float32)

@@ -28,7 +28,7 @@ from monochord.evaluation.harness import (
 )
 from monochord.evaluation.replay import Course
 from monochord.evaluation.results import Results
-from monochord.evaluation.results_file import read_results
+from monochord.evaluation.results import read_results
 from monochord.evaluation.scorecard import scorecard
 from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.physics.sensors import load_sensor

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.evaluation.interference import Interferer, recorded_interference
-from monochord.evaluation.known_touches import Protocol
+from monochord.evaluation.realstrings import Interferer, recorded_interference
+from monochord.evaluation.realstrings import Protocol
 
 
 @pytest.mark.parametrize("per", ["window", "take"])

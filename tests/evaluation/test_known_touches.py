@@ -5,7 +5,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.evaluation import realstrings
-from monochord.evaluation.known_touches import Protocol, located, open_note, position_errors, recorded_strings
+from monochord.evaluation.realstrings import Protocol, located, open_note, position_errors, recorded_strings
 
 real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.evaluation.regression import blocks_of, regression, score_of, scored
+from monochord.evaluation.scores import blocks_of, regression, score_of, scored
 from monochord.evaluation.results import Results
 
 Oracle = Callable[..., Results]

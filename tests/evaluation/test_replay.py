@@ -11,7 +11,7 @@ from monochord.capture.sources.session import SessionSource
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
 from monochord.datasets.store import Dataset
-from monochord.evaluation.disturbance import Disturbance
+from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import Course, replay
 from monochord.live import Session, run
 from monochord.live.settings import WindowSettings

@@ -9,7 +9,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.evaluation.results import Results
-from monochord.evaluation.results_file import read_results, write_csv, write_results
+from monochord.evaluation.results import read_results, write_csv, write_results
 
 Oracle = Callable[..., Results]
 

@@ -5,7 +5,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.evaluation.slip_features import filled_gaps, rumble
+from monochord.evaluation.sliding import filled_gaps, rumble
 
 RATE = 44100.0
 TIME = np.arange(4410) / RATE

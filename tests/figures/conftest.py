@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.evaluation.results import Results, Trial
-from monochord.evaluation.results_file import write_results
+from monochord.evaluation.results import write_results
 
 Write = Callable[..., Path]
 WINDOWS = 240

@@ -7,8 +7,14 @@ import numpy as np
 
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.types import Floats
-from monochord.evaluation.interference import Interferer, Per, errors_under, recorded_interference
-from monochord.evaluation.known_touches import NEAR, Protocol
+from monochord.evaluation.realstrings import (
+    POSITION_TOLERANCE,
+    Interferer,
+    Protocol,
+    Reference,
+    errors_under,
+    interference_recordings,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,13 +36,13 @@ class Interference(Benchmark):
     """
 
     ratios: tuple[float, ...] = (20.0, 10.0, 5.0, 0.0)
-    per: Per = "window"
+    per: Reference = "window"
     seed: int = 0
 
     def run(self) -> Iterator[Row]:
         """Yield, for each interference and ratio, the share answered and the share within 5 mm."""
         protocol = Protocol()
-        for name, sound in recorded_interference().items():
+        for name, sound in interference_recordings().items():
             for ratio in self.ratios:
                 interferer = Interferer(sound=sound, ratio=ratio, per=self.per)
                 yield from _rows(f"{name} {ratio:g} dB", *errors_under(interferer, protocol, self.seed))
@@ -47,8 +53,8 @@ def _rows(name: str, errors: Floats, plain: Floats) -> Iterator[Row]:
     yield Row(name=f"{name}: answered", value=100.0 * float(answered.mean()), unit="%")
     yield Row(
         name=f"{name}: within 5 mm",
-        value=100.0 * float((np.abs(errors[answered]) <= NEAR).mean()),
+        value=100.0 * float((np.abs(errors[answered]) <= POSITION_TOLERANCE).mean()),
         unit="%",
         baseline="plain autocorrelation",
-        baseline_value=100.0 * float((np.abs(plain) <= NEAR).mean()),
+        baseline_value=100.0 * float((np.abs(plain) <= POSITION_TOLERANCE).mean()),
     )

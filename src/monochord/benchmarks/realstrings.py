@@ -8,16 +8,16 @@ import numpy as np
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.types import Floats
 from monochord.core.units import Seconds
-from monochord.evaluation.autocorrelation import autocorrelation_errors
-from monochord.evaluation.known_touches import (
-    NEAR,
+from monochord.evaluation.realstrings import (
+    POSITION_TOLERANCE,
     Calibration,
     Protocol,
+    RealTake,
+    autocorrelation_errors,
     calibrated_strings,
     located,
     position_errors,
 )
-from monochord.evaluation.realstrings import Take
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,37 +51,38 @@ class Realstrings(Benchmark):
     def run(self) -> Iterator[Row]:
         """Yield the rows of each instrument, then those of all together."""
         protocol = self._protocol()
-        ours: dict[str, list[Floats]] = {}
+        errors_by_instrument: dict[str, list[Floats]] = {}
         plain: dict[str, list[Floats]] = {}
-        helped: list[Floats] = []
+        with_more: list[Floats] = []
         for _, calibration, fretted in calibrated_strings(protocol):
             for take in fretted:
-                told = located(take, calibration, protocol)
+                estimates = located(take, calibration, protocol)
                 baseline = autocorrelation_errors(take, calibration[0][0], protocol)
-                ours.setdefault(take.instrument, []).append(position_errors(take, told))
+                errors_by_instrument.setdefault(take.instrument, []).append(position_errors(take, estimates))
                 plain.setdefault(take.instrument, []).append(baseline)
-            helped += _with_one_more(fretted, calibration, protocol)
-        for instrument, errors in ours.items():
+            with_more += _with_one_more(fretted, calibration, protocol)
+        for instrument, errors in errors_by_instrument.items():
             yield from _rows(instrument, np.concatenate(errors), np.concatenate(plain[instrument]))
-        everything = np.concatenate([e for errors in ours.values() for e in errors])
+        everything = np.concatenate([e for errors in errors_by_instrument.values() for e in errors])
         yield from _rows("all", everything, np.concatenate([e for errors in plain.values() for e in errors]))
         yield Row(
             name="all, one further take: mean absolute error",
-            value=1e3 * float(np.nanmean(np.abs(np.concatenate(helped)))),
+            value=1e3 * float(np.nanmean(np.abs(np.concatenate(with_more)))),
             unit="mm",
             baseline="open note only",
             baseline_value=1e3 * float(np.nanmean(np.abs(everything))),
         )
 
 
-def _with_one_more(fretted: list[Take], calibration: Calibration, protocol: Protocol) -> list[Floats]:
+def _with_one_more(fretted: list[RealTake], calibration: Calibration, protocol: Protocol) -> list[Floats]:
     """Return the errors of all other takes of a string, for every choice of one further calibration take."""
     errors: list[Floats] = []
     for known in fretted:
-        heard = [told["frequency"].value for told in located(known, calibration, protocol)]
-        if not np.isfinite(heard).any():
+        estimates = located(known, calibration, protocol)
+        frequencies = [estimate["frequency"].value for estimate in estimates]
+        if not np.isfinite(frequencies).any():
             continue
-        more = (*calibration, (float(np.nanmedian(heard)), known.position))
+        more = (*calibration, (float(np.nanmedian(frequencies)), known.position))
         others = [take for take in fretted if take is not known]
         errors += [position_errors(take, located(take, more, protocol)) for take in others]
     return errors
@@ -101,9 +102,9 @@ def _rows(name: str, errors: Floats, plain: Floats) -> Iterator[Row]:
     )
     yield Row(
         name=f"{name}: within 5 mm",
-        value=100.0 * float((miss <= NEAR).mean()),
+        value=100.0 * float((miss <= POSITION_TOLERANCE).mean()),
         unit="%",
         baseline="plain autocorrelation",
-        baseline_value=100.0 * float((plain_miss <= NEAR).mean()),
+        baseline_value=100.0 * float((plain_miss <= POSITION_TOLERANCE).mean()),
     )
     yield Row(name=f"{name}: largest error", value=1e3 * float(miss.max()), unit="mm")

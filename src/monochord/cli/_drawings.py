@@ -1,4 +1,4 @@
-"""The pictures of an evaluation's page, drawn by the figures."""
+"""The figures of an evaluation's report."""
 
 from contextlib import suppress
 from io import StringIO
@@ -11,14 +11,14 @@ from monochord.figures import FIGURES
 
 OF_A_CONDITION = ("scatter", "error_map", "confusion")
 OVER_NOISE = "snr_curves"
-IN_THE_ROOM_TOO = 2
-"""Conditions that are drawn one by one: the first, and the first that was in the room."""
+MAX_CONDITIONS = 2
+"""Conditions that have figures of their own: the clean one, and the first with ambient noise."""
 
 
 def drawings(file: Path, results: Results) -> dict[str, str]:
-    """Return the figures of a file of results as SVG, by what they show."""
+    """Return the figures of a results file as SVG texts, by title."""
     added = {trial.condition for trial in results.trials if trial.ratio is not None}
-    alone = [name for name in conditions_of(results) if name not in added][:IN_THE_ROOM_TOO]
+    alone = [name for name in conditions_of(results) if name not in added][:MAX_CONDITIONS]
     chosen = {
         f"{name.replace('_', ' ')}, {condition}": (name, {"condition": condition})
         for condition in alone
@@ -26,11 +26,11 @@ def drawings(file: Path, results: Results) -> dict[str, str]:
     }
     if len({trial.ratio for trial in results.trials}) > 2:
         chosen["over added noise"] = (OVER_NOISE, {})
-    found: dict[str, str] = {}
+    figures: dict[str, str] = {}
     for title, (name, options) in chosen.items():
-        with suppress(InputError):  # there is nothing of this kind to draw, as without any touch
-            found[title] = _drawn(name, {"results": str(file), **options})
-    return found
+        with suppress(InputError):  # nothing of this kind to draw, as without any touch
+            figures[title] = _drawn(name, {"results": str(file), **options})
+    return figures
 
 
 def _drawn(name: str, options: dict[str, str]) -> str:

@@ -1,4 +1,4 @@
-"""The verb `ablate`: what each part of a model buys."""
+"""The command `ablate`: what each part of a model contributes."""
 
 import json
 from pathlib import Path
@@ -6,37 +6,45 @@ from typing import Any
 
 import click
 
-from monochord.cli._kept_rows import keep
+from monochord.cli._drawings import drawings
 from monochord.cli._options import refuse_without
 from monochord.cli._output import echo
+from monochord.cli.evaluate import music
 from monochord.core.config import load_toml, override
 from monochord.core.errors import InputError
 from monochord.datasets.build import find_sessions
 from monochord.datasets.store import open_dataset
 from monochord.evaluation.ablation import Ablation, compared
-from monochord.evaluation.ablation import ablate as ablated
-from monochord.evaluation.grid import Grid
-from monochord.evaluation.grids import load_grid
+from monochord.evaluation.ablation import ablate as run_ablation
+from monochord.evaluation.grids import Grid, load_grid
+from monochord.evaluation.paper import keep_rows
 from monochord.perception.training.configs import config_path
 from monochord.perception.training.settings import Settings
 
 
 @click.command()
 @click.argument("grid")
-@click.option("--dataset", type=click.Path(), metavar="DIR", help="What monochord build made.")
-@click.option("--sessions", multiple=True, metavar="FILES", help="What it was built of; repeatable.")
-@click.option("--part", type=click.Choice(["validation", "test"]), help="What is judged on.")
-@click.option("--noise", multiple=True, metavar="KIND:DB", help="Judged with noise too; repeatable.")
-@click.option("--set", "assignments", multiple=True, metavar="A.B=C", help="Any value of the grid.")
-@click.option("--only", multiple=True, metavar="NAME", help="One variation; repeatable.")
+@click.option("--dataset", type=click.Path(), metavar="DIR", help="Dataset of monochord build.")
+@click.option(
+    "--sessions", multiple=True, metavar="FILES", help="Sessions that it was built from; repeatable."
+)
+@click.option("--part", type=click.Choice(["validation", "test"]), help="Part that is evaluated.")
+@click.option("--noise", multiple=True, metavar="KIND:DB", help="Also evaluate with noise; repeatable.")
+@click.option("--set", "assignments", multiple=True, metavar="A.B=C", help="Override a setting of the grid.")
+@click.option("--only", multiple=True, metavar="NAME", help="Only this variation; repeatable.")
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("ablation"), show_default=True, help="Folder."
 )
 @click.option(
-    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep the paper's rows in FILE."
+    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep rows of the paper's table in FILE."
 )
 @click.option(
-    "--workers", type=click.IntRange(min=1), default=1, show_default=True, metavar="N", help="At a time."
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Variations at a time.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def ablate(
@@ -52,8 +60,8 @@ def ablate(
 ) -> None:
     """Train and evaluate every variation of GRID, a preset's name or a TOML file, and compare them.
 
-    Options stand in place of what the grid says. After an interruption, or with more variations, the same
-    command goes on. A variation that fails is told, and the others go on; then the status is 1.
+    Options replace values of the grid. After an interruption, or with more variations, the same command goes
+    on. A variation that fails is reported, and the others go on; then the exit status is 1.
 
     \b
     monochord ablate parts --dataset dataset --sessions sessions --out ablation
@@ -65,15 +73,15 @@ def ablate(
     _refuse_impossible(chosen)
     if not any(variation.is_built and not variation.sessions for variation in chosen.compared.values()):
         refuse_without("--sessions", "for variations with windows of their own", "sessions")
-    found = ablated(chosen, out, _tell, workers=workers)
-    if rows is not None and found.rows:
-        keep(rows, [row for each in found.rows.values() for row in each])
-    echo(*([_json(chosen, found)] if as_json else _lines(chosen, compared(found.scores))))
-    found.refuse_failed()
+    outcome = run_ablation(chosen, out, _report, workers=workers, music=music, draw=drawings)
+    if rows is not None and outcome.rows:
+        keep_rows(rows, [row for each in outcome.rows.values() for row in each])
+    echo(*([_json(chosen, outcome)] if as_json else _lines(chosen, compared(outcome.scores))))
+    outcome.refuse_failed()
 
 
 def _refuse_impossible(grid: Grid) -> None:
-    """Refuse settings and sessions that no variation can be made of, before all the others are made."""
+    """Refuse settings and sessions that cannot be used before any variation is begun."""
     config_path(grid.config)
     open_dataset(grid.dataset)
     for name, variation in grid.compared.items():
@@ -87,23 +95,33 @@ def _refuse_impossible(grid: Grid) -> None:
             raise InputError(f"variation {name}: {error.given}", error.allowed, error.remedy) from error
 
 
-def _tell(name: str, what: str) -> None:
+def _report(name: str, what: str) -> None:
     echo(f"{name}: {what}", err=True)
 
 
-def _json(grid: Grid, found: Ablation) -> str:
-    tree = {"title": grid.title, "part": grid.part, "rows": compared(found.scores), "failed": found.failed}
+def _json(grid: Grid, outcome: Ablation) -> str:
+    tree = {
+        "title": grid.title,
+        "part": grid.part,
+        "rows": compared(outcome.scores),
+        "failed": outcome.failed,
+    }
     return json.dumps(tree, allow_nan=False)
 
 
 def _lines(grid: Grid, rows: list[dict[str, Any]]) -> list[str]:
-    wide = max([len(row["variation"]) for row in rows] + [9])
+    names = [
+        f"{row['variation']}, {row['baseline'].replace('_', ' ')}" if row["baseline"] else row["variation"]
+        for row in rows
+    ]
+    width = max([len(name) for name in names] + [9])
     kind = ", simulated" if any(row["simulated"] for row in rows) else ""
     heads = ("windows", "position", "<= 5 mm", "force", "<= 0.2 N", "contact", "slip area")
     lines = [f"{grid.title or grid.config}{kind}, on {grid.part}"]
-    lines.append(f"  {'variation':<{wide}}" + "".join(f"{name:>11}" for name in heads))
+    lines.append(f"  {'variation':<{width}}" + "".join(f"{head:>11}" for head in heads))
     return lines + [
-        f"  {row['variation']:<{wide}}" + "".join(f"{text:>11}" for text in _row(row)) for row in rows
+        f"  {name:<{width}}" + "".join(f"{text:>11}" for text in _row(row))
+        for name, row in zip(names, rows, strict=True)
     ]
 
 

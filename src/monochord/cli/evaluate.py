@@ -1,233 +1,157 @@
-"""The verb `evaluate`: test sessions through an estimator, and what it is worth."""
+"""The command `evaluate`: scores of an estimator on test sessions."""
 
 import json
-from collections.abc import Sequence
-from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from monochord.cli._bar import bar_of_sessions
 from monochord.cli._drawings import drawings
-from monochord.cli._kept_rows import keep
 from monochord.cli._options import refuse_without
 from monochord.cli._output import echo
-from monochord.cli._scorecard_lines import lines
-from monochord.cli.build import SPLIT_FILE
-from monochord.core.config import Tree, load_toml, override
+from monochord.core.config import override
 from monochord.core.errors import InputError
-from monochord.core.ownership import scratch_folder
-from monochord.core.types import StringParams
-from monochord.core.units import Newtons
-from monochord.datasets.build import Options, build_dataset, find_sessions
-from monochord.datasets.split import Split
-from monochord.datasets.store import Dataset, open_dataset
-from monochord.evaluation.harness import (
-    Trained,
-    audited,
-    noise,
-    refuse_trained_on,
-    refuse_unwritable,
-    room_recordings,
-    suite,
-    wants_recordings,
-    write_folder,
-)
-from monochord.evaluation.harness import evaluate as evaluated
-from monochord.evaluation.limits import force_floor
-from monochord.evaluation.paper_rows import labelled, paper_rows
-from monochord.evaluation.replay import Course
-from monochord.evaluation.scorecard import scorecard
-from monochord.perception.estimators import ESTIMATORS
-from monochord.perception.estimators.base import Estimator
-from monochord.perception.model import load
-from monochord.perception.model.definition import Definition
-from monochord.physics.sensors import load_sensor
-from monochord.sessions import read_session
+from monochord.evaluation import evaluate as evaluation
+from monochord.evaluation.paper import keep_rows, paper_rows
+from monochord.evaluation.scorecard import Scorecard, ScoreTable
+from monochord.evaluation.scores import Detection, Regression
 
-CONFIG = "config.toml"
-"""Settings of a run, in its folder."""
-LEARNED, PHYSICS = "model", "closed_form"
 PARTS = ("test", "validation")
-RANDOM = "random"
-"""What the columns of a feature with random weights begin with."""
+DEFAULT_ESTIMATOR = "closed_form"
+HEADS = ("windows", "answered", "error", "<= 5 mm", "r", "error", "<= 0.2 N", "r", "contact", "slip area")
+WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
+"""Columns of the table of scores."""
 
 
 @click.command()
-@click.argument("run", required=False, type=click.Path(path_type=Path))
-@click.option("--dataset", type=click.Path(path_type=Path), metavar="DIR", help="[default: that of RUN]")
+@click.argument("model", required=False)
+@click.option("--dataset", type=click.Path(path_type=Path), metavar="DIR", help="[default: that of MODEL]")
 @click.option(
-    "--split", type=click.Path(path_type=Path), metavar="FILE", help="[default: that of RUN, or of DIR]"
+    "--split", type=click.Path(path_type=Path), metavar="FILE", help="[default: that of MODEL, or of DIR]"
 )
-@click.option("--part", type=click.Choice(PARTS), default="test", show_default=True, help="Of the split.")
+@click.option(
+    "--part", type=click.Choice(PARTS), default="test", show_default=True, help="Part of the split."
+)
 @click.option("--sessions", multiple=True, metavar="FILES", help="Sessions to test on instead; repeatable.")
-@click.option("--estimator", metavar="NAME", help=f"Who is tested, without RUN.  [default: {PHYSICS}]")
-@click.option("--set", "assignments", multiple=True, metavar="A=B", help="An option of the estimator.")
-@click.option("--sensor", metavar="PRESET", help="Whose string the estimator is told.")
-@click.option("--noise", "noises", multiple=True, metavar="KIND:DB", help="Once more with noise; repeatable.")
-@click.option("--suite", "all_noises", is_flag=True, help="Every kind of noise, at 0 to 25 dB.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the noise.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results and a page there.")
 @click.option(
-    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep the paper's rows in FILE."
+    "--estimator", metavar="NAME", help=f"An estimator instead of MODEL.  [default: {DEFAULT_ESTIMATOR}]"
 )
-@click.option("--feature", metavar="NAME", help="What the rows are called.  [default: the feature]")
+@click.option(
+    "--set", "assignments", multiple=True, metavar="A=B", help="Override an option of the estimator."
+)
+@click.option("--sensor", metavar="PRESET", help="Sensor whose string the estimator is given.")
+@click.option("--noise", "noises", multiple=True, metavar="KIND:DB", help="Also test with noise; repeatable.")
+@click.option("--suite", is_flag=True, help="Also test with every kind of noise, at 0 to 25 dB.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise."
+)
+@click.option("--baselines/--no-baselines", default=True, show_default=True, help="Ridge and extra trees.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results and a report there."
+)
+@click.option(
+    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep rows of the paper's table in FILE."
+)
+@click.option("--feature", metavar="NAME", help="Name of these rows.  [default: the feature]")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def evaluate(run: Path | None, **options: Any) -> None:
-    """Test what RUN learned, or an estimator of NAME, on sessions that it has not heard.
+def evaluate(
+    model: str | None,
+    *,
+    out: Path | None,
+    rows: Path | None,
+    feature: str | None,
+    estimator: str | None,
+    assignments: tuple[str, ...],
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Test MODEL, or the estimator NAME, on sessions that it was not trained on.
 
-    Every test session is played window by window, as live. A split that leaks is refused, and so is a session
-    that RUN was trained on. RUN is a folder that monochord train made.
+    MODEL is the folder of a training run or of a model, or the name of a bundled model: demo. Every test
+    session is replayed window by window, as live. A split that leaks is refused, and so is a session that
+    MODEL was trained on. Ridge regression and extra trees on the same features are fitted to the training
+    windows and stand below.
 
     \b
     monochord evaluate run --out report --noise music:10
-    monochord evaluate run --sessions monday/*.mcap
-    monochord evaluate --estimator closed_form --dataset dataset --sensor prototype --suite
+    monochord evaluate demo --sessions monday/*.mcap
+    monochord evaluate --estimator closed-form --dataset dataset --sensor prototype --suite
     """  # noqa: D301
-    _refuse_unused(run, options)
-    with ExitStack() as stack:
-        told = _Told.of(run)
-        course, split, floors, notes = _course(stack, told, options)
-        estimator, name = _estimator(run, options)
-        if options["out"] is not None:
-            refuse_unwritable(options["out"])
-        if told.definition is not None and not (split and options["part"] != PARTS[0]):
-            trained = Trained(sessions=told.definition.sessions, dataset=told.definition.dataset)
-            notes += refuse_trained_on(course, trained, split)
-        rate = course.dataset.manifest.sample_rate
-        recorded = options["all_noises"] or wants_recordings(options["noises"])
-        recordings = room_recordings(rate, _music()) if recorded else {}
-        chosen = [noise(text, recordings, options["seed"]) for text in options["noises"]]
-        chosen += suite(recordings, seed=options["seed"]) if options["all_noises"] else ()
-        progress = stack.enter_context(bar_of_sessions())
-        notes += told.notes
-        results = evaluated(course, estimator, name=name, noises=chosen, notes=notes, progress=progress)
-        results = replace(results, options={**results.options, **told.about})
-        card = scorecard(results, string=course.string, force_floor=floors)
-        if options["out"] is not None:
-            write_folder(options["out"], results, card, lambda file: drawings(file, results))
-    if options["rows"] is not None:
-        feature = options["feature"] or (told.definition.feature.name if told.definition else name)
-        rows = paper_rows(card, labelled(feature, drawn=told.is_drawn), options["part"])
-        keep(options["rows"], rows)
-    echo(*([json.dumps(card.tree(), allow_nan=False)] if options["as_json"] else lines(card)))
-
-
-def _refuse_unused(run: Path | None, options: dict[str, Any]) -> None:
-    if run is not None and options["estimator"] is not None:
-        raise InputError(f"run {run} beside --estimator {options['estimator']}", "one of both")
+    if model is not None and estimator is not None:
+        raise InputError(f"model {model} beside --estimator {estimator}", "one of both")
     if options["sessions"]:
         refuse_without("--split or --part beside --sessions", "all of the sessions", "split", "part")
-    if options["rows"] is None:
+    if rows is None:
         refuse_without("--feature without --rows", "beside --rows, whose name it is", "feature")
-    if not (options["noises"] or options["all_noises"]):
+    if not (options["noises"] or options["suite"]):
         refuse_without("--seed without noise", "beside --noise or --suite, whose it is", "seed")
-
-
-class _Told:
-    """What a run's folder tells, or nothing without one."""
-
-    def __init__(self, definition: Definition | None, config: Tree) -> None:
-        self.definition, self.config = definition, config
-
-    @classmethod
-    def of(cls, run: Path | None) -> "_Told":
-        if run is None:
-            return cls(None, {})
-        config = load_toml(run / CONFIG) if (run / CONFIG).is_file() else {}
-        return cls(load(run).definition, config)
-
-    @property
-    def about(self) -> Tree:
-        """What a model was made of, for who reads the results."""
-        told = self.definition
-        if told is None:
-            return {}
-        return {
-            "feature": {"name": told.feature.name, **told.feature.options},
-            "reference": told.reference.feature.name if told.reference else "",
-            "heads": list(told.heads),
-            "weights": told.weights,
-            "trained_on_sessions": len(told.sessions),
-        }
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What of a model has to be known before its scores are."""
-        if self.definition is None:
-            return ()
-        name = self.definition.feature.name
-        line = f"the weights of the feature {name} are random, nothing was learned there"
-        return (line,) if self.is_drawn else ()
-
-    @property
-    def is_drawn(self) -> bool:
-        """Whether the feature's weights are random."""
-        told = self.definition
-        return told is not None and any(column.startswith(RANDOM) for column in told.feature.columns)
-
-    def path(self, name: str) -> Path | None:
-        """Return a path that the settings of the run name."""
-        return Path(self.config[name]) if self.config.get(name) else None
-
-
-def _estimator(run: Path | None, options: dict[str, Any]) -> tuple[Estimator, str]:
-    table: Tree = {} if run is None else {"path": str(run)}
-    name = (LEARNED if run is not None else options["estimator"] or PHYSICS).replace("-", "_")
-    return ESTIMATORS.build(name, override(table, options["assignments"])), name
-
-
-def _course(
-    stack: ExitStack, told: _Told, options: dict[str, Any]
-) -> tuple[Course, Split | None, dict[str, Newtons], tuple[str, ...]]:
-    """Return what is played, its split, the floors of its force sensors, and what has to be noted."""
-    string = load_sensor(options["sensor"]).string if options["sensor"] else None
-    if string is None and told.definition is not None:
-        string = told.definition.string
-    if options["sessions"]:
-        if options["dataset"] is not None:
-            raise InputError("--sessions beside --dataset", "one of both")
-        dataset, floors, own = _of_sessions(stack, options["sessions"], told)
-        return Course(dataset=dataset, rows=np.arange(len(dataset)), string=string or own), None, floors, ()
-    folder = options["dataset"] or told.path("dataset")
-    if folder is None:
-        raise InputError("no sessions to test on", "--dataset DIR or --sessions FILES", "name some")
-    dataset = open_dataset(folder)
-    own_split = told.path("split") if options["dataset"] is None else None
-    split = Split.read(options["split"] or own_split or folder / SPLIT_FILE)
-    notes = audited(dataset, split, learned=told.definition is not None)
-    if options["part"] != PARTS[0]:
-        notes += (f"the {options['part']} part, by which choices were made, and no test",)
-    return Course(dataset=dataset, rows=split.parts[options["part"]], string=string), split, {}, notes
-
-
-def _of_sessions(
-    stack: ExitStack, names: Sequence[str], told: _Told
-) -> tuple[Dataset, dict[str, Newtons], StringParams | None]:
-    """Return the dataset of sessions, the floors of their force sensors, and the string that they tell."""
-    files = find_sessions(names)
-    window = 0.1 if told.definition is None else told.definition.window / told.definition.sample_rate
-    hop = 0.1 if told.definition is None else told.definition.hop / told.definition.sample_rate
-    folder = stack.enter_context(scratch_folder()) / "dataset"
+    settings = evaluation.EvaluationSettings(
+        model=model, estimator=estimator or DEFAULT_ESTIMATOR, options=override({}, assignments), **options
+    )
+    if out is not None:
+        evaluation.refuse_unwritable(out)
     with bar_of_sessions() as progress:
-        dataset = build_dataset(files, folder, Options(window=window, hop=hop), progress)
-    floors: dict[str, Newtons] = {}
-    strings: list[StringParams | None] = []
-    for path in files:
-        session = read_session(path)
-        strings.append(session.description.string)
-        floor = force_floor(session, window)
-        if floor is not None:
-            floors[path.stem] = floor
-    alike = all(string == strings[0] for string in strings)
-    return dataset, floors, strings[0] if alike else None
+        outcome = evaluation.evaluate(settings, music=music, progress=progress)
+    if out is not None:
+        evaluation.write(out, outcome, drawings)
+    card = outcome.card
+    if rows is not None:
+        keep_rows(rows, paper_rows(card, feature or outcome.label, settings.part))
+    echo(*([json.dumps(card.tree(), allow_nan=False)] if as_json else _lines(card)))
 
 
-def _music() -> Any:
-    """Return synthetic music, for where there is no recording of any."""
+def music() -> Any:
+    """Return synthetic music (n,), which stands in where there is no recording of any."""
     from monochord.lab.music import loop  # noqa: PLC0415
 
     return loop(0)
+
+
+def _lines(card: Scorecard) -> list[str]:
+    """Return the table of a scorecard: a line for each object and condition, over all touched windows."""
+    kind = ", simulated" if card.simulated else ""
+    lines = [f"{card.estimator}{kind}: {card.windows} windows of {card.sessions} sessions"]
+    lines += [f"note: {note}" for note in card.notes]
+    own = ScoreTable(table=card.table, contact=card.contact, slip=card.slip)
+    tables = {card.estimator: own, **card.baselines}
+    rows: list[tuple[str, str, str, tuple[str, ...]]] = [("object", "condition", "estimator", HEADS)]
+    for body, condition in [(row.object, row.condition) for row in card.table if row.state == "touched"]:
+        for name, table in tables.items():
+            rows.append((body, condition, name.replace("_", " "), _cells(table, body, condition)))
+    widths = [max(len(row[column]) for row in rows) for column in range(3)]
+    for row in rows:
+        texts = "  ".join(f"{text:<{width}}" for text, width in zip(row[:3], widths, strict=True))
+        numbers = "".join(f"{text:>{width}}" for text, width in zip(row[3], WIDTHS, strict=True))
+        lines.append(f"  {texts}{numbers}")
+    return lines
+
+
+def _cells(scores: ScoreTable, body: str, condition: str) -> tuple[str, ...]:
+    key = (body, condition, "touched")
+    row = next((row for row in scores.table if (row.object, row.condition, row.state) == key), None)
+    if row is None:
+        return ("-",) * len(HEADS)
+    contact = scores.contact.get(body, {}).get(condition)
+    slip = scores.slip.get(body, {}).get(condition)
+    return (
+        str(row.position.windows),
+        _share(row.position.answered),
+        *_errors(row.position, 1e3, "mm"),
+        *_errors(row.force, 1.0, "N"),
+        _share(contact.accuracy.value if contact else None),
+        _area(slip),
+    )
+
+
+def _errors(score: Regression, factor: float, unit: str) -> tuple[str, str, str]:
+    error = "-" if score.mae.value is None else f"{factor * score.mae.value:.3g} {unit}"
+    return error, _share(score.within.value), "-" if score.r.value is None else f"{score.r.value:.3f}"
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{100.0 * value:.1f} %"
+
+
+def _area(slip: Detection | None) -> str:
+    return "-" if slip is None or slip.area.value is None else f"{slip.area.value:.4f}"

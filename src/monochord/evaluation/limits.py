@@ -1,4 +1,4 @@
-"""What no estimator can beat: the Cramer-Rao bound, and the noise of the force sensor that gave the truth."""
+"""Limits of every estimator: the Cramer-Rao bound, and the noise of the force sensor that gave the truth."""
 
 import math
 from dataclasses import dataclass
@@ -7,23 +7,23 @@ import numpy as np
 
 from monochord.core.types import Contact, StringParams
 from monochord.core.units import Newtons, Seconds
-from monochord.evaluation.regression import scored
 from monochord.evaluation.results import Results
+from monochord.evaluation.scores import regression_rows
 from monochord.physics.theory import TensionLaw, contact_bound
 from monochord.sessions import Session
 
-MOST = 200
-"""Windows that the bound is worked out for, spread evenly over all."""
-NORMAL = 0.6745
-"""Median absolute deviation of a normal error of unit standard deviation."""
+MAX_BOUND_WINDOWS = 200
+"""The bound is computed for this many windows, spread evenly over all."""
+MEDIAN_OF_NORMAL = 0.6745
+"""Median absolute value of a normal variable of unit standard deviation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bound:
-    """Errors beside the least that a window allows, both as medians, in m and N.
+class BoundComparison:
+    """Errors beside the smallest that a window allows, both as medians, in m or N.
 
-    `ratio` is in dB, of each partial to the noise, and assumed. `error` is the standard deviation of a normal
-    error with the median absolute error that was found; `times` is how often the `bound` goes into it.
+    `ratio` is the assumed signal-to-noise ratio of each partial in dB. `error` is the standard deviation of a
+    normal error with the measured median absolute error; `times` is `error` over `bound`.
     """
 
     ratio: float
@@ -33,7 +33,7 @@ class Bound:
     times: float
 
 
-def against_bound(
+def compare_with_bound(
     results: Results,
     string: StringParams,
     name: str,
@@ -41,23 +41,23 @@ def against_bound(
     ratio: float = 20.0,
     law: TensionLaw = "geometric",
     sample_rate: float = 44100.0,
-) -> Bound | None:
-    """Return the errors of "position" or "force" against the Cramer-Rao bound; None where there are none.
+) -> BoundComparison | None:
+    """Return the errors of "position" or "force" beside the Cramer-Rao bound; None if there are no errors.
 
     The bound is that of `monochord.physics.theory.contact_bound` for the clamped string at each window's true
-    position and force. Near a ratio of one nothing is left to gain from the pitch; far above it, what limits
-    is not noise but what the estimator does not know of the touch.
+    position and force. Near a ratio of one the pitch holds no more information; far above it, the error is
+    not due to noise but to what the estimator does not know of the touch.
 
     Parameters
     ----------
     results
         Estimates beside the truth.
     string
-        Of the sensor.
+        The sensor's string.
     name
         "position" or "force".
     ratio
-        Of each partial to the noise, in dB.
+        Signal-to-noise ratio of each partial in dB.
     law
         How force raises tension.
     sample_rate
@@ -65,51 +65,51 @@ def against_bound(
 
     Examples
     --------
-    ``monochord evaluate`` prints what this tells.
+    ``monochord evaluate --out FOLDER`` shows it in its report.
     """
-    rows = scored(results, "position") & scored(results, "force") & np.isfinite(results.error_of(name))
-    part = results.where(rows)
+    rows = regression_rows(results, "position") & regression_rows(results, "force")
+    part = results.where(rows & np.isfinite(results.error_of(name)))
     if not len(part):
         return None
-    chosen = np.unique(np.linspace(0, len(part) - 1, min(MOST, len(part))).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(part) - 1, min(MAX_BOUND_WINDOWS, len(part))).round().astype(int))
     touches = zip(part.label("position")[chosen].tolist(), part.label("force")[chosen].tolist(), strict=True)
     bounds = [
         contact_bound(
             string,
-            Contact(position=place, force=force),
+            Contact(position=position, force=force),
             10.0 ** (0.1 * ratio),
             duration=part.window,
             sample_rate=sample_rate,
             law=law,
         )[("position", "force").index(name)]
-        for place, force in touches
-        if 0.0 < place < string.length and force > 0.0
+        for position, force in touches
+        if 0.0 < position < string.length and force > 0.0
     ]
     if not bounds:
         return None
     bound = float(np.median(bounds))
-    error = float(np.median(np.abs(part.error_of(name)))) / NORMAL
+    error = float(np.median(np.abs(part.error_of(name)))) / MEDIAN_OF_NORMAL
     times = error / bound if 0.0 < bound < math.inf else math.nan
-    return Bound(ratio=ratio, windows=len(part), bound=bound, error=error, times=times)
+    return BoundComparison(ratio=ratio, windows=len(part), bound=bound, error=error, times=times)
 
 
 def force_floor(session: Session, window: Seconds) -> Newtons | None:
-    """Return how far the mean of the force readings over a window is off by itself, as a mean absolute error.
+    """Return the mean absolute error of the mean force reading over a window, in N.
 
-    From stretches in which nothing touches, by the session's labels: 0.8 standard deviations of the windows'
-    means, less their slow drift. The truth is no better known than this where it was measured, so no estimate
-    can be. None where there are no readings or no such stretch.
+    Measured in stretches without contact, by the session's labels: 0.8 standard deviations of the windows'
+    means, less their slow drift. Where the truth was measured, it is known no better than this, so no
+    estimate can be better. None where there are no readings or no such stretch.
 
     Parameters
     ----------
     session
-        With a stream ``wrench`` and labels.
+        A session with a stream ``wrench`` and labels.
     window
-        Length in s.
+        Window length in s.
 
     Examples
     --------
-    ``monochord evaluate --sessions`` prints what this tells.
+    ``monochord evaluate --sessions FILES --out FOLDER`` shows it in its report.
     """
     if "wrench" not in session.streams or "contact" not in session.labels.columns:
         return None
@@ -121,9 +121,9 @@ def force_floor(session: Session, window: Seconds) -> Newtons | None:
         first, last = np.searchsorted(labels.time, [begin - window, begin + 2 * window])
         free = labels.columns["contact"][first:last]
         rows = slice(*np.searchsorted(time, [begin, begin + window]).tolist())
-        calm = free.size and (free == 0.0).all() and force[rows].size
-        means.append(float(force[rows].mean()) if calm else math.nan)
-    # Differences of neighbours hold twice the variance, and nothing of the drift.
+        untouched = free.size and (free == 0.0).all() and force[rows].size
+        means.append(float(force[rows].mean()) if untouched else math.nan)
+    # Differences of neighbours have twice the variance, and none of the drift.
     steps = np.diff(means)
     steps = steps[np.isfinite(steps)]
     return math.sqrt(2.0 / math.pi) * float(np.std(steps)) / math.sqrt(2.0) if steps.size > 1 else None

@@ -1,28 +1,43 @@
-"""What an estimator said of windows whose truth is known: what every score and figure is read off."""
+"""What an estimator predicted for windows whose truth is known, in memory and on disk.
 
+Every score and every figure of an evaluation is computed from `Results`. On disk they are one ``.npz`` of
+plain arrays, which NumPy reads without pickle: ``trial``, ``start`` and ``usable``, then ``truth.NAME``,
+``value.NAME``, ``std.NAME`` and ``why.NAME`` for every label and estimate, each (n,), and ``about``, a JSON
+text with the rest. `write_csv` writes the same as a table of text.
+"""
+
+import csv
+import json
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.core.units import Metres, Seconds
 
 CLEAN = "clean"
-"""The condition in which nothing disturbs."""
+"""The condition without noise."""
 COLUMNS = ("truth", "value", "std", "why")
 """Fields of `Results` that map names to columns."""
+FORMAT = 1
+"""Version of the layout on disk."""
+ROWS = ("trial", "start", "usable")
+"""Fields of `Results` with one value a window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """One session as it was heard in one condition.
+    """One session in one condition.
 
-    `noise` names what disturbs, empty for nothing. With a `ratio` in dB it was added to the recording;
-    without one it was in the room. `checksum` is that of the session's file.
+    `noise` names the noise, empty for none. With a `ratio` in dB it was added to the recording; without one
+    it was present while the session was recorded. `checksum` is that of the session's file.
 
     >>> Trial(session="a").condition, Trial(session="a", noise="white", ratio=5.0).condition
     ('clean', 'white 5 dB')
@@ -40,7 +55,7 @@ class Trial:
 
     @property
     def condition(self) -> str:
-        """The condition in words, as tables have it."""
+        """The condition in words, as tables show it."""
         if not self.noise:
             return CLEAN
         return self.noise if self.ratio is None else f"{self.noise} {self.ratio:g} dB"
@@ -50,11 +65,12 @@ class Trial:
 class Results:
     """Estimates beside the truth, a row a window, in the order of the trials and of time.
 
-    `trial` (n,) numbers `trials`; `start` (n,) is the window's begin in s of its session; `usable` (n,) tells
-    whether its every sample was recorded. `truth` has the labels by name, `value` and `std` the estimates,
-    each (n,), in SI units, NaN where not known or not told. `why` (n,) numbers `reasons`: 0, an empty reason,
-    where an estimate is valid, else why there is none. `window` and `hop` are in s; `estimator` is its name
-    and `options` what it was set to, `notes` what a reader has to know.
+    `trial` (n,) indexes `trials`; `start` (n,) is the start of the window in s from that of its session;
+    `usable` (n,) marks windows whose every sample was recorded. `truth` holds the labels by name, `value` and
+    `std` the estimates, each (n,), in SI units, NaN where unknown or where the estimator abstained. `why`
+    (n,) indexes `reasons`: 0, an empty reason, where the estimate is valid, else the reason of the
+    abstention. `window` and `hop` are in s; `estimator` is the estimator's name, `options` are its options,
+    `notes` what a reader must know.
     """
 
     estimator: str
@@ -81,19 +97,19 @@ class Results:
         return any(trial.simulated for trial in self.trials)
 
     def of_trials(self, name: str) -> NDArray[Any]:
-        """Return what the trials say under a name (``object``, ``condition``, ``day`` ...), a row each (n,).
+        """Return a field of the trials (``object``, ``condition``, ``day`` ...) for each window (n,).
 
-        Text where it is text; numbers are NaN where a trial does not tell.
+        Text where the field is text; numbers are NaN where a trial leaves the field unknown.
         """
-        told = [getattr(trial, name) for trial in self.trials]
-        return np.array([np.nan if each is None else each for each in told])[self.trial]
+        values = [getattr(trial, name) for trial in self.trials]
+        return np.array([np.nan if value is None else value for value in values])[self.trial]
 
     def label(self, name: str) -> Floats:
-        """Return a label (n,); NaN throughout where there is none of this name."""
+        """Return a label (n,), NaN throughout if there is none of this name."""
         return self.truth.get(name, np.full(len(self), np.nan))
 
     def estimate(self, name: str) -> Floats:
-        """Return an estimate (n,); NaN where it abstained, throughout where there is none of this name."""
+        """Return an estimate (n,), NaN where it abstained and throughout if there is none of this name."""
         return self.value.get(name, np.full(len(self), np.nan))
 
     def error_of(self, name: str) -> Floats:
@@ -101,20 +117,24 @@ class Results:
         return self.estimate(name) - self.label(name)
 
     def where(self, rows: NDArray[np.bool_]) -> "Results":
-        """Return the rows (n,) that are asked for; all trials stay."""
-        each = {name: {key: column[rows] for key, column in getattr(self, name).items()} for name in COLUMNS}
-        return replace(self, trial=self.trial[rows], start=self.start[rows], usable=self.usable[rows], **each)
+        """Return the rows where `rows` (n,) is true; all trials stay."""
+        columns = {
+            kind: {name: column[rows] for name, column in getattr(self, kind).items()} for kind in COLUMNS
+        }
+        return replace(
+            self, trial=self.trial[rows], start=self.start[rows], usable=self.usable[rows], **columns
+        )
 
 
 def join(parts: Sequence[Results]) -> Results:
-    """Return results of one estimator in several conditions as one.
+    """Return the results of one estimator in several conditions as one.
 
-    Columns that a part has not are NaN in its rows.
+    Columns that a part lacks are NaN in its rows.
 
     Raises
     ------
     InputError
-        If there are none, or they differ in estimator, window or hop.
+        If there are no parts, or they differ in estimator, window or hop.
 
     Examples
     --------
@@ -165,8 +185,90 @@ def join(parts: Sequence[Results]) -> Results:
 
 
 def _column(part: Results, kind: str, name: str, number: Mapping[str, int]) -> NDArray[Any]:
-    held = getattr(part, kind)
+    columns = getattr(part, kind)
     if kind == "why":
-        own = np.array([number[reason] for reason in part.reasons], np.int16)
-        return own[held[name]] if name in held else np.zeros(len(part), np.int16)
-    return held.get(name, np.full(len(part), np.nan))
+        renumbered = np.array([number[reason] for reason in part.reasons], np.int16)
+        return renumbered[columns[name]] if name in columns else np.zeros(len(part), np.int16)
+    return columns.get(name, np.full(len(part), np.nan))
+
+
+def write_results(results: Results, file: Path) -> None:
+    """Write results to an ``.npz`` file, which `read_results` reads.
+
+    Examples
+    --------
+    ``monochord evaluate --out FOLDER`` writes one.
+    """
+    about = {
+        "format": FORMAT,
+        "estimator": results.estimator,
+        "window": results.window,
+        "hop": results.hop,
+        "trials": [to_tree(trial) for trial in results.trials],
+        "reasons": list(results.reasons),
+        "options": dict(results.options),
+        "notes": list(results.notes),
+    }
+    arrays: dict[str, NDArray[Any]] = {name: getattr(results, name) for name in ROWS}
+    for kind in COLUMNS:
+        arrays |= {f"{kind}.{name}": column for name, column in getattr(results, kind).items()}
+    with file.open("wb") as stream:
+        np.savez_compressed(stream, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+
+
+def read_results(file: Path) -> Results:
+    """Return the results that `write_results` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is absent, damaged, or of another kind.
+    """
+    try:
+        with file.open("rb") as raw, np.load(raw, allow_pickle=False) as stored:
+            return _from_arrays({name: stored[name] for name in stored.files}, file)
+    except InputError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+        given = f"results {file} (absent or damaged)"
+        raise InputError(given, "a file that monochord evaluate wrote") from error
+
+
+def _from_arrays(arrays: dict[str, NDArray[Any]], file: Path) -> Results:
+    about: dict[str, Any] = json.loads(str(arrays.pop("about")))
+    version = about.pop("format")
+    if version != FORMAT:
+        raise InputError(f"results {file} of format {version}", f"format {FORMAT}", "evaluate again")
+    lengths = {len(column) for column in arrays.values()}
+    if len(lengths) != 1:
+        raise InputError(f"results {file} with columns of {len(lengths)} lengths", "one length")
+    columns: dict[str, dict[str, NDArray[Any]]] = {kind: {} for kind in COLUMNS}
+    rows: dict[str, Any] = {name: arrays.pop(name) for name in ROWS}
+    for name, column in arrays.items():
+        kind, _, key = name.partition(".")
+        columns[kind][key] = column
+    about["trials"] = tuple(from_tree(Trial, trial) for trial in about["trials"])
+    about |= {name: tuple(about[name]) for name in ("reasons", "notes")}
+    return Results(**rows, **columns, **about)
+
+
+def write_csv(results: Results, file: Path) -> None:
+    """Write results as text, a row a window; unknown values are empty fields."""
+    labels, names = [*results.truth], [*results.value]
+    head = ["session", "object", "condition", "start", "usable", *(f"true_{name}" for name in labels)]
+    head += [f"{name}{end}" for name in names for end in ("", "_std", "_why_not")]
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(head)
+        for row, number in enumerate(results.trial.tolist()):
+            trial = results.trials[number]
+            line: list[Any] = [trial.session, trial.object, trial.condition, f"{results.start[row]:.6f}"]
+            line += [int(results.usable[row]), *(_text(results.truth[name][row]) for name in labels)]
+            for name in names:
+                reason = results.reasons[int(results.why[name][row])]
+                line += [_text(results.value[name][row]), _text(results.std[name][row]), reason]
+            writer.writerow(line)
+
+
+def _text(value: float) -> str:
+    return "" if np.isnan(value) else f"{value:.9g}"

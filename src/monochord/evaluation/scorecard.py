@@ -1,4 +1,4 @@
-"""Everything that an evaluation tells, as one tree of numbers: what the report shows and what is kept."""
+"""All scores of an evaluation as one tree of numbers, which the report shows and ``scores.json`` holds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,21 +10,30 @@ from numpy.typing import NDArray
 from monochord.core.config import Tree, to_tree
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Metres, Newtons, Seconds
-from monochord.evaluation.detection import Band, Detection, by_speed, detection
-from monochord.evaluation.limits import Bound, against_bound
-from monochord.evaluation.regression import DRAWS, Regression, Rows, regression, scored
+from monochord.evaluation.limits import BoundComparison, compare_with_bound
 from monochord.evaluation.results import CLEAN, Results
+from monochord.evaluation.scores import (
+    DRAWS,
+    Detection,
+    Regression,
+    Rows,
+    SpeedBand,
+    by_speed,
+    detection,
+    regression,
+    regression_rows,
+)
 
 QUANTITIES = ("position", "force")
 STATES = ("touched", "at rest", "sliding")
-"""Which touched windows a row of the table is of: all, those at rest, those that slide."""
+"""Which touched windows a row of the table covers: all, those at rest, those that slide."""
 EVERYTHING = "all objects"
-PLACES, FORCES = 10, 10
-"""Cells of an error map, along the string and over the force."""
+MAP_CELLS = 10
+"""Cells of an error map along each of its axes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class TableRow:
     """A row of the table: one object, or all of them, in one condition and one of `STATES`."""
 
     object: str
@@ -36,9 +45,9 @@ class Row:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorMap:
-    """Errors over where and how hard was touched, in one condition.
+    """Errors over true position and true force, in one condition.
 
-    `windows`, `answered` and `error` (mean absolute, None where nothing was answered) are rows of force and
+    `windows`, `answered` and `error` (mean absolute error, None without an estimate) are rows of force and
     columns of position, between the edges `forces` in N and `positions` in m.
     """
 
@@ -52,12 +61,22 @@ class ErrorMap:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scorecard:
-    """What an evaluation told; `simulated` marks sound that is.
+class ScoreTable:
+    """Scores of one estimator: `table` of position and force, `contact` and `slip` by object, condition."""
 
-    `contact` and `slip` are by object and condition, `slip_by_speed` by condition and band in m/s, `by` the
-    position and force of each day, build, radius and session in the clean condition, `bounds` and
-    `abstentions` (estimate: reason: share) by condition. `force_floor` is what the force sensor was off by
+    table: tuple[TableRow, ...]
+    contact: Mapping[str, Mapping[str, Detection]]
+    slip: Mapping[str, Mapping[str, Detection]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scorecard:
+    """All scores of an evaluation; `simulated` marks simulated sound.
+
+    `table`, `contact` and `slip` are the estimator's `ScoreTable`, `baselines` holds the tables of plain
+    regressions on the same windows, by name, `slip_by_speed` is by condition and band in m/s, `by` has
+    position and force by day, build, radius and session in the clean condition, `bounds` and `abstentions`
+    (estimate: reason: share) are by condition. `force_floor` is the mean absolute error of the force sensor
     itself, in N, by session.
     """
 
@@ -67,14 +86,15 @@ class Scorecard:
     hop: Seconds
     windows: int
     sessions: int
-    table: tuple[Row, ...]
+    table: tuple[TableRow, ...]
     contact: Mapping[str, Mapping[str, Detection]]
     slip: Mapping[str, Mapping[str, Detection]]
-    slip_by_speed: Mapping[str, Mapping[str, Band]]
+    slip_by_speed: Mapping[str, Mapping[str, SpeedBand]]
     by: Mapping[str, Mapping[str, Mapping[str, Regression]]]
     maps: tuple[ErrorMap, ...]
-    bounds: Mapping[str, Mapping[str, Bound]]
+    bounds: Mapping[str, Mapping[str, BoundComparison]]
     abstentions: Mapping[str, Mapping[str, Mapping[str, float]]]
+    baselines: Mapping[str, ScoreTable] = field(default_factory=dict[str, ScoreTable])
     force_floor: Mapping[str, Newtons] = field(default_factory=dict[str, Newtons])
     options: Mapping[str, object] = field(default_factory=dict[str, object])
     notes: tuple[str, ...] = ()
@@ -83,31 +103,34 @@ class Scorecard:
         """Return it as plain values that JSON can hold."""
         return to_tree(self)
 
-    def row(self, body: str, condition: str = CLEAN, state: str = "touched") -> Row | None:
+    def row(self, body: str, condition: str = CLEAN, state: str = "touched") -> TableRow | None:
         """Return a row of the table, or None."""
-        wanted = (body, condition, state)
-        return next((row for row in self.table if (row.object, row.condition, row.state) == wanted), None)
+        key = (body, condition, state)
+        return next((row for row in self.table if (row.object, row.condition, row.state) == key), None)
 
 
 def scorecard(
     results: Results,
     *,
+    baselines: Mapping[str, Results] | None = None,
     string: StringParams | None = None,
     force_floor: Mapping[str, Newtons] | None = None,
     draws: int = DRAWS,
 ) -> Scorecard:
-    """Return everything that results tell.
+    """Return all scores of results.
 
     Parameters
     ----------
     results
         Estimates beside the truth.
+    baselines
+        Results of baselines on the same windows, by name.
     string
-        Of the sensor, for the Cramer-Rao bound.
+        The sensor's string, for the Cramer-Rao bound.
     force_floor
-        Of sessions by name, see `limits.force_floor`.
+        Error of the force sensor itself by session, see `limits.force_floor`.
     draws
-        For each interval; 0 for none.
+        Bootstrap draws for each interval; 0 for no intervals.
 
     Raises
     ------
@@ -116,14 +139,12 @@ def scorecard(
 
     Examples
     --------
-    ``monochord evaluate`` prints what this tells.
+    ``monochord evaluate`` prints its table.
     """
     conditions = conditions_of(results)
-    clean = results.of_trials("condition") == conditions[0]
-    groups = {name: results.of_trials("condition") == name for name in conditions}
-    bodies = {body: results.of_trials("object") == body for body in _known(results.of_trials("object"))}
-    if len(bodies) > 1:
-        bodies[EVERYTHING] = np.ones(len(results), bool)
+    groups = _by_condition(results)
+    clean = results.where(groups[conditions[0]])
+    own = _score_table(results, STATES, draws)
     return Scorecard(
         estimator=results.estimator,
         simulated=results.simulated,
@@ -131,11 +152,12 @@ def scorecard(
         hop=results.hop,
         windows=len(results),
         sessions=len(np.unique(results.of_trials("session"))),
-        table=_table(results, groups, bodies, draws),
-        contact=_detections(results, "contact", groups, bodies, draws),
-        slip=_detections(results, "slip", groups, bodies, draws),
+        table=own.table,
+        contact=own.contact,
+        slip=own.slip,
+        baselines={name: _score_table(each, STATES[:1], draws) for name, each in (baselines or {}).items()},
         slip_by_speed={name: by_speed(results.where(rows), draws=draws) for name, rows in groups.items()},
-        by=_by(results.where(clean)),
+        by=_by_session_field(clean),
         maps=tuple(
             error_map(results.where(rows), quantity, name)
             for quantity in QUANTITIES
@@ -156,28 +178,27 @@ def conditions_of(results: Results) -> list[str]:
     --------
     ``monochord evaluate`` prints them in this order.
     """
-    found = dict.fromkeys(trial.condition for trial in results.trials)
-    return sorted(found, key=lambda name: name != CLEAN)
+    names = dict.fromkeys(trial.condition for trial in results.trials)
+    return sorted(names, key=lambda name: name != CLEAN)
 
 
 def error_map(results: Results, quantity: str, condition: str) -> ErrorMap:
-    """Return the errors of "position" or "force" over where and how hard was touched.
+    """Return the errors of "position" or "force" over true position and true force.
 
     Examples
     --------
-    ``monochord evaluate`` draws what this tells.
+    ``monochord figure error_map_figure`` draws it.
     """
-    rows = scored(results, "position") & scored(results, "force")
+    rows = regression_rows(results, "position") & regression_rows(results, "force")
     part = results.where(rows)
-    places = _edges(part.label("position"), PLACES)
-    forces = _edges(part.label("force"), FORCES)
+    places, forces = _edges(part.label("position")), _edges(part.label("force"))
     error = np.abs(part.error_of(quantity))
-    told = np.isfinite(error)
+    finite = np.isfinite(error)
     bins = [forces, places]
     at = [part.label("force"), part.label("position")]
     windows = np.histogramdd(at, bins)[0].astype(int)
-    answered = np.histogramdd([each[told] for each in at], bins)[0].astype(int)
-    total = np.histogramdd([each[told] for each in at], bins, weights=error[told])[0]
+    answered = np.histogramdd([each[finite] for each in at], bins)[0].astype(int)
+    total = np.histogramdd([each[finite] for each in at], bins, weights=error[finite])[0]
     return ErrorMap(
         quantity=quantity,
         condition=condition,
@@ -197,84 +218,84 @@ def abstentions(results: Results) -> dict[str, dict[str, float]]:
 
     Examples
     --------
-    ``monochord evaluate`` prints what this tells.
+    ``monochord evaluate --out FOLDER`` shows them in its report.
     """
     touched = results.where((results.label("contact") == 1.0) & results.usable)
-    found: dict[str, dict[str, float]] = {}
+    shares: dict[str, dict[str, float]] = {}
     for name, why in touched.why.items():
         counts = np.bincount(why, minlength=len(results.reasons))
-        found[name] = {
+        shares[name] = {
             reason: count / max(len(touched), 1)
             for reason, count in zip(results.reasons, counts.tolist(), strict=True)
             if reason and count
         }
-    return found
+    return shares
 
 
-def _table(
-    results: Results, groups: Mapping[str, Rows], bodies: Mapping[str, Rows], draws: int
-) -> tuple[Row, ...]:
+def _by_condition(results: Results) -> dict[str, Rows]:
+    column = results.of_trials("condition")
+    return {name: column == name for name in conditions_of(results)}
+
+
+def _score_table(results: Results, states: tuple[str, ...], draws: int) -> ScoreTable:
+    """Return the scores of every object and condition, and of all objects where there are several."""
+    groups, names = _by_condition(results), results.of_trials("object")
+    bodies = {body: names == body for body in _distinct(names)}
+    if len(bodies) > 1:
+        bodies[EVERYTHING] = np.ones(len(results), bool)
     slip = results.label("slip")
-    states = dict(zip(STATES, (np.ones(len(results), bool), slip == 0.0, slip == 1.0), strict=True))
-    rows: list[Row] = []
+    masks = (np.ones(len(results), bool), slip == 0.0, slip == 1.0)
+    in_state: dict[str, Rows] = dict(zip(STATES, masks, strict=True))
+    table: list[TableRow] = []
+    detections: dict[str, dict[str, dict[str, Detection]]] = {"contact": {}, "slip": {}}
     for body, of_body in bodies.items():
         for condition, in_condition in groups.items():
-            for state, in_state in states.items():
-                at = of_body & in_condition & in_state
-                told = {name: regression(results, name, at, draws=draws) for name in QUANTITIES}
-                if told["position"].windows or told["force"].windows:
-                    rows.append(Row(object=body, condition=condition, state=state, **told))
-    return tuple(rows)
+            at = of_body & in_condition
+            for state in states:
+                rows = at & in_state[state]
+                scores = {name: regression(results, name, rows, draws=draws) for name in QUANTITIES}
+                if scores["position"].windows or scores["force"].windows:
+                    table.append(TableRow(object=body, condition=condition, state=state, **scores))
+            for name, by_body in detections.items():
+                score = detection(results, name, at, draws=draws)
+                by_body.setdefault(body, {}).update({condition: score} if score.windows else {})
+    return ScoreTable(table=tuple(table), **detections)
 
 
-def _detections(
-    results: Results, name: str, groups: Mapping[str, Rows], bodies: Mapping[str, Rows], draws: int
-) -> dict[str, dict[str, Detection]]:
-    told = {
-        body: {
-            condition: detection(results, name, of_body & rows, draws=draws)
-            for condition, rows in groups.items()
-        }
-        for body, of_body in bodies.items()
-    }
-    return {body: {key: each for key, each in held.items() if each.windows} for body, held in told.items()}
-
-
-def _by(results: Results) -> dict[str, dict[str, dict[str, Regression]]]:
-    """Return position and force by what sessions differ in, without intervals."""
-    found: dict[str, dict[str, dict[str, Regression]]] = {}
+def _by_session_field(results: Results) -> dict[str, dict[str, dict[str, Regression]]]:
+    """Return position and force by the fields in which sessions differ, without intervals."""
+    scored = regression_rows(results, "position")
+    scores: dict[str, dict[str, dict[str, Regression]]] = {}
     for key in ("day", "build", "radius", "session"):
-        told = results.of_trials(key)
-        groups = {_name(value): told == value for value in _known(told)}
-        found[key] = {
-            value: {name: regression(results, name, rows, draws=0) for name in QUANTITIES}
-            for value, rows in groups.items()
-            if scored(results, "position")[rows].any()
+        column = results.of_trials(key)
+        scores[key] = {
+            value if isinstance(value, str) else f"{value:g}": {
+                name: regression(results, name, column == value, draws=0) for name in QUANTITIES
+            }
+            for value in _distinct(column)
+            if scored[column == value].any()
         }
-    return found
+    return scores
 
 
 def _bounds(
     results: Results, groups: Mapping[str, Rows], string: StringParams
-) -> dict[str, dict[str, Bound]]:
-    found: dict[str, dict[str, Bound]] = {}
+) -> dict[str, dict[str, BoundComparison]]:
+    bounds: dict[str, dict[str, BoundComparison]] = {}
     for condition, rows in groups.items():
-        told = {name: against_bound(results.where(rows), string, name) for name in QUANTITIES}
-        found[condition] = {name: bound for name, bound in told.items() if bound is not None}
-    return found
+        part = results.where(rows)
+        compared = {name: compare_with_bound(part, string, name) for name in QUANTITIES}
+        bounds[condition] = {name: bound for name, bound in compared.items() if bound is not None}
+    return bounds
 
 
-def _known(told: NDArray[Any]) -> list[Any]:
-    """Return what is told, each once, without what is not a number."""
-    return [value for value in np.unique(told).tolist() if isinstance(value, str) or np.isfinite(value)]
+def _distinct(column: NDArray[Any]) -> list[Any]:
+    """Return the distinct values of a column, sorted, without NaN."""
+    return [value for value in np.unique(column).tolist() if isinstance(value, str) or np.isfinite(value)]
 
 
-def _name(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
-
-
-def _edges(values: Floats, cells: int) -> Floats:
+def _edges(values: Floats) -> Floats:
     if not values.size or values.min() == values.max():
         middle = float(values[0]) if values.size else 0.5
         return np.array([middle - 0.5, middle + 0.5])
-    return np.linspace(values.min(), values.max(), cells + 1)
+    return np.linspace(values.min(), values.max(), MAP_CELLS + 1)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from monochord.core.errors import InputError, did_you_mean
-from monochord.evaluation.results import Results
-from monochord.evaluation.results_file import read_results
+from monochord.evaluation.results import Results, read_results
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444", "#999933")
 """Okabe and Ito's, which colour-blind eyes tell apart, and two more."""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monochord.core.types import Floats
-from monochord.evaluation.detection import judged
 from monochord.evaluation.results import CLEAN, Results
+from monochord.evaluation.scores import detection_rows
 from monochord.figures import _style
 from monochord.figures._results import in_condition, whose
 from monochord.figures.base import Measured
@@ -61,7 +61,7 @@ class Confusion(Measured):
 
 def _counts(results: Results, name: str) -> Floats:
     """Return counts (2, 3) by truth and answer."""
-    part = results.where(judged(results, name))
+    part = results.where(detection_rows(results, name))
     truth, told = part.label(name) == 1.0, part.estimate(name)
     silent = np.isnan(told)
     counts = np.zeros((2, 3))

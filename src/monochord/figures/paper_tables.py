@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from monochord.core.errors import InputError, did_you_mean
-from monochord.evaluation.paper import NOISE, PAPER, reported
-from monochord.evaluation.paper_rows import Row
+from monochord.evaluation.paper import NOISE, PAPER, PaperRow, reported
 from monochord.evaluation.results import CLEAN
 from monochord.figures import _style
 from monochord.figures._results import COLOURS
@@ -91,16 +90,16 @@ class PaperTables(Measured):
     def _conditions(self) -> list[str]:
         return [CLEAN, *filter(None, [self.noise])]
 
-    def _features(self, rows: list[Row]) -> list[str]:
+    def _features(self, rows: list[PaperRow]) -> list[str]:
         held = list(dict.fromkeys(row["feature"] for row in rows))
         for name in self.features:
             if name not in held:
                 raise InputError(f"feature '{name}'", ", ".join(held), did_you_mean(name, held))
         return list(self.features) or held
 
-    def _read(self) -> list[Row]:
+    def _read(self) -> list[PaperRow]:
         try:
-            rows: list[Row] = json.loads(Path(self.rows).read_text(encoding="utf-8"))
+            rows: list[PaperRow] = json.loads(Path(self.rows).read_text(encoding="utf-8"))
             held = {row["condition"] for row in rows}
         except (OSError, ValueError, TypeError, KeyError) as error:
             given = f"rows {self.rows} (absent or damaged)"
@@ -109,7 +108,7 @@ class PaperTables(Measured):
             raise InputError(f"noise '{self.noise}'", ", ".join(sorted(held)), did_you_mean(self.noise, held))
         return rows
 
-    def _marks(self, axes: Axes, rows: list[Row], bodies: list[str], column: str) -> None:
+    def _marks(self, axes: Axes, rows: list[PaperRow], bodies: list[str], column: str) -> None:
         features = self._features(rows)
         for number, feature in enumerate(features):
             aside = 0.7 * ((number + 0.5) / len(features) - 0.5)
@@ -136,5 +135,5 @@ class PaperTables(Measured):
                 axes.hlines(errors, begins, ends, lw=1.0, color=_style.INK, ls=dash, label=label)
 
 
-def _of(rows: list[Row], feature: str, condition: str) -> list[Row]:
+def _of(rows: list[PaperRow], feature: str, condition: str) -> list[PaperRow]:
     return [row for row in rows if (row["feature"], row["condition"]) == (feature, condition)]

@@ -10,8 +10,16 @@ import numpy as np
 
 from monochord.core.types import Floats
 from monochord.core.units import Metres
-from monochord.evaluation.interference import Interferer, errors_under, recorded_interference
-from monochord.evaluation.known_touches import NEAR, Protocol, calibrated_strings, located, position_errors
+from monochord.evaluation.realstrings import (
+    POSITION_TOLERANCE,
+    Interferer,
+    Protocol,
+    calibrated_strings,
+    errors_under,
+    interference_recordings,
+    located,
+    position_errors,
+)
 from monochord.figures import _style
 from monochord.figures.base import Figure
 
@@ -48,7 +56,7 @@ class Realstrings(Figure):
         _style.dress(errors, "A", "recorded strings, open note known", "fret position x (mm)", "error (mm)")
         _style.dress(curves, "B", "interference mixed in", "signal-to-noise ratio (dB)", "share (%)")
         _draw_errors(errors)
-        for number, (name, sound) in enumerate(recorded_interference().items()):
+        for number, (name, sound) in enumerate(interference_recordings().items()):
             seen = [
                 errors_under(Interferer(sound=sound, ratio=ratio), Protocol(), self.seed)
                 for ratio in self.ratios
@@ -80,7 +88,7 @@ def string_errors() -> dict[str, list[tuple[Metres, Floats]]]:
 
 
 def _draw_errors(axes: Axes) -> None:
-    axes.axhspan(-1e3 * NEAR, 1e3 * NEAR, color="#EEEEEE", lw=0.0)
+    axes.axhspan(-1e3 * POSITION_TOLERANCE, 1e3 * POSITION_TOLERANCE, color="#EEEEEE", lw=0.0)
     axes.axhline(0.0, color=_style.INK, lw=0.6)
     for mark, (name, takes) in zip(cycle(MARKS), sorted(string_errors().items()), strict=False):
         x = np.concatenate([np.full(e.size, 1e3 * p) for p, e in takes])
@@ -95,8 +103,8 @@ def _draw_curves(
     axes: Axes, ratios: tuple[float, ...], seen: list[tuple[Floats, Floats]], name: str, colour: str
 ) -> None:
     answered = [100.0 * np.isfinite(ours).mean() for ours, _ in seen]
-    near = [100.0 * (np.abs(ours[np.isfinite(ours)]) <= NEAR).mean() for ours, _ in seen]
-    plain = [100.0 * (np.abs(baseline) <= NEAR).mean() for _, baseline in seen]
+    near = [100.0 * (np.abs(ours[np.isfinite(ours)]) <= POSITION_TOLERANCE).mean() for ours, _ in seen]
+    plain = [100.0 * (np.abs(baseline) <= POSITION_TOLERANCE).mean() for _, baseline in seen]
     axes.plot(ratios, near, "o-", ms=3.0, lw=1.4, color=colour, label=f"{name}: answers within 5 mm")
     axes.plot(ratios, answered, "-", lw=0.8, color=colour, alpha=0.6, label=f"{name}: answered")
     axes.plot(ratios, plain, "s:", ms=2.5, lw=0.9, color=colour, alpha=0.8, label=f"{name}: autocorrelation")

@@ -10,8 +10,8 @@ import numpy as np
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.evaluation.regression import regression, scored
 from monochord.evaluation.results import CLEAN, Results
+from monochord.evaluation.scores import regression, regression_rows
 from monochord.figures import _style
 from monochord.figures._results import COLOURS, LETTER_OF, SHOWN, in_condition, whose
 from monochord.figures.base import Measured
@@ -85,7 +85,7 @@ class Scatter(Measured):
             0.03, 0.97, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=_style.TICK,
             color=_style.INK,
         )  # fmt: skip
-        truth = factor * results.label(name)[scored(results, name)]
+        truth = factor * results.label(name)[regression_rows(results, name)]
         if not truth.size:
             return
         span = np.array([truth.min(), truth.max()])
@@ -94,7 +94,9 @@ class Scatter(Measured):
             axes.plot(span, span + factor * shift, color=_style.PALE, lw=0.7, ls=_style.THEORY)
         axes.plot(span, span, color=_style.INK, lw=0.7)
         for number, (body, rows) in enumerate(_bodies(results).items()):
-            answered = np.flatnonzero(rows & scored(results, name) & np.isfinite(results.estimate(name)))
+            answered = np.flatnonzero(
+                rows & regression_rows(results, name) & np.isfinite(results.estimate(name))
+            )
             some = answered[:: max(-(-len(answered) // self.points), 1)]
             colour = COLOURS[number % len(COLOURS)]
             axes.plot([], [], ls="", marker="o", ms=3.5, color=colour, label=body)

@@ -11,7 +11,7 @@ from monochord.core.config import to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
-from monochord.evaluation.sliding import RATE, Sliding, Told, told_apart
+from monochord.evaluation.sliding import RATE, Separation, Sliding, separations
 from monochord.figures import _style
 from monochord.figures.base import Measured
 from monochord.physics.materials import load_material
@@ -152,15 +152,15 @@ class Slip(Measured):
         time, mover, string, force, state, slip = np.array(rows).T
         return Drag(time=time, object=mover, string=string, force=force, state=state, slip=slip)
 
-    def _areas(self, noise: float | None) -> list[Told]:
+    def _areas(self, noise: float | None) -> list[Separation]:
         study = Sliding(
             sensor=load_sensor(self.sensor), material=load_material(self.material), runs=self.runs,
             seed=self.seed, forces=(self.lowest, self.highest), noise=noise,
         )  # fmt: skip
-        return told_apart(study, self.speeds)
+        return separations(study, self.speeds)
 
 
-def _draw_areas(axes: Axes, areas: list[Told], line: str, where: str) -> None:
+def _draw_areas(axes: Axes, areas: list[Separation], line: str, where: str) -> None:
     for number, feature in enumerate(dict.fromkeys(told.feature for told in areas)):
         own = [told for told in areas if told.feature == feature]
         speeds, colour = [1e3 * told.speed for told in own], _style.SEGMENTS[number % 2]

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.evaluation.detection import detection
-from monochord.evaluation.regression import Score, regression
-from monochord.evaluation.results import CLEAN, Results
-from monochord.evaluation.results_file import read_results
+from monochord.evaluation.results import CLEAN, Results, read_results
+from monochord.evaluation.scores import Score, detection, regression
 from monochord.figures import _style
 from monochord.figures._results import COLOURS, whose
 from monochord.figures.base import Measured

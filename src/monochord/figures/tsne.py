@@ -1,4 +1,4 @@
-"""How features lay out windows: t-SNE planes, coloured by contact, slip, position and force."""
+"""How features arrange windows: t-SNE planes, coloured by contact, slip, position and force."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Floats, Signal
 from monochord.datasets.store import Dataset, Indices, open_dataset
-from monochord.evaluation.tsne import MOST_ROWS, tsne
 from monochord.figures import _style
 from monochord.figures.base import Measured
 from monochord.metrics import known, pearson_r
@@ -29,33 +28,36 @@ TASKS = {
     "position": (1e3, "x (mm)"),
     "force": (1.0, "F (N)"),
 }
-"""Labels that panels are coloured by: what no and yes are called, or a factor and what is shown."""
+"""Labels that colour the panels: names of no and yes, or a factor and the axis label."""
 NEIGHBOURS = 10
+COMPONENTS = 50
+"""Principal components from which distances are computed."""
+MIN_WINDOWS, MAX_WINDOWS = 100, 5000
 BATCH = 64
 """Windows whose samples are read at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tsne(Measured):
-    """Windows of a dataset in a plane, alike ones together, by feature (rows) and label (columns).
+    """Windows of a dataset in a plane, similar ones together, by feature (rows) and label (columns).
 
-    Grey windows have no such label: untouched ones neither slip nor have a place. What stands near what means
-    something; distances between groups, and the axes, do not.
+    Windows without the label are grey: an untouched window neither slips nor has a position. Neighbourhoods
+    mean something; distances between groups, and the axes, do not (van der Maaten and Hinton 2008).
 
     Parameters
     ----------
     dataset
         Folder that `monochord build` made.
     features
-        Names of features, as `monochord list features` has them, with their defaults.
+        Names of features, as `monochord list features` shows them, with default options.
     windows
-        Drawn by chance from those whose contact is known and whose every sample was recorded.
+        Number of windows, drawn from those with a known contact whose every sample was recorded.
     perplexity
-        About how many neighbours a window has.
+        Approximate number of neighbours of a window.
     sensor
-        Design of the sensor that was recorded, whose string features may use.
+        Sensor that was recorded, whose string features may use.
     seed
-        Of what is drawn.
+        Random seed of the draw and of t-SNE.
     """
 
     dataset: Path
@@ -68,21 +70,27 @@ class Tsne(Measured):
     def __post_init__(self) -> None:
         if not self.features:
             raise InputError("no features", "one or more")
-        if not 100 <= self.windows <= MOST_ROWS:
-            raise InputError(f"windows {self.windows}", f"100 to {MOST_ROWS}")
+        if not MIN_WINDOWS <= self.windows <= MAX_WINDOWS:
+            raise InputError(f"windows {self.windows}", f"{MIN_WINDOWS} to {MAX_WINDOWS}")
+        if not 1.0 < self.perplexity < self.windows / 3.0:
+            allowed = f"above 1, below a third of {self.windows} windows"
+            raise InputError(f"perplexity {self.perplexity:g}", allowed)
 
     def numbers(self) -> dict[str, Any]:
-        """Return how much a window's ten neighbours in the plane tell of it, by feature and label.
+        """Return how well the ten nearest neighbours in the plane predict a window's label.
 
-        Of contact and slip it is the mean share of neighbours of its own kind, beside the one that chance
-        would give; of position and force the correlation with the neighbours' mean.
+        For contact and slip the mean share of neighbours with the same label, beside the share by chance; for
+        position and force the correlation with the neighbours' mean.
         """
         dataset, rows = self._drawn()
         labels = _labels(dataset, rows)
-        told = {"simulated": _simulated(dataset), "windows": len(rows)}
-        return told | {
-            name: {task: _neighbourly(places, labels[task], task) for task in TASKS}
-            for name, places in self._places(dataset, rows).items()
+        return {
+            "simulated": _is_simulated(dataset),
+            "windows": len(rows),
+            **{
+                name: {task: _neighbour_scores(places, labels[task], task) for task in TASKS}
+                for name, places in self._places(dataset, rows).items()
+            },
         }
 
     def draw(self) -> Canvas:
@@ -97,34 +105,72 @@ class Tsne(Measured):
                 _style.dress(axes, "", "" if number else task, "", "")
                 axes.set(xticks=[], yticks=[])
                 if number == len(self.features) - 1:
-                    _explain(page, axes, image, task)
+                    _add_key(page, axes, image, task)
             panels[number, 0].set_ylabel(name.replace("_", " "), fontsize=_style.LABEL, color=_style.INK)
         source = f"{len(rows)} windows of {dataset.path.name}"
-        title = f"simulated: {source}" if _simulated(dataset) else source
+        title = f"simulated: {source}" if _is_simulated(dataset) else source
         page.suptitle(title, fontsize=_style.LABEL, color=_style.INK)
         return page
 
     def _drawn(self) -> tuple[Dataset, Indices]:
         dataset = open_dataset(Path(self.dataset))
-        there = np.flatnonzero(dataset.usable & np.isfinite(dataset.label("contact")))
-        if len(there) < 100:
-            raise InputError(f"{len(there)} windows whose contact is known", "100 or more")
+        rows = np.flatnonzero(dataset.usable & np.isfinite(dataset.label("contact")))
+        if len(rows) < MIN_WINDOWS:
+            raise InputError(f"{len(rows)} windows with a known contact", f"{MIN_WINDOWS} or more")
         stream = np.random.default_rng(self.seed)
-        return dataset, np.sort(stream.choice(there, min(self.windows, len(there)), replace=False))
+        return dataset, np.sort(stream.choice(rows, min(self.windows, len(rows)), replace=False))
 
     def _places(self, dataset: Dataset, rows: Indices) -> dict[str, Floats]:
-        told = dataset.manifest
+        """Return the places (n, 2) of windows in the plane of each feature."""
+        manifest = dataset.manifest
         string = load_sensor(self.sensor).string
-        signal = Signal(sample_rate=told.sample_rate, channels=told.channels, string=string)
+        signal = Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=string)
         places: dict[str, Floats] = {}
         for name in self.features:
-            extract = FEATURES.build(name).prepare(signal, told.window)
+            extract = FEATURES.build(name).prepare(signal, manifest.window)
             parts = [extract(dataset.batch(rows[at : at + BATCH])) for at in range(0, len(rows), BATCH)]
-            places[name] = tsne(np.concatenate(parts).astype(np.float64), perplexity=self.perplexity)
+            places[name] = embedded(np.concatenate(parts).astype(np.float64), self.perplexity, self.seed)
         return places
 
 
-def _simulated(dataset: Dataset) -> bool:
+def embedded(rows: Floats, perplexity: float, seed: int = 0) -> Floats:
+    """Return places in a plane (n, 2) such that similar rows stand together: t-SNE.
+
+    Columns are standardised, and the first 50 principal components are used.
+
+    Parameters
+    ----------
+    rows
+        Features (n, columns).
+    perplexity
+        Approximate number of neighbours of a row.
+    seed
+        Random seed.
+
+    Raises
+    ------
+    InputError
+        If all rows are equal.
+
+    References
+    ----------
+    van der Maaten and Hinton (2008), Visualizing data using t-SNE, J. Machine Learning Research 9, 2579.
+    """
+    from sklearn.decomposition import PCA  # noqa: PLC0415
+    from sklearn.manifold import TSNE  # noqa: PLC0415
+    from sklearn.preprocessing import StandardScaler  # noqa: PLC0415
+
+    varied = rows[:, np.ptp(rows, axis=0) > 0.0]
+    if not varied.shape[1]:
+        raise InputError(f"{len(rows)} equal rows of features", "rows that differ")
+    scaled = StandardScaler().fit_transform(varied)
+    components = PCA(min(COMPONENTS, *scaled.shape), random_state=seed).fit_transform(scaled)
+    if components.shape[1] == 1:
+        components = np.column_stack([components, np.zeros(len(components))])
+    return TSNE(2, perplexity=perplexity, init="pca", random_state=seed).fit_transform(components)
+
+
+def _is_simulated(dataset: Dataset) -> bool:
     return any(part.simulated for part in dataset.manifest.parts)
 
 
@@ -134,14 +180,14 @@ def _labels(dataset: Dataset, rows: Indices) -> dict[str, Floats]:
     return {task: dataset.label(task)[rows] if task in dataset.labels else blank for task in TASKS}
 
 
-def _neighbourly(places: Floats, label: Floats, task: str) -> dict[str, float] | None:
-    some = known(label)
-    own, at = label[some], places[some]
+def _neighbour_scores(places: Floats, label: Floats, task: str) -> dict[str, float] | None:
+    labelled = known(label)
+    own, at = label[labelled], places[labelled]
     if len(own) <= NEIGHBOURS or own.min() == own.max():
         return None
-    apart = np.sum((at[:, None] - at) ** 2, axis=2)
-    np.fill_diagonal(apart, np.inf)
-    theirs = own[np.argpartition(apart, NEIGHBOURS, axis=1)[:, :NEIGHBOURS]]
+    distances = np.sum((at[:, None] - at) ** 2, axis=2)
+    np.fill_diagonal(distances, np.inf)
+    theirs = own[np.argpartition(distances, NEIGHBOURS, axis=1)[:, :NEIGHBOURS]]
     if task in ("position", "force"):
         return {"r": pearson_r(own, theirs.mean(axis=1))}
     share = float(own.mean())
@@ -150,22 +196,22 @@ def _neighbourly(places: Floats, label: Floats, task: str) -> dict[str, float] |
 
 def _draw(axes: Axes, places: Floats, label: Floats, task: str) -> PathCollection:
     dots = {"s": 3.5, "lw": 0.0, "rasterized": True}
-    some = known(label)
-    axes.scatter(*places[~some].T, color=_style.PALE, alpha=0.35, **dots)
-    name = TASKS[task]
-    if not isinstance(name[0], str):
-        return axes.scatter(*places[some].T, c=name[0] * label[some], cmap="viridis", **dots)
-    shade = np.array(_style.SEGMENTS)[(label[some] == 1.0).astype(int)]
-    return axes.scatter(*places[some].T, c=shade, **dots)
+    labelled = known(label)
+    axes.scatter(*places[~labelled].T, color=_style.PALE, alpha=0.35, **dots)
+    names = TASKS[task]
+    if not isinstance(names[0], str):
+        return axes.scatter(*places[labelled].T, c=names[0] * label[labelled], cmap="viridis", **dots)
+    shade = np.array(_style.SEGMENTS)[(label[labelled] == 1.0).astype(int)]
+    return axes.scatter(*places[labelled].T, c=shade, **dots)
 
 
-def _explain(page: Canvas, axes: Axes, image: PathCollection, task: str) -> None:
-    name = TASKS[task]
-    if not isinstance(name[0], str):
+def _add_key(page: Canvas, axes: Axes, image: PathCollection, task: str) -> None:
+    names = TASKS[task]
+    if not isinstance(names[0], str):
         bar = page.colorbar(image, ax=axes, location="bottom", pad=0.02, aspect=20, shrink=0.9)
-        _style.dress_bar(bar, name[1])
+        _style.dress_bar(bar, names[1])
         return
-    for kind, colour in zip(name, _style.SEGMENTS, strict=True):
+    for kind, colour in zip(names, _style.SEGMENTS, strict=True):
         axes.plot([], [], ls="", marker="o", ms=3.5, color=colour, label=kind)
     axes.legend(
         loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2, fontsize=_style.TICK, frameon=False,

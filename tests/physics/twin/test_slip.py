@@ -8,7 +8,7 @@ import pytest
 from tests.physics.twin.built import inside
 
 from monochord.core.types import Floats
-from monochord.evaluation.slip_features import rumble
+from monochord.evaluation.sliding import rumble
 from monochord.physics.materials import Material, load_material, material_names
 from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string

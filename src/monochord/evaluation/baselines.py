@@ -1,0 +1,144 @@
+"""Baselines: ridge regression and extra trees on the features of a model, fitted to its training windows.
+
+A model has to earn its complexity: what a linear map or averaged decision trees reach on the same features
+stands beside it in every table. Both see single windows, without the untouched reference, without noise
+augmentation.
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.types import Audio, Floats
+from monochord.datasets.store import Indices
+from monochord.evaluation.noise import Disturbance
+from monochord.evaluation.replay import Progress, Selection, disturbed_audio, results_of
+from monochord.evaluation.results import Results, join
+from monochord.perception.features import FEATURES
+from monochord.perception.features.base import Extractor
+
+BASELINES = ("ridge", "extra_trees")
+PROBABILITIES = ("contact", "slip")
+QUANTITIES = ("position", "force")
+MAX_TRAINING_WINDOWS = 20_000
+"""Of more training windows this many are used, spread evenly."""
+BATCH = 64
+"""Windows whose features are computed at once."""
+
+
+def baseline_results(
+    selection: Selection,
+    training: Selection,
+    feature: Mapping[str, Any],
+    noises: Sequence[Disturbance] = (),
+    progress: Progress = lambda *_: None,
+) -> dict[str, Results]:
+    """Return the results of every baseline, as recorded and in each noise.
+
+    Parameters
+    ----------
+    selection
+        Windows that are evaluated.
+    training
+        Usable windows that the baselines are fitted to.
+    feature
+        Name and options of the feature.
+    noises
+        Noise that is added to the evaluated sessions, each in a pass of its own.
+    progress
+        Called for every session.
+
+    Raises
+    ------
+    InputError
+        If the feature refuses the signal.
+
+    Examples
+    --------
+    ``monochord evaluate`` prints them below the estimator.
+    """
+    options = dict(feature)
+    name, size = options.pop("name"), selection.dataset.manifest.window
+    extractor = FEATURES.build(name, options).prepare(selection.signal, size)
+    step = -(-len(training.rows) // MAX_TRAINING_WINDOWS)
+    fitted = _fitted(training, training.rows[::step], extractor)
+    quiet = selection.quiet_part
+    conditions: list[tuple[Selection, Disturbance | None]] = [(selection, None)]
+    conditions += [(quiet, noise) for noise in noises if quiet]
+    parts: dict[str, list[Results]] = {baseline: [] for baseline in BASELINES}
+    for chosen, noise in conditions:
+        rows = _features(chosen, extractor, noise, progress)
+        usable = chosen.dataset.usable[chosen.rows]
+        for baseline, models in fitted.items():
+            estimates = _columns(models, rows, usable)
+            parts[baseline].append(results_of(chosen, estimates, name=baseline, disturbance=noise))
+    return {baseline: join(each) for baseline, each in parts.items()}
+
+
+def _features(
+    selection: Selection, extractor: Extractor, noise: Disturbance | None, progress: Progress
+) -> Audio:
+    """Return the features (k, columns) of the selected windows, in noise."""
+    dataset, size = selection.dataset, selection.dataset.manifest.window
+    parts: list[Audio] = []
+    for done, session in enumerate(selection.sessions):
+        progress(f"{dataset.manifest.parts[session].name}, baselines", done, len(selection.sessions))
+        audio = disturbed_audio(dataset, session, noise)
+        starts = dataset.start[selection.rows[dataset.session[selection.rows] == session]]
+        for at in range(0, len(starts), BATCH):
+            windows = [audio[:, start : start + size] for start in starts[at : at + BATCH].tolist()]
+            parts.append(extractor(np.array(windows, np.float32)))
+    return np.concatenate(parts)
+
+
+def _fitted(training: Selection, rows: Indices, extractor: Extractor) -> dict[str, dict[str, Any]]:
+    """Return by baseline the fitted regressor or classifier of each label that the training windows have."""
+    dataset = training.dataset
+    batches = [dataset.batch(rows[at : at + BATCH]) for at in range(0, len(rows), BATCH)]
+    features = np.concatenate([extractor(batch) for batch in batches]).astype(np.float64)
+    touched = dataset.label("contact")[rows] == 1.0
+    fitted: dict[str, dict[str, Any]] = {baseline: {} for baseline in BASELINES}
+    for name in (*PROBABILITIES, *QUANTITIES):
+        if name not in dataset.labels:
+            continue
+        label = dataset.label(name)[rows]
+        counts = np.isfinite(label) & (touched | (name == "contact"))
+        if np.unique(label[counts]).size < 2:
+            continue
+        for baseline, models in fitted.items():
+            models[name] = _fit(baseline, name, features[counts], label[counts])
+    return fitted
+
+
+def _fit(baseline: str, name: str, features: Floats, label: Floats) -> Any:
+    from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor  # noqa: PLC0415
+    from sklearn.exceptions import ConvergenceWarning  # noqa: PLC0415
+    from sklearn.linear_model import LogisticRegression, RidgeCV  # noqa: PLC0415
+    from sklearn.pipeline import make_pipeline  # noqa: PLC0415
+    from sklearn.preprocessing import StandardScaler  # noqa: PLC0415
+
+    if baseline == "extra_trees":
+        kind: Any = ExtraTreesClassifier if name in PROBABILITIES else ExtraTreesRegressor
+        return kind(50, max_features=0.1, min_samples_leaf=2, random_state=0).fit(features, label)
+    linear = LogisticRegression(max_iter=300) if name in PROBABILITIES else RidgeCV(np.logspace(-3.0, 3.0, 7))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        return make_pipeline(StandardScaler(), linear).fit(features, label)
+
+
+def _columns(models: Mapping[str, Any], rows: Audio, usable: NDArray[np.bool_]) -> dict[str, Any]:
+    """Return the columns of `replay.columns` for n windows; those that are not usable have no estimate."""
+    features = rows.astype(np.float64)
+    value = {
+        name: model.predict_proba(features)[:, 1] if name in PROBABILITIES else model.predict(features)
+        for name, model in models.items()
+    }
+    return {
+        "value": {name: np.where(usable, column, np.nan) for name, column in value.items()},
+        "std": {name: np.full(len(rows), np.nan) for name in value},
+        "why": {name: (~usable).astype(np.int16) for name in value},
+        "reasons": ("", "gap"),
+    }

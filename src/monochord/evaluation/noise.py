@@ -1,0 +1,258 @@
+"""Noise that an evaluation adds to the sound of whole sessions, at a ratio of signal to noise.
+
+The noises of `monochord.dsp.noise`, a synthetic motor and synthetic speech, and recordings of music and
+speech where they are available.
+"""
+
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz, Seconds
+from monochord.dsp.noise import NOISES, band
+from monochord.evaluation.realstrings import interference_recordings, resampled, takes
+
+SUITE_RATIOS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
+"""Ratios of the noise suite in dB."""
+RECORDED = {"music": "Kevin_MacLeod", "speech": "198_209"}
+"""How the names of the recordings of interference begin, by kind."""
+MOTOR_SPEEDS: tuple[Hertz, Hertz] = (35.0, 55.0)
+"""Range of the speed of the synthetic motor in revolutions a second."""
+GEAR_TEETH = 17
+"""The gear mesh sounds at this multiple of the motor speed, and at its first harmonics."""
+SPEED_PERIOD: Seconds = 1.5
+"""Period of the variation of the motor speed by 3 %."""
+SYLLABLE_RATE: Hertz = 4.0
+"""Syllables a second of the synthetic speech."""
+FORMANTS: tuple[tuple[Hertz, Hertz, Hertz], ...] = (
+    (730.0, 1090.0, 2440.0),
+    (270.0, 2290.0, 3010.0),
+    (530.0, 1840.0, 2480.0),
+    (570.0, 840.0, 2410.0),
+    (300.0, 870.0, 2240.0),
+)
+"""First three formants of the vowels of a male voice.
+
+Peterson and Barney (1952), Control methods used in a study of the vowels, J. Acoust. Soc. Am. 24, 175.
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disturbance:
+    """Noise of one `kind` that is added to every session at a `ratio` in dB.
+
+    The level of the noise is constant over a session: the ratio is the mean power of the session's touched
+    windows, over both microphones, to the power of the noise. Single windows therefore have higher and lower
+    ratios, as they would beside a loudspeaker. The noise depends on `seed`, the kind and the session's name
+    alone, so it is the same at every ratio and for every estimator. "white", "pink" and "band" are
+    independent in both microphones, all other kinds are the same in both.
+
+    Parameters
+    ----------
+    kind
+        A name of `monochord.dsp.noise.NOISES`, "motor", "speech", or a name of `recordings`.
+    ratio
+        Signal-to-noise ratio in dB, -60 to 120.
+    seed
+        Random seed.
+    recordings
+        Sounds (n,) by name, at the sample rate of the sessions; each is repeated from a random position.
+
+    Raises
+    ------
+    InputError
+        For an unknown kind, a ratio out of range, or a recording that is silent.
+
+    Examples
+    --------
+    >>> quiet = np.zeros((2, 4410), np.float32)
+    >>> noisy = Disturbance(kind="hum", ratio=10.0).apply(quiet, 1.0, 44100, "take")
+    >>> round(float(np.mean(np.square(noisy, dtype=float))), 3)
+    0.1
+    """
+
+    kind: str
+    ratio: float
+    seed: int = 0
+    recordings: Mapping[str, Audio] = field(default_factory=dict[str, Audio])
+
+    def __post_init__(self) -> None:
+        known = noise_kinds(self.recordings)
+        if self.kind not in known:
+            raise InputError(f"noise '{self.kind}'", ", ".join(known), did_you_mean(self.kind, known))
+        if not -60.0 <= self.ratio <= 120.0:
+            raise InputError(f"noise at {self.ratio:g} dB", "-60 to 120 dB")
+        sound = self.recordings.get(self.kind)
+        if sound is not None and not (np.isfinite(sound).all() and np.any(sound)):
+            raise InputError(f"recording of {self.kind} (silent, or not numbers)", "one with sound in it")
+
+    def apply(self, audio: Audio, power: float, sample_rate: int, session: str) -> Audio:
+        """Return sound (2, n) with noise added; the ratio refers to `power`, in full scale squared."""
+        key = [zlib.crc32(text.encode()) for text in (self.kind, session)]
+        stream = np.random.default_rng([self.seed, *key])
+        noise = self._sound(stream, audio.shape, sample_rate)
+        gain = np.sqrt(power) * 10.0 ** (-self.ratio / 20.0)
+        return (audio + gain * noise).astype(np.float32)
+
+    def _sound(self, stream: np.random.Generator, shape: tuple[int, ...], sample_rate: int) -> Floats:
+        size = shape[-1]
+        recording = self.recordings.get(self.kind)
+        if recording is not None:
+            start = int(stream.integers(len(recording)))
+            repeated = np.resize(np.roll(recording.astype(np.float64), -start), size)
+            return np.broadcast_to(_unit_level(repeated), shape)
+        padded = _fast_length(size)  # a Fourier transform of an awkward length takes ten times as long
+        synthetic = SYNTHETIC.get(self.kind)
+        if synthetic is not None:
+            return np.broadcast_to(_unit_level(synthetic(stream, padded, float(sample_rate))[:size]), shape)
+        return _unit_level(NOISES[self.kind](stream, (*shape[:-1], padded), float(sample_rate))[..., :size])
+
+
+def noise_kinds(recordings: Mapping[str, Audio] | None = None) -> tuple[str, ...]:
+    """Return the kinds of noise: built in, and recordings (n,) by name.
+
+    >>> noise_kinds()
+    ('white', 'pink', 'hum', 'band', 'motor', 'speech')
+    """
+    return tuple(dict.fromkeys([*NOISES, *SYNTHETIC, *(recordings or {})]))
+
+
+def parse_noise(text: str, recordings: Mapping[str, Audio], seed: int = 0) -> Disturbance:
+    """Return the noise of a text such as ``white:10``: a kind, and a ratio in dB.
+
+    Raises
+    ------
+    InputError
+        For an unknown kind, or a ratio that is missing or out of range.
+
+    Examples
+    --------
+    >>> parse_noise("white:10", {}).ratio
+    10.0
+    """
+    kind, _, ratio = text.partition(":")
+    known = dict.fromkeys([*noise_kinds(recordings), *RECORDED])
+    if kind not in known:
+        raise InputError(f"noise '{text}'", ", ".join(known), did_you_mean(kind, known))
+    try:
+        number = float(ratio)
+    except ValueError as error:
+        raise InputError(f"noise '{text}'", "KIND:DB", f"write {kind}:10") from error
+    return Disturbance(kind=kind, ratio=number, seed=seed, recordings=recordings)
+
+
+def noise_suite(
+    recordings: Mapping[str, Audio], ratios: Sequence[float] = SUITE_RATIOS, seed: int = 0
+) -> tuple[Disturbance, ...]:
+    """Return every kind of noise at every ratio in dB.
+
+    Examples
+    --------
+    >>> len(noise_suite({}, ratios=(10.0,)))
+    6
+    """
+    return tuple(
+        Disturbance(kind=kind, ratio=ratio, seed=seed, recordings=recordings)
+        for kind in noise_kinds(recordings)
+        for ratio in ratios
+    )
+
+
+def noise_recordings(sample_rate: int, music: Audio | None = None) -> dict[str, Audio]:
+    """Return the available recordings (n,) of music and of speech, by kind.
+
+    Parameters
+    ----------
+    sample_rate
+        Sample rate of the result in Hz.
+    music
+        Sound (n,) at 44100 Hz that stands in for music where no recording is available.
+
+    Examples
+    --------
+    >>> set(noise_recordings(44100)) <= {"music", "speech"}
+    True
+    """
+    recorded = interference_recordings() if takes(kind="interference") else {}
+    sounds = {} if music is None else {"music": music}
+    for kind, stem in RECORDED.items():
+        for name, sound in recorded.items():
+            if name.startswith(stem):
+                sounds[kind] = sound
+    return {kind: resampled(sound, sample_rate) for kind, sound in sounds.items()}
+
+
+def motor(stream: np.random.Generator, size: int, sample_rate: float) -> Floats:
+    """Return the sound (n,) of a small geared motor, of unit level.
+
+    Harmonics of its speed, the gear mesh, and noise from 1 to 6 kHz. The speed varies, so that no line is
+    constant.
+
+    Examples
+    --------
+    >>> sound = motor(np.random.default_rng(0), 4410, 44100.0)
+    >>> sound.shape, round(float(np.mean(sound**2)), 6)
+    ((4410,), 1.0)
+    """
+    time = np.arange(size) / sample_rate
+    variation = np.sin(2 * np.pi * time / SPEED_PERIOD + stream.uniform(0.0, 6.0))
+    speed = stream.uniform(*MOTOR_SPEEDS) * (1.0 + 0.03 * variation)
+    phase = 2 * np.pi * np.cumsum(speed) / sample_rate
+    lines = {**{k: 1.0 / k for k in range(1, 9)}, GEAR_TEETH: 0.8, 2 * GEAR_TEETH: 0.4, 3 * GEAR_TEETH: 0.2}
+    waves = sum(
+        (weight * np.sin(k * phase + stream.uniform(0.0, 2 * np.pi)) for k, weight in lines.items()),
+        np.zeros(size),
+    )
+    hiss = band(stream, (size,), sample_rate, low=1000.0, high=6000.0)
+    return _unit_level(waves + 0.4 * hiss * (1.0 + 0.5 * np.sin(GEAR_TEETH * phase)))
+
+
+def babble(stream: np.random.Generator, size: int, sample_rate: float) -> Floats:
+    """Return synthetic speech (n,) of unit level, for use where no recording is available.
+
+    Vowels of gliding pitch and fricatives in syllables and pauses: pitch, formants and rhythm of speech
+    without words.
+
+    Examples
+    --------
+    >>> sound = babble(np.random.default_rng(0), 44100, 44100.0)
+    >>> sound.shape, round(float(np.mean(sound**2)), 6)
+    ((44100,), 1.0)
+    """
+    speech = np.zeros(size)
+    length = round(sample_rate / SYLLABLE_RATE)
+    time = np.arange(length) / sample_rate
+    envelope = np.sin(np.pi * np.arange(length) / length) ** 2
+    for start in range(0, size, length):
+        if start and stream.random() < 0.2:
+            continue  # a pause
+        pitch = stream.uniform(90.0, 140.0) * (1.0 - 0.2 * time * SYLLABLE_RATE)
+        phase = 2 * np.pi * np.cumsum(pitch) / sample_rate
+        formants = np.array(FORMANTS[int(stream.integers(len(FORMANTS)))])
+        number = np.arange(1, 31)
+        gains = (1.0 / (1.0 + ((number[:, None] * pitch.mean() - formants) / 80.0) ** 2)).sum(axis=1)
+        voice = (gains / number) @ np.sin(number[:, None] * phase)
+        syllable = envelope * voice / np.sqrt(np.mean(voice**2))
+        if stream.random() < 0.4:
+            quarter = length // 4
+            syllable[:quarter] += 0.3 * band(stream, (quarter,), sample_rate, low=3000.0, high=8000.0)
+        speech[start : start + length] += syllable[: size - start]
+    return _unit_level(speech)
+
+
+SYNTHETIC = {"motor": motor, "speech": babble}
+"""Synthetic sounds, used where no recording of this name is given."""
+
+
+def _fast_length(size: int) -> int:
+    """Return the smallest length of at least `size` that is a power of two, or 5/8, 3/4 or 7/8 of one."""
+    whole = 1 << max(size - 1, 7).bit_length()
+    return min(length for length in (whole * 5 // 8, whole * 3 // 4, whole * 7 // 8, whole) if length >= size)
+
+
+def _unit_level(sound: Floats) -> Floats:
+    return sound / np.sqrt(np.mean(sound**2, axis=-1, keepdims=True))
