@@ -5,8 +5,7 @@ import pytest
 
 from monochord.benchmarks.realstrings import Realstrings
 from monochord.evaluation import realstrings
-from monochord.evaluation.realstrings import autocorrelation_errors
-from monochord.evaluation.realstrings import Protocol, recorded_strings
+from monochord.evaluation.realstrings import Protocol, autocorrelation_errors, recorded_strings
 
 real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 

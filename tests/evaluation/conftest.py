@@ -1,4 +1,4 @@
-"""Results whose scores are known: touches drawn at random, and what an oracle or a guesser says of them."""
+"""Results whose scores are known: touches drawn at random, and the estimates of an oracle."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +18,7 @@ SESSIONS, WINDOWS, HOP = 6, 200, 0.1
 
 
 def truth_of(session: int) -> dict[str, np.ndarray]:
-    """A touch of 1.5 s in every 2 s, the first at 0.5 s, each at its own place and force; odd ones slide."""
+    """A touch of 1.5 s in every 2 s, the first at 0.5 s, each with its position and force; odd ones slide."""
     draw = np.random.default_rng(session)
     number = np.arange(WINDOWS) // 20
     contact = (np.arange(WINDOWS) % 20 >= 5).astype(float)
@@ -39,7 +39,7 @@ def truth_of(session: int) -> dict[str, np.ndarray]:
 
 
 def oracle(*, objects: tuple[str, ...] = ("plastic",) * SESSIONS, spread: float = 0.0) -> Results:
-    """Results whose every estimate is the truth; with `spread`, off by normal errors of so many `std`."""
+    """Results whose every estimate is the truth, plus normal errors of `spread` standard errors."""
     truth = [truth_of(session) for session in range(len(objects))]
     joined = {name: np.concatenate([each[name] for each in truth]) for name in truth[0]}
     draw = np.random.default_rng(99)
@@ -68,9 +68,9 @@ def oracle(*, objects: tuple[str, ...] = ("plastic",) * SESSIONS, spread: float 
     )
 
 
-@pytest.fixture(name="oracle")
+@pytest.fixture(name="oracle", scope="session")
 def _oracle() -> Oracle:
-    """Return what makes an oracle's results."""
+    """Return the function that makes an oracle's results."""
     return oracle
 
 
@@ -83,5 +83,5 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
 
 @pytest.fixture(scope="session")
 def dataset(sessions: tuple[Path, ...], tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    """Return the dataset of these sessions, to be read alone."""
+    """Return the dataset of these sessions."""
     return build_dataset(sessions, tmp_path_factory.mktemp("built") / "dataset")

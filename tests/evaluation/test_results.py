@@ -1,18 +1,20 @@
-"""Results keep their rows together."""
+"""Results keep their rows together, in memory and on disk."""
 
+import csv
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.evaluation.results import Results, join
+from monochord.evaluation.results import Results, join, read_results, write_csv, write_results
 
 Oracle = Callable[..., Results]
 
 
-def test_rows_are_chosen_in_every_column(oracle: Oracle) -> None:
+def test_where_selects_rows_of_every_column(oracle: Oracle) -> None:
     results = oracle()
     rows = results.of_trials("session") == "take2"
     part = results.where(rows)
@@ -22,19 +24,15 @@ def test_rows_are_chosen_in_every_column(oracle: Oracle) -> None:
     np.testing.assert_array_equal(part.why["slip"], results.why["slip"][rows])
 
 
-def test_what_a_trial_does_not_tell_is_not_a_number(oracle: Oracle) -> None:
-    assert np.isnan(oracle().of_trials("radius")).all()
-    assert oracle().of_trials("day").max() == 2
-
-
-def test_an_oracle_is_never_wrong_and_an_unknown_estimate_is_missing(oracle: Oracle) -> None:
+def test_unknown_fields_and_estimates_are_nan(oracle: Oracle) -> None:
     results = oracle()
+    assert np.isnan(results.of_trials("radius")).all()
+    assert results.of_trials("day").max() == 2
     assert np.nanmax(np.abs(results.error_of("position"))) == 0.0
-    assert np.isnan(results.estimate("torque")).all()
     assert np.isnan(results.error_of("torque")).all()
 
 
-def test_joined_results_keep_reasons_and_lack_what_one_part_lacks(oracle: Oracle) -> None:
+def test_join_renumbers_reasons_and_fills_missing_columns(oracle: Oracle) -> None:
     one = oracle()
     other = replace(
         one,
@@ -44,15 +42,58 @@ def test_joined_results_keep_reasons_and_lack_what_one_part_lacks(oracle: Oracle
         notes=("added noise",),
     )
     both = join([one, other])
-    assert both.notes == ("added noise",)
-    assert both.trial.max() == 11
-    told = [both.reasons[number] for number in both.why["position"].tolist()]
-    assert told[: len(one)] == told[len(one) :]
+    assert (both.notes, both.trial.max()) == (("added noise",), 11)
+    reasons = [both.reasons[number] for number in both.why["position"].tolist()]
+    assert reasons[: len(one)] == reasons[len(one) :]
     assert np.isnan(both.estimate("slip")[len(one) :]).all()
 
 
-def test_results_of_two_estimators_are_not_joined(oracle: Oracle) -> None:
-    with pytest.raises(InputError, match="beside oracle: allowed is one estimator"):
+def test_join_refuses_nothing_and_two_estimators(oracle: Oracle) -> None:
+    with pytest.raises(InputError, match="beside oracle"):
         join([oracle(), replace(oracle(), estimator="other")])
-    with pytest.raises(InputError, match="no results to join"):
+    with pytest.raises(InputError, match="no results"):
         join([])
+
+
+def test_a_file_returns_what_was_written(oracle: Oracle, tmp_path: Path) -> None:
+    results = oracle(spread=1.0)
+    write_results(results, tmp_path / "results.npz")
+    read = read_results(tmp_path / "results.npz")
+    assert (read.estimator, read.trials, read.reasons) == (results.estimator, results.trials, results.reasons)
+    for kind in ("truth", "value", "std", "why"):
+        for name, column in getattr(results, kind).items():
+            np.testing.assert_array_equal(getattr(read, kind)[name], column)
+    np.testing.assert_array_equal(read.start, results.start)
+
+
+def test_the_table_has_a_row_a_window_and_reasons(oracle: Oracle, tmp_path: Path) -> None:
+    results = oracle()
+    write_csv(results, tmp_path / "results.csv")
+    with (tmp_path / "results.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == len(results)
+    assert (rows[0]["position"], rows[0]["position_why_not"]) == ("", "no contact")
+    assert float(rows[10]["true_force"]) == pytest.approx(results.label("force")[10], rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda path: path.unlink(),
+        lambda path: path.write_bytes(path.read_bytes()[:200]),
+        lambda path: path.write_text("no archive"),
+        lambda path: np.savez(path, start=np.zeros(3)),
+        lambda path: np.savez(path, about=np.array('{"format": 1}'), start=np.zeros(3)),
+        lambda path: np.savez(path, about=np.array('{"format": 1, "trials": 3}'), start=np.zeros(3)),
+        lambda path: np.savez(path, about=np.array('{"format": 99}')),
+        lambda path: np.savez(path, about=np.array("[]"), trial=np.zeros(2), start=np.zeros(3)),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_refused(
+    oracle: Oracle, tmp_path: Path, spoil: Callable[[Path], object]
+) -> None:
+    path = tmp_path / "results.npz"
+    write_results(oracle(), path)
+    spoil(path)
+    with pytest.raises(InputError, match="results"):
+        read_results(path)

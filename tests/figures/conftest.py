@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.evaluation.results import Results, Trial
-from monochord.evaluation.results import write_results
+from monochord.evaluation.results import Results, Trial, write_results
 
 Write = Callable[..., Path]
 WINDOWS = 240

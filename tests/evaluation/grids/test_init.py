@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
+from monochord.evaluation.grid import WHOLE
 
 from monochord.core.errors import InputError
-from monochord.evaluation.grid import WHOLE
 from monochord.evaluation.grids import grid_names, load_grid
 from monochord.perception.estimators import ESTIMATORS
 

@@ -1,0 +1,187 @@
+"""The five steps of an evaluation: what is refused, what is replayed, what is written, and the baselines."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.core.errors import InputError
+from monochord.datasets.split import Split, split_dataset
+from monochord.datasets.store import Dataset
+from monochord.evaluation.baselines import baseline_results
+from monochord.evaluation.evaluate import (
+    PAGE,
+    RESULTS,
+    SCORES,
+    TABLE,
+    Candidate,
+    Evaluation,
+    EvaluationData,
+    EvaluationSettings,
+    audited,
+    load,
+    refuse_trained_on,
+    refuse_unusable_labels,
+    refuse_unwritable,
+    replay_conditions,
+    select,
+    write,
+)
+from monochord.evaluation.noise import parse_noise
+from monochord.evaluation.replay import Selection
+from monochord.evaluation.results import Results, read_results
+from monochord.evaluation.scorecard import scorecard
+from monochord.evaluation.scores import detection, regression
+from monochord.perception.estimators.closed_form import ClosedForm
+from monochord.perception.model import load as load_model
+from monochord.physics.sensors import load_sensor
+
+Oracle = Callable[..., Results]
+STRING = load_sensor("prototype").string
+CLOSED_FORM = Candidate(estimator=ClosedForm(tension_law="geometric"), name="closed_form")
+DEMO = load_model("demo").definition
+
+
+def selection(dataset: Dataset, rows: np.ndarray | None = None) -> Selection:
+    return Selection(dataset=dataset, rows=np.arange(len(dataset)) if rows is None else rows, string=STRING)
+
+
+def test_a_bundled_model_is_loaded_by_its_name() -> None:
+    candidate = load(EvaluationSettings(model="demo"))
+    assert candidate.definition == DEMO
+    assert (candidate.label, candidate.feature["name"]) == (DEMO.feature.name, DEMO.feature.name)
+    with pytest.raises(InputError, match="demo"):
+        load(EvaluationSettings(model="dmo"))
+
+
+def test_sessions_are_selected_whole_with_the_string_that_they_state(
+    sessions: tuple[Path, ...], tmp_path: Path
+) -> None:
+    settings = EvaluationSettings(sessions=(str(sessions[0]),))
+    data = select(settings, CLOSED_FORM, tmp_path)
+    assert len(data.selection.rows) == len(data.selection.dataset) > 100
+    assert data.selection.string == STRING
+    assert data.training is None
+    assert 0.0 < data.force_floor["hold_000"] < 0.1
+
+
+def test_a_session_that_was_trained_on_is_refused_under_any_name(dataset: Dataset) -> None:
+    checksum = dataset.manifest.parts[1].checksum
+    trained = replace(DEMO, sessions={"another name": checksum}, dataset="x")
+    with pytest.raises(InputError, match="a test on session slide_000, which the model was trained on"):
+        refuse_trained_on(selection(dataset), trained, None)
+    assert refuse_trained_on(selection(dataset, np.flatnonzero(dataset.session == 0)), trained, None) == ()
+
+
+def test_other_stretches_of_a_session_are_allowed_with_the_split_of_the_training(dataset: Dataset) -> None:
+    split = split_dataset(dataset, by="time")
+    tested = selection(dataset, split.test)
+    trained = replace(DEMO, sessions={part.name: part.checksum for part in dataset.manifest.parts})
+    with pytest.raises(InputError, match="and 1 more, which the model was trained on"):
+        refuse_trained_on(tested, replace(trained, dataset="x"), split)
+    assert len(refuse_trained_on(tested, replace(trained, dataset=split.dataset), split)) == 1
+
+
+def test_a_leaking_split_is_refused(dataset: Dataset) -> None:
+    split = split_dataset(dataset, by="time")
+    audited(dataset, split)
+    leaking = replace(split, parts={**split.parts, "test": np.append(split.train[-1:], split.test)})
+    with pytest.raises(InputError, match="shared window"):
+        audited(dataset, leaking)
+    assert audited(dataset, leaking, learned=False) == ()
+    with pytest.raises(InputError, match="other dataset"):
+        audited(dataset, Split(by="time", parts=split.parts, dataset="another"), learned=False)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_labels_that_are_no_numbers_are_refused(dataset: Dataset, value: float) -> None:
+    labels = {**dataset.labels, "force": np.full(len(dataset), value)}
+    count = int(dataset.valid["force"].sum())
+    with pytest.raises(InputError, match=rf"label 'force' that is no number in {count} windows"):
+        refuse_unusable_labels(selection(replace(dataset, labels=labels)))
+
+
+def test_windows_without_labels_are_refused(dataset: Dataset) -> None:
+    names = ("contact", "position", "force", "slip")
+    labels = {**dataset.labels, **{name: np.full(len(dataset), np.nan) for name in names}}
+    valid = {**dataset.valid, **{name: np.zeros(len(dataset), np.bool_) for name in names}}
+    with pytest.raises(InputError, match=r"\d+ windows to evaluate without a known label"):
+        refuse_unusable_labels(selection(replace(dataset, labels=labels, valid=valid)))
+
+
+def test_each_noise_is_a_replay_of_its_own(dataset: Dataset) -> None:
+    rows = np.flatnonzero(dataset.session == 0)[:60]
+    noises = [parse_noise("white:40", {}), parse_noise("white:-20", {})]
+    data = EvaluationData(selection=selection(dataset, rows), notes=("a note",))
+    results = replay_conditions(data, CLOSED_FORM, noises)
+    assert [trial.condition for trial in results.trials] == ["clean", "white 40 dB", "white -20 dB"]
+    answered = np.isfinite(results.estimate("position")).reshape(3, 60).sum(axis=1)
+    assert answered[0] > 20
+    assert answered[2] == 0
+    assert results.notes == ("a note",)
+
+
+def test_sessions_recorded_in_noise_get_none_on_top(dataset: Dataset) -> None:
+    labelled = [np.flatnonzero(dataset.valid["contact"] & (dataset.session == part)) for part in (0, 1)]
+    unknown = tuple(replace(part, music=None) for part in dataset.manifest.parts)
+    dataset = replace(dataset, manifest=replace(dataset.manifest, parts=unknown))
+    chosen = selection(dataset, np.array([rows[0] for rows in labelled]))
+    one = replace(chosen, ambient_noise={"slide*": "radio"})
+    results = replay_conditions(EvaluationData(selection=one), CLOSED_FORM, [parse_noise("hum:10", {})])
+    conditions = [(trial.session, trial.condition) for trial in results.trials]
+    assert conditions == [("hold_000", "clean"), ("slide_000", "radio"), ("hold_000", "hum 10 dB")]
+    both = replace(chosen, ambient_noise={"*": "radio"})
+    results = replay_conditions(EvaluationData(selection=both), CLOSED_FORM, [parse_noise("hum:10", {})])
+    assert {trial.condition for trial in results.trials} == {"radio"}
+
+
+def test_baselines_learn_position_and_contact_from_the_training_windows(dataset: Dataset) -> None:
+    split = split_dataset(dataset, by="time")
+    training = selection(dataset, split.train[dataset.usable[split.train]])
+    tested, noise = selection(dataset, split.test), parse_noise("white:-20", {})
+    results = baseline_results(tested, training, {"name": "fft_harmonic"}, [noise])
+    assert list(results) == ["ridge", "extra_trees"]
+    for each in results.values():
+        assert {trial.condition for trial in each.trials} == {"clean", "white -20 dB"}
+        clean, noisy = (each.of_trials("condition") == name for name in ("clean", "white -20 dB"))
+        errors = [regression(each, "position", rows, draws=0).mae.value or 0.0 for rows in (clean, noisy)]
+        assert 0.0 < 2.0 * errors[0] < errors[1]
+        accuracy = detection(each, "contact", clean, draws=0).accuracy.value
+        assert accuracy is not None
+        assert accuracy > 0.9
+        np.testing.assert_array_equal(np.isnan(each.estimate("contact")), ~each.usable)
+        assert np.nanmin(each.estimate("contact")) >= 0.0
+
+
+def test_a_folder_gets_results_table_scores_and_report(oracle: Oracle, tmp_path: Path) -> None:
+    results = oracle(spread=1.0)
+    outcome = Evaluation(results=results, card=scorecard(results, draws=20), label="oracle")
+    sizes: list[int] = []
+
+    def draw(file: Path, drawn: Results) -> dict[str, str]:
+        sizes.append(len(read_results(file)) - len(drawn))
+        return {"a figure": "<svg/>"}
+
+    folder = tmp_path / "a" / "b"
+    write(folder, outcome, draw)
+    assert {path.name for path in folder.iterdir()} == {RESULTS, TABLE, SCORES, PAGE}
+    assert sizes == [0]
+    assert 'alt="a figure"' in (folder / PAGE).read_text()
+    assert json.loads((folder / SCORES).read_text())["estimator"] == "oracle"
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="folder"):
+        write(tmp_path / "file" / "below", outcome)
+
+
+def test_an_impossible_folder_is_refused_and_a_possible_one_not_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("precious")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(InputError, match="folder"):
+            refuse_unwritable(folder)
+    refuse_unwritable(tmp_path / "new" / "report")
+    refuse_unwritable(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text() == "precious"
