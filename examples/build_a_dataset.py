@@ -13,7 +13,7 @@ from monochord.datasets.augment import Augmentation
 from monochord.datasets.build import build_dataset
 from monochord.datasets.kinds import KINDS, table_of
 from monochord.datasets.split import split_dataset
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 

@@ -11,7 +11,7 @@ import numpy as np
 from monochord.datasets.build import build_dataset
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import Selection, replay
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 from monochord.metrics import known, mean_absolute_error

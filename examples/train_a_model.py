@@ -11,7 +11,7 @@ import numpy as np
 from monochord.core.types import Signal
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import split_dataset
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 from monochord.perception.model import load

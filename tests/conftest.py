@@ -29,8 +29,8 @@ REAL_TIME = (
     "benchmarks", "capture", "e2e", "live",
     "cli/test_bench.py", "cli/test_collect.py", "cli/test_demo.py", "cli/test_interrupted.py",
     "cli/test_live.py", "cli/test_locate.py", "cli/test_record.py", "core/test_interruption.py",
-    "core/test_timing.py", "lab/test_fleet.py", "lab/test_net_ft_device.py", "lab/test_player.py",
-    "lab/test_pose_publisher.py", "lab/test_stage.py", "sessions/sync/test_arrival.py",
+    "core/test_timing.py", "lab/test_workers.py", "lab/test_net_ft_device.py", "lab/test_player.py",
+    "lab/test_pose_publisher.py", "lab/test_real_time.py", "sessions/sync/test_arrival.py",
 )  # fmt: skip
 """Tests that look at the clock, play or record: they run one at a time, with nothing beside them."""
 

@@ -8,7 +8,7 @@ import pytest
 from monochord.cli import run
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import split_dataset
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 

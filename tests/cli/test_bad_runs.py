@@ -19,7 +19,7 @@ from monochord.core.config import from_tree, load_toml
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split, split_dataset
 from monochord.datasets.store import open_dataset
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import Plan, assignments
 from monochord.perception.model.bundled import bundled_folder
 

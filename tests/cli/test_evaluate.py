@@ -16,7 +16,7 @@ from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split, split_dataset
 from monochord.datasets.store import open_dataset
 from monochord.evaluation.results import read_results
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 from monochord.live import Session as LiveSession

@@ -14,7 +14,7 @@ import pytest
 from tests.lab.tiny import tiny
 
 from monochord import cli
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 
 VERBS = {

@@ -10,7 +10,7 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
 from monochord.datasets.truth import truth_of
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 from monochord.sessions import (

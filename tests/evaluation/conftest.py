@@ -9,7 +9,7 @@ import pytest
 from monochord.datasets.build import build_dataset
 from monochord.datasets.store import Dataset
 from monochord.evaluation.results import Results, Trial
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 

@@ -4,7 +4,7 @@ import pytest
 from tests.lab.tiny import tiny
 
 from monochord.core.errors import InputError
-from monochord.lab.collection import Task, checksum, chosen, collect, work
+from monochord.lab.collection import checksum, chosen, collect
 from monochord.lab.plan import assignments
 
 
@@ -12,19 +12,19 @@ def test_results_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> None:
     sessions = assignments(tiny())
     alone = list(collect(sessions, tmp_path / "alone", workers=1))
     both = list(collect(sessions, tmp_path / "deep" / "both", workers=2))
-    assert {outcome.name for outcome in both} == {"hold_000", "slide_000"}
+    assert {result.name for result in both} == {"hold_000", "slide_000"}
     assert checksum(alone) == checksum(both)
-    for outcome in alone:
-        other = tmp_path / "deep" / "both" / outcome.path.name
-        assert outcome.path.read_bytes() == other.read_bytes()
+    for result in alone:
+        other = tmp_path / "deep" / "both" / result.path.name
+        assert result.path.read_bytes() == other.read_bytes()
 
 
 def test_it_goes_on_where_it_was_cut_off(tmp_path: Path) -> None:
     sessions = assignments(tiny())
     first = next(collect(sessions, tmp_path, workers=1))
-    outcomes = {outcome.name: outcome for outcome in collect(sessions, tmp_path, workers=1)}
-    assert outcomes[first.name].kept
-    assert [outcome.kept for outcome in outcomes.values()].count(False) == 1
+    results = {result.name: result for result in collect(sessions, tmp_path, workers=1)}
+    assert results[first.name].kept
+    assert [result.kept for result in results.values()].count(False) == 1
 
 
 def test_one_name_is_chosen() -> None:
@@ -41,7 +41,3 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("x")
     with pytest.raises(InputError, match="a folder"):
         collect(assignments(tiny()), tmp_path / "out")
-
-
-def test_a_task_is_work(tmp_path: Path) -> None:
-    assert work(Task(session=assignments(tiny())[0], folder=tmp_path)).path == tmp_path / "hold_000.mcap"

@@ -14,8 +14,7 @@ from monochord.capture.instruments import _rdt as rdt
 from monochord.capture.instruments.net_ft import NetFt
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Readings
-from monochord.lab._rdt_records import RecordStream
-from monochord.lab.net_ft_device import NetFtDevice, NetFtSettings, write_script
+from monochord.lab.net_ft_device import NetFtDevice, NetFtSettings, RecordStream, write_script
 
 LOAD = np.array([[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]])
 RAMP = np.outer(np.arange(7000), [0.0, 0.0, 1e-3, 0.0, 0.0, 0.0])
@@ -53,8 +52,8 @@ def test_as_a_process_it_plays_a_script(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
         assert process.stdin
         assert process.stdout
-        said = json.loads(process.stdout.readline())
-        with NetFt(**said).open() as connection:
+        address = json.loads(process.stdout.readline())
+        with NetFt(**address).open() as connection:
             begin = time.monotonic() + 0.1
             process.stdin.write(f"{begin}\n")
             process.stdin.flush()
@@ -82,7 +81,7 @@ def test_the_first_wrench_is_felt_at_the_begin_whatever_the_phase_of_the_samplin
     assert loads(stream.due(5.0))[-1] == 6999 * 1000
 
 
-def test_a_count_of_records_is_honoured_and_each_stream_is_numbered_anew() -> None:
+def test_a_count_of_records_is_honoured_and_each_stream_restarts_its_numbers() -> None:
     stream = RecordStream(LOAD, NetFtSettings(), boot=0.0)
     stream.command(rdt.STREAM, 5, 0.1)
     assert numbers(stream.due(0.2)) == [1, 2, 3, 4, 5]
@@ -103,13 +102,13 @@ def test_a_lower_rate_still_counts_the_samples_inside() -> None:
 def test_jitter_keeps_the_order_and_loses_nothing() -> None:
     stream = RecordStream(LOAD, NetFtSettings(jitter=0.01), boot=0.0)
     stream.command(rdt.STREAM, 700, 0.0)
-    got: list[int] = []
+    received: list[int] = []
     for now in np.arange(0.0, 1.0, 1e-3):
-        got += numbers(stream.due(float(now)))
-    assert got == list(range(1, 701))
+        received += numbers(stream.due(float(now)))
+    assert received == list(range(1, 701))
 
 
-def test_nothing_is_sent_or_heard_while_the_cable_is_out() -> None:
+def test_nothing_is_sent_or_received_while_the_cable_is_out() -> None:
     stream = RecordStream(LOAD, NetFtSettings(silence=(1.0, 2.0)), boot=0.0)
     stream.begin_at(0.0)
     stream.command(rdt.STREAM, 0, 0.9)
@@ -119,7 +118,7 @@ def test_nothing_is_sent_or_heard_while_the_cable_is_out() -> None:
     assert stream.lost == pytest.approx(7000, abs=1)
 
 
-def test_without_power_it_counts_anew_and_waits_to_be_asked() -> None:
+def test_without_power_its_counters_restart_and_it_waits_for_a_request() -> None:
     stream = RecordStream(LOAD, NetFtSettings(silence=(1.0, 2.0), restarts=True), boot=0.0)
     stream.begin_at(0.0)
     stream.command(rdt.STREAM, 0, 0.9)

@@ -5,30 +5,32 @@ from tests.lab.tiny import session, tiny
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.lab.plan import Delays, Group, Plan, assignments
+from monochord.lab.plans import load_plan, plan_names
+from monochord.lab.schedule import schedule
 
 GRID = Group(name="a", grid=(5, 4), sessions=3, radii=(0.002, 0.004), days=(1, 2), forces=(0.1, 2.0))
 PLAN = Plan(name="p", groups=(GRID, Group(name="b", like="a", sessions=2, lifted=3e-3)))
 
 
-def test_every_cell_of_the_grid_is_dealt_once_for_each_radius() -> None:
-    told = [one for one in assignments(PLAN) if one.group.name == "a"]
+def test_every_cell_of_the_grid_is_used_once_for_each_radius() -> None:
+    sessions = [one for one in assignments(PLAN) if one.group.name == "a"]
     for radius in GRID.radii:
-        cells = np.concatenate([one.cells() for one in told if one.radius == radius])
+        cells = np.concatenate([one.cells() for one in sessions if one.radius == radius])
         row = np.floor((cells[:, 0] - 0.05) / 0.1 * 5).astype(int)
         column = np.floor((cells[:, 1] - 0.1) / 1.9 * 4).astype(int)
         assert sorted(zip(row.tolist(), column.tolist(), strict=True)) == [
             (i, j) for i in range(5) for j in range(4)
         ]
-    every = np.concatenate([one.cells() for one in told])
+    every = np.concatenate([one.cells() for one in sessions])
     assert len(np.unique(every[:, 0])) == len(np.unique(every[:, 1])) == len(every) == 40
 
 
-def test_names_days_and_radii_go_round() -> None:
-    told = assignments(PLAN)
-    assert [one.name for one in told] == [*(f"a_{i:03d}" for i in range(6)), "b_000", "b_001"]
-    assert [one.day for one in told[:6]] == [1, 2, 1, 2, 1, 2]
-    assert [one.radius for one in told[:6]] == [0.002] * 3 + [0.004] * 3
-    assert len({one.epoch for one in told}) == len(told)
+def test_names_days_and_radii_cycle() -> None:
+    sessions = assignments(PLAN)
+    assert [one.name for one in sessions] == [*(f"a_{i:03d}" for i in range(6)), "b_000", "b_001"]
+    assert [one.day for one in sessions[:6]] == [1, 2, 1, 2, 1, 2]
+    assert [one.radius for one in sessions[:6]] == [0.002] * 3 + [0.004] * 3
+    assert len({one.epoch for one in sessions}) == len(sessions)
 
 
 def test_a_group_like_another_has_its_motions() -> None:
@@ -53,9 +55,9 @@ def test_a_plan_is_strict_and_goes_through_text() -> None:
     ("groups", "line"),
     [
         ((), "groups none"),
-        ((GRID, GRID), "names of their own"),
+        ((GRID, GRID), "different names"),
         ((Group(name="b", like="c"),), "group 'c'"),
-        ((GRID, Group(name="b", like="a"), Group(name="c", like="b")), "a motion of its own"),
+        ((GRID, Group(name="b", like="a"), Group(name="c", like="b")), "a group without like"),
         ((Group(name="b", material="glass"),), "material 'glass'"),
         ((Group(name="b", music="absent.wav"),), "music 'absent.wav'"),
     ],
@@ -78,3 +80,50 @@ def test_groups_that_cannot_be(options: dict[str, object]) -> None:
 def test_delays_that_cannot_be(span: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="delays of pose"):
         Delays(pose=span)
+
+
+def windows(plan: Plan, name: str, kind: str) -> int:
+    """Whole windows of 0.1 s on a grid that the phases of a group surely hold."""
+    sessions = [one for one in assignments(plan) if one.group.name == name]
+    phases = [phase for one in sessions for phase in schedule(one).motion.phases if phase.kind == kind]
+    return sum(max(0, int((phase.stop - phase.start) / 0.1 + 1e-6) - 1) for phase in phases)
+
+
+@pytest.mark.parametrize("name", plan_names())
+def test_every_plan_loads_and_names_its_source(name: str) -> None:
+    plan = load_plan(name)
+    assert plan.title
+    assert plan.source
+    assert "simulated" in plan.notes
+
+
+def test_the_small_plan_is_a_minute() -> None:
+    lengths = [schedule(one).motion.end for one in assignments(load_plan("small"))]
+    assert len(lengths) in (2, 3)
+    assert 40.0 < sum(lengths) < 70.0
+
+
+def test_the_plan_of_the_paper_has_its_windows_range_and_objects() -> None:
+    plan = load_plan("paper")
+    assert windows(plan, "static", "hold") >= 0.9 * 10791  # the rest stands in "settle"
+    assert windows(plan, "slip", "slide") >= 6795
+    cells = np.concatenate([one.cells() for one in assignments(plan) if one.group.name == "static"])
+    assert len(cells) == 3 * 26 * 16
+    assert np.ptp(cells[:, 0]) > 0.095
+    assert cells[:, 1].min() < 0.1
+    assert 1.95 < cells[:, 1].max() <= 2.0
+    materials = {group.material for group in plan.groups}
+    assert materials == {"plastic", "metal_tube", "wood", "allen_key"}
+    speeds = {group.speeds for group in plan.groups if group.protocol == "slide"}
+    assert speeds == {(0.001, 0.03)}
+    assert any(group.music for group in plan.groups)
+
+
+def test_sessions_of_the_paper_last_about_a_minute() -> None:
+    lengths = [schedule(one).motion.end for one in assignments(load_plan("paper"))[::40]]
+    assert 45.0 < min(lengths) <= max(lengths) < 75.0
+
+
+def test_an_unknown_plan_is_refused() -> None:
+    with pytest.raises(InputError, match="did you mean 'small'"):
+        load_plan("smal")

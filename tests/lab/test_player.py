@@ -15,6 +15,7 @@ from monochord.lab.player import Player, PlayerSettings, write_script
 
 pytestmark = pytest.mark.jack
 RATE = 44100
+INPUTS = ("recorder:in_1", "recorder:in_2")
 
 
 @pytest.fixture
@@ -28,21 +29,23 @@ def test_it_plays_once_a_listener_is_there_and_then_silence(jack_server: Any, no
         assert not player.wait(0.1)
         assert player.position == 0
         with Jack(ports="player:", server=jack_server.name).open() as stream:
-            heard: list[np.ndarray] = []
+            captured: list[np.ndarray] = []
             for block in stream:
-                heard.append(block.samples)
+                captured.append(block.samples)
                 if block.start >= 32_000:
                     break
-        assert player.wait(5.0)
+        assert player.wait(20.0)
         assert player.ended
-    got = np.concatenate(heard, axis=1)
+    got = np.concatenate(captured, axis=1)
     assert np.array_equal(got[:, : noise.shape[1]], noise)
     assert not got[:, noise.shape[1] :].any()
 
 
 def test_it_connects_to_inputs_that_it_is_given(jack_server: Any, noise: np.ndarray) -> None:
-    with Jack(ports="none", client_name="ear", server=jack_server.name).open() as stream:
-        with Player(noise, RATE, server=jack_server.name, connect=("ear:in_1", "ear:in_2")) as player:
+    with Jack(ports="none", client_name="recorder", server=jack_server.name).open() as stream:
+        with Player(
+            noise, RATE, server=jack_server.name, connect=("recorder:in_1", "recorder:in_2")
+        ) as player:
             assert player.wait(10.0)
         first = next(iter(stream))
     assert first.start == 0
@@ -50,10 +53,10 @@ def test_it_connects_to_inputs_that_it_is_given(jack_server: Any, noise: np.ndar
 
 
 @pytest.mark.parametrize("late", [-0.5, 0.1])
-def test_it_begins_when_it_is_told_to(jack_server: Any, noise: np.ndarray, late: float) -> None:
-    with Jack(ports="none", client_name="ear", server=jack_server.name).open() as stream:
+def test_it_begins_at_its_time(jack_server: Any, noise: np.ndarray, late: float) -> None:
+    with Jack(ports="none", client_name="recorder", server=jack_server.name).open() as stream:
         begin = time.monotonic() - late
-        into = ("ear:in_1", "ear:in_2")
+        into = ("recorder:in_1", "recorder:in_2")
         with Player(noise, RATE, server=jack_server.name, connect=into, begin=begin) as player:
             assert player.wait(10.0)
         blocks: list[Block] = []
@@ -61,20 +64,20 @@ def test_it_begins_when_it_is_told_to(jack_server: Any, noise: np.ndarray, late:
             blocks.append(block)
             if not stream.pending:
                 break
-    heard = np.concatenate([block.samples for block in blocks], axis=1)
+    captured = np.concatenate([block.samples for block in blocks], axis=1)
     assert blocks[0].start == 0
-    first = int(np.flatnonzero(heard.any(axis=0))[0])
-    left_out = noise.shape[1] - int(np.count_nonzero(heard.any(axis=0)))
+    first = int(np.flatnonzero(captured.any(axis=0))[0])
+    left_out = noise.shape[1] - int(np.count_nonzero(captured.any(axis=0)))
     if late < 0.0:
         assert left_out == 0
     else:
         assert late * RATE <= left_out < (late + 3.0) * RATE
         assert left_out < noise.shape[1]
-    assert np.array_equal(heard[:, first : first + noise.shape[1] - left_out], noise[:, left_out:])
+    assert np.array_equal(captured[:, first : first + noise.shape[1] - left_out], noise[:, left_out:])
     times = [block.adc_time - block.start / RATE for block in blocks if block.adc_time is not None]
-    heard_at = float(np.median(times)) + (first - left_out) / RATE
+    played_at = float(np.median(times)) + (first - left_out) / RATE
     # A server that is starved loses time that it does not count.
-    assert heard_at == pytest.approx(begin, abs=2e-4 + float(np.ptp(times)))
+    assert played_at == pytest.approx(begin, abs=2e-4 + float(np.ptp(times)))
 
 
 def test_it_notes_that_the_server_went(jack_server: Any, noise: np.ndarray) -> None:
@@ -101,13 +104,11 @@ def test_what_cannot_be_played_is_refused(
 
 
 def test_an_input_that_is_not_there_is_refused(jack_server: Any, noise: np.ndarray) -> None:
-    with pytest.raises(DeviceError, match="JACK port ear:in_1: no such input"):
-        Player(noise, RATE, server=jack_server.name, connect=("ear:in_1",))
+    with pytest.raises(DeviceError, match="JACK port recorder:in_1: no such input"):
+        Player(noise, RATE, server=jack_server.name, connect=("recorder:in_1",))
 
 
-def test_as_a_process_it_begins_when_it_is_told_to(
-    jack_server: Any, noise: np.ndarray, tmp_path: Path
-) -> None:
+def test_as_a_process_it_begins_at_its_time(jack_server: Any, noise: np.ndarray, tmp_path: Path) -> None:
     script = tmp_path / "play.npz"
     settings = PlayerSettings(sample_rate=RATE, client_name="tape", server=jack_server.name)
     write_script(script, {"samples": noise.astype(np.float64)}, settings)
@@ -127,9 +128,9 @@ def test_as_a_process_it_begins_when_it_is_told_to(
                     break
         process.stdin.close()
         assert process.wait(10.0) == 0
-    heard = np.concatenate([block.samples for block in blocks], axis=1)
-    first = int(np.flatnonzero(heard.any(axis=0))[0])
-    assert np.array_equal(heard[:, first : first + noise.shape[1]], noise)
+    captured = np.concatenate([block.samples for block in blocks], axis=1)
+    first = int(np.flatnonzero(captured.any(axis=0))[0])
+    assert np.array_equal(captured[:, first : first + noise.shape[1]], noise)
     times = [block.adc_time - block.start / RATE for block in blocks if block.adc_time is not None]
-    heard_at = float(np.median(times)) + first / RATE
-    assert heard_at == pytest.approx(begin, abs=2e-4 + float(np.ptp(times)))
+    played_at = float(np.median(times)) + first / RATE
+    assert played_at == pytest.approx(begin, abs=2e-4 + float(np.ptp(times)))

@@ -45,13 +45,13 @@ def silent_but_udp(port: int, **options: Any) -> PublisherSettings:
 
 def test_each_pose_leaves_at_its_time_and_bears_the_robots_stamp(port: int) -> None:
     settings = silent_but_udp(port, delay=0.03, clock_error=0.5)
-    with PoseUdp(address=str(port)).open() as ear, PosePublisher(POSES, settings) as robot:
+    with PoseUdp(address=str(port)).open() as connection, PosePublisher(POSES, settings) as robot:
         begin = time.monotonic() + 0.1003
         robot.begin_at(begin)
         offset = time.time() - time.monotonic()
         time.sleep(0.8)
-        (got,) = ear.poll()
-        assert ear.health.missing == 0
+        (got,) = connection.poll()
+        assert connection.health.missing == 0
     index = np.rint(got.values[:, 0] / 1e-3)
     moving = (index > 0) & (index < len(POSES) - 1)
     assert np.array_equal(np.diff(index[moving]), np.ones(moving.sum() - 1))
@@ -62,18 +62,18 @@ def test_each_pose_leaves_at_its_time_and_bears_the_robots_stamp(port: int) -> N
 
 
 def test_wrenches_have_a_topic_and_a_rate_of_their_own() -> None:
-    heard: dict[str, list[Any]] = {"pose": [], "wrench": []}
+    received: dict[str, list[Any]] = {"pose": [], "wrench": []}
     wrenches = np.array([[0.0, 0.0, float(k), 0.0, 0.0, 0.0] for k in range(25)])
     settings = PublisherSettings(rate=100.0, wrench_rate=50.0, domain=DOMAIN, frame="bench")
     with Participant(domain=DOMAIN) as here, PosePublisher(POSES, settings, wrenches=wrenches) as robot:
-        here.reader("pose", "PoseStamped", lambda said, _: heard["pose"].append(said))
-        here.reader("wrench", "WrenchStamped", lambda said, _: heard["wrench"].append(said))
+        here.reader("pose", "PoseStamped", lambda message, _: received["pose"].append(message))
+        here.reader("wrench", "WrenchStamped", lambda message, _: received["wrench"].append(message))
         wait_for(lambda: robot.listeners == 2)
         robot.begin_at(time.monotonic() + 0.1)
-        wait_for(lambda: heard["wrench"] and heard["wrench"][-1].wrench.force.z == 24.0)
-    assert {said.wrench.force.z for said in heard["wrench"]} == set(range(25))
-    assert heard["wrench"][0].header.frame_id == "bench"
-    assert len(heard["pose"]) == pytest.approx(2 * len(heard["wrench"]), abs=6)
+        wait_for(lambda: received["wrench"] and received["wrench"][-1].wrench.force.z == 24.0)
+    assert {message.wrench.force.z for message in received["wrench"]} == set(range(25))
+    assert received["wrench"][0].header.frame_id == "bench"
+    assert len(received["pose"]) == pytest.approx(2 * len(received["wrench"]), abs=6)
 
 
 def test_as_a_process_it_plays_a_script(tmp_path: Path, port: int) -> None:
@@ -81,7 +81,7 @@ def test_as_a_process_it_plays_a_script(tmp_path: Path, port: int) -> None:
     command = [sys.executable, "-m", "monochord.lab.pose_publisher", str(tmp_path / "robot.npz")]
     pipe = subprocess.PIPE
     with (
-        PoseUdp(address=str(port)).open() as ear,
+        PoseUdp(address=str(port)).open() as connection,
         subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process,
     ):
         assert process.stdin
@@ -90,7 +90,7 @@ def test_as_a_process_it_plays_a_script(tmp_path: Path, port: int) -> None:
         process.stdin.write(f"{time.monotonic()}\n")
         process.stdin.flush()
         places = list[float]()
-        wait_for(lambda: places.extend(poll_places(ear)) or 0.049 in places)
+        wait_for(lambda: places.extend(poll_places(connection)) or 0.049 in places)
         process.stdin.close()
         assert process.wait(60) == 0
     assert set(places) >= {0.0, 0.048}

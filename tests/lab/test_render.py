@@ -1,3 +1,4 @@
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -6,11 +7,10 @@ import soundfile
 from tests.lab.tiny import quiet, session, tiny
 
 from monochord.core.types import Floats
-from monochord.lab import render as rendering
-from monochord.lab.course import Course, course
+from monochord.lab import render as renderer
 from monochord.lab.plan import Group
-from monochord.lab.render import pieces, render
-from monochord.lab.rendering import Rendering, joined
+from monochord.lab.render import Rendering, SimulatedEvent, concatenate, first_reading, pieces, render
+from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.twin.outside import untouched_power
 from monochord.physics.twin.trajectory import depth_under
 
@@ -22,68 +22,68 @@ GROUPS = (
 
 
 @pytest.fixture(scope="module", params=["hold_000", "slide_000"])
-def done(request: pytest.FixtureRequest) -> tuple[Course, Rendering]:
+def session_(request: pytest.FixtureRequest) -> tuple[Schedule, Rendering]:
     one = session(request.param, quiet(groups=GROUPS, force_rate=7000.0))
-    return course(one), render(one)
+    return schedule(one), render(one)
 
 
-def during(told: Course, kind: str, time: Floats, after: float = 0.0) -> list[np.ndarray]:
-    """Which times lie in each phase of a kind, `after` s and more from its ends."""
-    phases = [phase for phase in told.motion.phases if phase.kind == kind]
+def during(timing: Schedule, kind: str, time: Floats, after: float = 0.0) -> list[np.ndarray]:
+    """Masks of the times in each phase of a kind, `after` s and more from its ends."""
+    phases = [phase for phase in timing.motion.phases if phase.kind == kind]
     return [(time > phase.start + after) & (time < phase.stop - after) for phase in phases]
 
 
-def test_every_stream_lasts_as_long_as_the_motion(done: tuple[Course, Rendering]) -> None:
-    told, sound = done
+def test_every_stream_lasts_as_long_as_the_motion(session_: tuple[Schedule, Rendering]) -> None:
+    timing, sound = session_
     for time, rate in (
         (sound.wrench_time, 7000.0), (sound.pose_time, 250.0), (sound.label_time, 1000.0),
     ):  # fmt: skip
         assert time[0] == 0.0
-        assert time[-1] == pytest.approx(told.motion.end, abs=2.0 / rate)
+        assert time[-1] == pytest.approx(timing.motion.end, abs=2.0 / rate)
         np.testing.assert_allclose(np.diff(time), 1.0 / rate)
-    assert sound.seconds == pytest.approx(told.motion.end, abs=1e-4)
+    assert sound.seconds == pytest.approx(timing.motion.end, abs=1e-4)
 
 
-def test_the_pose_is_where_the_label_says(done: tuple[Course, Rendering]) -> None:
-    _, sound = done
+def test_the_pose_is_where_the_label_says(session_: tuple[Schedule, Rendering]) -> None:
+    _, sound = session_
     touched = sound.labels["contact"] == 1.0
-    there = np.interp(sound.label_time, sound.pose_time, sound.pose[:, 0])
-    assert np.abs(there - sound.labels["position"])[touched].max() < 5e-5
+    tool = np.interp(sound.label_time, sound.pose_time, sound.pose[:, 0])
+    assert np.abs(tool - sound.labels["position"])[touched].max() < 5e-5
     assert np.isnan(sound.labels["position"][~touched]).all()
     np.testing.assert_array_equal(np.linalg.norm(sound.pose[:, 3:], axis=1), 1.0)
 
 
-def test_the_force_is_that_of_the_depth_and_the_sensor_feels_it(done: tuple[Course, Rendering]) -> None:
-    told, sound = done
-    string = told.motion.string
+def test_the_force_is_that_of_the_depth_and_the_sensor_feels_it(session_: tuple[Schedule, Rendering]) -> None:
+    timing, sound = session_
+    string = timing.motion.string
     height = np.interp(sound.label_time, sound.pose_time, sound.pose[:, 2])
-    for within in during(told, "settle", sound.label_time, 0.02):
+    for within in during(timing, "settle", sound.label_time, 0.02):
         force, x = sound.labels["force"][within].mean(), sound.labels["position"][within].mean()
         assert -height[within].mean() == pytest.approx(float(depth_under(string, x, force)), rel=0.02)
     for low, high in zip(
-        during(told, "settle", sound.label_time, 0.02), during(told, "settle", sound.wrench_time, 0.02),
+        during(timing, "settle", sound.label_time, 0.02), during(timing, "settle", sound.wrench_time, 0.02),
         strict=True,
     ):  # fmt: skip
         assert sound.wrench[high, 2].mean() == pytest.approx(sound.labels["force"][low].mean(), rel=2e-3)
-    pressed = during(told, "settle", sound.wrench_time, 0.02)[0]
+    pressed = during(timing, "settle", sound.wrench_time, 0.02)[0]
     assert sound.wrench[pressed, 2].std() > 3e-3  # the string's vibration
 
 
-def test_the_label_of_force_does_not_lag(done: tuple[Course, Rendering]) -> None:
-    told, sound = done
-    keys = told.motion.keys
-    asked = np.interp(sound.label_time, [key.time for key in keys], [key.force for key in keys])
-    press = during(told, "press", sound.label_time)[0]
-    found = np.nan_to_num(sound.labels["force"])
+def test_the_label_of_force_does_not_lag(session_: tuple[Schedule, Rendering]) -> None:
+    timing, sound = session_
+    keys = timing.motion.keys
+    expected = np.interp(sound.label_time, [key.time for key in keys], [key.force for key in keys])
+    press = during(timing, "press", sound.label_time)[0]
+    label = np.nan_to_num(sound.labels["force"])
     shifts = range(-6, 7)
-    miss = [np.abs(np.roll(found, -shift) - asked)[press].sum() for shift in shifts]
+    miss = [np.abs(np.roll(label, -shift) - expected)[press].sum() for shift in shifts]
     assert abs(shifts[int(np.argmin(miss))]) <= 1
 
 
-def test_taps_are_sharp_in_all_three_streams(done: tuple[Course, Rendering]) -> None:
-    told, sound = done
+def test_taps_are_sharp_in_all_three_streams(session_: tuple[Schedule, Rendering]) -> None:
+    timing, sound = session_
     level = np.abs(sound.microphones)
-    for tap in told.taps:
+    for tap in timing.taps:
         near = np.abs(sound.wrench_time - tap) < 0.03
         force = np.where(near, sound.wrench[:, 2], 0.0)
         assert 0.7 < force.max() < 1.3
@@ -93,38 +93,38 @@ def test_taps_are_sharp_in_all_three_streams(done: tuple[Course, Rendering]) -> 
         frame = round((tap - 0.0045) * sound.sample_rate)
         quiet_before = level[:, frame - 800 : frame - 100].max(axis=1)
         assert (level[:, frame : frame + 300].max(axis=1) > 20.0 * quiet_before).all()
-    assert [event.time for event in sound.events if event.kind == "tap"] == list(told.taps)
+    assert [event.time for event in sound.events if event.kind == "tap"] == list(timing.taps)
 
 
-def test_it_slides_where_it_is_told_to() -> None:
+def test_slides_have_their_direction_and_friction() -> None:
     one = session("slide_000", quiet(groups=GROUPS))
-    told, sound = course(one), render(one)
+    timing, sound = schedule(one), render(one)
     speed = np.gradient(sound.pose[:, :2], sound.pose_time, axis=0)
     for i, (label, pose) in enumerate(
         zip(
-            during(told, "slide", sound.label_time, 0.1), during(told, "slide", sound.pose_time, 0.1),
+            during(timing, "slide", sound.label_time, 0.1), during(timing, "slide", sound.pose_time, 0.1),
             strict=True,
         )
     ):  # fmt: skip
         assert sound.labels["slip"][label].mean() > 0.97
         way, other, axis = ("across", "along", 1) if i < 2 else ("along", "across", 0)
-        asked = speed[pose, axis].mean()
-        assert sound.labels[f"slip_{way}"][label].mean() == pytest.approx(asked, rel=0.08)
-        assert abs(sound.labels[f"slip_{other}"][label].mean()) < 0.1 * abs(asked)
-        drag = sound.wrench[during(told, "slide", sound.wrench_time, 0.1)[i]].mean(axis=0)
-        assert drag[axis] * asked < 0.0
+        expected = speed[pose, axis].mean()
+        assert sound.labels[f"slip_{way}"][label].mean() == pytest.approx(expected, rel=0.08)
+        assert abs(sound.labels[f"slip_{other}"][label].mean()) < 0.1 * abs(expected)
+        drag = sound.wrench[during(timing, "slide", sound.wrench_time, 0.1)[i]].mean(axis=0)
+        assert drag[axis] * expected < 0.0
         assert 0.2 < abs(drag[axis]) / drag[2] < 0.4  # friction of plastic
-    for label in during(told, "settle", sound.label_time, 0.05):
+    for label in during(timing, "settle", sound.label_time, 0.05):
         assert sound.labels["slip"][label].max() == 0.0
 
 
 def test_pieces_of_any_length_make_the_same_session(monkeypatch: pytest.MonkeyPatch) -> None:
     one = session("hold_000")
     whole = render(one)
-    monkeypatch.setattr(rendering, "PIECE", 0.777)
+    monkeypatch.setattr(renderer, "CHUNK", 0.777)
     parts = list(pieces(one))
     assert len(parts) > 8
-    again = joined(parts)
+    again = concatenate(parts)
     np.testing.assert_array_equal(again.microphones, whole.microphones)
     np.testing.assert_array_equal(again.pose, whole.pose)
     np.testing.assert_allclose(again.wrench, whole.wrench, rtol=0.0, atol=1e-6)
@@ -136,26 +136,66 @@ def test_pieces_of_any_length_make_the_same_session(monkeypatch: pytest.MonkeyPa
 def test_lifted_there_is_no_contact_but_in_taps() -> None:
     plan = tiny(groups=(*GROUPS, Group(name="clear", like="hold", lifted=3e-3)))
     one = session("clear_000", plan)
-    told, sound = course(one), render(one)
-    between = (sound.label_time > told.on) & (sound.label_time < told.off)
+    timing, sound = schedule(one), render(one)
+    between = (sound.label_time > timing.on) & (sound.label_time < timing.off)
     assert sound.labels["contact"][between].max() == 0.0
     assert np.isnan(sound.labels["force"][between]).all()
     assert sound.labels["contact"][~between].sum() > 6 * 5
 
 
-def test_music_is_as_loud_as_told_and_pauses_for_the_taps(tmp_path: Path) -> None:
+def test_music_is_at_its_ratio_and_pauses_for_the_taps(tmp_path: Path) -> None:
     time = np.arange(44100) / 44100.0
     soundfile.write(tmp_path / "hum.wav", 0.3 * np.sin(2.0 * np.pi * 6000.0 * time), 44100, subtype="FLOAT")
     for music in ("synthetic", str(tmp_path / "hum.wav")):
         groups = [Group(name="hold", grid=(1, 1), hold=0.2, music=name, snr=6.0) for name in ("", music)]
         one, other = (session("hold_000", tiny(groups=(group,))) for group in groups)
-        told, silent, loud = course(one), render(one), render(other)
+        timing, silent, loud = schedule(one), render(one), render(other)
         added = loud.microphones - silent.microphones
-        on, off = round(told.on * 44100), round(told.off * 44100)
+        on, off = round(timing.on * 44100), round(timing.off * 44100)
         np.testing.assert_array_equal(added[:, :on], 0.0)
         power = np.mean(added[:, on + 4410 : on + 30000].astype(float) ** 2)
-        wanted = untouched_power(one.sensor()) / 10.0**0.6
-        assert 0.3 * wanted < power < 10.0 * wanted  # the string answers, and may lock elsewhere
-        last = added[:, round((told.taps[3] - 0.1) * 44100) : round((told.taps[3] - 0.03) * 44100)]
-        assert off < round((told.taps[3] - 0.5) * 44100)
+        expected = untouched_power(one.sensor()) / 10.0**0.6
+        assert 0.3 * expected < power < 10.0 * expected  # the string answers, and may lock elsewhere
+        last = added[:, round((timing.taps[3] - 0.1) * 44100) : round((timing.taps[3] - 0.03) * 44100)]
+        assert off < round((timing.taps[3] - 0.5) * 44100)
         assert np.abs(last).max() < 0.01
+
+
+def chunk(start: int, stop: int) -> Rendering:
+    """Streams whose values are their own times in ms."""
+    columns: dict[str, list[float]] = {}
+    for name, rate in (("wrench", 7000.0), ("pose", 250.0), ("labels", 1000.0)):
+        first, last = first_reading(start, rate, 44100), first_reading(stop, rate, 44100)
+        columns[name] = [1e3 * i / rate for i in range(first, last)]
+    return Rendering(
+        start=start,
+        sample_rate=44100,
+        force_rate=7000.0,
+        pose_rate=250.0,
+        label_rate=1000.0,
+        microphones=np.zeros((2, stop - start), np.float32),
+        wrench=np.repeat(np.array(columns["wrench"])[:, None], 6, axis=1),
+        pose=np.repeat(np.array(columns["pose"])[:, None], 7, axis=1),
+        labels={"contact": np.array(columns["labels"])},
+        events=(SimulatedEvent(time=start / 44100, kind="phase", text="hold"),),
+    )
+
+
+@pytest.mark.parametrize("edges", [(0, 1, 2, 5000), (0, 441, 882, 44100), (100, 12345, 50001)])
+def test_chunks_concatenate_without_a_reading_twice_or_missing(edges: tuple[int, ...]) -> None:
+    parts = [chunk(a, b) for a, b in pairwise(edges)]
+    whole, once = concatenate(parts), chunk(edges[0], edges[-1])
+    for name in ("wrench", "pose", "microphones"):
+        np.testing.assert_array_equal(getattr(whole, name), getattr(once, name))
+    for time, values in (
+        (whole.wrench_time, whole.wrench[:, 0]), (whole.pose_time, whole.pose[:, 0]),
+        (whole.label_time, whole.labels["contact"]),
+    ):  # fmt: skip
+        np.testing.assert_allclose(1e3 * time, values, atol=1e-9)
+    assert (whole.begin, whole.seconds) == (once.begin, once.seconds)
+    assert len(whole.events) == len(parts)
+
+
+def test_nothing_cannot_be_concatenated() -> None:
+    with pytest.raises(ValueError, match="nothing"):
+        concatenate([])

@@ -1,4 +1,4 @@
-"""What a device of the laboratory plays when it is a process of its own: arrays and settings in one file."""
+"""The file that a simulated device plays when it is a process: arrays and settings."""
 
 import json
 import sys
@@ -35,9 +35,9 @@ def read_script(path: Path, kind: type[T]) -> tuple[dict[str, Floats], T]:
     return arrays, from_tree(kind, tree)
 
 
-def obey(said: Mapping[str, Any], begin_at: Callable[[Seconds], None]) -> None:
-    """Print a line of JSON, then take each line of the standard input as a begin, until that ends."""
-    print(json.dumps(said), flush=True)  # noqa: T201  (it is read by whoever started this process)
+def follow_input(address: Mapping[str, Any], begin_at: Callable[[Seconds], None]) -> None:
+    """Print an address as a line of JSON, then read each line of the input as a begin, until it ends."""
+    print(json.dumps(address), flush=True)  # noqa: T201  (read by the parent process)
     try:
         for line in sys.stdin:
             begin_at(float(line))

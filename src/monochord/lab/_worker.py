@@ -1,4 +1,4 @@
-"""What a worker process does before and around its jobs. Dask loads this module into its workers by name."""
+"""A worker process, before and around its jobs. Dask loads this module into its workers by name."""
 
 import os
 import pickle
@@ -12,20 +12,20 @@ from typing import Any
 from monochord.core.errors import DeviceError
 from monochord.core.interruption import interruption
 
-TRIES = 3
-"""Workers that may die over one job before it counts as hopeless."""
-_BLAS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-ALONE = {"NUMBA_NUM_THREADS": "1"}
-"""Settings of a worker for what reads them late; one thread each, since there is a worker a core."""
+MAX_DEATHS = 3
+"""Number of workers that may die during one job before the job is given up."""
+BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+ONE_THREAD = {"NUMBA_NUM_THREADS": "1"}
+"""Environment of a worker for libraries that read it late: one thread each, since every core has a worker."""
 
 
 def pack(work: Any, job: Any) -> bytes:
-    """Return a job and what does it as bytes, which no scheduler looks into."""
+    """Return a job and its function as bytes, which no scheduler tries to read."""
     return pickle.dumps((work, job))
 
 
-def do(packed: bytes) -> Any:
-    """Do a packed job; raises `DeviceError` where this worker lacks its module."""
+def call(packed: bytes) -> Any:
+    """Run a packed job; raises `DeviceError` where this worker lacks its module."""
     try:
         work, job = pickle.loads(packed)  # noqa: S301  (from the process that started this one)
     except (ImportError, AttributeError) as error:
@@ -34,18 +34,16 @@ def do(packed: bytes) -> Any:
 
 
 def unreadable(error: BaseException) -> str:
-    """Return what to say of a worker that lacks what its job needs."""
+    """Return the message about a worker that lacks a module of its job."""
     return f"a worker cannot read its job ({error}): install the same code there"
 
 
 def dask_setup(worker: Any) -> None:  # noqa: ARG001
-    """Prepare a dask worker; dask calls this as the worker starts."""
-    prepare()
+    """Prepare a dask worker, which calls this as it starts.
 
-
-def prepare() -> None:
-    """Leave Control-C to the parent, which ends its workers; end with it, however it ends."""
-    os.environ.update(ALONE)
+    Control-C is left to the parent, which ends its workers; a worker ends with its parent, however that ends.
+    """
+    os.environ.update(ONE_THREAD)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     if parent is not None:
@@ -58,16 +56,15 @@ def _end_with(parent: Any) -> None:
 
 
 @contextmanager
-def undisturbed() -> Generator[None]:
-    """Start or end workers with Control-C held back until that is done; workers started inside never see it.
+def shielded() -> Generator[None]:
+    """Hold Control-C back while workers start or end; workers that start inside never receive it.
 
-    A terminal sends it to them too, and until they are ready to ignore it, they would end with a traceback.
+    A terminal sends it to them too, and until they ignore it they would end with a traceback.
     """
-    resource_tracker.ensure_running()  # which would lift the mask in the thread that starts it
+    resource_tracker.ensure_running()  # which would unblock the signal in the thread that starts it
     with interruption() as stop:
-        before = signal.pthread_sigmask(
-            signal.SIG_BLOCK, {signal.SIGINT}
-        )  # a new process or thread has it too
+        # A new process or thread inherits the mask.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             yield
         finally:
@@ -78,9 +75,9 @@ def undisturbed() -> Generator[None]:
 
 @contextmanager
 def one_thread_each() -> Generator[None]:
-    """Hand on to workers started inside that linear algebra runs on one thread; restore the environment."""
+    """Have workers that start inside run linear algebra on one thread; restore the environment after."""
     before = dict(os.environ)
-    os.environ.update(dict.fromkeys(_BLAS, "1"))
+    os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))
     try:
         yield
     finally:

@@ -1,27 +1,19 @@
-"""A whole plan carried out: its sessions spread over processes or machines, and what came of them."""
+"""A whole plan carried out: its sessions, spread over processes or machines."""
 
 import hashlib
 import logging
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.ownership import sole_use
-from monochord.lab.bench import Outcome, make
-from monochord.lab.fleet import run_all
+from monochord.lab.offline import CollectedSession, make
 from monochord.lab.plan import Assignment, Plan, assignments
+from monochord.lab.workers import run_all
 
 _log = logging.getLogger("monochord")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
-    """A session to make, and the folder for it."""
-
-    session: Assignment
-    folder: Path
 
 
 def chosen(plan: Plan, *, seed: int = 0, only: str = "") -> list[Assignment]:
@@ -40,46 +32,45 @@ def chosen(plan: Plan, *, seed: int = 0, only: str = "") -> list[Assignment]:
     """
     if seed < 0:
         raise InputError(f"seed {seed}", "0 or more")
-    found = assignments(plan, seed)
+    sessions = assignments(plan, seed)
     if not only:
-        return found
-    picked = [session for session in found if only in (session.name, session.group.name)]
-    if not picked:
+        return sessions
+    matching = [session for session in sessions if only in (session.name, session.group.name)]
+    if not matching:
         names = [group.name for group in plan.groups]
-        hint = did_you_mean(only, [*names, *(session.name for session in found)])
+        hint = did_you_mean(only, [*names, *(session.name for session in sessions)])
         raise InputError(f"session '{only}' of plan {plan.name}", f"{', '.join(names)}, or NAME_000", hint)
-    return picked
+    return matching
 
 
 def collect(
     sessions: Iterable[Assignment], folder: Path, *, workers: int | None = None, cluster: str = ""
-) -> Generator[Outcome]:
-    """Make sessions, and yield what became of each in the order in which they finish.
+) -> Generator[CollectedSession]:
+    """Make sessions, and yield each result in the order in which they finish.
 
-    Those that are there already are kept. Files do not depend on how many make them.
+    Sessions that exist already are not made again. Files do not depend on the number of workers.
 
     Parameters
     ----------
     sessions
-        What to make, of one plan.
+        The sessions to make, of one plan.
     folder
-        Where; it is made if it is not there. Workers on other machines must see it under the same name.
+        Where; it is created if missing. Workers on other machines must see it under the same name.
     workers, cluster
-        As `monochord.lab.fleet.run_all` takes them.
+        As in `monochord.lab.workers.run_all`.
 
     Raises
     ------
     InputError
-        If the folder cannot be made, another collection is writing to it, or it holds other sessions of the
-        same names.
+        If the folder cannot be made, another collection is writing to it, or it contains other sessions of
+        the same names.
     """
     folder = made_folder(folder.resolve())
-    tasks = [Task(session=session, folder=folder) for session in sessions]
-    return _outcomes(folder, tasks, workers, cluster)
+    return _collect(folder, list(sessions), workers, cluster)
 
 
 def made_folder(folder: Path) -> Path:
-    """Make a folder unless it is there, and return it; raises `InputError` where a file is in the way."""
+    """Make a folder unless it exists, and return it; raises `InputError` where a file is in the way."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
@@ -87,36 +78,34 @@ def made_folder(folder: Path) -> Path:
     return folder
 
 
-def _outcomes(folder: Path, tasks: Sequence[Task], workers: int | None, cluster: str) -> Generator[Outcome]:
+def _collect(
+    folder: Path, sessions: Sequence[Assignment], workers: int | None, cluster: str
+) -> Generator[CollectedSession]:
     with sole_use(folder):
-        left = _remove_unfinished(folder, tasks)
-        if left:
+        count = _remove_unfinished(folder, sessions)
+        if count:
             _log.warning(
-                "monochord: removed %d unfinished files in %s, left by a run that was killed", left, folder
+                "monochord: removed %d unfinished files in %s, left by a run that was killed", count, folder
             )
         try:
-            with closing(run_all(tasks, work, cluster=cluster, workers=workers)) as outcomes:
-                for _, outcome in outcomes:
-                    yield outcome
+            results = run_all(sessions, partial(make, folder=folder), cluster=cluster, workers=workers)
+            with closing(results):
+                for _, result in results:
+                    yield result
         finally:
-            _remove_unfinished(folder, tasks)  # of workers that were ended within their work
+            _remove_unfinished(folder, sessions)  # of workers that were ended during their work
 
 
-def _remove_unfinished(folder: Path, tasks: Sequence[Task]) -> int:
-    """Remove what workers that ended have begun of the tasks' files; return how many there were."""
-    names = {task.session.name for task in tasks}
-    found = [file for file in folder.glob("*.mcap.part-*") if file.name.partition(".mcap.part-")[0] in names]
-    for file in found:
+def _remove_unfinished(folder: Path, sessions: Sequence[Assignment]) -> int:
+    """Remove the sessions' files that workers began and did not finish; return their number."""
+    names = {session.name for session in sessions}
+    parts = [file for file in folder.glob("*.mcap.part-*") if file.name.partition(".mcap.part-")[0] in names]
+    for file in parts:
         file.unlink(missing_ok=True)
-    return len(found)
+    return len(parts)
 
 
-def work(task: Task) -> Outcome:
-    """Do one task: what a worker runs."""
-    return make(task.session, task.folder)
-
-
-def checksum(outcomes: Iterable[Outcome]) -> str:
-    """Return one SHA-256 over the names and checksums of all, whatever order they finished in."""
-    lines = sorted(f"{outcome.name} {outcome.checksum}\n" for outcome in outcomes)
+def checksum(results: Iterable[CollectedSession]) -> str:
+    """Return one SHA-256 over the names and checksums of all, in whatever order they finished."""
+    lines = sorted(f"{result.name} {result.checksum}\n" for result in results)
     return hashlib.sha256("".join(lines).encode()).hexdigest()

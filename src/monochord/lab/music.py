@@ -1,22 +1,22 @@
-"""A loop of music to disturb a session with: drums, bass, chords and a tune, all of it synthetic."""
+"""A synthetic loop of music as ambient noise: drums, bass, chords and a tune."""
 
 import numpy as np
 
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
 
-BEATS_A_MINUTE = 112.0
+BEATS_PER_MINUTE = 112.0
 CHORDS = ((57, 60, 64), (53, 57, 60), (48, 52, 55), (55, 59, 62))
-"""Keys of the four chords, a bar each: A minor, F, C and G major, the commonest round of popular songs."""
+"""MIDI keys of the four chords, a bar each: A minor, F, C and G major, the most common of popular songs."""
 SCALE = (69, 72, 74, 76, 79, 81)
-"""Keys that the tune is drawn from: the minor pentatonic scale on A, and the octave."""
+"""MIDI keys of the tune: the minor pentatonic scale on A, and the octave."""
 BARS = 8
 LOUDNESS = 0.1
-"""Of the loop, in rms of full scale."""
+"""Rms of the loop in full scale."""
 
 
 def loop(seed: int = 0, *, sample_rate: int = 44100) -> Audio:
-    """Return about seventeen seconds of synthetic music, mono, that go round without a seam.
+    """Return about seventeen seconds of synthetic music, mono, that repeats without a seam.
 
     A kick drum on each beat, a snare on every second, a hi-hat on the halves, a bass, sustained chords of
     saw-like partials, and a tune drawn by the seed. Its spectrum falls from the bass to some 10 kHz, as that
@@ -25,14 +25,14 @@ def loop(seed: int = 0, *, sample_rate: int = 44100) -> Audio:
     Parameters
     ----------
     seed
-        Of the tune and of the drums' noise.
+        Random seed of the tune and of the drums' noise.
     sample_rate
         Frames a second.
 
     Returns
     -------
     array
-        Samples (n,) float32, of `LOUDNESS` in rms.
+        Samples (n,) float32, with rms `LOUDNESS`.
 
     Examples
     --------
@@ -40,27 +40,27 @@ def loop(seed: int = 0, *, sample_rate: int = 44100) -> Audio:
     >>> sound.dtype.name, round(len(sound) / 44100, 2), round(float(np.sqrt(np.mean(sound**2))), 3)
     ('float32', 17.14, 0.1)
     """
-    random, beat = np.random.default_rng([seed, 7]), 60.0 / BEATS_A_MINUTE
-    whole = np.zeros(round(4 * BARS * beat * sample_rate))
+    random, beat = np.random.default_rng([seed, 7]), 60.0 / BEATS_PER_MINUTE
+    loop_ = np.zeros(round(4 * BARS * beat * sample_rate))
     time: Floats = np.arange(round(4 * beat * sample_rate)) / sample_rate
     for bar in range(BARS):
         chord, start = CHORDS[bar % len(CHORDS)], 4 * bar * beat
         pad = sum((_tone(time, _pitch(key), 12) for key in chord), np.zeros_like(time))
-        _add(whole, start, 0.05 * pad * _swell(time, 4 * beat), sample_rate)
+        _add(loop_, start, 0.05 * pad * _swell(time, 4 * beat), sample_rate)
         for i in range(4):
             at = start + i * beat
-            _add(whole, at, _kick(time), sample_rate)
+            _add(loop_, at, _kick(time), sample_rate)
             if i % 2 == 1:
-                _add(whole, at, 0.5 * _burst(time, 0.09, random), sample_rate)
+                _add(loop_, at, 0.5 * _burst(time, 0.09, random), sample_rate)
             for half in (0.0, 0.5):
                 hat = np.diff(_burst(time, 0.02, random), prepend=0.0)
-                _add(whole, at + half * beat, 0.12 * hat, sample_rate)
+                _add(loop_, at + half * beat, 0.12 * hat, sample_rate)
                 bass = _tone(time, _pitch(chord[0] - 24), 6) * np.exp(-time / 0.15)
-                _add(whole, at + half * beat, 0.35 * bass, sample_rate)
+                _add(loop_, at + half * beat, 0.35 * bass, sample_rate)
             note = _tone(time, _pitch(int(random.choice(SCALE))), 8) * np.exp(-time / 0.2)
             if random.uniform() < 0.8:
-                _add(whole, at + 0.5 * beat * int(random.integers(2)), 0.2 * note, sample_rate)
-    return (LOUDNESS * whole / np.sqrt(np.mean(whole**2))).astype(np.float32)
+                _add(loop_, at + 0.5 * beat * int(random.integers(2)), 0.2 * note, sample_rate)
+    return (LOUDNESS * loop_ / np.sqrt(np.mean(loop_**2))).astype(np.float32)
 
 
 def _pitch(key: int) -> Hertz:
@@ -86,7 +86,7 @@ def _swell(time: Floats, length: Seconds) -> Floats:
     return np.minimum(1.0, np.minimum(time, length - time) / 0.05)
 
 
-def _add(whole: Floats, start: Seconds, sound: Floats, rate: int) -> None:
-    """Lay a sound over the loop from a time on; what passes its end sounds at its beginning."""
-    at = (round(start * rate) + np.arange(sound.size)) % whole.size
-    whole[at] += sound
+def _add(loop_: Floats, start: Seconds, sound: Floats, rate: int) -> None:
+    """Add a sound to the loop from a time on; its part beyond the end wraps to the beginning."""
+    at = (round(start * rate) + np.arange(sound.size)) % loop_.size
+    loop_[at] += sound

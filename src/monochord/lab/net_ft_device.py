@@ -1,8 +1,7 @@
 """A simulated ATI Net F/T: it speaks real RDT over UDP and serves its settings over HTTP.
 
-As a process of its own it plays a file that `write_script` wrote. It says on one line of JSON which ports
-it took, takes each line of its standard input as the begin, in s of the monotonic clock, and ends when that
-does::
+As a process it plays a file that `write_script` wrote. It prints its ports as one line of JSON, reads each
+line of its standard input as the begin, in s of the monotonic clock, and ends when that input does::
 
     python -m monochord.lab.net_ft_device FILE.npz
 """
@@ -13,7 +12,9 @@ import struct
 import sys
 import threading
 import time
+from collections import deque
 from contextlib import suppress
+from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from socketserver import TCPServer
@@ -21,34 +22,222 @@ from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.capture.instruments import _rdt as rdt
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Floats
-from monochord.core.units import Seconds
-from monochord.lab._rdt_records import NetFtSettings, RecordStream
-from monochord.lab._script import obey, read_script, write_script
+from monochord.core.units import Hertz, Seconds
+from monochord.lab._script import follow_input, read_script, write_script
 
 __all__ = ["NetFtDevice", "NetFtSettings", "serve", "write_script"]
 
-IDLE = 0.02
+ENDLESS = -1
+MAX_BURST = 70_000
+"""Records sent at once after a pause of the process; older ones count as lost."""
+IDLE: Seconds = 0.02
+"""Time between looks for a request while nothing is streamed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetFtSettings:
+    """The behaviour of a simulated Net F/T.
+
+    Parameters
+    ----------
+    rate
+        Records a second, as many as there are wrenches; at most 7000.
+    counts_per_force, counts_per_torque
+        Counts a newton and a newton metre.
+    delay
+        Time in s between a wrench and its record.
+    jitter
+        Mean additional delay of the network in s, exponentially distributed; records keep their order.
+    loss
+        Probability that the network loses a record.
+    fault_after
+        Time in s after the begin from which a status is latched, until the latch is reset; None for never.
+    fault_status
+        The latched status word.
+    silence
+        Begin and end of a time without cable, in s after the begin: nothing is sent or received.
+    restarts
+        Whether the power fails with the cable: its counters then restart, and it waits for a request.
+    first_record, first_sample
+        First values of its two counters.
+    wake
+        Interval in s at which due records are sent: it bunches their times of arrival.
+    seed
+        Random seed of jitter and loss.
+    host
+        Address to bind.
+    rdt_port, http_port
+        Ports; 0 lets the system choose.
+    """
+
+    rate: Hertz = rdt.INTERNAL_RATE
+    counts_per_force: float = 1e6
+    counts_per_torque: float = 1e6
+    delay: Seconds = 0.0
+    jitter: Seconds = 0.0
+    loss: float = 0.0
+    fault_after: Seconds | None = None
+    fault_status: int = 0x80010000
+    silence: tuple[Seconds, Seconds] | None = None
+    restarts: bool = False
+    first_record: int = 1
+    first_sample: int = 0
+    wake: Seconds = 1e-3
+    seed: int = 0
+    host: str = "127.0.0.1"
+    rdt_port: int = 0
+    http_port: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate <= rdt.INTERNAL_RATE:
+            raise InputError(f"rate of {self.rate} Hz", "above 0 and at most 7000 Hz")
+        if not 0.0 <= self.loss < 1.0:
+            raise InputError(f"loss of {self.loss}", "a probability from 0 to below 1")
+        if not (0.0 <= self.delay < np.inf and 0.0 <= self.jitter < np.inf):
+            raise InputError(f"delay {self.delay} s and jitter {self.jitter} s", "0 s or more")
+        for scale in (self.counts_per_force, self.counts_per_torque):
+            if not 0.0 < scale < np.inf:
+                raise InputError(f"{scale} counts a unit", "a number above 0")
+        if not 1e-5 <= self.wake <= 0.1:
+            raise InputError(f"wake of {self.wake} s", "0.00001 to 0.1 s")
+
+
+class RecordStream:
+    """The records of one device from `boot` on, in s of any clock: counters, faults, network; no sockets."""
+
+    def __init__(self, wrenches: Floats, settings: NetFtSettings, boot: Seconds) -> None:
+        per_unit = [settings.counts_per_force] * 3 + [settings.counts_per_torque] * 3
+        self._counts = np.clip(np.rint(wrenches * per_unit), -(2**31), 2**31 - 1).astype(np.int64)
+        self._settings = settings
+        self._rng = np.random.default_rng(settings.seed)
+        self._origin = boot  # sample m is taken at origin + m / rate
+        self._begin = np.inf
+        self._first = 1 << 62  # number of the sample at the begin
+        self._sample_base = 0
+        self._bias = np.zeros(6, np.int64)
+        self._reset = self._rebooted = False
+        self._remaining = 0
+        self._record = settings.first_record
+        self._next = 0
+        self._leaves = -np.inf
+        self._in_flight: deque[tuple[Seconds, bytes]] = deque()
+        self.lost = 0
+
+    @property
+    def streaming(self) -> bool:
+        """Whether records are still to be sent."""
+        return self._remaining != 0 or bool(self._in_flight)
+
+    def begin_at(self, begin: Seconds) -> None:
+        """Set the time of the first wrench: the sampling is shifted by less than one sample to match it."""
+        rate = self._settings.rate
+        self._first = int(np.ceil((begin - self._origin) * rate - 1e-6))
+        self._begin, self._origin = begin, begin - self._first / rate
+
+    def command(self, command: int, count: int, now: Seconds) -> None:
+        """Execute a request, if the cable is in."""
+        if self._silent(now):
+            return
+        self._reboot_if_due(now)
+        if command == rdt.STREAM:
+            self._remaining = count or ENDLESS
+            self._record, self._next = self._settings.first_record, self._sample_at(now) + 1
+        elif command == rdt.STOP:
+            self._remaining = 0
+        elif command == rdt.RESET_LATCH:
+            self._reset = self._reset or self._faulty(now)
+        elif command == rdt.BIAS:
+            self._bias = self._load(np.array([self._sample_at(now)]))[0]
+
+    def due(self, now: Seconds) -> list[bytes]:
+        """Return the records that arrive by now, oldest first."""
+        self._reboot_if_due(now)
+        stop = self._sample_at(now) + 1
+        if self._remaining != 0 and stop > self._next:
+            if self._remaining > 0:
+                stop = min(stop, self._next + self._remaining)
+                self._remaining -= stop - self._next
+            self._emit(np.arange(self._next, stop))
+            self._next = stop
+        out: list[bytes] = []
+        while self._in_flight and self._in_flight[0][0] <= now:
+            out.append(self._in_flight.popleft()[1])
+        return out
+
+    def _emit(self, sample: NDArray[np.int64]) -> None:
+        settings, n = self._settings, sample.size
+        taken = self._origin + sample / settings.rate
+        records = np.zeros(n, rdt.RECORD)
+        records["rdt"] = (self._record + np.arange(n)) % (1 << 32)
+        ratio = rdt.INTERNAL_RATE / settings.rate
+        internal = np.floor((sample - self._sample_base) * ratio).astype(np.int64)
+        records["ft"] = (settings.first_sample + internal) % (1 << 32)
+        records["status"] = np.where(self._faulty(taken), settings.fault_status, 0)
+        records["counts"] = self._load(sample) - self._bias
+        self._record += n
+        leaves = taken + settings.delay
+        lost = self._rng.random(n) < settings.loss if settings.loss else np.zeros(n, np.bool_)
+        lost |= self._silent(leaves)
+        lost[: max(0, n - MAX_BURST)] = True
+        if settings.jitter:
+            leaves = np.maximum.accumulate(
+                np.maximum(leaves + self._rng.exponential(settings.jitter, n), self._leaves)
+            )
+            self._leaves = float(leaves[-1])
+        self.lost += int(lost.sum())
+        data, size = records.tobytes(), rdt.RECORD.itemsize
+        self._in_flight.extend(
+            (float(leaves[k]), data[k * size : (k + 1) * size]) for k in np.flatnonzero(~lost)
+        )
+
+    def _sample_at(self, now: Seconds) -> int:
+        """Return the last sample that has left by now."""
+        return int(np.floor((now - self._settings.delay - self._origin) * self._settings.rate))
+
+    def _load(self, sample: NDArray[np.int64]) -> NDArray[np.int64]:
+        return self._counts[np.clip(sample - self._first, 0, len(self._counts) - 1)]
+
+    def _faulty(self, time: Floats | Seconds) -> NDArray[np.bool_] | np.bool_ | bool:
+        after = self._settings.fault_after
+        return after is not None and not self._reset and np.greater_equal(time, self._begin + after)
+
+    def _silent(self, time: Floats | Seconds) -> NDArray[np.bool_] | np.bool_ | bool:
+        if self._settings.silence is None:
+            return False
+        start, stop = self._settings.silence
+        return np.greater_equal(time, self._begin + start) & np.less(time, self._begin + stop)
+
+    def _reboot_if_due(self, now: Seconds) -> None:
+        settings = self._settings
+        if not settings.restarts or settings.silence is None or self._rebooted:
+            return
+        if now >= self._begin + settings.silence[1]:
+            self._rebooted, self._remaining = True, 0
+            self._sample_base = self._sample_at(now)
+            self._bias = np.zeros(6, np.int64)
+            self._in_flight.clear()
 
 
 class NetFtDevice:
-    """A Net F/T whose load is known, in a thread of its own.
+    """A Net F/T with a known load, in a thread of its own.
 
-    Like the real one it samples all the time, streams to one client, the one that asked last, and numbers the
-    records of each stream anew. Before its begin it feels the first wrench and after its end the last. 7000
-    records a second take about a tenth of a core: a program that is busy otherwise starts it as a process.
+    Like the real one it samples all the time, streams to one client, the last to send a request, and restarts
+    the record numbers with each stream. Before its begin the load is the first wrench, after its end the
+    last. 7000 records a second take about a tenth of a core: a busy program starts it as a process.
 
     Parameters
     ----------
     wrenches
         Force in N and torque in N m, (n, 6), one each 1 / rate s.
     settings
-        How it behaves.
+        Its behaviour.
     begin
-        When the first wrench is felt, in s of the monotonic clock; may be told later.
+        Time of the first wrench, in s of the monotonic clock; `begin_at` may set it later.
 
     Raises
     ------
@@ -102,26 +291,26 @@ class NetFtDevice:
 
     @property
     def address(self) -> str:
-        """Where it listens, as ``HOST:PORT``."""
+        """Its RDT address, as ``HOST:PORT``."""
         return f"{self._settings.host}:{self._socket.getsockname()[1]}"
 
     @property
     def http_port(self) -> int:
-        """Where its settings are served."""
+        """The TCP port of its settings."""
         return int(self._web.server_address[1])
 
     @property
     def lost(self) -> int:
-        """Records so far that were lost on the way, or while the cable was out."""
+        """Number of records lost by the network, or while the cable was out."""
         return self._records.lost
 
     def begin_at(self, begin: Seconds) -> None:
-        """Say when the first wrench is felt, in s of the monotonic clock."""
+        """Set the time of the first wrench, in s of the monotonic clock."""
         with self._lock:
             self._records.begin_at(begin)
 
     def close(self) -> None:
-        """End its threads and give its ports back."""
+        """End its threads and release its ports."""
         self._ended.set()
         self._web.shutdown()
         for thread in self._threads:
@@ -141,15 +330,15 @@ class NetFtDevice:
         while not self._ended.is_set():
             wait = self._settings.wake if self._records.streaming else IDLE
             if select.select([self._socket], [], [], wait)[0]:
-                self._listen()
+                self._receive()
             with self._lock:
                 due = self._records.due(time.monotonic())
             for record in due:
-                with suppress(OSError):  # a client that has gone
+                with suppress(OSError):  # the client has gone
                     self._socket.sendto(record, self._client)
             self.sent += len(due)
 
-    def _listen(self) -> None:
+    def _receive(self) -> None:
         try:
             request, sender = self._socket.recvfrom(64)
             header, command, count = struct.unpack(">HHI", request)
@@ -181,7 +370,7 @@ class _Page(BaseHTTPRequestHandler):
         self.wfile.write(page)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-        """Say nothing."""
+        """Log nothing."""
 
 
 def _page(settings: NetFtSettings) -> bytes:
@@ -205,7 +394,7 @@ def serve(path: Path) -> None:
     """Play the script at `path`, its array ``wrenches``, until the standard input ends."""
     arrays, settings = read_script(path, NetFtSettings)
     with NetFtDevice(arrays["wrenches"], settings) as device:
-        obey({"address": device.address, "http_port": device.http_port}, device.begin_at)
+        follow_input({"address": device.address, "http_port": device.http_port}, device.begin_at)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What is to be collected: groups of sessions over a grid of places, forces and radii, as strict data."""
+"""Plans: groups of sessions over a grid of positions, forces and radii, as strict data."""
 
 import re
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ from monochord.physics.twin.variation import build, day
 
 Range: TypeAlias = tuple[float, float]
 Count = Annotated[int, Meta(ge=1, le=100000)]
-MOST = 1_000_000
+MAX_TOUCHES = 1_000_000
 """Touches of a group and radius, which take a month."""
 DAY: Seconds = 86400.0
-LATEST: Seconds = 1.0
-"""How late a stream may come: taps are looked for so far apart."""
-APART: Seconds = 120.0
-"""From the begin of one session of a day to that of the next; a session lasts half of it or so."""
+MAX_DELAY: Seconds = 1.0
+"""Largest delay of a stream: taps are matched up to so far apart."""
+SESSION_INTERVAL: Seconds = 120.0
+"""From the begin of one session of a day to that of the next; a session lasts about half of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,40 +35,40 @@ class Group:
     Parameters
     ----------
     name
-        Of the group; its sessions are called NAME_000 and so on.
+        Name of the group; its sessions are called NAME_000 and so on.
     protocol
-        "hold": press, hold, let go. "slide": press, then slide along or across the string, stroke by stroke.
+        "hold": press, hold, release. "slide": press, then slide along or across the string, stroke by stroke.
         "brush": brief touches, mostly transitions.
     sessions
-        How many for each radius; the grid is shuffled and dealt out among them.
+        Number for each radius; the grid is shuffled and distributed among them.
     grid
-        How many places and how many forces; each cell is one touch, somewhere within the cell.
+        Number of positions and of forces; each cell is one touch, at a random point of the cell.
     places
-        Range along the string in m; the sensor's own if left out.
+        Range along the string in m; by default the sensor's.
     forces
-        Range in N, as the design's string at rest would answer: the grid of depths.
+        Range in N of the force with which the design's string at rest answers: it defines the depths.
     material
-        Of the object, a preset's name or file.
+        Material of the object, a preset's name or file.
     radii
-        Of the object where it touches, in m; its material's usual one if left out.
+        Radii of the object where it touches, in m; by default that of its material.
     days
-        Seeds of the days on which the sessions take place, in turn; day 0 is the one it was tuned on.
+        Seeds of the days of the sessions, in turn; day 0 is the day on which the sensor was tuned.
     hold
-        How long each touch is held, or each stroke lasts, in s.
+        Duration of each touch, or of each stroke, in s.
     strokes
-        How many strokes a touch of "slide" has, each with a speed and, after the first, a force of its own.
+        Number of strokes of a touch of "slide", each with its own speed and, after the first, force.
     speeds
         Range of the strokes' speeds in m/s.
     lifted
         Clearance offset in m with which the motion is repeated without contact; 0 for contact.
     like
-        Name of a group whose motions are repeated, `sessions` of them in all, evenly chosen; its grid and
-        protocol then count.
+        Name of a group whose motions are repeated, `sessions` of them in total, evenly chosen; its grid and
+        protocol then apply.
     music
-        What sounds in the room while the drivers are on: "synthetic" for the loop of `monochord.lab.music`,
-        or a sound file. It pauses for the taps.
+        Ambient sound while the drivers are on: "synthetic" for the loop of `monochord.lab.music`, or a sound
+        file. It pauses for the taps.
     snr
-        How far below the untouched string's sound it stays, in dB.
+        Ratio of the untouched string's sound to the music, in dB.
     """
 
     name: str
@@ -90,27 +90,27 @@ class Group:
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
-            raise InputError(f"group '{self.name}'", "a name of small letters, digits and _")
+            raise InputError(f"group '{self.name}'", "a name of lower-case letters, digits and _")
         for name in ("places", "forces", "speeds"):
             span: Range | None = getattr(self, name)
             if span is not None and not 0.0 < span[0] <= span[1]:
                 raise InputError(f"group {self.name}: {name} {span}", "0 < least <= most")
         if self.forces[1] > 5.0 or self.speeds[1] > 0.2:
             raise InputError(f"group {self.name}: {self.forces} N, {self.speeds} m/s", "5 N, 0.2 m/s at most")
-        if self.grid[0] * self.grid[1] > MOST:
-            raise InputError(f"group {self.name}: grid {self.grid}", f"{MOST} touches at most")
+        if self.grid[0] * self.grid[1] > MAX_TOUCHES:
+            raise InputError(f"group {self.name}: grid {self.grid}", f"{MAX_TOUCHES} touches at most")
         if not self.days:
             raise InputError(f"group {self.name} without days", "one day or more")
 
     @property
     def total(self) -> int:
-        """How many sessions it has."""
+        """Number of its sessions."""
         return self.sessions if self.like else self.sessions * max(1, len(self.radii))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delays:
-    """Least and greatest delay of each stream in s: a session draws its own, so that there is one to find."""
+    """Smallest and largest delay of each stream in s: each session draws its own, to be estimated."""
 
     audio: Range = (0.0, 0.0)
     wrench: Range = (0.0, 0.0)
@@ -119,19 +119,20 @@ class Delays:
     def __post_init__(self) -> None:
         for name in ("audio", "wrench", "pose"):
             least, most = getattr(self, name)
-            if not 0.0 <= least <= most <= LATEST:
-                raise InputError(f"delays of {name} {(least, most)}", f"0 <= least <= most <= {LATEST:g} s")
+            if not 0.0 <= least <= most <= MAX_DELAY:
+                allowed = f"0 <= least <= most <= {MAX_DELAY:g} s"
+                raise InputError(f"delays of {name} {(least, most)}", allowed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceSensor:
-    """What a force/torque sensor adds, after an ATI Gamma; all assumed.
+    """The errors of a force/torque sensor, after an ATI Gamma; all assumed.
 
-    `noise` is that of forces in N rms a reading, `torque_noise` of torques in N m; `bandwidth` in Hz is where
-    the sensor with the object on it begins to give way, so that it feels less of the string's vibration;
-    `drift` how fast its zero may move, in N/s; `crosstalk` what of a normal force shows across;
-    `lever` how far it sits above the touching point. On its way a reading is lost with probability `lost`,
-    and comes late by `jitter` in s on average, beside the session's delay.
+    `noise` is the rms of a reading's force in N, `torque_noise` of its torque in N m; `bandwidth` in Hz is
+    that of the sensor with the object on it, above which it attenuates the string's vibration; `drift` the
+    largest drift of its zero, in N/s; `crosstalk` the share of a normal force in the lateral forces; `lever`
+    its height above the touching point in m. A reading is lost with probability `lost`, and delayed by
+    `jitter` in s on average, beyond the session's delay.
     """
 
     noise: Annotated[Newtons, Meta(ge=0.0)] = 0.010
@@ -151,25 +152,25 @@ class Plan:
     Parameters
     ----------
     name
-        What it is called, by default its file's name.
+        Its name, by default its file's.
     title, source, notes
-        What it is, where it is from and what of it is assumed.
+        Description, origin and assumptions.
     sensor
         A preset's name or file.
     build
-        Seed of a sensor of that design within its tolerances; left out, the design itself.
+        Seed of a build of that design within its tolerances; by default the design itself.
     epoch
-        When day 0 began, in seconds since 1970: sessions carry no time of the machine that made them.
+        Begin of day 0, in s since 1970: sessions do not contain the time at which they were made.
     sample_rate, force_rate, pose_rate, label_rate
-        Of microphones, force/torque sensor, robot and labels, a second.
+        Rates of microphones, force/torque sensor, robot and labels, in Hz.
     delays
-        Of the streams.
+        Delays of the streams.
     force_sensor
-        What the force/torque sensor is like.
+        Errors of the force/torque sensor.
     pose_noise
-        Of the robot's pose, in m rms: encoders.
+        Noise of the robot's encoders, in m rms.
     groups
-        What is collected.
+        The groups of sessions.
     """
 
     name: str
@@ -191,13 +192,13 @@ class Plan:
     def __post_init__(self) -> None:
         names = [group.name for group in self.groups]
         if not names or len(set(names)) < len(names):
-            raise InputError(f"groups {', '.join(names) or 'none'}", "one or more, with names of their own")
+            raise InputError(f"groups {', '.join(names) or 'none'}", "one or more, with different names")
         for group in self.groups:
             load_material(group.material)
             if group.music not in ("", "synthetic") and not Path(group.music).is_file():
                 raise InputError(f"group {group.name}: music '{group.music}'", "synthetic, or a sound file")
             if group.like and self.group(group.like).like:
-                raise InputError(f"group {group.name} like {group.like}", "a group with a motion of its own")
+                raise InputError(f"group {group.name} like {group.like}", "a group without like")
 
     def group(self, name: str) -> Group:
         """Return a group by its name; raises `InputError` where there is none."""
@@ -210,7 +211,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """One session of a plan: all that it depends on, so that whoever makes it makes the same.
+    """One session of a plan: all that its content depends on.
 
     `index` counts the sessions of its group, `order` those of the plan; `seed` is the collection's.
     """
@@ -223,7 +224,7 @@ class Assignment:
 
     @property
     def name(self) -> str:
-        """What the session is called."""
+        """Name of the session."""
         return f"{self.group.name}_{self.index:03d}"
 
     @property
@@ -240,12 +241,12 @@ class Assignment:
 
     @property
     def epoch(self) -> Seconds:
-        """When it begins, in seconds since 1970."""
-        return self.plan.epoch + self.day * DAY + self.order * APART
+        """Its begin, in s since 1970."""
+        return self.plan.epoch + self.day * DAY + self.order * SESSION_INTERVAL
 
     @property
     def origin(self) -> "Assignment":
-        """The session whose motion it carries out: itself, or one of the group that its own is like."""
+        """The session whose motion it repeats: itself, or one of the group named by `like`."""
         if not self.group.like:
             return self
         group = self.plan.group(self.group.like)
@@ -257,7 +258,7 @@ class Assignment:
         return load_sensor(self.plan.sensor)
 
     def sensor(self) -> Sensor:
-        """Return the sensor as it is: this build of the design, on this day."""
+        """Return the sensor of this session: this build of the design, on this day."""
         sensor = self.design()
         sensor = sensor if self.plan.build is None else build(sensor, self.plan.build)
         return sensor if self.day == 0 else day(sensor, self.day)
@@ -269,19 +270,19 @@ class Assignment:
     def cells(self) -> Floats:
         """Return the touches of this session: place in m and force in N, (n, 2).
 
-        Each is drawn within its cell of the group's grid, so that no two are alike; the cells are shuffled
-        for each radius and dealt out to its sessions.
+        Each is drawn within its cell of the group's grid, so that no two are equal; the cells are shuffled
+        for each radius and distributed among its sessions.
         """
         group, index = self.origin.group, self.origin.index
         places = group.places or self.design().range
-        turn, dealt = divmod(index, group.sessions)
+        turn, part = divmod(index, group.sessions)
         random = np.random.default_rng([self.seed, crc32(f"{group.name} grid".encode()), turn])
         size = group.grid[0] * group.grid[1]
         row, column = np.divmod(random.permutation(size), group.grid[1])
         within = random.uniform(size=(2, size))
         place = places[0] + (places[1] - places[0]) * (row + within[0]) / group.grid[0]
         force = group.forces[0] + (group.forces[1] - group.forces[0]) * (column + within[1]) / group.grid[1]
-        return np.stack([place, force], axis=1)[dealt :: group.sessions]
+        return np.stack([place, force], axis=1)[part :: group.sessions]
 
 
 def assignments(plan: Plan, seed: int = 0) -> list[Assignment]:
@@ -293,8 +294,8 @@ def assignments(plan: Plan, seed: int = 0) -> list[Assignment]:
     >>> [session.name for session in assignments(plan)]
     ['a_000', 'a_001', 'a_002', 'a_003', 'b_000']
     """
-    found: list[Assignment] = []
+    sessions: list[Assignment] = []
     for group in plan.groups:
         for index in range(group.total):
-            found.append(Assignment(plan=plan, group=group, index=index, order=len(found), seed=seed))
-    return found
+            sessions.append(Assignment(plan=plan, group=group, index=index, order=len(sessions), seed=seed))
+    return sessions

@@ -1,8 +1,7 @@
 """Plays samples into a real JACK server, without a gap and from a known first frame.
 
-As a process of its own it plays a file that `write_script` wrote. It says on one line of JSON which ports it
-has, takes each line of its standard input as the begin, in s of the monotonic clock, and ends when that
-does::
+As a process it plays a file that `write_script` wrote. It prints its ports as one line of JSON, reads each
+line of its standard input as the begin, in s of the monotonic clock, and ends when that input does::
 
     python -m monochord.lab.player FILE.npz
 """
@@ -25,17 +24,17 @@ from monochord.capture.jack.client import JackClient
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio
 from monochord.core.units import Samples, Seconds
-from monochord.lab._script import obey, read_script, write_script
+from monochord.lab._script import follow_input, read_script, write_script
 
 __all__ = ["Player", "PlayerSettings", "serve", "write_script"]
 
-SOON: Seconds = 0.2
-"""How long before its time the first frame is set."""
+SCHEDULE_AHEAD: Seconds = 0.2
+"""Time before the begin at which the first frame is scheduled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayerSettings:
-    """How a player that is a process of its own plays; see `Player`."""
+    """Options of a player that is a process; see `Player`."""
 
     sample_rate: int = 44100
     client_name: str = "player"
@@ -45,24 +44,24 @@ class PlayerSettings:
 class Player:
     """A JACK client with one output a channel, which plays once all of them are connected.
 
-    The whole signal lies in memory and a compiled callback hands it out, so that what another client captures
-    begins with the first sample and holds every one. Silence before and after.
+    The whole signal lies in memory and a compiled callback plays it, so that another client captures every
+    sample from the first on. Silence before and after.
 
     Parameters
     ----------
     samples
-        What to play, (channels, n).
+        The signal, (channels, n).
     sample_rate
-        Its rate in hertz, which must be the server's.
+        Its rate in Hz, which must be the server's.
     client_name
         The client's name; its ports are ``NAME:out_1`` and so on.
     server
         Name of the server; empty for the default one.
     connect
-        Names of the input ports to connect to, one a channel; none by default: the listener connects.
+        Names of the input ports to connect to, one a channel; none by default: the receiver connects.
     begin
-        When the first sample is to be heard, in seconds of the monotonic clock: `wait` sees to it, and what
-        is late is left out. Infinity: `begin_at` will tell. None: as soon as all ports are connected.
+        Time of the first sample, in s of the monotonic clock: `wait` schedules it, and samples that are late
+        are skipped. Infinity: `begin_at` sets it. None: as soon as all ports are connected.
 
     Raises
     ------
@@ -107,21 +106,21 @@ class Player:
 
     @property
     def position(self) -> Samples:
-        """Frames handed to the server so far."""
+        """Number of frames played so far."""
         return self._tape.count(at.READ)
 
     @property
     def ended(self) -> bool:
-        """Whether all is played."""
+        """Whether all samples are played."""
         return self.position == self._tape.samples.shape[1]
 
     @property
     def gone(self) -> bool:
-        """Whether the server went away."""
+        """Whether the server has ended."""
         return bool(self._tape.count(at.GONE))
 
     def wait(self, seconds: Seconds) -> bool:
-        """Wait until all is played or the server has gone, at most so long; return whether all is played."""
+        """Wait `seconds` for the end of the samples or of the server; return whether all is played."""
         deadline = time.monotonic() + seconds
         if self._begin is not None and self._begin < math.inf:
             self._schedule(self._begin, deadline)
@@ -130,7 +129,7 @@ class Player:
         return self.ended
 
     def begin_at(self, begin: Seconds) -> None:
-        """Say when the first sample is to be heard; waits until shortly before."""
+        """Set the time of the first sample; waits until shortly before."""
         self._schedule(begin, math.inf)
 
     def close(self) -> None:
@@ -139,10 +138,10 @@ class Player:
         self._tape.close()
 
     def _schedule(self, begin: Seconds, deadline: Seconds) -> None:
-        """Set the first frame shortly before its time, when JACK's clock tells it best."""
-        while (left := min(begin - SOON, deadline) - time.monotonic()) > 0.0 and not self.gone:
+        """Schedule the first frame shortly before its time, when JACK's clock predicts it best."""
+        while (left := min(begin - SCHEDULE_AHEAD, deadline) - time.monotonic()) > 0.0 and not self.gone:
             self._tape.wait(left)
-        if not self.gone and time.monotonic() >= begin - SOON:
+        if not self.gone and time.monotonic() >= begin - SCHEDULE_AHEAD:
             self._tape.words[at.BEGIN] = self._client.frame_at(begin)
             store(self._tape.words, at.SCHEDULED, 2)
             self._begin = None
@@ -150,8 +149,8 @@ class Player:
     def _refuse_other_rate(self, sample_rate: int) -> None:
         rate = self._client.sample_rate
         if rate != sample_rate:
-            what = f"samples at {sample_rate} Hz"
-            raise InputError(what, f"the JACK server's {rate} Hz", "resample them first")
+            given = f"samples at {sample_rate} Hz"
+            raise InputError(given, f"the JACK server's {rate} Hz", "resample them first")
 
     def _start(self) -> list[str]:
         from monochord.capture.jack import callbacks  # noqa: PLC0415  (compiled by now)
@@ -174,7 +173,7 @@ def serve(path: Path) -> None:
         server=settings.server,
         begin=math.inf,
     ) as player:
-        obey({"ports": player.ports}, player.begin_at)
+        follow_input({"ports": player.ports}, player.begin_at)
 
 
 if __name__ == "__main__":

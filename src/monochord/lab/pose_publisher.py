@@ -1,8 +1,8 @@
 """Publishes a robot's pose in real time: over DDS as a ROS 2 node would, and as JSON datagrams.
 
-As a process of its own it plays a file that `write_script` wrote, with the arrays ``poses`` and perhaps
-``wrenches``. It says on one line of JSON what it publishes, takes each line of its standard input as the
-begin, in s of the monotonic clock, and ends when that does::
+As a process it plays a file that `write_script` wrote, with the arrays ``poses`` and optionally ``wrenches``.
+It prints what it publishes as one line of JSON, reads each line of its standard input as the begin, in s of
+the monotonic clock, and ends when that input does::
 
     python -m monochord.lab.pose_publisher FILE.npz
 """
@@ -26,16 +26,17 @@ from monochord.core.clock import clock_offsets
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Seconds
-from monochord.lab._script import obey, read_script, write_script
+from monochord.lab._script import follow_input, read_script, write_script
 
 __all__ = ["PosePublisher", "PublisherSettings", "serve", "write_script"]
 
-LONGEST_WAIT = 0.02
+MAX_WAIT: Seconds = 0.02
+"""Longest wait before it looks for a new begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublisherSettings:
-    """What a publisher says, and where.
+    """The topics, rates and delays of a publisher.
 
     Parameters
     ----------
@@ -44,9 +45,9 @@ class PublisherSettings:
     wrench_rate
         Wrenches a second, likewise.
     delay
-        How much later than its time a pose leaves, in s; its stamp is that of its time.
+        Time in s between a pose and its message; the stamp is the time of the pose.
     clock_error
-        How much the robot's clock, which stamps, is before the wall clock, in s.
+        Offset of the robot's clock, which makes the stamps, from the wall clock, in s.
     topic, wrench_topic
         Topics of ROS 2; an empty one is not published.
     frame
@@ -79,20 +80,20 @@ class PublisherSettings:
 
 
 class PosePublisher:
-    """A robot that says where it is, in a thread of its own.
+    """A robot that publishes its pose, in a thread of its own.
 
-    Before its begin it rests at the first pose and after its end at the last, and says so at the same rate.
+    Before its begin it rests at the first pose and after its end at the last, and publishes at the same rate.
 
     Parameters
     ----------
     poses
         Place in m and unit quaternion, (n, 7), one each 1 / `rate` s.
     settings
-        What to publish, and where.
+        Topics, rates and delays.
     wrenches
         Force in N and torque in N m, (m, 6), one each 1 / `wrench_rate` s; None for none.
     begin
-        When the first pose is taken, in s of the monotonic clock; may be told later.
+        Time of the first pose, in s of the monotonic clock; `begin_at` may set it later.
 
     Raises
     ------
@@ -125,27 +126,27 @@ class PosePublisher:
         self._settings = settings = settings or PublisherSettings()
         self._begin = np.inf if begin is None else begin
         self._ended = threading.Event()
-        self._outlets = _Outlets(settings, wrenches=wrenches is not None)
-        self._tracks = [_Track(poses, settings.rate, settings.delay, self._outlets.pose)]
+        self._output = _Output(settings, wrenches=wrenches is not None)
+        self._tracks = [_Track(poses, settings.rate, settings.delay, self._output.pose)]
         if wrenches is not None:
-            self._tracks.append(_Track(wrenches, settings.wrench_rate, settings.delay, self._outlets.wrench))
+            self._tracks.append(_Track(wrenches, settings.wrench_rate, settings.delay, self._output.wrench))
         self._thread = threading.Thread(target=self._publish, name="pose-publisher", daemon=True)
         self._thread.start()
 
     @property
     def listeners(self) -> int:
-        """How many readers there are on its topics."""
-        return self._outlets.listeners
+        """Number of readers of its topics."""
+        return self._output.listeners
 
     def begin_at(self, begin: Seconds) -> None:
-        """Say when the first pose is taken, in s of the monotonic clock; not before now."""
+        """Set the time of the first pose, in s of the monotonic clock; not before now."""
         self._begin = begin
 
     def close(self) -> None:
-        """Fall silent and leave."""
+        """Stop publishing and leave the domain."""
         self._ended.set()
         self._thread.join()
-        self._outlets.close()
+        self._output.close()
 
     def __enter__(self) -> Self:
         return self
@@ -158,7 +159,7 @@ class PosePublisher:
     def _publish(self) -> None:
         while not self._ended.is_set():
             wait = min(track.send_due(self._begin, time.monotonic()) for track in self._tracks)
-            self._ended.wait(min(wait, LONGEST_WAIT))
+            self._ended.wait(min(wait, MAX_WAIT))
 
 
 class _Track:
@@ -173,9 +174,9 @@ class _Track:
         self._next = self._number = 0
 
     def send_due(self, begin: Seconds, now: Seconds) -> Seconds:
-        """Send what is due, and return how long it is to the next."""
+        """Send the rows that are due, and return the time until the next."""
         if begin != self._began:
-            # A grid through the new begin: the next to be sent is the first on it that is not yet due.
+            # Rows lie on a grid through the new begin: the next is the first on it that is not yet due.
             self._began = self._origin = begin
             self._next = int(np.ceil((now - self._delay - begin) * self._rate))
         while (due := self._origin + self._next / self._rate + self._delay) <= now:
@@ -187,19 +188,19 @@ class _Track:
         return due - now
 
 
-class _Outlets:
-    """Where poses and wrenches go; stamps are of the robot's clock."""
+class _Output:
+    """Sends poses and wrenches; stamps are of the robot's clock."""
 
     def __init__(self, settings: PublisherSettings, *, wrenches: bool) -> None:
         self._settings = settings
         self._participant: Participant | None = None
         self._writers: dict[str, Any] = {}
-        wanted = {"PoseStamped": settings.topic, "WrenchStamped": settings.wrench_topic if wrenches else ""}
-        if any(wanted.values()):
+        topics = {"PoseStamped": settings.topic, "WrenchStamped": settings.wrench_topic if wrenches else ""}
+        if any(topics.values()):
             self._participant = Participant(domain=settings.domain, interface=settings.interface)
             self._writers = {
                 message: self._participant.writer(topic, message)
-                for message, topic in wanted.items()
+                for message, topic in topics.items()
                 if topic
             }
         host, _, port = settings.udp.rpartition(":")
@@ -219,9 +220,10 @@ class _Outlets:
             pose = ros.Pose(position=ros.Point(*row[:3]), orientation=ros.Quaternion(*row[3:]))
             writer.write(ros.PoseStamped(header=ros.header(stamp, self._settings.frame), pose=pose), stamp)
         if self._socket:
-            said = {"stamp": stamp * 1e-9, "position": row[:3], "orientation": row[3:], "sequence": number}
+            place = {"position": row[:3], "orientation": row[3:]}
+            datagram = {"stamp": stamp * 1e-9, **place, "sequence": number}
             with suppress(OSError):  # nobody listens
-                self._socket.sendto(json.dumps(said).encode(), self._to)
+                self._socket.sendto(json.dumps(datagram).encode(), self._to)
 
     def wrench(self, row: list[float], taken: Seconds, number: int) -> None:  # noqa: ARG002
         stamp = self._stamp(taken)
@@ -249,7 +251,7 @@ def serve(path: Path) -> None:
     """Play the script at `path` until the standard input ends."""
     arrays, settings = read_script(path, PublisherSettings)
     with PosePublisher(arrays["poses"], settings, wrenches=arrays.get("wrenches")) as publisher:
-        obey({"topic": settings.topic, "udp": settings.udp}, publisher.begin_at)
+        follow_input({"topic": settings.topic, "udp": settings.udp}, publisher.begin_at)
 
 
 if __name__ == "__main__":

@@ -1,38 +1,140 @@
-"""A session of a plan made audible and tangible: microphones, wrench, pose, labels and events, all simulated.
+"""The simulation of a session of a plan: microphones, wrench, pose, labels and events.
 
-A rendering has no delays, jitter or losses: its times are true. Whoever plays or writes it adds those.
+A rendering has no delays, jitter or losses: its times are true. The code that plays or writes it adds those.
 """
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples, Seconds
-from monochord.lab.course import Course, course
-from monochord.lab.gauge import Noise, Touched, mount, wrench_of
+from monochord.lab.force_sensor import ContactState, SensorNoise, bandwidth_filter, wrench_of
 from monochord.lab.music import loop
 from monochord.lab.plan import Assignment
-from monochord.lab.rendering import Happening, Rendering, first_reading, joined
+from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.materials import load_material
 from monochord.physics.twin import Outside, Scene, Sensor, Touch, Twin, advance, begin, switch
 from monochord.physics.twin.outside import outside_at
 
-PIECE: Seconds = 2.0
-"""What is rendered at once."""
-AVERAGE: Seconds = 0.005
-"""Over which the label of force is averaged: half the width of a raised cosine around its time."""
-FADE: Seconds = 0.05
-"""In which music begins and ends."""
+CHUNK: Seconds = 2.0
+"""Duration that is simulated at once."""
+FORCE_AVERAGE: Seconds = 0.005
+"""Averaging of the force label: half the width of a raised cosine around its time."""
+MUSIC_FADE: Seconds = 0.05
+"""Time in which music fades in and out."""
 DOWNWARD = (1.0, 0.0, 0.0, 0.0)
 """Orientation of the tool, as a quaternion: half a turn about x, so that it looks down on the string."""
-TOLD = ("contact", "position", "reaction", "slip", "across", "along")
+LABELS = ("contact", "position", "reaction", "slip", "across", "along")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedEvent:
+    """An event at a time in s: the begin of a phase, a tap, the drivers switched on or off."""
+
+    time: Seconds
+    kind: str
+    text: str = ""
+    data: Mapping[str, float | str | bool] = field(default_factory=dict[str, float | str | bool])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rendering:
+    """A session, or a stretch of one, at true times.
+
+    `microphones` (2, n) float32 in full scale begin at frame `start`; `wrench` (m, 6) in N and N m, `pose`
+    (k, 7) in m and as a unit quaternion, and every column (l,) of `labels` begin at the first multiple of
+    their period that is not before it. Labels are NaN where there is no contact.
+    """
+
+    start: Samples
+    sample_rate: int
+    force_rate: Hertz
+    pose_rate: Hertz
+    label_rate: Hertz
+    microphones: Audio
+    wrench: Floats
+    pose: Floats
+    labels: dict[str, Floats]
+    events: tuple[SimulatedEvent, ...]
+
+    @property
+    def begin(self) -> Seconds:
+        """When it begins, in s."""
+        return self.start / self.sample_rate
+
+    @property
+    def seconds(self) -> Seconds:
+        """How long it lasts, in s."""
+        return self.microphones.shape[1] / self.sample_rate
+
+    def index(self, rate: Hertz, count: int) -> NDArray[np.int64]:
+        """Return the numbers of these `count` readings in a stream of a rate."""
+        return first_reading(self.start, rate, self.sample_rate) + np.arange(count, dtype=np.int64)
+
+    @property
+    def wrench_time(self) -> Floats:
+        """When the wrenches were taken, (m,) in s."""
+        return self.index(self.force_rate, len(self.wrench)) / self.force_rate
+
+    @property
+    def pose_time(self) -> Floats:
+        """When the poses were taken, (k,) in s."""
+        return self.index(self.pose_rate, len(self.pose)) / self.pose_rate
+
+    @property
+    def label_time(self) -> Floats:
+        """When the labels hold, (l,) in s."""
+        return self.index(self.label_rate, len(self.labels["contact"])) / self.label_rate
+
+
+def concatenate(parts: Iterable[Rendering]) -> Rendering:
+    """Return consecutive stretches as one; raises `ValueError` where there is none.
+
+    Parameters
+    ----------
+    parts
+        Stretches of one session, in order, each beginning where the one before ends.
+
+    Returns
+    -------
+    Rendering
+        From the first one's begin to the last one's end.
+    """
+    parts = list(parts)
+    if not parts:
+        raise ValueError("nothing to concatenate")
+    first = parts[0]
+    return Rendering(
+        start=first.start,
+        sample_rate=first.sample_rate,
+        force_rate=first.force_rate,
+        pose_rate=first.pose_rate,
+        label_rate=first.label_rate,
+        microphones=np.concatenate([part.microphones for part in parts], axis=1),
+        wrench=np.concatenate([part.wrench for part in parts]),
+        pose=np.concatenate([part.pose for part in parts]),
+        labels={name: np.concatenate([part.labels[name] for part in parts]) for name in first.labels},
+        events=tuple(event for part in parts for event in part.events),
+    )
+
+
+def first_reading(frame: Samples, rate: Hertz, sample_rate: int) -> int:
+    """Return the number of the first reading of a rate that is not before a frame of the microphones.
+
+    Examples
+    --------
+    >>> first_reading(44100, 1000.0, 44100), first_reading(44101, 1000.0, 44100)
+    (1000, 1001)
+    """
+    return math.ceil(frame * rate / sample_rate - 1e-9)
 
 
 def render(session: Assignment) -> Rendering:
@@ -46,21 +148,21 @@ def render(session: Assignment) -> Rendering:
     >>> sound.microphones.shape[0], sound.wrench.shape[1], sound.pose.shape[1], len(sound.labels)
     (2, 6, 7, 7)
     """
-    return joined(pieces(session))
+    return concatenate(pieces(session))
 
 
 def pieces(session: Assignment) -> Iterator[Rendering]:
-    """Yield a session in stretches of `PIECE`, each as it would be in the whole, in little memory."""
+    """Yield a session in chunks of `CHUNK`, equal to those of the whole, in little memory."""
     return _Renderer(session).run()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Take:
-    """A stretch as the twin gave it; `told` holds labels (n,) of every frame."""
+class _Chunk:
+    """A chunk of the twin's output; `labels` are columns (n,), one value a frame."""
 
     start: Samples
     microphones: Audio
-    told: dict[str, Floats]
+    labels: dict[str, Floats]
 
     @property
     def stop(self) -> Samples:
@@ -73,143 +175,149 @@ class _Renderer:
     def __init__(self, session: Assignment) -> None:
         plan = session.plan
         self.session, self.plan, self.rate = session, plan, plan.sample_rate
-        self.course: Course = course(session)
+        self.schedule: Schedule = schedule(session)
         self.material = load_material(session.group.material)
-        self.events = _events(self.course)
-        self.noise = Noise(plan.force_sensor, session.random("wrench"))
-        self.shaking = session.random("pose")
-        self.filter = mount(plan.force_sensor.bandwidth, self.rate)
-        width = np.hanning(2 * round(AVERAGE * self.rate) + 3)[1:-1]
+        self.events = _events(self.schedule)
+        self.noise = SensorNoise(plan.force_sensor, session.random("wrench"))
+        self.pose_noise = session.random("pose")
+        self.filter = bandwidth_filter(plan.force_sensor.bandwidth, self.rate)
+        width = np.hanning(2 * round(FORCE_AVERAGE * self.rate) + 3)[1:-1]
         self.average: Floats = width / width.sum()
         self.reach = max(len(self.filter), len(self.average)) // 2
 
     def run(self) -> Iterator[Rendering]:
         before, now = np.zeros(self.reach), None
-        for take in self._takes():
+        for chunk in self._chunks():
             if now is not None:
-                yield self._piece(now, before, take.told["reaction"][: self.reach])
-                before = np.concatenate([before, now.told["reaction"]])[-self.reach :]
-            now = take
+                yield self._piece(now, before, chunk.labels["reaction"][: self.reach])
+                before = np.concatenate([before, now.labels["reaction"]])[-self.reach :]
+            now = chunk
         if now is not None:
             yield self._piece(now, before, np.zeros(0))
 
-    def _takes(self) -> Iterator[_Take]:
-        """Yield what the twin gives, stretch by stretch, its drivers switched on the way."""
-        motion, size = self.course.motion, round(PIECE * self.rate)
-        switches = {round(self.course.on * self.rate): True, round(self.course.off * self.rate): False}
+    def _chunks(self) -> Iterator[_Chunk]:
+        """Yield the twin's output chunk by chunk, with its drivers switched on and off in between."""
+        motion, size = self.schedule.motion, round(CHUNK * self.rate)
+        switches = {round(self.schedule.on * self.rate): True, round(self.schedule.off * self.rate): False}
         end = math.ceil(motion.end * self.rate)
         twin = self._begin()
         for start in range(0, end, size):
             stop = min(start + size, end)
             edges = [start, *(frame for frame in switches if start < frame < stop), stop]
-            parts = list[_Take]()
+            parts = list[_Chunk]()
             for first, last in pairwise(edges):
                 if first in switches:
                     twin = switch(twin, (switches[first], switches[first]))
                 take, twin = advance(twin, last - first)
                 labels = take.labels
-                told = {name: np.asarray(getattr(labels, name)[0], np.float64) for name in TOLD}
-                told["settled"] = labels.settled.astype(np.float64)
-                parts.append(_Take(start=first, microphones=take.microphones, told=told))
-            yield _Take(
+                columns = {name: np.asarray(getattr(labels, name)[0], np.float64) for name in LABELS}
+                columns["settled"] = labels.settled.astype(np.float64)
+                parts.append(_Chunk(start=first, microphones=take.microphones, labels=columns))
+            yield _Chunk(
                 start=start,
                 microphones=np.concatenate([part.microphones for part in parts], axis=1),
-                told={name: np.concatenate([part.told[name] for part in parts]) for name in parts[0].told},
+                labels={
+                    name: np.concatenate([part.labels[name] for part in parts]) for name in parts[0].labels
+                },
             )
 
     def _begin(self) -> Twin:
         session, sensor = self.session, self.session.sensor()
         touch = Touch(
-            material=self.material, motion=self.course.motion.keys, radius=session.radius, rolls=False
+            material=self.material, motion=self.schedule.motion.keys, radius=session.radius, rolls=False
         )
-        scene = Scene(touches=(touch,), outside=self._room(sensor), drivers=(False, False))
+        scene = Scene(touches=(touch,), outside=self._ambient(sensor), drivers=(False, False))
         seed = int(session.random("twin").integers(2**62))
         return begin(sensor, scene, sample_rate=self.rate, seed=seed)
 
-    def _room(self, sensor: Sensor) -> Outside | None:
-        """Return what sounds in the room: the music, which pauses for the taps."""
-        group, done = self.session.group, self.course
+    def _ambient(self, sensor: Sensor) -> Outside | None:
+        """Return the sound around the sensor: music, which pauses for the taps."""
+        group, timing = self.session.group, self.schedule
         if not group.music:
             return None
         music = _music(group.music, group.snr, self.session.seed, sensor, self.rate)
-        time = np.arange(math.ceil(done.motion.end * self.rate)) / self.rate
-        gate = np.clip(np.minimum(time - done.on, done.off - time) / FADE, 0.0, 1.0)
+        time = np.arange(math.ceil(timing.motion.end * self.rate)) / self.rate
+        gate = np.clip(np.minimum(time - timing.on, timing.off - time) / MUSIC_FADE, 0.0, 1.0)
         samples = np.resize(music.samples, time.size) * gate.astype(np.float32)
         return Outside(samples=samples, level=music.level)
 
-    def _piece(self, take: _Take, before: Floats, after: Floats) -> Rendering:
-        plan, told = self.plan, take.told
-        reaction = np.concatenate([before, told["reaction"], after, np.zeros(self.reach + 1 - len(after))])
-        start, stop = take.start, take.stop
+    def _piece(self, chunk: _Chunk, before: Floats, after: Floats) -> Rendering:
+        plan, labels = self.plan, chunk.labels
+        reaction = np.concatenate([before, labels["reaction"], after, np.zeros(self.reach + 1 - len(after))])
+        start, stop = chunk.start, chunk.stop
         return Rendering(
             start=start,
             sample_rate=self.rate,
             force_rate=plan.force_rate,
             pose_rate=plan.pose_rate,
             label_rate=plan.label_rate,
-            microphones=take.microphones,
-            wrench=self._wrench(take, self._smooth(reaction, self.filter)),
-            pose=self._pose(take),
-            labels=self._labels(take, self._smooth(reaction, self.average)),
+            microphones=chunk.microphones,
+            wrench=self._wrench(chunk, self._smooth(reaction, self.filter)),
+            pose=self._pose(chunk),
+            labels=self._labels(chunk, self._smooth(reaction, self.average)),
             events=tuple(
                 event for event in self.events if start / self.rate <= event.time < stop / self.rate
             ),
         )
 
     def _smooth(self, reaction: Floats, kernel: Floats) -> Floats:
-        """Return the force of the stretch's frames, and of one more, through a filter without lag."""
+        """Return the force of the chunk's frames, and of one more, through a filter without lag."""
         from scipy.signal import oaconvolve  # noqa: PLC0415
 
         return oaconvolve(reaction, kernel, mode="same")[self.reach :]
 
-    def _times(self, take: _Take, rate: Hertz) -> Floats:
-        first, last = (first_reading(frame, rate, self.rate) for frame in (take.start, take.stop))
+    def _times(self, chunk: _Chunk, rate: Hertz) -> Floats:
+        first, last = (first_reading(frame, rate, self.rate) for frame in (chunk.start, chunk.stop))
         return np.arange(first, last) / rate
 
-    def _wrench(self, take: _Take, force: Floats) -> Floats:
-        time = self._times(take, self.plan.force_rate)
-        at = time * self.rate - take.start
+    def _wrench(self, chunk: _Chunk, force: Floats) -> Floats:
+        time = self._times(chunk, self.plan.force_rate)
+        at = time * self.rate - chunk.start
         frames = np.arange(len(force))
         along, across = (
-            np.interp(at, frames[: take.told[n].size], take.told[n]) for n in ("along", "across")
+            np.interp(at, frames[: chunk.labels[n].size], chunk.labels[n]) for n in ("along", "across")
         )
-        touched = Touched(time=time, normal=np.interp(at, frames, force), along=along, across=across)
-        return wrench_of(touched, self.material, self.plan.force_sensor) + self.noise.on(time)
+        contact = ContactState(time=time, normal=np.interp(at, frames, force), along=along, across=across)
+        return wrench_of(contact, self.material, self.plan.force_sensor) + self.noise.on(time)
 
-    def _pose(self, take: _Take) -> Floats:
-        time = self._times(take, self.plan.pose_rate)
-        place = self.course.motion.path(time)
-        place += self.plan.pose_noise * self.shaking.normal(size=place.shape)
+    def _pose(self, chunk: _Chunk) -> Floats:
+        time = self._times(chunk, self.plan.pose_rate)
+        place = self.schedule.motion.path(time)
+        place += self.plan.pose_noise * self.pose_noise.normal(size=place.shape)
         return np.hstack([place, np.tile(DOWNWARD, (len(time), 1))])
 
-    def _labels(self, take: _Take, force: Floats) -> dict[str, Floats]:
-        told = take.told
-        time = self._times(take, self.plan.label_rate)
-        at = np.minimum(np.rint(time * self.rate).astype(int) - take.start, told["contact"].size - 1)
-        touching = told["contact"][at] > 0.0
+    def _labels(self, chunk: _Chunk, force: Floats) -> dict[str, Floats]:
+        labels = chunk.labels
+        time = self._times(chunk, self.plan.label_rate)
+        at = np.minimum(np.rint(time * self.rate).astype(int) - chunk.start, labels["contact"].size - 1)
+        touching = labels["contact"][at] > 0.0
 
-        def where_touched(values: Floats) -> Floats:
+        def in_contact(values: Floats) -> Floats:
             return np.where(touching, values, np.nan)
 
         return {
-            "contact": told["contact"][at],
-            "position": where_touched(told["position"][at]),
-            "force": where_touched(np.interp(time * self.rate - take.start, np.arange(len(force)), force)),
-            "slip": where_touched(told["slip"][at]),
-            "slip_across": where_touched(told["across"][at]),
-            "slip_along": where_touched(told["along"][at]),
-            "settled": told["settled"][at],
+            "contact": labels["contact"][at],
+            "position": in_contact(labels["position"][at]),
+            "force": in_contact(np.interp(time * self.rate - chunk.start, np.arange(len(force)), force)),
+            "slip": in_contact(labels["slip"][at]),
+            "slip_across": in_contact(labels["across"][at]),
+            "slip_along": in_contact(labels["along"][at]),
+            "settled": labels["settled"][at],
         }
 
 
-def _events(done: Course) -> list[Happening]:
-    found = [Happening(time=phase.start, kind="phase", text=phase.kind) for phase in done.motion.phases]
-    found += [Happening(time=time, kind="tap", data={"number": i}) for i, time in enumerate(done.taps)]
-    found += [
-        Happening(time=done.on, kind="drivers", text="on"),
-        Happening(time=done.off, kind="drivers", text="off"),
+def _events(timing: Schedule) -> list[SimulatedEvent]:
+    events = [
+        SimulatedEvent(time=phase.start, kind="phase", text=phase.kind) for phase in timing.motion.phases
     ]
-    return sorted(found, key=lambda event: event.time)
+    events += [
+        SimulatedEvent(time=time, kind="tap", data={"number": i}) for i, time in enumerate(timing.taps)
+    ]
+    events += [
+        SimulatedEvent(time=timing.on, kind="drivers", text="on"),
+        SimulatedEvent(time=timing.off, kind="drivers", text="off"),
+    ]
+    return sorted(events, key=lambda event: event.time)
 
 
 @lru_cache(maxsize=4)

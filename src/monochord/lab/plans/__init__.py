@@ -1,4 +1,4 @@
-"""Plans as data: what to collect, one TOML file each, found by its name."""
+"""Presets of plans, one TOML file each, found by its name."""
 
 from collections.abc import Sequence
 
@@ -26,7 +26,7 @@ def load_plan(name: str, assignments: Sequence[str] = ()) -> Plan:
     name
         A name from `plan_names`, or the path of a TOML file laid out as the presets are.
     assignments
-        What differs, such as ``sensor=prototype_one_driver``.
+        Overrides, such as ``sensor=prototype_one_driver``.
 
     Raises
     ------

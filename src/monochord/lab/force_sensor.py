@@ -1,4 +1,4 @@
-"""What a force/torque sensor makes of a touch: friction, lever, crosstalk, its own noise and its drift."""
+"""The model of a force/torque sensor: friction, lever, crosstalk, bandwidth, its own noise and drift."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -11,12 +11,12 @@ from monochord.lab.plan import ForceSensor
 from monochord.physics.materials import Material
 
 STANDSTILL: MetresPerSecond = 5e-4
-"""Sliding speed at which friction is mostly there; a touch at rest is taken to hold nothing across."""
+"""Sliding speed at which friction is mostly developed; a touch at rest is taken to bear no lateral force."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Touched:
-    """What acts on the sensor at times (n,): normal force in N, and sliding speeds in m/s."""
+class ContactState:
+    """The contact at times (n,): normal force in N, and sliding speeds in m/s."""
 
     time: Floats
     normal: Floats
@@ -24,7 +24,7 @@ class Touched:
     across: Floats
 
 
-def wrench_of(touched: Touched, material: Material, sensor: ForceSensor) -> Floats:
+def wrench_of(contact: ContactState, material: Material, sensor: ForceSensor) -> Floats:
     """Return the wrench of a touch on its object, without noise.
 
     The string presses the object up with the normal force N, and drags it with the friction mu(v) N against
@@ -33,12 +33,12 @@ def wrench_of(touched: Touched, material: Material, sensor: ForceSensor) -> Floa
 
     Parameters
     ----------
-    touched
-        The touch at times (n,).
+    contact
+        The contact at times (n,).
     material
-        Whose friction it is.
+        The object's, which sets the friction.
     sensor
-        Its lever and crosstalk.
+        Lever and crosstalk.
 
     Returns
     -------
@@ -49,27 +49,27 @@ def wrench_of(touched: Touched, material: Material, sensor: ForceSensor) -> Floa
     --------
     >>> from monochord.physics.materials import load_material
     >>> rest, press = np.zeros(1), np.ones(1)
-    >>> still = Touched(time=rest, normal=press, along=rest, across=rest)
+    >>> still = ContactState(time=rest, normal=press, along=rest, across=rest)
     >>> [round(x, 4) for x in wrench_of(still, load_material("plastic"), ForceSensor())[0].tolist()]
     [0.008, -0.005, 1.0, -0.0003, -0.0005, 0.0]
     """
-    speed = np.hypot(touched.along, touched.across)
+    speed = np.hypot(contact.along, contact.across)
     static, kinetic = material.friction_static, material.friction_kinetic
     grip = kinetic + (static - kinetic) * np.exp(-((speed / material.stribeck_speed) ** 2))
-    drag = -grip * touched.normal / np.hypot(speed, STANDSTILL)
-    fx = drag * touched.along + sensor.crosstalk[0] * touched.normal
-    fy = drag * touched.across + sensor.crosstalk[1] * touched.normal
+    drag = -grip * contact.normal / np.hypot(speed, STANDSTILL)
+    fx = drag * contact.along + sensor.crosstalk[0] * contact.normal
+    fy = drag * contact.across + sensor.crosstalk[1] * contact.normal
     torque = sensor.lever * fy, -sensor.lever * fx, np.zeros_like(fx)
-    return np.stack([fx, fy, touched.normal, *torque], axis=1)
+    return np.stack([fx, fy, contact.normal, *torque], axis=1)
 
 
-def mount(bandwidth: Hertz, sample_rate: int) -> Floats:
-    """Return the filter that sensor and object are to a force: a mass on a spring, well damped.
+def bandwidth_filter(bandwidth: Hertz, sample_rate: int) -> Floats:
+    """Return the filter that sensor and object apply to a force: a well-damped mass on a spring.
 
-    ``|H(f)| = 1 / sqrt(1 + (f / f0)^4)``: far above the bandwidth f0 the gain is (f0 / f)^2, which
-    leaves some of the string's vibration in the force. The filter has that size and no delay; the delay of a
-    real one is a part of its stream's. Nothing else keeps high frequencies from folding into the readings,
-    as nothing does in a sensor that thins out what it measures.
+    ``|H(f)| = 1 / sqrt(1 + (f / f0)^4)``: far above the bandwidth f0 the gain is (f0 / f)^2, which leaves
+    some of the string's vibration in the force. The filter has that gain and no delay; the delay of a
+    real one is part of its stream's. Nothing else prevents aliasing of high frequencies, as nothing
+    does in a sensor that decimates without a filter.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def mount(bandwidth: Hertz, sample_rate: int) -> Floats:
 
     Examples
     --------
-    >>> taps = mount(500.0, 44100)
+    >>> taps = bandwidth_filter(500.0, 44100)
     >>> turn = np.exp(-2j * np.pi * np.arange(taps.size) / 44100)
     >>> [round(float(abs(taps @ turn**f)), 3) for f in (0, 500, 2000)]
     [1.0, 0.707, 0.062]
@@ -93,12 +93,12 @@ def mount(bandwidth: Hertz, sample_rate: int) -> Floats:
     size = 1 << 15
     frequency = np.fft.rfftfreq(size, 1.0 / sample_rate)
     response = np.fft.irfft(1.0 / np.sqrt(1.0 + (frequency / bandwidth) ** 4), size)
-    reach = min(ceil(4.0 * sample_rate / bandwidth), size // 2 - 1)
-    taps = np.concatenate([response[-reach:], response[: reach + 1]]) * np.hanning(2 * reach + 3)[1:-1]
+    half = min(ceil(4.0 * sample_rate / bandwidth), size // 2 - 1)
+    taps = np.concatenate([response[-half:], response[: half + 1]]) * np.hanning(2 * half + 3)[1:-1]
     return taps / taps.sum()
 
 
-class Noise:
+class SensorNoise:
     """The sensor's own noise and drift, reading by reading; the same for the same random numbers."""
 
     def __init__(self, sensor: ForceSensor, random: np.random.Generator) -> None:
@@ -108,5 +108,5 @@ class Noise:
         self._drift = drift * random.uniform(-1.0, 1.0, 6)
 
     def on(self, time: Floats) -> Floats:
-        """Return what is added to the readings at times (n,), which follow those of the last call: (n, 6)."""
+        """Return the noise of readings at times (n,), which follow those of the last call: (n, 6)."""
         return self._random.normal(size=(len(time), 6)) * self._rms + np.outer(time, self._drift)

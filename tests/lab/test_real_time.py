@@ -1,4 +1,4 @@
-"""The whole bench in real time: jackd, a force sensor over UDP, a robot over DDS, each a process."""
+"""A session in real time: jackd, a force sensor over UDP, a robot over DDS, each a process."""
 
 import json
 from pathlib import Path
@@ -8,9 +8,9 @@ from tests.conftest import own_server
 
 from monochord.capture.recording import Summary
 from monochord.core.config import from_tree
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import Assignment, Plan, assignments
-from monochord.lab.stage import Stage, perform
+from monochord.lab.real_time import perform
 from monochord.sessions import check, read_session
 from monochord.sessions.alignment import align
 
@@ -24,7 +24,7 @@ PLAN = {
 
 
 ATTEMPTS = 5
-STEADY = 3e-4  # what is looked for, to half a millisecond, asks for a server that keeps its time better
+MAX_UNEVENNESS = 3e-4  # delays to half a millisecond require a server with better timing
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +34,8 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Assignment, Path, 
     for _ in range(ATTEMPTS):
         path = tmp_path_factory.mktemp("stage") / "hold.mcap"
         with own_server() as server:
-            summary = perform(session, path, Stage(server=server.name, domain=77))
-        if read_session(path).audio.unevenness < STEADY:
+            summary = perform(session, path, server=server.name, domain=77)
+        if read_session(path).audio.unevenness < MAX_UNEVENNESS:
             return session, path, summary
     pytest.fail(f"this machine is too busy for a JACK server; {ATTEMPTS} of its runs lost periods")
 
@@ -53,15 +53,15 @@ def test_every_frame_that_the_server_counted_is_there(played: tuple[Assignment, 
 
 
 @pytest.mark.timeout(240)
-def test_offsets_that_were_put_in_are_found(played: tuple[Assignment, Path, Summary]) -> None:
+def test_the_delays_are_recovered(played: tuple[Assignment, Path, Summary]) -> None:
     session, path, _ = played
     made = read_session(path)
-    told, found = json.loads(made.description.more["delays"]), align(made)
+    delays, alignment = json.loads(made.description.more["delays"]), align(made)
     for stream, near in (("audio", 0.5e-3), ("pose", 1.0 / session.plan.pose_rate)):
-        true = told[stream] - told["wrench"]
-        for offset in found.lateness[stream].offsets:
+        true = delays[stream] - delays["wrench"]
+        for offset in alignment.lateness[stream].offsets:
             assert offset.value == pytest.approx(true, abs=near), stream
-    assert not found.flags
+    assert not alignment.flags
 
 
 @pytest.mark.timeout(240)
@@ -78,9 +78,9 @@ def test_it_has_the_form_of_one_that_was_made_offline(
         assert live.readings(stream).missing <= 20
     assert list(live.labels.columns) == list(offline.labels.columns)
     assert len(live.labels.time) == len(offline.labels.time)
-    told = {"phase", "tap", "drivers"}
-    assert [event.text for event in live.events if event.kind in told] == [
-        event.text for event in offline.events if event.kind in told
+    kinds = {"phase", "tap", "drivers"}
+    assert [event.text for event in live.events if event.kind in kinds] == [
+        event.text for event in offline.events if event.kind in kinds
     ]
     assert summary.instruments["net_ft"].missing == live.readings("wrench").missing
     assert live.description.more["played"] == "in real time"

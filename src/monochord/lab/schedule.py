@@ -1,4 +1,4 @@
-"""The course of a session: taps, drivers on, the protocol's touches, drivers off, and taps again."""
+"""The schedule of a session: taps, drivers on, the protocol's touches, drivers off, and taps again."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -20,26 +20,26 @@ from monochord.physics.twin.trajectory import (
 )  # fmt: skip
 
 PAUSES = (0.24, 0.31)
-"""Rests between the taps in s: unequal, so that no tap is taken for its neighbour."""
+"""Rests between the taps in s: unequal, so that no tap is mistaken for its neighbour."""
 BEFORE: Seconds = 0.4
 AFTER: Seconds = 0.15
 """Rests before the first and after the last of three taps."""
 SETTLING: Seconds = 1.2
-"""What the string is given once its drivers are on."""
+"""Time for the string to build up once its drivers are on."""
 FADING: Seconds = 0.7
-"""What it is given to fall silent once they are off."""
+"""Time for the string to fall silent once they are off."""
 SETTLE: Seconds = 0.2
-"""From the end of a press until the sound has mostly come to rest."""
+"""From the end of a press until the sound has mostly settled."""
 REST: Seconds = 0.1
-"""In the air after a touch."""
+"""Time in the air after a touch."""
 TURN: Seconds = 0.1
-"""Between two strokes."""
+"""Time between two strokes."""
 BRUSH = (0.08, 0.35)
 """Least and greatest length of a brief touch, and of the pause after it, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Course:
+class Schedule:
     """A session's motion, and when its drivers are on: from `on` to `off`, in s."""
 
     motion: Trajectory
@@ -48,25 +48,24 @@ class Course:
 
     @property
     def taps(self) -> tuple[Seconds, ...]:
-        """When the tool is deepest in each tap, in s."""
+        """Times at which the tool is deepest in each tap, in s."""
         return self.motion.taps
 
 
-def course(session: Assignment) -> Course:
-    """Return what happens in a session; it depends on nothing but the assignment.
+def schedule(session: Assignment) -> Schedule:
+    """Return the schedule of a session; it depends on nothing but the assignment.
 
     Examples
     --------
     >>> from monochord.lab.plans import load_plan
     >>> from monochord.lab.plan import assignments
-    >>> done = course(assignments(load_plan("small"))[0])
-    >>> len(done.taps), done.taps[2] < done.on < done.off < done.taps[3]
+    >>> timing = schedule(assignments(load_plan("small"))[0])
+    >>> len(timing.taps), timing.taps[2] < timing.on < timing.off < timing.taps[3]
     (6, True)
     """
     design, sensor = session.design(), session.sensor()
     middle = 0.5 * (design.range[0] + design.range[1])
-    tense = sensor.string.tension + sensor.drift
-    string = replace(sensor.string, tension=tense)
+    string = replace(sensor.string, tension=sensor.string.tension + sensor.drift)
     first = [Stay(seconds=BEFORE, kind="rest"), *_taps(), Stay(seconds=AFTER, kind="rest")]
     on = trajectory(first, string, position=middle).end
     inner = [Stay(seconds=SETTLING, kind="rest"), *_touches(session, design.string), Travel(position=middle)]
@@ -74,7 +73,7 @@ def course(session: Assignment) -> Course:
     last = [Stay(seconds=FADING, kind="rest"), *_taps(), Stay(seconds=BEFORE, kind="rest")]
     whole = trajectory([*first, *inner, *last], string, position=middle)
     whole = whole.lifted(session.group.lifted) if session.group.lifted > 0.0 else whole
-    return Course(motion=whole, on=on, off=off)
+    return Schedule(motion=whole, on=on, off=off)
 
 
 def _taps() -> Iterator[Move]:
@@ -85,7 +84,7 @@ def _taps() -> Iterator[Move]:
 
 
 def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
-    """Yield the moves of every touch; depths are what the design's string asks for the grid's forces."""
+    """Yield the moves of every touch; depths follow from the grid's forces and the design's string."""
     group, random = session.origin.group, session.origin.random("touches")
     for number, (place, force) in enumerate(session.cells().tolist()):
         yield Travel(position=place)
@@ -107,24 +106,24 @@ def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
 def _strokes(
     session: Assignment, design: StringParams, place: Metres, drawn: Floats, number: int
 ) -> Iterator[Move]:
-    """Slide to and fro, along the string in every second touch and across it in the others."""
+    """Slide back and forth, along the string in every second touch and across it in the others."""
     group = session.origin.group
     low, high = group.places or session.design().range
     forces, speeds = group.forces, group.speeds
-    for i, (fast, hard) in enumerate(drawn.tolist()):
+    for i, (speed_share, force_share) in enumerate(drawn.tolist()):
         if i > 0:
-            yield Press(depth=_depth(design, place, forces[0] + hard * (forces[1] - forces[0])))
+            yield Press(depth=_depth(design, place, forces[0] + force_share * (forces[1] - forces[0])))
             yield Stay(seconds=TURN, kind="hold")
-        speed = speeds[0] + (i + fast) / len(drawn) * (speeds[1] - speeds[0])
-        way = speed * group.hold
+        speed = speeds[0] + (i + speed_share) / len(drawn) * (speeds[1] - speeds[0])
+        distance = speed * group.hold
         if number % 2 == 0:
-            yield Slide(across=way if i % 2 == 0 else -way, speed=speed)
+            yield Slide(across=distance if i % 2 == 0 else -distance, speed=speed)
             continue
-        room = high - place, place - low
-        way = min(way, max(room))
-        way = way if room[0] >= way and (i % 2 == 0 or room[1] < way) else -way
-        yield Slide(along=way, speed=speed)
-        place += way
+        space = high - place, place - low
+        distance = min(distance, max(space))
+        distance = distance if space[0] >= distance and (i % 2 == 0 or space[1] < distance) else -distance
+        yield Slide(along=distance, speed=speed)
+        place += distance
 
 
 def _depth(design: StringParams, place: Metres, force: float) -> Metres:

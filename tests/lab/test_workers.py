@@ -15,8 +15,8 @@ import psutil
 import pytest
 
 from monochord.core.errors import DeviceError, InputError
-from monochord.lab import fleet
-from monochord.lab.fleet import run_all
+from monochord.lab import workers
+from monochord.lab.workers import run_all
 
 JOBS = """
     import os
@@ -52,7 +52,7 @@ JOBS = """
 
 
     def surroundings(job):
-        time.sleep(0.2)
+        time.sleep(0.1)
         return os.getpid(), [os.environ.get(f"{name}_NUM_THREADS") for name in ("OPENBLAS", "NUMBA")]
 
 
@@ -64,39 +64,30 @@ JOBS = """
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Generator[Path]:
-    """A folder that this process and its workers can import the module `fleet_jobs` from."""
+    """A folder that this process and its workers can import the module `worker_jobs` from."""
     place = tmp_path_factory.mktemp("importable")
-    (place / "fleet_jobs.py").write_text(textwrap.dedent(JOBS))
+    (place / "worker_jobs.py").write_text(textwrap.dedent(JOBS))
     sys.path.insert(0, str(place))
     yield place
     sys.path.remove(str(place))
-    sys.modules.pop("fleet_jobs", None)
+    sys.modules.pop("worker_jobs", None)
 
 
 @pytest.fixture
 def job(folder: Path) -> Callable[[str], Callable[[Any], Any]]:
-    return lambda name: getattr(import_module("fleet_jobs"), name)
+    return lambda name: getattr(import_module("worker_jobs"), name)
 
 
-@pytest.fixture(params=["dask", "plain"])
-def kind(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Both ways of running on this machine: with dask and, as if it were not installed, without."""
-    monkeypatch.setattr(fleet, "_has_dask", lambda: request.param == "dask")
-    return request.param
+GetJob = Callable[[str], Callable[[Any], Any]]
 
 
-Find = Callable[[str], Callable[[Any], Any]]
-
-
-@pytest.mark.usefixtures("kind")
-def test_two_workers_make_what_one_makes(job: Find) -> None:
+def test_two_workers_make_what_one_makes(job: GetJob) -> None:
     one = list(run_all(range(8), job("noise"), workers=1))
     assert [number for number, _ in one] == list(range(8))
     assert sorted(run_all(range(8), job("noise"), workers=2)) == one
 
 
-@pytest.mark.usefixtures("kind")
-def test_a_killed_worker_loses_nothing_and_duplicates_nothing(job: Find, tmp_path: Path) -> None:
+def test_a_killed_worker_loses_nothing_and_duplicates_nothing(job: GetJob, tmp_path: Path) -> None:
     jobs = [(str(tmp_path), number) for number in range(8)]
     done = list(run_all(jobs, job("first_time_killed"), workers=2))
     assert sorted(done) == [(each, each[1] ** 2) for each in jobs]
@@ -104,30 +95,26 @@ def test_a_killed_worker_loses_nothing_and_duplicates_nothing(job: Find, tmp_pat
     assert (tmp_path / "begun 3").read_text() == "xx"
 
 
-@pytest.mark.usefixtures("kind")
-def test_a_job_that_always_kills_its_worker_is_given_up_in_one_line(job: Find) -> None:
+def test_a_job_that_always_kills_its_worker_is_given_up_in_one_line(job: GetJob) -> None:
     with pytest.raises(DeviceError, match=r"a job ended its worker 3 times"):
         list(run_all(range(3), job("killed"), workers=2))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-@pytest.mark.usefixtures("kind")
-def test_what_a_job_refuses_comes_home_as_it_was(job: Find, workers: int) -> None:
+def test_what_a_job_refuses_comes_home_as_it_was(job: GetJob, workers: int) -> None:
     with pytest.raises(InputError, match=r"^job 1: allowed is job 0; leave it out$"):
         list(run_all([1, 1], job("refused"), workers=workers))
 
 
-@pytest.mark.usefixtures("kind")
-def test_workers_are_other_processes_of_one_thread_and_the_environment_is_restored(job: Find) -> None:
+def test_workers_are_other_processes_of_one_thread_and_the_environment_is_restored(job: GetJob) -> None:
     before = dict(os.environ)
-    found = dict(run_all(range(6), job("surroundings"), workers=2))
+    results = dict(run_all(range(6), job("surroundings"), workers=2))
     assert dict(os.environ) == before
-    assert len({pid for pid, _ in found.values()} - {os.getpid()}) == 2
-    assert all(threads == ["1", "1"] for _, threads in found.values())
+    assert len({pid for pid, _ in results.values()} - {os.getpid()}) == 2
+    assert all(threads == ["1", "1"] for _, threads in results.values())
 
 
-@pytest.mark.usefixtures("kind")
-def test_closing_early_ends_every_worker_and_listens_on_loopback_alone(job: Find) -> None:
+def test_closing_early_ends_every_worker_and_listens_on_loopback_alone(job: GetJob) -> None:
     running = run_all(range(50), job("surroundings"), workers=2)
     next(running)
     me = psutil.Process()
@@ -138,15 +125,14 @@ def test_closing_early_ends_every_worker_and_listens_on_loopback_alone(job: Find
     assert not [child for child in me.children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
 
 
-@pytest.mark.usefixtures("kind")
-def test_two_fleets_at_once_do_not_meet(job: Find) -> None:
+def test_two_local_clusters_at_once_do_not_collide(job: GetJob) -> None:
     first = run_all(range(20), job("surroundings"), workers=2)
     next(first)
     assert len(list(run_all(range(4), job("noise"), workers=2))) == 4
     assert len(list(first)) == 19
 
 
-def test_no_jobs_and_one_job_start_no_process(job: Find) -> None:
+def test_no_jobs_and_one_job_start_no_process(job: GetJob) -> None:
     assert list(run_all([], job("surroundings"))) == []
     ((_, (pid, _)),) = run_all(["one"], job("surroundings"))
     assert pid == os.getpid()
@@ -157,17 +143,19 @@ def test_fewer_than_one_worker_is_refused() -> None:
         run_all([1, 2], float, workers=0)
 
 
-def test_a_cluster_without_dask_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleet, "_has_dask", lambda: False)
-    with pytest.raises(InputError, match=r"dask is not installed.*pip install 'monochord\[cluster\]'"):
+def test_without_dask_jobs_run_in_this_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "_has_dask", lambda: False)
+    assert list(run_all([1, 2], float)) == [(1, 1.0), (2, 2.0)]
+    refusal = r"dask is not installed.*pip install 'monochord\[cluster\]'"
+    with pytest.raises(InputError, match=refusal):
         run_all([1, 2], float, cluster="tcp://127.0.0.1:8786")
+    with pytest.raises(InputError, match=refusal):
+        run_all([1, 2], float, workers=2)
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "not an address"])
 def test_an_address_where_nothing_answers_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from monochord.lab import _dask_fleet
-
-    monkeypatch.setattr(_dask_fleet, "ANSWER_WITHIN", 0.5)
+    monkeypatch.setattr(workers, "ANSWER_TIMEOUT", 0.5)
     with pytest.raises(InputError, match=rf"cluster {address} \(no dask scheduler answers there\)"):
         list(run_all([1, 2], float, cluster=address))
 
@@ -183,7 +171,8 @@ def scheduler(folder: Path, tmp_path: Path, request: pytest.FixtureRequest) -> G
         place = tmp_path
         (tmp_path / "monochord").mkdir()
         (tmp_path / "monochord" / "__init__.py").touch()
-    environment = {**os.environ, "PYTHONPATH": str(place)}
+    paths = os.pathsep.join([str(place), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "PYTHONPATH": paths}
     dask = [str(Path(sys.executable).with_name("dask"))]
     quiet: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment}
     loopback = ["--host", "127.0.0.1", "--no-dashboard"]
@@ -195,7 +184,7 @@ def scheduler(folder: Path, tmp_path: Path, request: pytest.FixtureRequest) -> G
         started += [
             subprocess.Popen([*worker, "--local-directory", str(tmp_path)], **quiet) for _ in range(2)
         ]
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + 60.0
         while not place.exists():
             assert time.monotonic() < deadline
             time.sleep(0.05)
@@ -208,7 +197,7 @@ def scheduler(folder: Path, tmp_path: Path, request: pytest.FixtureRequest) -> G
 
 
 @pytest.mark.slow
-def test_a_cluster_by_its_address_does_the_same(job: Find, scheduler: str, tmp_path: Path) -> None:
+def test_a_cluster_by_its_address_does_the_same(job: GetJob, scheduler: str, tmp_path: Path) -> None:
     assert sorted(run_all(range(4), job("noise"), cluster=scheduler)) == list(
         run_all(range(4), job("noise"), workers=1)
     )
@@ -221,30 +210,28 @@ def test_a_cluster_by_its_address_does_the_same(job: Find, scheduler: str, tmp_p
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheduler", ["another"], indirect=True)
-def test_a_cluster_with_other_code_is_told_in_one_line(job: Find, scheduler: str) -> None:
+def test_a_cluster_with_other_code_is_one_line(job: GetJob, scheduler: str) -> None:
     with pytest.raises(DeviceError, match=r"^a worker cannot read its job \(No module named 'monochord\.lab"):
         list(run_all([1, 2], job("noise"), cluster=scheduler))
 
 
-@pytest.mark.parametrize("dask", [True, False])
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
-def test_the_workers_end_with_the_program(folder: Path, tmp_path: Path, end: int, *, dask: bool) -> None:
+def test_the_workers_end_with_the_program(folder: Path, tmp_path: Path, end: int) -> None:
     script = tmp_path / "program.py"
     script.write_text(
         textwrap.dedent(f"""
         import sys
         sys.path.insert(0, {str(folder)!r})
-        import fleet_jobs
-        from monochord.lab import fleet
-        fleet._has_dask = lambda: {dask}
+        import worker_jobs
+        from monochord.lab import workers
         if __name__ == "__main__":
-            list(fleet.run_all([{str(tmp_path)!r}] * 4, fleet_jobs.asleep, workers=2))
+            list(workers.run_all([{str(tmp_path)!r}] * 4, worker_jobs.asleep, workers=2))
         """)
     )
     program = subprocess.Popen(
         [sys.executable, str(script)], stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 60.0
     while len(busy := [int(path.name) for path in tmp_path.iterdir() if path.name.isdigit()]) < 2:
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -252,8 +239,8 @@ def test_the_workers_end_with_the_program(folder: Path, tmp_path: Path, end: int
         os.killpg(program.pid, end)  # as a terminal sends it: to the workers too
     else:
         program.kill()
-    _, errors = program.communicate(timeout=20)
-    until = time.monotonic() + 5.0
+    _, errors = program.communicate(timeout=60)
+    until = time.monotonic() + 20.0
     while any(map(psutil.pid_exists, busy)) and time.monotonic() < until:
         time.sleep(0.05)
     assert not any(map(psutil.pid_exists, busy))

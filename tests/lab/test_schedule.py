@@ -1,24 +1,24 @@
 import numpy as np
 from tests.lab.tiny import session, tiny
 
-from monochord.lab.course import PAUSES, course
 from monochord.lab.plan import Group
+from monochord.lab.schedule import PAUSES, schedule
 
 
 def kinds(name: str) -> list[str]:
-    done = course(session(name))
-    return [phase.kind for phase in done.motion.phases if done.on < phase.start < done.off - 1e-9]
+    timing = schedule(session(name))
+    return [phase.kind for phase in timing.motion.phases if timing.on < phase.start < timing.off - 1e-9]
 
 
-def test_a_course_begins_and_ends_with_three_unequal_taps_in_silence() -> None:
-    done = course(session("hold_000"))
-    first, last = np.array(done.taps).reshape(2, 3)
+def test_a_session_begins_and_ends_with_three_unequal_taps_in_silence() -> None:
+    timing = schedule(session("hold_000"))
+    first, last = np.array(timing.taps).reshape(2, 3)
     steps = np.diff(first)
     np.testing.assert_allclose(steps, np.diff(last))
     assert abs(steps[0] - steps[1]) > 0.05
     np.testing.assert_allclose(steps - PAUSES, steps[0] - PAUSES[0])
-    assert first[-1] + 0.1 < done.on < done.off < last[0] - 0.5
-    assert done.motion.end > last[-1] + 0.3
+    assert first[-1] + 0.1 < timing.on < timing.off < last[0] - 0.5
+    assert timing.motion.end > last[-1] + 0.3
 
 
 def test_holds_press_settle_and_hold() -> None:
@@ -27,9 +27,9 @@ def test_holds_press_settle_and_hold() -> None:
 
 
 def test_slides_go_across_in_one_touch_and_along_in_the_next() -> None:
-    done = course(session("slide_000")).motion
-    slides = [phase for phase in done.phases if phase.kind == "slide"]
-    ends = done.path(np.array([[phase.start, phase.stop] for phase in slides]).ravel()).reshape(-1, 2, 3)
+    timing = schedule(session("slide_000")).motion
+    slides = [phase for phase in timing.phases if phase.kind == "slide"]
+    ends = timing.path(np.array([[phase.start, phase.stop] for phase in slides]).ravel()).reshape(-1, 2, 3)
     moved = ends[:, 1] - ends[:, 0]
     assert (np.abs(moved[:2, 1]) > 4e-3).all()
     assert np.abs(moved[:2, 0]).max() < 1e-12
@@ -40,7 +40,7 @@ def test_slides_go_across_in_one_touch_and_along_in_the_next() -> None:
 
 def test_slides_along_stay_on_the_range() -> None:
     fast = Group(name="fast", protocol="slide", grid=(6, 1), hold=3.0, speeds=(0.03, 0.03))
-    path = course(session("fast_000", tiny(groups=(fast,)))).motion
+    path = schedule(session("fast_000", tiny(groups=(fast,)))).motion
     x = path.path(np.arange(0.0, path.end, 0.01))[:, 0]
     assert x.min() >= 0.05 - 1e-9
     assert x.max() <= 0.15 + 1e-9
@@ -48,17 +48,17 @@ def test_slides_along_stay_on_the_range() -> None:
 
 def test_brief_touches_come_and_go() -> None:
     brush = Group(name="brush", protocol="brush", grid=(4, 3))
-    done = course(session("brush_000", tiny(groups=(brush,))))
-    holds = [phase.stop - phase.start for phase in done.motion.phases if phase.kind == "hold"]
+    timing = schedule(session("brush_000", tiny(groups=(brush,))))
+    holds = [phase.stop - phase.start for phase in timing.motion.phases if phase.kind == "hold"]
     assert len(holds) == 12
     assert 0.08 <= min(holds) < max(holds) <= 0.35
 
 
-def test_a_lifted_course_touches_in_its_taps_only() -> None:
+def test_a_lifted_session_touches_in_its_taps_only() -> None:
     group = Group(name="hold", grid=(2, 1))
-    aloft = Group(name="clear", like="hold", lifted=3e-3)
-    plan = tiny(groups=(group, aloft))
-    done, low = course(session("clear_000", plan)), course(session("hold_000", plan))
-    assert max(key.force for key in done.motion.keys if done.on < key.time < done.off) == 0.0
+    lifted = Group(name="clear", like="hold", lifted=3e-3)
+    plan = tiny(groups=(group, lifted))
+    timing, low = schedule(session("clear_000", plan)), schedule(session("hold_000", plan))
+    assert max(key.force for key in timing.motion.keys if timing.on < key.time < timing.off) == 0.0
     assert max(key.force for key in low.motion.keys if low.on < key.time < low.off) > 0.0
-    assert done.taps == low.taps
+    assert timing.taps == low.taps
