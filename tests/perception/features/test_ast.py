@@ -7,8 +7,8 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
-from monochord.perception.encoders.ast.engines import engine_of
-from monochord.perception.encoders.ast.network import Sizes, Weights, find, network_of
+from monochord.perception.encoders.ast.engines import build_engine
+from monochord.perception.encoders.ast.network import Sizes, Weights, find_ast, network_of
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 
@@ -22,7 +22,7 @@ HOME = "MONOCHORD_WEIGHTS"
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A file that holds a small network: two layers of 128; and a cache folder for what is made of it."""
+    """The file of a small network, two layers of 128; and a cache folder for its exports."""
     sizes = Sizes(depth=2, width=128, inner=512)
     folder = tmp_path_factory.mktemp("weights")
     network_of(Weights(sizes=sizes, seed=5), 1024).model.save_pretrained(folder)
@@ -51,14 +51,14 @@ def test_it_is_the_embedding_of_the_log_mel_spectrogram(weights: Path, windows: 
 
     sound = Resampler(sample_rate=44100, new_rate=16000, size=SIZE)(windows[0])
     energies = LogMel(size=1600, hop=16, centred=True)(sound)
-    told = engine_of(find(str(weights)), frames=100, backend="onnx")(energies)
+    expected = build_engine(find_ast(str(weights)), frames=100, backend="onnx")(energies)
     row = built(weights)(windows)[0]
-    assert np.array_equal(row, told.ravel())
+    assert np.array_equal(row, expected.ravel())
 
 
-def test_columns_are_marked_with_the_weights(weights: Path, windows: Audio) -> None:
+def test_columns_begin_with_the_checksum(weights: Path, windows: Audio) -> None:
     extract = built(weights, backend="torch")
-    label = find(str(weights)).sum[:8]
+    label = find_ast(str(weights)).sha256[:8]
     assert len(extract.columns) == extract(windows).shape[1] == 2 * 2 * 128
     assert extract.columns[0] == f"{label} mic 1 mean 1"
     assert extract.columns[-1] == f"{label} mic 2 max 128"
@@ -84,8 +84,8 @@ def test_audiosets_framing_is_padded_with_zeros_before_it_is_normalised(
     sound = Resampler(sample_rate=44100, new_rate=16000, size=SIZE)(windows[0])
     energies = np.zeros((2, 100, 128), np.float32)
     energies[:, :8] = LogMel(size=1600, hop=160)(sound)
-    told = engine_of(find(str(weights)), frames=100, backend="torch")(energies)
-    assert np.array_equal(built(weights, framing="audioset", backend="torch")(windows)[0], told.ravel())
+    expected = build_engine(find_ast(str(weights)), frames=100, backend="torch")(energies)
+    assert np.array_equal(built(weights, framing="audioset", backend="torch")(windows)[0], expected.ravel())
 
 
 @pytest.mark.parametrize("size", [882, 2205, 22050])
@@ -98,7 +98,7 @@ def test_one_microphone_has_half_the_columns(weights: Path, windows: Audio) -> N
     assert extract(windows[:, :1]).shape == (3, 256)
 
 
-def test_not_numbers_are_silence(weights: Path, windows: Audio) -> None:
+def test_samples_that_are_not_numbers_are_silence(weights: Path, windows: Audio) -> None:
     extract = built(weights, backend="torch")
     bad = windows.copy()
     bad[0], bad[1] = np.nan, np.inf
@@ -124,7 +124,7 @@ def test_without_weights_it_says_how_to_get_them(tmp_path: Path, monkeypatch: py
         ({"framing": "coarse"}, "allowed is fine, audioset"),
     ],
 )
-def test_options_that_cannot_be_are_refused(options: dict[str, object], match: str) -> None:
+def test_bad_options_are_refused(options: dict[str, object], match: str) -> None:
     with pytest.raises(InputError, match=match):
         FEATURES.build("ast", options)
 
@@ -136,7 +136,7 @@ def test_windows_too_short_or_too_long_are_refused(weights: Path) -> None:
         built(weights, size=48510)
 
 
-def test_no_gpu_is_told_of(weights: Path) -> None:
+def test_a_missing_gpu_is_reported(weights: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed")
     if torch.cuda.is_available():
         pytest.skip("there is a GPU")
@@ -147,7 +147,7 @@ def test_no_gpu_is_told_of(weights: Path) -> None:
 
 
 @pytest.mark.slow
-def test_random_weights_are_3072_columns_that_say_so(windows: Audio) -> None:
+def test_random_weights_have_3072_marked_columns(windows: Audio) -> None:
     extract = FEATURES.build("ast", {"random": True, "seed": 4, "backend": "torch"}).prepare(TWO, SIZE)
     rows = extract(windows)
     assert rows.shape == (3, 3072)

@@ -33,17 +33,17 @@ def test_frequency_is_kept() -> None:
     assert low[:128].argmax() < high[:128].argmax()
 
 
-def test_context_is_not_looked_at() -> None:
-    heard = FEATURES.build("log_mel", {"context": 0.01}).prepare(TWO, SIZE + 441)
+def test_context_is_left_out() -> None:
+    extract = FEATURES.build("log_mel", {"context": 0.01}).prepare(TWO, SIZE + 441)
     bare = FEATURES.build("log_mel").prepare(TWO, SIZE)
     sound = np.stack([tone(374.0, size=SIZE + 441)] * 2)
-    assert np.abs(heard(sound[None]) - bare(sound[None, :, 441:])).max() < 0.3
+    assert np.abs(extract(sound[None]) - bare(sound[None, :, 441:])).max() < 0.3
     loud = sound.copy()
     loud[:, :200] *= 100.0
-    assert np.abs(heard(sound[None]) - heard(loud[None])).max() < 0.2
+    assert np.abs(extract(sound[None]) - extract(loud[None])).max() < 0.2
 
 
-def test_the_same_sound_at_another_rate_reads_the_same() -> None:
+def test_the_same_sound_at_another_rate_gives_the_same_row() -> None:
     here = FEATURES.build("log_mel").prepare(TWO, SIZE)(np.stack([tone(523.0)] * 2)[None])
     there = Signal(sample_rate=48000, channels=2)
     also = FEATURES.build("log_mel").prepare(there, 4800)(np.stack([tone(523.0, 48000, 4800)] * 2)[None])
@@ -56,7 +56,7 @@ def test_bad_bins_are_refused() -> None:
         FEATURES.build("log_mel", {"bins": 0})
 
 
-def test_what_it_cannot_serve_is_refused() -> None:
+def test_unsuitable_signals_are_refused() -> None:
     feature = FEATURES.build("log_mel")
     with pytest.raises(InputError, match="a sample rate of 8000 Hz: allowed is 16000 Hz or more"):
         feature.prepare(Signal(sample_rate=8000, channels=2), 800)
@@ -66,7 +66,7 @@ def test_what_it_cannot_serve_is_refused() -> None:
         feature.prepare(TWO, SIZE)(np.zeros((1, 2, 100), np.float32))
 
 
-def test_not_numbers_are_silence() -> None:
+def test_samples_that_are_not_numbers_are_silence() -> None:
     extract = FEATURES.build("log_mel").prepare(TWO, SIZE)
     windows = np.zeros((3, 2, SIZE), np.float32)
     windows[1], windows[2] = np.nan, np.inf

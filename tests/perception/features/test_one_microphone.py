@@ -1,4 +1,4 @@
-"""One microphone is heard, and nothing of the other."""
+"""One microphone alone, and nothing of the other."""
 
 from pathlib import Path
 from typing import Any
@@ -36,17 +36,17 @@ def sounds() -> np.ndarray:
 @pytest.mark.parametrize("name", ["fft_harmonic", "untouched", "closed_form", "log_mel"])
 def test_it_is_the_other_feature_of_a_copy(name: str, microphone: int) -> None:
     plain = FEATURES.build(name).prepare(SIGNAL, SIZE)
-    heard = sounds()
-    copied = np.repeat(heard[:, microphone - 1 : microphone], 2, axis=1)
+    both = sounds()
+    copied = np.repeat(both[:, microphone - 1 : microphone], 2, axis=1)
     extract = alone(microphone, name)
-    np.testing.assert_array_equal(extract(heard), plain(copied))
+    np.testing.assert_array_equal(extract(both), plain(copied))
     assert extract.columns == plain.columns
-    other = heard.copy()
+    other = both.copy()
     other[:, 2 - microphone] = np.random.default_rng(1).normal(size=SIZE)
-    np.testing.assert_array_equal(extract(other), extract(heard))
+    np.testing.assert_array_equal(extract(other), extract(both))
 
 
-def test_what_differs_between_microphones_is_gone() -> None:
+def test_differences_of_microphones_are_zero() -> None:
     extract = alone(1)
     row = extract(sounds())[0]
     differs = [column.startswith("difference string") for column in extract.columns]
@@ -56,7 +56,7 @@ def test_what_differs_between_microphones_is_gone() -> None:
     assert np.abs(both[differs]).max() > 0.0
 
 
-def test_what_cannot_be_is_a_line() -> None:
+def test_bad_options_are_refused() -> None:
     mono = Signal(sample_rate=RATE, channels=1)
     with pytest.raises(InputError, match="microphone 2 of 1"):
         FEATURES.build("one_microphone", {"microphone": 2}).prepare(mono, SIZE)
@@ -69,7 +69,7 @@ def test_what_cannot_be_is_a_line() -> None:
 
 
 @pytest.mark.usefixtures("made_up_features")
-def test_a_model_of_one_microphone_hears_that_one_live(lesson: dict[str, Any], tmp_path: Path) -> None:
+def test_a_model_of_one_microphone_ignores_the_other(lesson: dict[str, Any], tmp_path: Path) -> None:
     pytest.importorskip("torch")
     alone = {"name": "one_microphone", "microphone": 2}
     lesson["feature"] = {**alone, "feature": {"name": "bands"}}
@@ -78,10 +78,10 @@ def test_a_model_of_one_microphone_hears_that_one_live(lesson: dict[str, Any], t
     train(Settings.read(lesson), tmp_path / "run")
     noise = np.random.default_rng(0).normal(size=(2, 1600)).astype(np.float32)
     other = noise * np.array([[3.0], [1.0]], np.float32)
-    told: list[Estimates] = []
+    estimates: list[Estimates] = []
     for samples in (0.1 * noise, 0.1 * other):
         window = Window(samples=samples, start=0, sample_rate=LEARNABLE)
         signal = Signal(sample_rate=LEARNABLE, channels=2)
-        told.append(ModelEstimator(path=tmp_path / "run").prepare(signal, 1600)(window))
-    assert told[0] == told[1]
-    assert told[0]["contact"].valid
+        estimates.append(ModelEstimator(path=tmp_path / "run").prepare(signal, 1600)(window))
+    assert estimates[0] == estimates[1]
+    assert estimates[0]["contact"].valid

@@ -1,4 +1,4 @@
-"""Rows of a layer: frequency kept, each window by itself; with weights drawn by chance, and the real ones."""
+"""Rows of a layer of YAMNet, with random and with published weights."""
 
 import numpy as np
 import pytest
@@ -6,36 +6,36 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.dsp.resample import Resampler
-from monochord.perception.encoders.yamnet import Convolution, YamnetMel, activations
-from monochord.perception.encoders.yamnet.reading import Yamnet as Network
+from monochord.perception.encoders.yamnet import Convolution, YamnetMel, YamnetWeights, activations
 from monochord.perception.features import FEATURES
-from monochord.perception.features.yamnet import Yamnet, _Rows
+from monochord.perception.features._mel import MelSound
+from monochord.perception.features.yamnet import Yamnet, _LayerRows
 
 TWO = Signal(sample_rate=44100, channels=2)
 SIZE = 4410
 
 
-def network(layers: int) -> Network:
-    """The first layers with weights drawn by chance, of the channels that layers 1 to 5 have."""
-    stream = np.random.default_rng(0)
+def network(layers: int) -> YamnetWeights:
+    """The first layers with random weights, with the channels of layers 1 to 5."""
+    random = np.random.default_rng(0)
     shapes = [(9, 32), (3, 3, 32), (32, 64), (3, 3, 64), (64, 128)][:layers]
-    made = [
+    convolutions = [
         Convolution(
-            kernel=stream.normal(0.0, 0.3, shape).astype(np.float32),
+            kernel=random.normal(0.0, 0.3, shape).astype(np.float32),
             bias=np.zeros(shape[-1], np.float32),
             stride=2 if number in (0, 3) else 1,
         )
         for number, shape in enumerate(shapes)
     ]
     none = np.zeros((128, 0), np.float32)
-    return Network(convolutions=tuple(made), kinds=none, kinds_bias=none[0])
+    return YamnetWeights(convolutions=tuple(convolutions), kinds=none, kinds_bias=none[0])
 
 
 NETWORK = network(5)
 
 
-def rows(size: int = SIZE, signal: Signal = TWO, **options: object) -> _Rows:
-    return _Rows(FEATURES.build("yamnet", {"layer": 5, **options}), NETWORK, signal, size)  # pyright: ignore[reportArgumentType]
+def rows(size: int = SIZE, signal: Signal = TWO, **options: object) -> _LayerRows:
+    return _LayerRows(FEATURES.build("yamnet", {"layer": 5, **options}), NETWORK, MelSound(signal, size))  # pyright: ignore[reportArgumentType]
 
 
 def sound(count: int, size: int = SIZE, channels: int = 2) -> Audio:
@@ -44,8 +44,8 @@ def sound(count: int, size: int = SIZE, channels: int = 2) -> Audio:
 
 def test_a_row_is_the_layer_averaged_over_time() -> None:
     extract, window = rows(), sound(1)
-    heard = Resampler(sample_rate=44100, new_rate=16000, size=SIZE)(window[0])
-    layer = activations(NETWORK.convolutions, YamnetMel(size=1600, hop=16)(heard), 5)
+    resampled = Resampler(sample_rate=44100, new_rate=16000, size=SIZE)(window[0])
+    layer = activations(NETWORK.convolutions, YamnetMel(size=1600, hop=16)(resampled), 5)
     assert layer.shape == (2, 25, 16, 128)
     np.testing.assert_array_equal(extract(window)[0].reshape(2, 16, 128), layer.mean(axis=1))
     assert len(extract.columns) == 4096
@@ -62,14 +62,14 @@ def test_over_all_it_is_averaged_over_frequency_too() -> None:
     assert extract.columns[129] == "mic 2 layer 5 channel 2"
 
 
-def test_silence_that_fills_up_is_not_averaged() -> None:
+def test_padding_with_silence_is_not_averaged() -> None:
     # 8 frames of 10 ms fill two steps of layer 5; the silence after them is 22 more.
     window = sound(1)
     loud = rows(hop=0.01)(window)
-    heard = Resampler(sample_rate=44100, new_rate=16000, size=SIZE)(window[0])
-    energies = YamnetMel(size=1600, hop=160, centred=False)(heard)
-    filled = np.pad(energies, ((0, 0), (0, 88), (0, 0)), constant_values=np.log(0.001))
-    layer = activations(NETWORK.convolutions, filled, 5)
+    resampled = Resampler(sample_rate=44100, new_rate=16000, size=SIZE)(window[0])
+    energies = YamnetMel(size=1600, hop=160, centred=False)(resampled)
+    padded = np.pad(energies, ((0, 0), (0, 88), (0, 0)), constant_values=np.log(0.001))
+    layer = activations(NETWORK.convolutions, padded, 5)
     assert layer.shape[1] == 24
     np.testing.assert_array_equal(loud[0].reshape(2, 16, 128), layer[:, :2].mean(axis=1))
 
@@ -95,7 +95,7 @@ def test_any_length_and_each_window_by_itself(size: int) -> None:
         np.testing.assert_array_equal(extract(window[None])[0], row)
 
 
-def test_what_it_cannot_serve_is_refused() -> None:
+def test_bad_options_and_signals_are_refused() -> None:
     with pytest.raises(InputError, match=r"yamnet\.layer 28: allowed is 1 to 27"):
         Yamnet(layer=28)
     with pytest.raises(InputError, match=r"yamnet\.hop 0\.002 s: allowed is 0\.001 s, 0\.01 s"):
@@ -115,7 +115,7 @@ def test_without_weights_it_says_how_to_get_them(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("layer", [3, 5, 9, 27])
-def test_real_weights_hear_a_tone_move(layer: int) -> None:
+def test_published_weights_follow_a_tone(layer: int) -> None:
     try:
         extract = Yamnet(layer=layer).prepare(TWO, SIZE)
     except InputError as error:

@@ -1,1 +1,1 @@
-"""Touch from pitch by physics alone: the closed-form inverse of one segment, or of both."""
+"""Touch by physics alone: the closed-form inverse of one segment, or of both."""

@@ -1,1 +1,1 @@
-"""Frozen networks that others trained: their weights, and what runs them."""
+"""Frozen networks, trained by others on other sounds, and their weights."""

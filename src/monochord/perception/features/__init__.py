@@ -1,4 +1,4 @@
-"""What is read off a window before anything is learned: one file a kind of feature, found by its name."""
+"""Features of a window, one file each, found by name."""
 
 from monochord.core.registry import Registry
 from monochord.perception.features.base import Feature

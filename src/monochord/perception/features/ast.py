@@ -8,15 +8,14 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
-from monochord.perception.encoders.ast.engines import Backend, Embed, engine_of
-from monochord.perception.encoders.ast.network import Weights, find
-from monochord.perception.encoders.ast.patches import BINS
-from monochord.perception.features._mel import FINE, Spectrogram
+from monochord.perception.encoders.ast.engines import Backend, Embed, build_engine
+from monochord.perception.encoders.ast.network import BANDS, Weights, find_ast
+from monochord.perception.features._mel import FINE_HOP, Spectrogram
 from monochord.perception.features.base import Extractor, Feature
 
-AUDIOSET = 160
+AUDIOSET_HOP: Samples = 160
 """Samples from frame to frame in AudioSet."""
-FRAMES = 100
+MIN_FRAMES = 100
 """Frames that AudioSet's framing is padded to, at the least."""
 
 
@@ -27,14 +26,13 @@ class Ast(Feature):
     Each microphone is resampled to 16 kHz; its log-mel spectrogram of 128 bands (100 frames of 0.1 s) is
     normalised with AudioSet's mean and deviation and embedded by the frozen network of 12 layers, 768 wide:
     mean(768) and max(768) over the patch tokens, 3072 columns of two microphones. Columns begin with the
-    first eight digits of the weights' SHA-256, so that rows of other weights cannot be taken for these.
+    first eight digits of the weights' SHA-256, so that rows of other weights are not confused with these.
 
-    The weights are no part of Monochord: `monochord weights get ast` fetches them. Where nothing but speed
-    matters, or as a baseline in which nothing was learned, there are random ones, on request alone; their
-    columns begin with ``random``.
+    The weights are no part of Monochord: `monochord weights get ast` fetches them. With `random` there are
+    untrained ones, to measure speed or as a baseline; their columns begin with ``random``.
 
     A window is embedded by itself, since the network's last bits depend on how many are embedded at once, and
-    int8 on which.
+    int8 on its neighbours.
 
     Parameters
     ----------
@@ -43,19 +41,19 @@ class Ast(Feature):
     random
         Use random weights; `weights` must be empty then.
     seed
-        Of the random weights.
+        Random seed of the untrained weights.
     backend
         ``onnx`` (float32) or ``int8`` by ONNX Runtime, ``openvino`` (int8), ``torch`` on the processor,
         ``cuda`` for PyTorch on a GPU. In float32 they differ in the last bits, int8 by a few hundredths of
-        the spread: train and predict with the same. The first time an ONNX file is made, which takes a
-        minute or two, PyTorch and transformers.
+        the spread: train and predict with the same. The first use of ``onnx``, ``int8`` or ``openvino``
+        exports the network, which takes a minute or two, PyTorch and transformers.
     framing
         ``fine``: frames 1 ms apart, mirrored at the ends, 100 of 0.1 s. ``audioset``: 10 ms apart, as the
         network was trained, 8 of 0.1 s, and zeros up to 100.
     threads
         Of ONNX Runtime and OpenVINO.
     context
-        Seconds at the begin of each window that only settle the resampler and are not looked at.
+        Seconds at the start of each window that only settle the resampler.
     """
 
     weights: str = ""
@@ -77,11 +75,16 @@ class Ast(Feature):
         """Read the weights and build the network; seconds. See `Feature.prepare` for what it raises."""
         fine = self.framing == "fine"
         spectrogram = Spectrogram(
-            signal, size, hop=FINE if fine else AUDIOSET, centred=fine, bins=BINS, context=self.context
+            signal,
+            size,
+            hop=FINE_HOP if fine else AUDIOSET_HOP,
+            centred=fine,
+            bins=BANDS,
+            context=self.context,
         )
-        frames = spectrogram.frames if fine else max(spectrogram.frames, FRAMES)
-        weights = Weights(seed=self.seed) if self.random else find(self.weights)
-        embed = engine_of(weights, frames=frames, backend=self.backend, threads=self.threads)
+        frames = spectrogram.frames if fine else max(spectrogram.frames, MIN_FRAMES)
+        weights = Weights(seed=self.seed) if self.random else find_ast(self.weights)
+        embed = build_engine(weights, frames=frames, backend=self.backend, threads=self.threads)
         return _Embedded(spectrogram, frames, embed, weights)
 
 
@@ -89,9 +92,9 @@ class _Embedded(Extractor):
     def __init__(self, spectrogram: Spectrogram, frames: int, embed: Embed, weights: Weights) -> None:
         self._spectrogram, self._frames, self._embed = spectrogram, frames, embed
         self._columns = tuple(
-            f"{weights.label} mic {microphone + 1} {how} {number + 1}"
-            for microphone in range(spectrogram.channels)
-            for how in ("mean", "max")
+            f"{weights.label} mic {microphone + 1} {pooling} {number + 1}"
+            for microphone in range(spectrogram.sound.channels)
+            for pooling in ("mean", "max")
             for number in range(weights.sizes.width)
         )
 
@@ -100,7 +103,7 @@ class _Embedded(Extractor):
         return self._columns
 
     def __call__(self, windows: Audio) -> Audio:
-        self._spectrogram.refuse_other(windows)
+        self._spectrogram.sound.check(windows)
         rows = np.empty((windows.shape[0], len(self._columns)), np.float32)
         for row, window in zip(rows, windows, strict=True):
             energies = self._spectrogram(window)

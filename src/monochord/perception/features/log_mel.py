@@ -7,7 +7,7 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
-from monochord.perception.features._mel import FINE, Spectrogram
+from monochord.perception.features._mel import FINE_HOP, Spectrogram
 from monochord.perception.features.base import Extractor, Feature
 
 
@@ -15,7 +15,7 @@ from monochord.perception.features.base import Extractor, Feature
 class LogMel(Feature):
     """Mean and maximum over time of each mel band's log energy, microphone by microphone.
 
-    Frequency is kept, since it is what tells a touch. A window is resampled to 16 kHz and cut into frames of
+    Frequency is kept, since a touch changes it. A window is resampled to 16 kHz and cut into frames of
     25 ms, 1 ms apart (100 frames of 0.1 s), as `monochord.dsp.mel.LogMel` describes. 512 columns of two
     microphones with the defaults.
 
@@ -24,7 +24,13 @@ class LogMel(Feature):
     bins
         Mel bands from 20 Hz to 8 kHz.
     context
-        Seconds at the begin of each window that only settle the resampler and are not looked at.
+        Seconds at the start of each window that only settle the resampler.
+
+    Examples
+    --------
+    >>> extract = LogMel(bins=64).prepare(Signal(sample_rate=44100, channels=2), 4410)
+    >>> extract(np.zeros((3, 2, 4410), np.float32)).shape
+    (3, 256)
     """
 
     bins: int = 128
@@ -37,7 +43,8 @@ class LogMel(Feature):
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Make filters and frames; raises `InputError` below 16 kHz or for a window without a frame."""
         return _Pooled(
-            Spectrogram(signal, size, hop=FINE, centred=True, bins=self.bins, context=self.context), self.bins
+            Spectrogram(signal, size, hop=FINE_HOP, centred=True, bins=self.bins, context=self.context),
+            self.bins,
         )
 
 
@@ -45,9 +52,9 @@ class _Pooled(Extractor):
     def __init__(self, spectrogram: Spectrogram, bins: int) -> None:
         self._spectrogram = spectrogram
         self._columns = tuple(
-            f"mic {microphone + 1} {how} of band {band + 1}"
-            for microphone in range(spectrogram.channels)
-            for how in ("mean", "max")
+            f"mic {microphone + 1} {pooling} of band {band + 1}"
+            for microphone in range(spectrogram.sound.channels)
+            for pooling in ("mean", "max")
             for band in range(bins)
         )
 
@@ -56,7 +63,7 @@ class _Pooled(Extractor):
         return self._columns
 
     def __call__(self, windows: Audio) -> Audio:
-        self._spectrogram.refuse_other(windows)
+        self._spectrogram.sound.check(windows)
         rows = np.empty((windows.shape[0], len(self._columns)), np.float32)
         for row, window in zip(rows, windows, strict=True):
             energies = self._spectrogram(window)

@@ -1,4 +1,4 @@
-"""What a layer of YAMNet makes of a window: a network trained on other sounds, not trained further."""
+"""A layer of YAMNet over a window: a network trained on other sounds, frozen."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,30 +9,35 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.dsp.mel import MEL_RATE
-from monochord.dsp.resample import Resampler
-from monochord.perception.encoders.yamnet import YamnetMel, activations, load_yamnet
-from monochord.perception.encoders.yamnet.mel import FLOOR, PATCH
-from monochord.perception.encoders.yamnet.reading import LAYERS
-from monochord.perception.encoders.yamnet.reading import Yamnet as Network
+from monochord.perception.encoders.yamnet import (
+    BANDS,
+    LAYERS,
+    LOG_OFFSET,
+    PATCH,
+    YamnetMel,
+    YamnetWeights,
+    activations,
+    load_yamnet,
+)
+from monochord.perception.features._mel import FINE_HOP, MelSound
 from monochord.perception.features.base import Extractor, Feature
 
-FINE, COARSE = 16, 160
-"""Samples from frame to frame at 16 kHz."""
-LOUDEST = 1.0e3
-"""Samples beyond this many times full scale count as it."""
+COARSE_HOP: Samples = 160
+"""Samples from frame to frame in training."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Yamnet(Feature):
-    """A layer of YAMNet, averaged over time alone, so that frequency is kept, since it is what tells a touch.
+    """A layer of YAMNet, averaged over time alone, so that frequency is kept: a touch changes it.
 
-    Each microphone's sound is resampled to 16 kHz and cut into frames of 25 ms; `encoders.yamnet`
-    does the rest. With the defaults 8 bands x 256 channels of each of two microphones, 4096 columns.
+    Each microphone's sound is resampled to 16 kHz and cut into frames of 25 ms for
+    `monochord.perception.encoders.yamnet`. With the defaults 8 bands x 256 channels of each of two
+    microphones, 4096 columns.
 
     Ridge regression on 2000 windows of the twin, scored on sessions left out, had mean absolute errors of
     position and force of 1.9 mm and 0.27 N from layer 1, 2.0 and 0.24 from 5, 1.7 and 0.23 from 7, 1.5 and
     0.24 from 9 and 11, but 5.4 and 0.36 from 27. YAMNet's own embedding is layer 27 averaged over all, 1024
-    of each microphone: 5.3 and 0.35. It tells kinds of sound, whatever their pitch.
+    of each microphone: 5.3 and 0.35. It separates kinds of sound, whatever their pitch.
 
     Parameters
     ----------
@@ -41,8 +46,8 @@ class Yamnet(Feature):
     average
         Over "time", of the frames that hold sound, or over "all": time, silence after it, and frequency.
     hop
-        From frame to frame: 0.001 s, or 0.01 s, as it was trained. Fewer than 96 frames are filled up with
-        silence, since it was trained on 96.
+        From frame to frame: 0.001 s, or 0.01 s, as in training. Fewer than 96 frames are padded with silence
+        to the 96 of training.
     weights
         File of the weights; empty to look where `monochord weights` does.
     """
@@ -55,39 +60,34 @@ class Yamnet(Feature):
     def __post_init__(self) -> None:
         if not 1 <= self.layer <= LAYERS:
             raise InputError(f"yamnet.layer {self.layer}", f"1 to {LAYERS}")
-        if round(self.hop * MEL_RATE, 6) not in (FINE, COARSE):
+        if round(self.hop * MEL_RATE, 6) not in (FINE_HOP, COARSE_HOP):
             raise InputError(f"yamnet.hop {self.hop:g} s", "0.001 s, 0.01 s")
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Read the weights; raises `InputError` without them, below 16 kHz, or for too short a window."""
-        if signal.sample_rate < MEL_RATE:
-            raise InputError(f"a sample rate of {signal.sample_rate} Hz", f"{MEL_RATE} Hz or more")
-        return _Rows(self, load_yamnet(self.weights), signal, size)
+        sound = MelSound(signal, size)
+        return _LayerRows(self, load_yamnet(self.weights), sound)
 
 
-class _Rows(Extractor):
-    """The rows of a layer of a given network."""
+class _LayerRows(Extractor):
+    """The rows of a layer of a network."""
 
-    def __init__(self, options: Yamnet, network: Network, signal: Signal, size: Samples) -> None:
-        self._layer, self._average = options.layer, options.average
-        self._weights = network.convolutions[: options.layer]
-        self._shape = (signal.channels, size)
-        self._resampler = Resampler(sample_rate=signal.sample_rate, new_rate=MEL_RATE, size=size)
+    def __init__(self, options: Yamnet, network: YamnetWeights, sound: MelSound) -> None:
+        self._layer, self._average, self._sound = options.layer, options.average, sound
+        self._convolutions = network.convolutions[: options.layer]
         hop = round(options.hop * MEL_RATE)
-        self._mel = YamnetMel(size=self._resampler.length, hop=hop, centred=hop == FINE)
+        self._mel = YamnetMel(size=sound.length, hop=hop, centred=hop == FINE_HOP)
         missing = max(PATCH - self._mel.frames, 0)
-        self._silence = np.full((signal.channels, missing, self._mel.bands), np.log(FLOOR), np.float32)
-        stride = int(np.prod([one.stride for one in self._weights]))
-        self._sounding = -(-self._mel.frames // stride)
-        self._columns = self._named(stride)
-
-    def _named(self, stride: int) -> tuple[str, ...]:
-        bands = [f" band {band + 1}" for band in range(-(-self._mel.bands // stride))]
-        return tuple(
+        self._silence = np.full((sound.channels, missing, BANDS), np.log(LOG_OFFSET), np.float32)
+        stride = int(np.prod([one.stride for one in self._convolutions]))
+        self._steps = -(-self._mel.frames // stride)
+        """Steps of the layer that hold sound."""
+        bands = [f" band {band + 1}" for band in range(-(-BANDS // stride))]
+        self._columns = tuple(
             f"mic {microphone + 1} layer {self._layer}{band} channel {channel + 1}"
-            for microphone in range(self._shape[0])
+            for microphone in range(sound.channels)
             for band in (bands if self._average == "time" else [""])
-            for channel in range(self._weights[-1].bias.size)
+            for channel in range(self._convolutions[-1].bias.size)
         )
 
     @property
@@ -95,17 +95,13 @@ class _Rows(Extractor):
         return self._columns
 
     def __call__(self, windows: Audio) -> Audio:
-        if windows.ndim != 3 or windows.shape[1:] != self._shape:
-            raise InputError(f"windows of shape {windows.shape}", f"(n, {self._shape[0]}, {self._shape[1]})")
+        self._sound.check(windows)
         rows = np.empty((len(windows), len(self._columns)), np.float32)
         # One by one: more at once would round otherwise.
         for row, window in zip(rows, windows, strict=True):
-            row[:] = self._row(window)
+            patches = np.concatenate([self._mel(self._sound(window)), self._silence], axis=1)
+            values = activations(self._convolutions, patches, self._layer)
+            over_time = self._average == "time"
+            mean = values[:, : self._steps].mean(axis=1) if over_time else values.mean(axis=(1, 2))
+            row[:] = mean.reshape(-1)
         return rows
-
-    def _row(self, window: Audio) -> Audio:
-        sound = np.clip(np.nan_to_num(window, nan=0.0, posinf=0.0, neginf=0.0), -LOUDEST, LOUDEST)
-        patches = np.concatenate([self._mel(self._resampler(sound)), self._silence], axis=1)
-        made = activations(self._weights, patches, self._layer)
-        mean = made[:, : self._sounding].mean(axis=1) if self._average == "time" else made.mean(axis=(1, 2))
-        return mean.reshape(-1)

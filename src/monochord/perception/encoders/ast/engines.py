@@ -1,7 +1,7 @@
-"""What runs the transformer: PyTorch, ONNX Runtime in float32 or int8, or OpenVINO in int8.
+"""Engines of the transformer: PyTorch, ONNX Runtime in float32 or int8, or OpenVINO in int8.
 
-All but PyTorch run an ONNX file that is made once, which takes PyTorch, transformers and up to minutes, and
-is kept in the user's cache folder: after that the engine alone is needed.
+All but PyTorch run an ONNX file that is exported once, which takes PyTorch, transformers and up to minutes,
+and is kept in the user's cache folder: after that the engine alone is needed.
 """
 
 import json
@@ -18,28 +18,36 @@ import numpy as np
 
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio
-from monochord.perception.encoders.ast.network import Weights, find, network_of, quiet
-from monochord.perception.encoders.ast.patches import BINS, DEVIATION, MEAN, columns_of
+from monochord.perception.encoders.ast.network import (
+    BANDS,
+    DEVIATION,
+    MEAN,
+    Weights,
+    find_ast,
+    network_of,
+    patch_columns,
+    quiet_libraries,
+)
 
 Backend: TypeAlias = Literal["onnx", "int8", "openvino", "torch", "cuda"]
 Embed: TypeAlias = Callable[[Audio], Audio]
 """From log-mel energies (channels, frames, 128) to embeddings (channels, 2 width), of one or two channels."""
-Form: TypeAlias = Literal["float32", "dynamic", "static"]
-"""Of an ONNX file: in float32, or int8 with the scale of what is multiplied of the moment or fixed."""
-FORMS: dict[str, Form] = {"onnx": "float32", "int8": "dynamic", "openvino": "static"}
-RECIPE = 1
-"""Raised where files that were made before are no longer the same network."""
-CALIBRATION = 6
-"""Made-up spectrograms that the fixed scales are taken from."""
+Precision: TypeAlias = Literal["float32", "dynamic", "static"]
+"""Of an ONNX file: float32, or int8 with activation scales computed at run time or fixed."""
+PRECISIONS: dict[str, Precision] = {"onnx": "float32", "int8": "dynamic", "openvino": "static"}
+EXPORT_VERSION = 1
+"""Part of the cache key; raised when exported files change."""
+CALIBRATION_SPECTROGRAMS = 6
+"""Synthetic spectrograms that the fixed scales are taken from."""
 
 
-def engine_of(weights: Weights, *, frames: int, backend: Backend, threads: int = 1) -> Embed:
-    """Return what embeds spectrograms of so many frames.
+def build_engine(weights: Weights, *, frames: int, backend: Backend, threads: int = 1) -> Embed:
+    """Return the function that embeds spectrograms of so many frames.
 
     Parameters
     ----------
     weights
-        As `network.find` gives them, or random ones.
+        Those of `find_ast`, or random ones.
     frames
         Of a spectrogram.
     backend
@@ -51,96 +59,97 @@ def engine_of(weights: Weights, *, frames: int, backend: Backend, threads: int =
     Raises
     ------
     InputError
-        If a library is not installed, the weights cannot be used, or the length does not suit them.
+        If a library is not installed, the weights cannot be used, or they do not suit the length.
     DeviceError
         If there is no GPU for ``cuda``.
     """
     if backend in ("torch", "cuda"):
         return _on_torch(weights, frames, "cpu" if backend == "torch" else "cuda")
-    run = (_on_openvino if backend == "openvino" else _on_onnx)(weights, frames, FORMS[backend], threads)
+    run = (_on_openvino if backend == "openvino" else _on_onnx)(weights, frames, PRECISIONS[backend], threads)
 
     def embed(energies: Audio) -> Audio:
-        both = energies if len(energies) == 2 else np.concatenate([energies, energies])
-        return run(both)[: len(energies)]
+        pair = energies if len(energies) == 2 else np.concatenate([energies, energies])
+        return run(pair)[: len(energies)]
 
     return embed
 
 
 def export(given: str, file: Path, *, frames: int = 100, int8: bool = False) -> None:
-    """Write the network that weights hold as an ONNX file: ``energies`` (2, frames, 128) to ``embedding``.
+    """Write the network of weights as an ONNX file, from ``energies`` (2, frames, 128) to ``embedding``.
 
-    The file says in its properties which weights it was made of.
+    The file's properties name the weights.
 
     Raises
     ------
     InputError
-        If the weights cannot be used, the length does not suit them, or a library is not installed.
+        If the weights cannot be used, they do not suit the length, or a library is not installed.
     """
-    shutil.copyfile(onnx_file(find(given), frames, "dynamic" if int8 else "float32"), file)
+    shutil.copyfile(onnx_file(find_ast(given), frames, "dynamic" if int8 else "float32"), file)
 
 
-def onnx_file(weights: Weights, frames: int, form: Form) -> Path:
-    """Return the network as an ONNX file in the cache folder, made if it is not there or damaged."""
-    columns_of(frames)  # refuses a length before anything is looked for
-    about = [RECIPE, weights.label, weights.sum, str(weights.sizes), frames, form]
-    key = sha256(json.dumps(about).encode()).hexdigest()[:32]
+def onnx_file(weights: Weights, frames: int, precision: Precision) -> Path:
+    """Return the network as an ONNX file in the cache folder, exported if it is absent or damaged."""
+    patch_columns(frames)  # refuses a length before any library is loaded
+    key = [EXPORT_VERSION, weights.label, weights.sha256, str(weights.sizes), frames, precision]
     cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    file = Path(cache) / "monochord" / "ast" / f"{key}.onnx"
-    seal = file.with_suffix(".sha256")
-    if seal.is_file() and file.is_file() and seal.read_text(encoding="ascii") == _sum(file):
+    name = sha256(json.dumps(key).encode()).hexdigest()[:32]
+    file = Path(cache) / "monochord" / "ast" / f"{name}.onnx"
+    checksum = file.with_suffix(".sha256")
+    if checksum.is_file() and file.is_file() and checksum.read_text(encoding="ascii") == _sha256(file):
         return file
     file.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=file.parent) as folder, quiet():
-        made = _made(weights, frames, form, Path(folder))
-        seal.write_text(_sum(made), encoding="ascii")
-        made.replace(file)
+    with TemporaryDirectory(dir=file.parent) as folder, quiet_libraries():
+        exported = _export(weights, frames, precision, Path(folder))
+        checksum.write_text(_sha256(exported), encoding="ascii")
+        exported.replace(file)
     return file
 
 
-def _made(weights: Weights, frames: int, form: Form, folder: Path) -> Path:
+def _export(weights: Weights, frames: int, precision: Precision, folder: Path) -> Path:
     onnx = _library("onnx")
-    _library("onnxscript")  # which the exporter needs and does not name
+    _library("onnxscript")  # PyTorch's exporter needs it and does not name it
     torch, network = _library("torch"), network_of(weights, frames)
     network.model.set_attn_implementation("eager")
-    energies = torch.zeros(2, frames, BINS)
+    energies = torch.zeros(2, frames, BANDS)
     names: dict[str, Any] = {"input_names": ["energies"], "output_names": ["embedding"]}
-    plain, made = folder / "plain.onnx", folder / "made.onnx"
+    plain, file = folder / "plain.onnx", folder / "file.onnx"
     torch.onnx.export(network, (energies,), dynamo=True, verbose=False, **names).save(plain)
-    if form == "float32":
-        made = plain
+    if precision == "float32":
+        file = plain
     else:
-        _quantise(plain, made, form, frames)
-    model = onnx.load(made)
-    about = {"weights": weights.sum or weights.label, "random": str(weights.path is None).lower()}
-    onnx.helper.set_model_props(model, about)
-    onnx.save(model, made)
-    return made
+        _quantise(plain, file, precision, frames)
+    model = onnx.load(file)
+    origin = {"weights": weights.sha256 or weights.label, "random": str(weights.path is None).lower()}
+    onnx.helper.set_model_props(model, origin)
+    onnx.save(model, file)
+    return file
 
 
-def _quantise(plain: Path, made: Path, form: Form, frames: int) -> None:
+def _quantise(plain: Path, file: Path, precision: Precision, frames: int) -> None:
     """Write a network with its products by constant matrices in int8, weights by output."""
     tools = _library("onnxruntime.quantization")
-    usual: dict[str, Any] = {
+    options: dict[str, Any] = {
         "op_types_to_quantize": ["MatMul", "Gemm"],
         "per_channel": True,
         "weight_type": tools.QuantType.QInt8,
         "extra_options": {"MatMulConstBOnly": True},
     }
-    if form == "dynamic":
+    if precision == "dynamic":
         # 7 bits: processors without 8-bit dot products add pairs in 16 bits and saturate silently.
-        tools.quantize_dynamic(plain, made, reduce_range=True, **usual)
+        tools.quantize_dynamic(plain, file, reduce_range=True, **options)
         return
 
-    class MadeUp(tools.CalibrationDataReader):
+    class Synthetic(tools.CalibrationDataReader):
         def __init__(self) -> None:
-            stream = np.random.default_rng(0)
-            draws = (stream.normal(MEAN, DEVIATION, (2, frames, BINS)) for _ in range(CALIBRATION))
-            self._inputs = iter([{"energies": draw.astype(np.float32)} for draw in draws])
+            random = np.random.default_rng(0)
+            shape, count = (2, frames, BANDS), CALIBRATION_SPECTROGRAMS
+            draws = (random.normal(MEAN, DEVIATION, shape).astype(np.float32) for _ in range(count))
+            self._inputs = iter([{"energies": draw} for draw in draws])
 
         def get_next(self) -> dict[str, Audio] | None:
             return next(self._inputs, None)
 
-    tools.quantize_static(plain, made, MadeUp(), activation_type=tools.QuantType.QUInt8, **usual)
+    tools.quantize_static(plain, file, Synthetic(), activation_type=tools.QuantType.QUInt8, **options)
 
 
 def _on_torch(weights: Weights, frames: int, device: str) -> Embed:
@@ -159,20 +168,24 @@ def _on_torch(weights: Weights, frames: int, device: str) -> Embed:
     return embed
 
 
-def _on_onnx(weights: Weights, frames: int, form: Form, threads: int) -> Embed:
+def _on_onnx(weights: Weights, frames: int, precision: Precision, threads: int) -> Embed:
     runtime = _library("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
     options.log_severity_level = 3
-    file = onnx_file(weights, frames, form)
+    file = onnx_file(weights, frames, precision)
     session = runtime.InferenceSession(file, options, providers=["CPUExecutionProvider"])
     return lambda energies: session.run(["embedding"], {"energies": energies})[0]
 
 
-def _on_openvino(weights: Weights, frames: int, form: Form, threads: int) -> Embed:
+def _on_openvino(weights: Weights, frames: int, precision: Precision, threads: int) -> Embed:
     vino = _library("openvino")
-    how = {"INFERENCE_NUM_THREADS": threads, "PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
-    compiled = vino.Core().compile_model(onnx_file(weights, frames, form), "CPU", how)
+    options = {
+        "INFERENCE_NUM_THREADS": threads,
+        "PERFORMANCE_HINT": "LATENCY",
+        "INFERENCE_PRECISION_HINT": "f32",
+    }
+    compiled = vino.Core().compile_model(onnx_file(weights, frames, precision), "CPU", options)
     return lambda energies: compiled([energies])[0].copy()
 
 
@@ -185,6 +198,6 @@ def _library(name: str) -> Any:
         raise InputError(given, "another one", f"pip install 'monochord[{extra}]'") from error
 
 
-def _sum(file: Path) -> str:
+def _sha256(file: Path) -> str:
     with file.open("rb") as stream:
         return file_digest(stream, "sha256").hexdigest()

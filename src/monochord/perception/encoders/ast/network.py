@@ -2,9 +2,9 @@
 
 import logging
 import warnings
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -13,20 +13,27 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError
-from monochord.perception.encoders.ast.patches import DEVIATION, MEAN, PATCH, ROWS, STRIDE, columns_of
 from monochord.perception.encoders.weights import checked_sum, find_weights, load_known
 
-NAME, PREFIX = "ast", "audio_spectrogram_transformer."
-HEAD = 64
+BANDS = 128
+"""Mel bands of a spectrogram."""
+PATCH, STRIDE = 16, 10
+"""Bands and frames of a patch, and from patch to patch."""
+PATCH_ROWS = (BANDS - PATCH) // STRIDE + 1
+MEAN, DEVIATION = -4.2677393, 4.5689974
+"""Mean and standard deviation of log-mel energies in AudioSet."""
+PREFIX = "audio_spectrogram_transformer."
+"""Of tensor names in the published file."""
+HEAD_WIDTH = 64
 """Width of an attention head, where no configuration says otherwise."""
-SPREAD = 0.02
-"""Standard deviation of what is drawn, as such networks begin their training with."""
+RANDOM_STD = 0.02
+"""Standard deviation of random weights, as at the start of training."""
 _REMEDY = "give the file or the folder of an Audio Spectrogram Transformer in safetensors form"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sizes:
-    """Layers, numbers in a token, numbers between the two products of a layer, and patches side by side."""
+    """Layers, width of a token, width between the two products of a layer, and columns of patches."""
 
     depth: int = 12
     width: int = 768
@@ -36,31 +43,28 @@ class Sizes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weights:
-    """Which weights: those of the file `path`, or random ones by `seed` where there is none.
-
-    `sum` is the SHA-256 of the file.
-    """
+    """The weights of the file `path` with their SHA-256, or random ones by `seed` where there is no path."""
 
     sizes: Sizes = Sizes()
     path: Path | None = None
-    sum: str = ""
+    sha256: str = ""
     seed: int = 0
 
     @property
     def label(self) -> str:
-        """What the columns of a feature made with them are marked with.
+        """Prefix of the columns of a feature with these weights.
 
         Examples
         --------
         >>> Weights(seed=3).label
         'random(3)'
         """
-        return self.sum[:8] if self.path else f"random({self.seed})"
+        return self.sha256[:8] if self.path else f"random({self.seed})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Config:
-    """What of a configuration beside the weights is taken: the rest is in the shapes of the weights."""
+    """Entries of a `config.json` that the shapes of the weights do not determine."""
 
     num_attention_heads: int = 0
     layer_norm_eps: float = 1e-12
@@ -68,22 +72,35 @@ class _Config:
     qkv_bias: bool = True
 
 
-def find(given: str = "") -> Weights:
+def patch_columns(frames: int) -> int:
+    """Return the columns of patches in a spectrogram; raises `InputError` where there is not one.
+
+    Examples
+    --------
+    >>> patch_columns(100), patch_columns(1024)
+    (9, 101)
+    """
+    if frames < PATCH:
+        raise InputError(f"a spectrogram of {frames} frames", f"{PATCH} frames or more")
+    return (frames - PATCH) // STRIDE + 1
+
+
+def find_ast(given: str = "") -> Weights:
     """Return the weights of a file, of a Hugging Face folder, or from where they are kept.
 
     Raises
     ------
     InputError
-        If there are none, with the way to get them; if their sum is not the known one; or if the file is
-        damaged or holds something else.
+        If there are none, with the way to get them; if their checksum is not the known one; or if the file
+        is damaged or holds something else.
     """
-    known = load_known(NAME)
+    known = load_known("ast")
     path = find_weights(known, given)
-    return Weights(path=path, sum=checked_sum(known, path), sizes=_sizes(path))
+    return Weights(path=path, sha256=checked_sum(known, path), sizes=_sizes(path))
 
 
 def describe(path: Path) -> str:
-    """Return in a few words what a file holds; raises `InputError` where it does not hold the transformer."""
+    """Return a few words on the contents of a file; raises `InputError` if it is not of this network."""
     sizes = _sizes(path)
     return (
         f"Audio Spectrogram Transformer, depth {sizes.depth}, width {sizes.width}, "
@@ -94,31 +111,31 @@ def describe(path: Path) -> str:
 def network_of(weights: Weights, frames: int) -> Any:
     """Return the network as a PyTorch module, for spectrograms of so many frames.
 
-    It takes log-mel energies (channels, frames, 128), natural logarithms, and gives (channels, 2 width): the
-    mean over all patches of the last layer, then the maximum. Energies are normalised first as in training,
-    (e - mean) / (2 deviation). The positions of the patches are a field of 12 rows (frequency) and as many
-    columns (time) as there were in training, of which the middle ones are taken; those of the two first
-    tokens stay. So the original authors have it for shorter sounds.
+    Its input are log-mel energies (channels, frames, 128), natural logarithms, normalised as in training, (e
+    - mean) / (2 deviation). Its output is (channels, 2 width): mean and maximum over all patches of the last
+    layer. Training learned a position for each patch in 12 rows (frequency) and up to 101 columns (time); a
+    shorter sound has those of the middle columns, as with the original authors. The positions of the two
+    first tokens stay.
 
     Raises
     ------
     InputError
-        If PyTorch or transformers is not installed, the weights are not those of such a network, or it has
-        seen no sound so long.
+        If PyTorch or transformers is not installed, the weights are not those of such a network, or the
+        sound is longer than in training.
     """
     torch, _ = _libraries()
-    own, wanted = weights.sizes.columns, columns_of(frames)
-    if wanted > own:
-        most = PATCH + STRIDE * own - 1
-        raise InputError(f"a spectrogram of {frames} frames", f"{most} frames or fewer with these weights")
-    with quiet(), torch.no_grad():
-        model = _read(weights.path, weights.sizes) if weights.path else _drawn(weights)
+    trained, columns = weights.sizes.columns, patch_columns(frames)
+    if columns > trained:
+        longest = PATCH + STRIDE * trained - 1
+        raise InputError(f"a spectrogram of {frames} frames", f"{longest} frames or fewer with these weights")
+    with quiet_libraries(), torch.no_grad():
+        model = _load_model(weights.path, weights.sizes) if weights.path else _random_model(weights)
         positions = model.embeddings.position_embeddings
-        field = positions[0, 2:].reshape(ROWS, own, -1)
-        first = own // 2 - wanted // 2
-        middle = field[:, first : first + wanted].flatten(0, 1)
-        fitting = torch.cat([positions[0, :2], middle])[None].clone()
-        model.embeddings.position_embeddings = torch.nn.Parameter(fitting)
+        grid = positions[0, 2:].reshape(PATCH_ROWS, trained, -1)
+        first = trained // 2 - columns // 2
+        middle = grid[:, first : first + columns].flatten(0, 1)
+        positions = torch.cat([positions[0, :2], middle])[None].clone()
+        model.embeddings.position_embeddings = torch.nn.Parameter(positions)
     model.config.max_length = frames
 
     class Pooled(torch.nn.Module):
@@ -134,8 +151,8 @@ def network_of(weights: Weights, frames: int) -> Any:
 
 
 @contextmanager
-def quiet() -> Generator[None]:
-    """Keep what the libraries say of their own affairs from the terminal."""
+def quiet_libraries() -> Generator[None]:
+    """Keep messages and warnings of the libraries from the terminal."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
@@ -146,11 +163,11 @@ def quiet() -> Generator[None]:
         logging.disable(before)
 
 
-def _config(sizes: Sizes, more: _Config) -> Any:
+def _ast_config(sizes: Sizes, config: _Config) -> Any:
     _, transformers = _libraries()
-    heads = more.num_attention_heads or sizes.width // HEAD
+    heads = config.num_attention_heads or sizes.width // HEAD_WIDTH
     return transformers.ASTConfig(
-        **{**asdict(more), "num_attention_heads": heads},
+        **{**asdict(config), "num_attention_heads": heads},
         hidden_size=sizes.width,
         num_hidden_layers=sizes.depth,
         intermediate_size=sizes.inner,
@@ -160,85 +177,86 @@ def _config(sizes: Sizes, more: _Config) -> Any:
     )
 
 
-def _read(path: Path, sizes: Sizes) -> Any:
+def _load_model(path: Path, sizes: Sizes) -> Any:
     """Return the model with the weights of a file; a file of too few numbers takes no memory."""
     torch, transformers = _libraries()
     from safetensors.torch import load_file  # noqa: PLC0415
 
-    config = _config(sizes, _beside(path, sizes))
+    config = _ast_config(sizes, _read_config(path, sizes))
     try:
         with torch.device("meta"):
-            due = sum(tensor.numel() for tensor in transformers.ASTModel(config).parameters())
+            expected = _count(dict(transformers.ASTModel(config).named_parameters()))
     except (KeyError, ValueError) as error:
         raise InputError(f"weights {path} (configuration: {error})", "a known one", _REMEDY) from error
     tensors = {name: one for name, one in load_file(path).items() if not name.startswith("classifier")}
-    held = sum(tensor.numel() for tensor in tensors.values())
-    if held < due:
-        raise InputError(f"weights {path} ({held} numbers)", f"the whole network of {due}", _REMEDY)
+    if (count := _count(tensors)) < expected:
+        raise InputError(f"weights {path} ({count} numbers)", f"the whole network of {expected}", _REMEDY)
     for name, tensor in tensors.items():
         if not bool(torch.isfinite(tensor).all()):
             raise InputError(f"weights {path} ({name} is not finite)", "numbers", _REMEDY)
-    told = transformers.utils.logging
-    shown, bar = told.get_verbosity(), told.is_progress_bar_enabled()
-    told.set_verbosity(logging.CRITICAL)
-    told.disable_progress_bar()
+    logs = transformers.utils.logging
+    verbosity, bar = logs.get_verbosity(), logs.is_progress_bar_enabled()
+    logs.set_verbosity(logging.CRITICAL)
+    logs.disable_progress_bar()
     try:
-        model, found = transformers.ASTModel.from_pretrained(
+        model, report = transformers.ASTModel.from_pretrained(
             None, config=config, state_dict=tensors, output_loading_info=True, dtype=torch.float32
         )
     except (RuntimeError, ValueError, KeyError) as error:
         given = f"weights {path} (a tensor of another shape)"
         raise InputError(given, f"those of {asdict(sizes)}", _REMEDY) from error
     finally:
-        told.set_verbosity(shown)
+        logs.set_verbosity(verbosity)
         if bar:
-            told.enable_progress_bar()
-    if missing := sorted(found["missing_keys"]):
+            logs.enable_progress_bar()
+    if missing := sorted(report["missing_keys"]):
         raise InputError(f"weights {path} (no '{missing[0]}' in them)", "the whole network", _REMEDY)
     return model
 
 
-def _beside(path: Path, sizes: Sizes) -> _Config:
-    """Return what the configuration beside the weights says, if there is one."""
+def _count(tensors: Mapping[str, Any]) -> int:
+    return sum(tensor.numel() for tensor in tensors.values())
+
+
+def _read_config(path: Path, sizes: Sizes) -> _Config:
+    """Return the configuration beside the weights, or the default one."""
     file = path.with_name("config.json")
     if not file.is_file():
         return _Config()
     tree = load_json(file, _REMEDY)
     tree = tree if isinstance(tree, dict) else {}
-    due = {"patch_size": PATCH, "frequency_stride": STRIDE, "time_stride": STRIDE}
-    for name, value in due.items():
+    required = {"patch_size": PATCH, "frequency_stride": STRIDE, "time_stride": STRIDE}
+    for name, value in required.items():
         if tree.get(name, value) != value:
             raise InputError(f"{file} ({name} {tree[name]})", f"{name} {value}", _REMEDY)
-    names = _Config.__dataclass_fields__
-    more = from_tree(_Config, {name: tree[name] for name in names if name in tree}, str(file))
-    if more.num_attention_heads < 0 or sizes.width % (more.num_attention_heads or HEAD):
-        given = f"{file} ({more.num_attention_heads} heads of a width of {sizes.width})"
+    names = [field.name for field in fields(_Config)]
+    config = from_tree(_Config, {name: tree[name] for name in names if name in tree}, str(file))
+    if config.num_attention_heads < 0 or sizes.width % (config.num_attention_heads or HEAD_WIDTH):
+        given = f"{file} ({config.num_attention_heads} heads of a width of {sizes.width})"
         raise InputError(given, "a number of heads that divides it", _REMEDY)
-    return more
+    return config
 
 
-def _drawn(weights: Weights) -> Any:
-    """Return a model in which nothing was learned: a baseline, and a stand-in for measuring speed.
+def _random_model(weights: Weights) -> Any:
+    """Return an untrained model: a baseline, and a stand-in for measuring speed.
 
     Matrices, tokens and positions are normal with a standard deviation of 0.02, biases zero, scales one.
     """
     torch, transformers = _libraries()
-    model, stream = (
-        transformers.ASTModel(_config(weights.sizes, _Config())),
-        np.random.default_rng(weights.seed),
-    )
+    model = transformers.ASTModel(_ast_config(weights.sizes, _Config()))
+    random = np.random.default_rng(weights.seed)
     for name, tensor in model.named_parameters():
         if name.endswith("bias"):
             tensor.zero_()
         elif "layernorm" in name:
             tensor.fill_(1.0)
         else:
-            tensor.copy_(torch.from_numpy(SPREAD * stream.standard_normal(tensor.shape, np.float32)))
+            tensor.copy_(torch.from_numpy(RANDOM_STD * random.standard_normal(tensor.shape, np.float32)))
     return model
 
 
 def _sizes(path: Path) -> Sizes:
-    """Return what the shapes in a file say; nothing but its header is read."""
+    """Return the sizes that the shapes in a file imply; only its header is read."""
     import safetensors  # noqa: PLC0415
 
     try:
@@ -253,19 +271,13 @@ def _sizes(path: Path) -> Sizes:
         if name not in shapes:
             raise InputError(f"weights {path} (no '{name}' in them)", "the whole network", _REMEDY)
     depth = sum(name.endswith(".layernorm_before.bias") for name in shapes)
-    width, places = prod(shapes["embeddings.cls_token"]), prod(shapes["embeddings.position_embeddings"])
-    inner = next(
-        (
-            prod(shape)
-            for name, shape in shapes.items()
-            if name.endswith(("mlp.fc1.bias", "intermediate.dense.bias"))
-        ),
-        0,
-    )
-    columns = (places // width - 2) // ROWS if width else 0
-    if min(depth, inner, columns) < 1 or width % HEAD:
+    width, positions = prod(shapes["embeddings.cls_token"]), prod(shapes["embeddings.position_embeddings"])
+    biases = ("mlp.fc1.bias", "intermediate.dense.bias")
+    inner = next((prod(shape) for name, shape in shapes.items() if name.endswith(biases)), 0)
+    columns = (positions // width - 2) // PATCH_ROWS if width else 0
+    if min(depth, inner, columns) < 1 or width % HEAD_WIDTH:
         given = f"weights {path} ({depth} layers of width {width}, {columns} patch columns)"
-        raise InputError(given, f"layers of a multiple of {HEAD}", _REMEDY)
+        raise InputError(given, f"layers of a multiple of {HEAD_WIDTH}", _REMEDY)
     return Sizes(depth=depth, width=width, inner=inner, columns=columns)
 
 

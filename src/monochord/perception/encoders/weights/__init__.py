@@ -1,7 +1,7 @@
-"""Weights that others trained: one TOML file each says what they are; none of them is part of Monochord.
+"""Weights trained by others, described by one TOML file each; none of them is part of Monochord.
 
-They are looked for in what is named, then in what the variable of their name says (MONOCHORD_AST), then where
-`monochord weights get` puts them: below the folder that MONOCHORD_WEIGHTS names, else in the user's data
+They are looked for at the given path, then at the path in their environment variable (MONOCHORD_AST), then
+where `monochord weights get` puts them: below the folder in MONOCHORD_WEIGHTS, else in the user's data
 folder.
 """
 
@@ -17,8 +17,8 @@ from monochord.core.config import from_tree, load_toml
 from monochord.core.errors import InputError
 from monochord.core.presets import preset_names, preset_path
 
-SUM_SUFFIX = ".sha256"
-"""Of the file beside the weights that keeps the sum they had when fetched, or one pinned by hand."""
+CHECKSUM_SUFFIX = ".sha256"
+"""Of the file beside the weights with their SHA-256 when fetched, or one pinned by hand."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -26,11 +26,10 @@ _LOG = logging.getLogger(__name__)
 class KnownWeights:
     """Weights that Monochord can use.
 
-    `url` is where they are published, an address of https or of a local file, and `file` what they are called
-    there. They have `max_bytes` at most. `sha256` is their sum, empty where it is not known in advance.
-    `reader` is the module whose ``describe`` reads them and says in a few words what they hold, empty where
-    the sum says enough; `exporter` the one whose ``export`` writes their network as an ONNX file, empty where
-    there is none.
+    `url` is where they are published, an address of https or of a local file, and `file` their name there.
+    They have `max_bytes` at most. `sha256` is their checksum, empty where it is not known in advance.
+    `reader` is the module whose ``describe`` checks and describes their contents, empty where the checksum is
+    enough; `exporter` the one whose ``export`` writes their network as an ONNX file, empty if there is none.
     """
 
     name: str
@@ -53,17 +52,17 @@ class KnownWeights:
 
     @property
     def variable(self) -> str:
-        """The environment variable that names their file, or the folder that it lies in."""
+        """The environment variable with the path of their file or of its folder."""
         return f"MONOCHORD_{self.name.upper()}"
 
     @property
     def usual_path(self) -> Path:
-        """Where they are put when they are fetched."""
+        """Where `monochord weights get` puts them."""
         return weights_folder() / self.name / self.file
 
 
 def weight_names() -> list[str]:
-    """Return the names of all weights that are known, sorted.
+    """Return the names of all known weights, sorted.
 
     Examples
     --------
@@ -74,12 +73,12 @@ def weight_names() -> list[str]:
 
 
 def load_known(name: str) -> KnownWeights:
-    """Return what is known of weights by their name.
+    """Return the description of weights by their name.
 
     Raises
     ------
     InputError
-        If no weights are called so.
+        If there are none of this name.
 
     Examples
     --------
@@ -91,30 +90,30 @@ def load_known(name: str) -> KnownWeights:
 
 
 def weights_folder() -> Path:
-    """Return the folder that weights are kept below, which need not exist."""
-    if named := os.environ.get("MONOCHORD_WEIGHTS"):
-        return Path(named)
+    """Return the folder below which weights are stored, which need not exist."""
+    if folder := os.environ.get("MONOCHORD_WEIGHTS"):
+        return Path(folder)
     data = os.environ.get("XDG_DATA_HOME")
     return (Path(data) if data else Path.home() / ".local" / "share") / "monochord" / "weights"
 
 
 def find_weights(known: KnownWeights, given: str = "") -> Path:
-    """Return the file of weights that are at hand.
+    """Return the file of weights on this machine.
 
     Parameters
     ----------
     known
         Which weights.
     given
-        Their file or its folder; empty to look where the module's description says.
+        Their file or its folder; empty to look in the places that this module's docstring lists.
 
     Raises
     ------
     InputError
         If they are not there, with the way to get them.
     """
-    named = given or os.environ.get(known.variable, "")
-    path = Path(named) if named else known.usual_path
+    chosen = given or os.environ.get(known.variable, "")
+    path = Path(chosen) if chosen else known.usual_path
     path = path / known.file if path.is_dir() else path
     if not path.is_file():
         remedy = f"fetch them with 'monochord weights get {known.name}', or name the file in {known.variable}"
@@ -123,28 +122,28 @@ def find_weights(known: KnownWeights, given: str = "") -> Path:
 
 
 def checked_sum(known: KnownWeights, path: Path) -> str:
-    """Return the SHA-256 of weights, compared with the one that is known or was kept beside them.
+    """Return the SHA-256 of weights after comparing it with the known one and the one beside them.
 
-    Where there is neither, a warning on stderr says so, with the sum that they have and the way to pin it.
+    Where there is neither, a warning on stderr says so, with their checksum and the way to pin it.
 
     Raises
     ------
     InputError
-        If they are not those, or cannot be read.
+        If they differ, or cannot be read.
     """
     try:
         with path.open("rb") as file:
-            own = file_digest(file, "sha256").hexdigest()
-        beside = path.with_name(path.name + SUM_SUFFIX)
-        kept = beside.read_text(encoding="ascii").strip() if beside.is_file() else ""
+            actual = file_digest(file, "sha256").hexdigest()
+        beside = path.with_name(path.name + CHECKSUM_SUFFIX)
+        pinned = beside.read_text(encoding="ascii").strip() if beside.is_file() else ""
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"weights {path} ({error})", "files that can be read") from error
-    for due in (known.sha256, kept):
-        if due and due != own:
+    for expected in (known.sha256, pinned):
+        if expected and expected != actual:
             remedy = f"fetch them again with 'monochord weights get {known.name}'"
-            raise InputError(f"weights {path} with SHA-256 {own[:12]}...", f"{due[:12]}...", remedy)
-    if not (known.sha256 or kept):
-        pin = f"echo {own} > {shlex.quote(str(beside))}"
-        line = f"weights {path} are not pinned: nothing says which SHA-256 they should have; they have {own}"
+            raise InputError(f"weights {path} with SHA-256 {actual[:12]}...", f"{expected[:12]}...", remedy)
+    if not (known.sha256 or pinned):
+        pin = f"echo {actual} > {shlex.quote(str(beside))}"
+        line = f"weights {path} are not pinned: their SHA-256 {actual} is compared with nothing"
         _LOG.warning("monochord: %s; if that is the right one, pin it: %s", line, pin)
-    return own
+    return actual

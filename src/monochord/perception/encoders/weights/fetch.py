@@ -1,4 +1,4 @@
-"""Weights from where they are published, on request: whole and checked, or not there at all."""
+"""Download of published weights, on request: complete and checked, or absent."""
 
 import http.client
 import logging
@@ -21,12 +21,12 @@ from urllib.request import (
 
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.units import Seconds
-from monochord.perception.encoders.weights import SUM_SUFFIX, KnownWeights, checked_sum
+from monochord.perception.encoders.weights import CHECKSUM_SUFFIX, KnownWeights, checked_sum
 
 _LOG = logging.getLogger(__name__)
-PATIENCE: Seconds = 30.0
-"""For a server that does not answer."""
-PIECE = 1 << 20
+TIMEOUT: Seconds = 30.0
+"""Longest wait for a server's answer."""
+CHUNK_BYTES = 1 << 20
 HANDLERS = (
     ProxyHandler,
     HTTPSHandler,
@@ -37,44 +37,44 @@ HANDLERS = (
     HTTPErrorProcessor,
 )
 Progress = Callable[[int, int], None]
-"""Told the bytes so far and in all; 0 in all where the server does not say."""
+"""Called with the bytes so far and in all; 0 in all where the server does not say."""
 
 
 def describe(known: KnownWeights, path: Path) -> str:
-    """Return what weights hold, in a few words; raises `InputError` for a file that does not hold it."""
+    """Return a few words on the contents of weights; raises `InputError` for another kind of file."""
     if not known.reader:
         return known.title
     return str(import_module(known.reader).describe(path))
 
 
 def fetch(known: KnownWeights, path: Path, progress: Progress) -> str:
-    """Fetch weights to `path`, check them, keep their sum beside them and return it.
+    """Download weights to `path`, check them, write their SHA-256 beside them and return it.
 
-    Where no sum is known in advance, a warning on stderr says so. Only https and local files are read, also
-    where a server redirects to, and no more than the weights may have. Nothing stands under the final name
-    before all of it is there and checked.
+    Where no checksum is known in advance, a warning on stderr says so. Only https and local files are read,
+    also after a redirection, and at most `max_bytes`. Nothing has the final name before it is complete and
+    checked.
 
     Raises
     ------
     DeviceError
-        If the server does not answer, answers that it has not got them, or breaks off.
+        If the server does not answer, answers with an error, or breaks off.
     InputError
-        If what came is something else, or cannot be written.
+        If the file is another one, or cannot be written.
     """
     part = path.with_name(path.name + ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        own = _load(known, part, progress)
-        if known.sha256 and own != known.sha256:
-            raise InputError(f"{known.url} with SHA-256 {own[:12]}...", f"{known.sha256[:12]}...")
+        actual = _download(known, part, progress)
+        if known.sha256 and actual != known.sha256:
+            raise InputError(f"{known.url} with SHA-256 {actual[:12]}...", f"{known.sha256[:12]}...")
         describe(known, part)
         if not known.sha256:
-            line = f"weights {known.name} are not pinned: any file would have been taken; what came has {own}"
-            pin = f"monochord weights get {known.name} --sha256 {own}"
+            line = f"weights {known.name} are not pinned: this file has {actual}"
+            pin = f"monochord weights get {known.name} --sha256 {actual}"
             _LOG.warning(
-                "monochord: %s; that is required of %s from now on, elsewhere with: %s", line, path, pin
+                "monochord: %s; it is required of %s from now on, elsewhere with: %s", line, path, pin
             )
-        path.with_name(path.name + SUM_SUFFIX).write_text(f"{own}\n", encoding="ascii")
+        path.with_name(path.name + CHECKSUM_SUFFIX).write_text(f"{actual}\n", encoding="ascii")
         part.replace(path)
     except OSError as error:
         given = f"{error.filename or path} ({error.strerror})"
@@ -87,44 +87,44 @@ def fetch(known: KnownWeights, path: Path, progress: Progress) -> str:
     return checked_sum(known, path)
 
 
-def _load(known: KnownWeights, part: Path, progress: Progress) -> str:
-    """Copy what the server gives into a file and return its sum."""
+def _download(known: KnownWeights, part: Path, progress: Progress) -> str:
+    """Download into a file and return its SHA-256."""
     digest, done = sha256(), 0
     with part.open("wb") as file:
-        for piece, due in _pieces(known):
-            done += len(piece)
-            if max(done, due) > known.max_bytes:
-                given = f"{known.url} with {max(done, due)} bytes or more"
+        for chunk, total in _chunks(known):
+            done += len(chunk)
+            if max(done, total) > known.max_bytes:
+                given = f"{known.url} with {max(done, total)} bytes or more"
                 raise InputError(given, f"{known.max_bytes} bytes for the weights {known.name}")
-            digest.update(piece)
-            file.write(piece)
-            progress(done, due)
+            digest.update(chunk)
+            file.write(chunk)
+            progress(done, total)
     return digest.hexdigest()
 
 
-def _pieces(known: KnownWeights) -> Iterator[tuple[bytes, int]]:
-    """Yield what the server gives, piece by piece, with the bytes there are in all."""
+def _chunks(known: KnownWeights) -> Iterator[tuple[bytes, int]]:
+    """Yield the chunks of the download, with the bytes in all."""
     if not known.url.startswith(("https://", "file:///")):
         raise InputError(f"address {known.url}", "one of https, or of a local file (file:///)")
-    opener = OpenerDirector()  # which knows no http, so that no server can lead there either
+    opener = OpenerDirector()  # without a handler of http, so that no redirection can lead there
     for handler in HANDLERS:
         opener.add_handler(handler())
     try:
-        with opener.open(known.url, timeout=PATIENCE) as answer:
-            due = int(answer.headers.get("Content-Length") or 0)
-            left = due
-            while piece := answer.read(PIECE):
-                left -= len(piece)
-                yield piece, due
+        with opener.open(known.url, timeout=TIMEOUT) as answer:
+            total = int(answer.headers.get("Content-Length") or 0)
+            left = total
+            while chunk := answer.read(CHUNK_BYTES):
+                left -= len(chunk)
+                yield chunk, total
     except HTTPError as error:
         with error:
-            raise _absent(known, f"answers {error.code} {error.reason}") from error
+            raise _unavailable(known, f"answers {error.code} {error.reason}") from error
     except (OSError, ValueError, http.client.HTTPException) as error:
-        raise _absent(known, f"no answer ({getattr(error, 'reason', None) or error})") from error
-    if due and left:
-        raise _absent(known, f"broke off {left} bytes before its end")
+        raise _unavailable(known, f"no answer ({getattr(error, 'reason', None) or error})") from error
+    if total and left:
+        raise _unavailable(known, f"broke off {left} bytes before its end")
 
 
-def _absent(known: KnownWeights, why: str) -> DeviceError:
+def _unavailable(known: KnownWeights, why: str) -> DeviceError:
     remedy = f"fetch {known.file} elsewhere and name it in {known.variable}"
     return DeviceError(f"{known.url}: {why}; {remedy}")
