@@ -25,8 +25,8 @@ def main() -> None:
             position = estimate(window)["position"]
             truth = stream.truth(window.start, window.start + size)
             told = f"{1e3 * position.value:6.1f} mm" if position.valid else position.why_not
-            touched = f"{1e3 * truth['position']:6.1f} mm" if truth["contact"] else "nothing"
-            settling = "" if truth["settled"] else "  (settling)"
+            touched = f"{1e3 * truth['position']:6.1f} mm" if "position" in truth else "nothing"
+            settling = "" if truth.get("settled", 0.0) > 0.99 else "  (settling)"
             print(f"{clock.time(window.start):5.2f} s  touched: {touched:10}  heard: {told}{settling}")
 
 

@@ -11,13 +11,13 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core import labels as label_rules
 from monochord.core.errors import InputError
+from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
 from monochord.core.units import Samples, Seconds
-from monochord.datasets import labels as rules_text
 from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
-from monochord.datasets.labels import Columns, Rules, window_labels
 from monochord.datasets.manifest import TABLE, Manifest, Part, audio_name, checksum
 from monochord.datasets.measured import Thresholds
 from monochord.datasets.store import (
@@ -181,7 +181,7 @@ class _Writer:
         self.parts: list[Part] = []
         self.files: dict[str, FileSums] = {}
         self.tables: list[dict[str, NDArray[Any]]] = []
-        self.columns: list[Columns] = []
+        self.columns: list[LabelColumns] = []
         self.refused: dict[str, str] = {}
         self.form: tuple[int, int] | None = None
         (folder / "audio").mkdir()
@@ -258,7 +258,7 @@ class _Writer:
             windows=len(usable),
             columns=tuple(labels),
             rules=self.options.rules,
-            labelling=rules_text.__doc__ or "",
+            labelling=label_rules.__doc__ or "",
             parts=tuple(self.parts),
             files=self.files,
             counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(table["clipped"].sum())},
@@ -305,7 +305,7 @@ def _any_within(frames: Flags, starts: Indices, size: Samples) -> Flags:
     return counts[starts + size] > counts[starts]
 
 
-def _labels(audio: AudioTrack, truth: Truth, starts: Indices, size: Samples, rules: Rules) -> Columns:
+def _labels(audio: AudioTrack, truth: Truth, starts: Indices, size: Samples, rules: Rules) -> LabelColumns:
     """Return the labels of a session's windows, all of them NaN while it is calibrated."""
     begin, end = (truth.time_of(audio.time(frames)) for frames in (starts, starts + size))
     calibrating = np.zeros(len(starts), bool)
@@ -316,7 +316,7 @@ def _labels(audio: AudioTrack, truth: Truth, starts: Indices, size: Samples, rul
     return {**labels, "calibrating": calibrating.astype(np.float64)}
 
 
-def _joined(columns: list[Columns], counts: list[int]) -> Columns:
+def _joined(columns: list[LabelColumns], counts: list[int]) -> LabelColumns:
     """Return the labels of all sessions; what a session has no column of is NaN."""
     parts = list(zip(columns, counts, strict=True))
     names = dict.fromkeys(name for each in columns for name in each)

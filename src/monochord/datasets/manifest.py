@@ -12,9 +12,9 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json, to_tree
 from monochord.core.errors import InputError
+from monochord.core.labels import Rules
 from monochord.core.units import Metres, Samples, Seconds
 from monochord.datasets.checksums import BLOCK, REMEDY, FileSums
-from monochord.datasets.labels import Rules
 from monochord.datasets.measured import Thresholds
 
 FORMAT = 2

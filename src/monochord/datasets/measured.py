@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
+from monochord.core.labels import LabelTrack
 from monochord.core.types import Floats
 from monochord.core.units import MetresPerSecond, Newtons, Seconds
-from monochord.sessions.tracks import LabelTrack, ReadingTrack
+from monochord.sessions.tracks import ReadingTrack
 
 Flags = NDArray[np.bool_]
 GRID: Seconds = 1e-3

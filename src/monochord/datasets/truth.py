@@ -1,24 +1,19 @@
 """Where a session's labels come from, on one clock with its sound."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.labels import LabelTrack
 from monochord.core.types import Floats
-from monochord.core.units import Seconds
 from monochord.datasets.measured import THRESHOLDS, Thresholds, measured_truth
-from monochord.sessions import LabelTrack, ReadingTrack, Session
-from monochord.sessions.alignment import AUDIO, Alignment, align, aligned_readings
+from monochord.sessions import ReadingTrack, Session
+from monochord.sessions.alignment import AUDIO, Alignment, Spans, align, aligned_readings, calibration_spans
 
-Spans = tuple[tuple[Seconds, Seconds], ...]
 RECORDED, MEASURED = "recorded", "measured"
 WRENCH, POSE = "wrench", "pose"
 """Streams that labels are measured from."""
-AROUND_TAPS: Seconds = 1.5
-"""How far from the middle of a group of taps sound is left out, where no event tells of the drivers."""
-FOREVER: Seconds = float("inf")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +82,7 @@ def truth_of(
         labels=labels,
         source=RECORDED if recorded else MEASURED,
         alignment=alignment,
-        calibrating=tuple(_calibrating(session, alignment)),
+        calibrating=calibration_spans(session, alignment),
     )
 
 
@@ -96,23 +91,3 @@ def _sound(track: ReadingTrack, *, faulty: bool) -> ReadingTrack:
     kept = np.isfinite(track.values).all(axis=1) & (faulty | (track.status == 0))
     arrays = ("time", "values", "sequence", "device_time", "status")
     return replace(track, **{name: getattr(track, name)[kept] for name in arrays})
-
-
-def _calibrating(session: Session, alignment: Alignment) -> Iterator[tuple[Seconds, Seconds]]:
-    """Yield when the drivers were off, by the session's events, else what is outside of its taps."""
-    switched = [(event.time, event.text == "on") for event in session.events if event.kind == "drivers"]
-    if switched:
-        since = -FOREVER if switched[0][1] else None
-        for time, on in switched:
-            if on and since is not None:
-                yield since, time
-            since = None if on else time if since is None else since
-        if since is not None:
-            yield since, FOREVER
-        return
-    for late in alignment.lateness.values():
-        first, last = late.times
-        yield -FOREVER, first + AROUND_TAPS
-        if last > first:
-            yield last - AROUND_TAPS, FOREVER
-        return

@@ -6,39 +6,38 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.labels import SETTLED
 from monochord.core.types import Floats
-from monochord.core.units import Metres, Seconds
+from monochord.core.units import Metres
 from monochord.live.sinks.base import Listener, Moment
 from monochord.metrics import LIMITS, detection_score, regression_score
 
 CHANCES = ("contact", "slip")
 AMOUNTS: Mapping[str, tuple[str, float, str]] = {"position": ("5mm", 1e3, "mm"), "force": ("0.2n", 1.0, "N")}
 """By name of an estimate the name of its limit, the scale in which it is shown, and its unit there."""
-TINY: Seconds = 1e-6
 
 
 class Score(Listener):
-    """A sink that keeps truth and estimates of every window, for runs that end: 14 numbers a window.
+    """A sink that keeps truth and estimates of every window, for runs that end: 13 numbers a window.
 
-    Windows in which a touch or a slide begins or ends are neither one nor the other, and do not count. Of
-    the rest `contact` and `slip` (a slide or rest, where something touches) are right where their
-    probability is on the side of the truth; position and force have a mean error wherever something touches,
-    sliding or not. An abstention is no error, and is not right either.
+    A window's labels follow the rules of datasets (`monochord.core.labels`): windows in which a touch or a
+    slide begins or ends have no label and do not count. Of the rest `contact` and `slip` (a slide or rest,
+    where something touches) are right where their probability is on the side of the truth; position and
+    force have a mean error wherever something touches, sliding or not. An abstention is no error, and is not
+    right either.
     """
 
     def __init__(self) -> None:
         names = (*CHANCES, *AMOUNTS)
-        self._truth = {name: array("d") for name in ("time", "settled", *names)}
+        self._truth = {name: array("d") for name in ("settled", *names)}
         self._told = {name: (array("d"), array("d")) for name in names}
         self._named: set[str] = set()
-        self._window: Seconds = 0.0
 
     def write(self, moment: Moment) -> None:
         """Keep one window."""
         prediction, truth = moment.prediction, moment.truth
-        self._window = moment.window.duration
         self._named |= prediction.estimates.keys() & self._told.keys()
-        known = {"time": prediction.time, "settled": 1.0, **truth}
+        known = {"settled": 1.0, **truth}
         for name, column in self._truth.items():
             column.append(known.get(name, np.nan))
         for name, columns in self._told.items():
@@ -61,14 +60,16 @@ class Score(Listener):
             "answered": answered,
             "abstained": len(settled) - answered,
         }
-        whole, touched, known = self._whole()
+        contact, slip = self._label("contact"), self._label("slip")
+        labelled, touched = np.isfinite(contact), contact > 0.0
+        slip_labelled = touched & np.isfinite(slip)
         if "contact" in self._named:
-            found |= {"contact_windows": int(whole.sum()), **self._chance("contact", whole)}
+            found |= {"contact_windows": int(labelled.sum()), **self._chance("contact", labelled)}
         for name, (within, _, _) in AMOUNTS.items():
             if name in self._named:
                 found |= self._amount(name, touched & np.isfinite(self._label(name)), within)
         if "slip" in self._named:
-            found |= {"slip_windows": int(known.sum()), **self._chance("slip", known)}
+            found |= {"slip_windows": int(slip_labelled.sum()), **self._chance("slip", slip_labelled)}
         return found
 
     def lines(self) -> list[str]:
@@ -95,15 +96,8 @@ class Score(Listener):
     def _settled(self) -> Floats:
         """Return the position error of every settled window with a touch, NaN where there is no answer."""
         position = self._label("position")
-        rows = (self._label("contact") > 0.0) & (self._label("settled") > 0.0) & np.isfinite(position)
+        rows = (self._label("contact") > 0.0) & (self._label("settled") >= SETTLED) & np.isfinite(position)
         return (np.array(self._told["position"][0]) - position)[rows]
-
-    def _whole(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which windows are wholly touched or free, wholly touched, and wholly sliding or at rest."""
-        time, contact, slip = self._label("time"), self._label("contact"), self._label("slip")
-        whole = steady(time, contact, 0.5 * self._window)
-        touched = whole & (contact > 0.0)
-        return whole, touched, touched & steady(time, slip, 0.5 * self._window)
 
     def _chance(self, name: str, rows: NDArray[np.bool_]) -> dict[str, float | None]:
         """Return the share that is right, and the area under the curve where there are both kinds."""
@@ -120,22 +114,6 @@ class Score(Listener):
             f"{name}_within_{within}": None if score.mae is None else score.within,
             f"{name}_coverage": score.coverage[0] if score.coverage else None,
         }
-
-
-def steady(time: Floats, label: Floats, reach: Seconds) -> NDArray[np.bool_]:
-    """Return which rows (n,) have a label that is known and the same wherever `time` is within `reach`.
-
-    A window is wholly touched where its neighbours, up to half a window away, are touched for the most part.
-
-    >>> steady(np.arange(5.0), np.array([0.0, 0.0, 0.0, 1.0, np.nan]), 1.0).tolist()
-    [True, True, False, False, False]
-    """
-    if not len(time):
-        return np.zeros(0, np.bool_)
-    changed = np.cumsum(np.diff(label, prepend=label[:1]) != 0.0)
-    first = np.searchsorted(time, time - reach - TINY)
-    last = np.searchsorted(time, time + reach + TINY, side="right") - 1
-    return (changed[first] == changed[last]) & np.isfinite(label)
 
 
 def _line(name: str, tree: Mapping[str, float | int | None]) -> list[str]:

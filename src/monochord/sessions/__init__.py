@@ -1,10 +1,11 @@
 """A recording on disk: audio, instruments, labels and events on one clock, in one MCAP file."""
 
+from monochord.core.labels import LabelTrack
 from monochord.sessions.check import Report, check
 from monochord.sessions.description import Description, SessionClock
 from monochord.sessions.reader import Session, read_session
 from monochord.sessions.recover import Recovery, recover
-from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, LabelTrack, ReadingTrack
+from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, ReadingTrack
 from monochord.sessions.writer import SessionWriter
 
 __all__ = [

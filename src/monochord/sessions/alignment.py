@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,9 @@ BEYOND: Seconds = 0.5
 """How much further than allowed an offset is looked for, so that it can be told."""
 SPARE: Seconds = 0.2
 """How much more of a stream is looked at around a group of taps."""
+AROUND_TAPS: Seconds = 1.5
+"""How far from the middle of a group of taps sound has no labels, where no event times the drivers."""
+Spans: TypeAlias = tuple[tuple[Seconds, Seconds], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,6 +209,30 @@ def aligned_readings(session: Session, stream: str, alignment: Alignment) -> Rea
         device_time=track.device_time[order],
         status=track.status[order],
     )
+
+
+def calibration_spans(session: Session, alignment: Alignment) -> Spans:
+    """Return when the drivers are off so that taps can be heard, as spans (begin, end) in s.
+
+    The session's events of the kind "drivers" say when; without them it is what lies before the first group
+    of taps and after the last, with `AROUND_TAPS` on the other side of each. Sound of these spans has no
+    labels. Begin and end may be infinite.
+    """
+    switched = [(event.time, event.text == "on") for event in session.events if event.kind == "drivers"]
+    if not switched:
+        late = next(iter(alignment.lateness.values()), None)
+        if late is None:
+            return ()
+        first, last = late.times
+        head = (-math.inf, first + AROUND_TAPS)
+        return (head, (last - AROUND_TAPS, math.inf)) if last > first else (head,)
+    spans: list[tuple[Seconds, Seconds]] = []
+    off_since = -math.inf if switched[0][1] else None
+    for time, on in switched:
+        if on and off_since is not None:
+            spans.append((off_since, time))
+        off_since = None if on else time if off_since is None else off_since
+    return (*spans, (off_since, math.inf)) if off_since is not None else tuple(spans)
 
 
 class _Seen(NamedTuple):

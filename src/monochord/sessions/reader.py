@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
+from monochord.core.labels import LabelTrack
 from monochord.core.types import Feed
 from monochord.sessions import codec, walk
 from monochord.sessions._contents import END
@@ -22,7 +23,7 @@ from monochord.sessions.bounds import (
 )
 from monochord.sessions.description import NANO, Description, SessionClock
 from monochord.sessions.tables import frame, table
-from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, LabelTrack, ReadingTrack
+from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, ReadingTrack
 from monochord.sessions.writer import LABELS
 
 if TYPE_CHECKING:

@@ -101,14 +101,6 @@ class ReadingTrack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LabelTrack:
-    """What is known to be true at times (n,), by column (n,); NaN where it is not known."""
-
-    time: Floats
-    columns: dict[str, Floats]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something that happened at a time."""
 

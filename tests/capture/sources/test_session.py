@@ -117,7 +117,7 @@ def frames(seconds: float) -> int:
     return round(seconds * RATE)
 
 
-def test_truth_is_what_the_labels_say_where_they_are(tmp_path: Path) -> None:
+def test_truth_is_labelled_as_datasets_label_a_window(tmp_path: Path) -> None:
     nan = float("nan")
     source = labelled(
         tmp_path / "a.mcap",
@@ -127,28 +127,24 @@ def test_truth_is_what_the_labels_say_where_they_are(tmp_path: Path) -> None:
         settled=[1, 1, 0, 1, 1, 1],
     )
     with source.open() as stream:
-        assert stream.truth(0, frames(0.2)) == {"contact": 0.0, "settled": 1.0}
-        assert stream.truth(frames(0.1), frames(0.3)) == {
+        # Touched from 0.25 s on.
+        assert stream.truth(frames(0.2), frames(0.3)) == {"transition": 1.0, "settled": pytest.approx(0.5)}
+        touched = stream.truth(frames(0.35), frames(0.55))
+        assert touched == {
             "contact": 1.0,
-            "settled": 0.0,  # a touch begins
-            "position": 0.1,
-            "slip": 0.0,
-        }
-        assert stream.truth(frames(0.3), frames(0.5)) == {
-            "contact": 1.0,
-            "settled": 1.0,
-            "position": pytest.approx(0.25),
+            "transition": 0.0,
+            "settled": pytest.approx(1.0, abs=1e-4),
+            "position": pytest.approx(0.25, abs=1e-4),
             "slip": 1.0,
         }
-        assert stream.truth(frames(0.5), frames(0.6)) == {"contact": 1.0, "settled": 1.0}
-        # Between labels the latest one stands.
-        assert stream.truth(frames(0.36), frames(0.38))["position"] == 0.2
-        assert stream.truth(0, frames(0.01)) == {}
+        assert "slip" not in stream.truth(frames(0.55), frames(0.65))  # NaN there
+        assert stream.truth(frames(0.46), frames(0.48))["position"] == pytest.approx(0.3)
+        assert stream.truth(frames(0.8), frames(0.9)) == {}  # after the last label
 
 
 def test_truth_without_contact_is_what_is_known(tmp_path: Path) -> None:
-    with labelled(tmp_path / "a.mcap", position=[0.1, 0.3]).open() as stream:
-        assert stream.truth(0, RATE) == {"position": 0.2}
+    with labelled(tmp_path / "a.mcap", settled=[1, 0, 1, 1, 1, 1]).open() as stream:
+        assert stream.truth(frames(0.05), frames(0.15)) == {"settled": pytest.approx(1.0)}
 
 
 def test_without_labels_nothing_is_true(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from monochord.capture.sources._script import ScriptedTouch
 from monochord.capture.sources.split_string import SplitStringSource
 from monochord.core.errors import InputError
+from monochord.core.labels import SETTLED
 from monochord.core.types import Audio, Contact, Truth
 from monochord.physics.split_string.feedback import lines
 from monochord.physics.theory import mixing_matrix, segment_frequencies
@@ -66,18 +67,26 @@ def test_the_sound_is_that_of_the_scripted_touch() -> None:
 def test_the_truth_tells_the_touch_and_whether_it_has_settled() -> None:
     ranges = [(0.1, 0.2), (0.45, 0.55), (0.6, 0.7), (0.66, 0.76), (1.3, 1.4)]
     before, onset, early, settled, after = truths(ranges, duration=1.5, script=SCRIPT)
-    assert before == {"contact": 0.0, "settled": 0.0}  # it has just been plucked
-    touched = {"contact": 1.0, "position": 0.25, "force": 1.5}
-    assert onset == touched | {"settled": 0.0}
-    assert early == touched | {"settled": 0.0}
-    assert settled == touched | {"settled": 1.0}
-    assert after == {"contact": 0.0, "settled": 1.0}
+    free = {"contact": 0.0, "transition": 0.0}
+    # It has been plucked at 0 s, and settles 0.15 s later.
+    assert before == free | {"settled": pytest.approx(0.5, abs=0.01)}
+    assert onset == {"transition": 1.0, "settled": pytest.approx(0.5, abs=0.01)}
+    touched = {
+        "contact": 1.0,
+        "transition": 0.0,
+        "position": pytest.approx(0.25),
+        "force": pytest.approx(1.5),
+        "force_std": pytest.approx(0.0, abs=1e-6),
+    }
+    assert early == touched | {"settled": pytest.approx(0.5, abs=0.01)}
+    assert settled == touched | {"settled": pytest.approx(1.0)}
+    assert after == free | {"settled": pytest.approx(1.0)}
 
 
 def test_random_touches_keep_to_their_ranges() -> None:
     at = [(0.1 * k, 0.1 * k + 0.1) for k in range(120)]
     seen = truths(at, duration=12.0, hold=0.3, places=(0.4, 0.6), forces=(0.5, 0.7), block=4096)
-    touched = [t for t in seen if t["contact"]]
+    touched = [t for t in seen if t.get("contact")]
     assert 20 < len(touched) < len(seen) - 5
     assert all(0.4 * 0.65 <= t["position"] <= 0.6 * 0.65 and 0.5 <= t["force"] <= 0.7 for t in touched)
     assert len({t["position"] for t in touched}) > 5
@@ -152,7 +161,7 @@ def harmonics(strike: float) -> list[float]:
         assert string is not None
         for block in stream:
             truth = stream.truth(block.start, block.start + 4410)
-            if truth["contact"] and truth["settled"] and block.samples.shape[1] == 4410:
+            if truth.get("contact") and truth["settled"] >= SETTLED and block.samples.shape[1] == 4410:
                 contact = Contact(position=truth["position"], force=truth["force"])
                 unmixed = np.linalg.inv(mixing_matrix(0.85, 0.85)).astype(np.float64) @ block.samples
                 found += list(lines(unmixed, RATE)[0] / segment_frequencies(string, contact))

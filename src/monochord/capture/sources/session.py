@@ -1,7 +1,7 @@
 """A recorded session, played again."""
 
 import math
-from collections.abc import Generator, Mapping
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,14 +11,13 @@ import numpy as np
 from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources.base import Source, refuse_other_rates
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Floats, Signal, Truth
-from monochord.core.units import Samples, Seconds
+from monochord.core.labels import LabelTrack, one_window_labels
+from monochord.core.types import Audio, Signal, Truth
+from monochord.core.units import Samples
 from monochord.sessions import Session, read_session
-from monochord.sessions.alignment import AUDIO, align
+from monochord.sessions.alignment import AUDIO, Alignment, align, calibration_spans
 
 MAX_CHANNELS = 2
-BINARY_LABELS = ("contact", "slip", "settled")
-"""Labels that are 0 or 1: a stretch has the value of its majority."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,16 +79,21 @@ class _SessionStream(PacedStream):
         self._gap_starts = np.array([*(first for first, _ in track.gaps), end])
         labels = session.labels
         aligned = options.aligned and session.streams and len(labels.time)
-        self._alignment = align(session) if aligned else None
-        self._line, self._truth = track.line, _RecordedLabels(labels.time, labels.columns)
+        self._alignment = align(session) if aligned else Alignment(reference=AUDIO, lateness={})
+        self._calibrating = calibration_spans(session, self._alignment)
+        time = np.maximum.accumulate(labels.time) if len(labels.time) else labels.time
+        self._line, self._labels = track.line, LabelTrack(time=time, columns=labels.columns)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
-        """Return the session's labels of the frames [start, stop)."""
-        rate, begin = self._line
-        times = begin + np.array([start, stop]) / rate
-        if self._alignment is not None:
-            times = self._alignment.correct(AUDIO, times)
-        return self._truth.over(*times.tolist())
+        """Return the labels of the window of frames [start, stop), by the rules of `monochord.core.labels`.
+
+        Nothing is known while the drivers are off for the taps.
+        """
+        rate, origin = self._line
+        begin, end = self._alignment.correct(AUDIO, origin + np.array([start, stop]) / rate).tolist()
+        if any(end > first and begin < last for first, last in self._calibrating):
+            return {}
+        return one_window_labels(self._labels, begin, end)
 
     def _lost(self) -> Samples:
         return self._gaps_after.get(self._start, self._start) - self._start
@@ -98,47 +102,3 @@ class _SessionStream(PacedStream):
         """Return the next frames, at most to the next gap."""
         end = self._gap_starts[np.searchsorted(self._gap_starts, self._start, side="right")]
         return self._samples[:, self._start : min(self._start + frames, int(end))]
-
-
-class _RecordedLabels:
-    """Recorded labels by column (n,), NaN where unknown, at times (n,) in s."""
-
-    def __init__(self, time: Floats, columns: Mapping[str, Floats]) -> None:
-        self._time = np.maximum.accumulate(time) if len(time) else time
-        self._columns = columns
-
-    def over(self, start: Seconds, stop: Seconds) -> Truth:
-        """Return the labels of the time [start, stop): those within it, or the latest one before.
-
-        ``contact`` and ``slip`` are decided by the majority; the others are means over the touched part.
-        ``settled`` is 1 where all known labels are settled, and no touch begins or ends.
-        """
-        first, last = np.searchsorted(self._time, [start, stop])
-        within = slice(max(first - 1, 0) if first == last else first, last)
-        columns = {name: column[within] for name, column in self._columns.items()}
-        contact = columns.pop("contact", np.zeros(0))
-        if not np.isfinite(contact).any():
-            return {
-                name: mean for name, column in columns.items() if (mean := _mean(name, column)) is not None
-            }
-        touched, known = contact > 0.0, np.isfinite(contact)
-        steady = touched.all() or not touched.any()
-        settled = columns.pop("settled", np.ones(0))
-        truth = {
-            "contact": float(2 * touched.sum() >= known.sum()),
-            "settled": float(steady and bool((settled[np.isfinite(settled)] > 0.0).all())),
-        }
-        if truth["contact"]:
-            for name, column in columns.items():
-                mean = _mean(name, column[touched])
-                if mean is not None:
-                    truth[name] = mean
-        return truth
-
-
-def _mean(name: str, column: Floats) -> float | None:
-    known = column[np.isfinite(column)]
-    if not len(known):
-        return None
-    mean = float(known.mean())
-    return float(mean >= 0.5) if name in BINARY_LABELS else mean

@@ -17,11 +17,15 @@ from monochord.capture.sources._script import (
 )
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
+from monochord.core.labels import LabelTrack, one_window_labels
 from monochord.core.types import Audio, Contact, Signal, StringParams, Truth
 from monochord.core.units import MetresPerSecond, Newtons, Samples, Seconds
 from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, touch
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, open_frequency
+
+LABEL_STEP: Samples = 32
+"""Frames from one label to the next."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,19 +152,22 @@ class _SimulatedStream(PacedStream):
         self._history: deque[tuple[Samples, Contact | None]] = deque([(0, None)], maxlen=256)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
-        """Return the touch at the end of the range; a release has neither position nor force.
+        """Return the labels of the window of frames [start, stop), by the rules of `monochord.core.labels`.
 
-        `settled` is 1 where the touch has not changed since `settle` seconds before the range began.
+        `settled` is the share of it in which the touch has not changed for `settle` seconds.
         """
-        past = [(at, contact) for at, contact in self._history if at < stop]
-        if not past:
-            return {}
-        changed, contact = past[-1]
-        settled = start - changed >= self._options.settle * self._signal.sample_rate
-        truth = {"contact": 0.0 if contact is None else 1.0, "settled": float(settled)}
-        if contact is None:
-            return truth
-        return truth | {"position": contact.position, "force": contact.force}
+        rate = self._signal.sample_rate
+        frame = np.arange(start, stop, LABEL_STEP)
+        changed = np.array([at for at, _ in self._history])
+        rows = np.searchsorted(changed, frame, side="right") - 1
+        frame, rows = frame[rows >= 0], rows[rows >= 0]
+        touches = [
+            (0.0, math.nan, math.nan) if contact is None else (1.0, contact.position, contact.force)
+            for _, contact in self._history
+        ]
+        columns = dict(zip(("contact", "position", "force"), np.array(touches).T[:, rows], strict=True))
+        columns["settled"] = (frame - changed[rows] >= self._options.settle * rate).astype(np.float64)
+        return one_window_labels(LabelTrack(time=frame / rate, columns=columns), start / rate, stop / rate)
 
     def _read(self, frames: Samples) -> Audio:
         """Return the next frames, with touches that change at their own sample and not at a block's."""

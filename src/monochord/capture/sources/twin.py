@@ -14,6 +14,7 @@ from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources._script import ScriptedTouch, draw_touches, twin_changes
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
+from monochord.core.labels import LabelTrack, one_window_labels
 from monochord.core.types import Audio, Signal, Truth
 from monochord.core.units import Newtons, Samples, Seconds
 from monochord.physics.materials import load_material
@@ -37,10 +38,11 @@ PLUCK_HEIGHT = 5e-4
 class TwinSource(Source):
     """The virtual sensor in real time: `monochord.physics.twin`, simulated in every sample.
 
-    For the frames [a, b), `truth` returns whether most of them are touched (``contact``) and, if so, the
-    means of ``position`` in m, ``force`` in N and sliding speed ``slip_velocity`` in m/s, and its components
-    with their signs, ``slip_across`` and ``slip_along``; whether the touch slides for most of them
-    (``slip``); and whether the sound had come to rest throughout (``settled``).
+    Its `truth` of a window is labelled by the rules of datasets (`monochord.core.labels`): ``contact`` and
+    ``slip``, 0 or 1 and left out where neither is certain; ``transition``; where the string is touched the
+    means of ``position`` in m, ``force`` in N (with ``force_std``), of the sliding speed ``slip_velocity`` in
+    m/s and of its signed parts ``slip_across`` and ``slip_along``; and ``settled``, the share of the window
+    in which the sound has come to rest.
 
     Parameters
     ----------
@@ -184,7 +186,7 @@ class _TwinStream(PacedStream):
         )
         self._twin: Twin = begin(sensor, scene, sample_rate=rate, seed=options.seed)
         advance(self._twin, 1)  # compiles here, where nobody waits for a block
-        self._labels = LabelMemory(round(LABEL_SECONDS * rate))
+        self._labels = LabelMemory(round(LABEL_SECONDS * rate), rate)
         self._changes = twin_changes(options.touches(design), sensor.string, options.materials[0], rate)
         self._change = next(self._changes, None)
         self._ahead: Audio = np.zeros((2, 0), dtype=np.float32)
@@ -212,14 +214,18 @@ class _TwinStream(PacedStream):
         return take.microphones
 
 
-CONTACT, POSITION, FORCE, SLIP, ACROSS, ALONG, SETTLED = range(7)
+LABELS = ("contact", "position", "force", "slip", "slip_across", "slip_along", "settled")
 
 
 class LabelMemory:
-    """Labels of the latest `frames` frames of a stream with at most one touch, one in `LABEL_STEP` frames."""
+    """Labels of the latest `frames` frames of a stream with at most one touch, one in `LABEL_STEP` frames.
 
-    def __init__(self, frames: Samples) -> None:
-        self._rows = np.zeros((7, max(frames // LABEL_STEP, 1)), dtype=np.float32)
+    `sample_rate` is in Hz.
+    """
+
+    def __init__(self, frames: Samples, sample_rate: int) -> None:
+        self._rows = np.zeros((len(LABELS), max(frames // LABEL_STEP, 1)), dtype=np.float32)
+        self._sample_rate = sample_rate
         self._start: Samples = 0  # index of the next frame
 
     def add(self, labels: Labels) -> None:
@@ -234,29 +240,19 @@ class LabelMemory:
             )  # fmt: skip
             for row, label in enumerate(of_touch):
                 self._rows[row, column] = label[0, at]
-        self._rows[SETTLED, column] = labels.settled[at]
+        self._rows[-1, column] = labels.settled[at]
         self._start += count
 
     def over(self, start: Samples, stop: Samples) -> Truth:
-        """Return the labels of the frames [start, stop); empty where none are stored. See `TwinSource`."""
-        last = -(-min(stop, self._start) // LABEL_STEP)
+        """Return the labels of the window of frames [start, stop); empty where none are stored."""
+        newest = -(-min(stop, self._start) // LABEL_STEP)
         oldest = max(-(-self._start // LABEL_STEP) - self._rows.shape[1], 0)
-        first = max(min(-(-start // LABEL_STEP), last - 1), oldest)
-        if last <= first:
+        rows = np.arange(max(min(start // LABEL_STEP, newest - 1), oldest), newest)
+        if not rows.size:
             return {}
-        rows = self._rows[:, np.arange(first, last) % self._rows.shape[1]].astype(np.float64)
-        touched = rows[:, rows[CONTACT] > 0.0]
-        contact = 2 * touched.shape[1] >= rows.shape[1]
-        settled = bool(rows[SETTLED].all()) and touched.shape[1] in (0, rows.shape[1])
-        truth = {"contact": float(contact), "settled": float(settled)}
-        if not contact:
-            return truth
-        mean = touched.mean(axis=1).tolist()
-        return truth | {
-            "position": mean[POSITION],
-            "force": mean[FORCE],
-            "slip": float(mean[SLIP] >= 0.5),
-            "slip_velocity": math.hypot(mean[ACROSS], mean[ALONG]),
-            "slip_across": mean[ACROSS],
-            "slip_along": mean[ALONG],
-        }
+        stored = self._rows[:, rows % self._rows.shape[1]].astype(np.float64)
+        columns = dict(zip(LABELS, stored, strict=True))
+        columns["slip_velocity"] = np.hypot(columns["slip_across"], columns["slip_along"])
+        rate = self._sample_rate
+        track = LabelTrack(time=rows * (LABEL_STEP / rate), columns=columns)
+        return one_window_labels(track, start / rate, stop / rate)

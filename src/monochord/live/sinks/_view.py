@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from rich.text import Text
 
+from monochord.core.labels import SETTLED
 from monochord.core.timing import Percentiles
 from monochord.core.types import Audio, Estimate, Signal, Truth
 from monochord.core.units import Metres, decibels
@@ -156,7 +157,7 @@ def _caption(truth: Truth) -> str:
     words = ["truth" if truth.get("contact", 1.0) else "truth: untouched"]
     if truth.get("slip"):
         words.append(f"slides {1e3 * truth.get('slip_velocity', math.nan):.1f} mm/s")
-    if not truth.get("settled", 1.0):
+    if truth.get("settled", 1.0) < SETTLED:
         words.append("settling")
     return ", ".join(words)
 

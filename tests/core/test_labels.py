@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.datasets.labels import Rules, window_labels
-from monochord.sessions import LabelTrack
+from monochord.core.labels import LabelTrack, Rules, one_window_labels, window_labels
 
 
 def labels_of(
@@ -120,3 +119,17 @@ def test_labels_without_contact_or_out_of_order_are_refused() -> None:
 def test_rules_that_contradict_themselves_are_refused(shares: dict[str, float]) -> None:
     with pytest.raises(InputError, match="label rule"):
         Rules(**shares)
+
+
+def test_a_window_alone_is_labelled_as_among_others() -> None:
+    rng = np.random.default_rng(0)
+    time = np.sort(rng.uniform(0.0, 5.0, 2000))
+    contact = (np.sin(7.0 * time) > 0.0).astype(float)
+    slip = (np.sin(31.0 * time) > 0.0).astype(float)
+    slip[rng.random(time.size) < 0.05] = np.nan
+    track = LabelTrack(time=time, columns={"contact": contact, "force": contact + 0.1 * time, "slip": slip})
+    begin = np.arange(-0.2, 5.2, 0.013)
+    together = window_labels(track, begin, begin + 0.1)
+    for row, first in enumerate(begin.tolist()):
+        expected = {name: float(v[row]) for name, v in together.items() if not np.isnan(v[row])}
+        assert one_window_labels(track, first, first + 0.1) == pytest.approx(expected, abs=1e-6)
