@@ -227,10 +227,8 @@ class _TimeMeans:
         """Return the integrals (rows, n) of step functions of heights (rows, m) over the windows."""
         ends = self._time + self._durations
         if len(self._begin) == 1:  # a dot product: quick enough for who labels every window live
-            return (
-                heights
-                @ np.maximum(np.minimum(ends, self._end) - np.maximum(self._time, self._begin), 0.0)[:, None]
-            )
+            overlap = np.minimum(ends, self._end) - np.maximum(self._time, self._begin)
+            return heights.astype(np.float64) @ np.maximum(overlap, 0.0)[:, None]
         integrals = np.zeros((len(heights), len(self._begin)))
         if not self._time.size:
             return integrals

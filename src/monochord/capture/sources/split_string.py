@@ -18,7 +18,7 @@ from monochord.capture.sources._script import (
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack, one_window_labels
-from monochord.core.types import Audio, Contact, Signal, StringParams, Truth
+from monochord.core.types import Audio, Contact, Floats, Signal, StringParams, Truth
 from monochord.core.units import MetresPerSecond, Newtons, Samples, Seconds
 from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, touch
 from monochord.physics.strings import load_string
@@ -165,7 +165,9 @@ class _SimulatedStream(PacedStream):
             (0.0, math.nan, math.nan) if contact is None else (1.0, contact.position, contact.force)
             for _, contact in self._history
         ]
-        columns = dict(zip(("contact", "position", "force"), np.array(touches).T[:, rows], strict=True))
+        columns: dict[str, Floats] = dict(
+            zip(("contact", "position", "force"), np.array(touches).T[:, rows], strict=True)
+        )
         columns["settled"] = (frame - changed[rows] >= self._options.settle * rate).astype(np.float64)
         return one_window_labels(LabelTrack(time=frame / rate, columns=columns), start / rate, stop / rate)
 

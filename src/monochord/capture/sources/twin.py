@@ -15,7 +15,7 @@ from monochord.capture.sources._script import ScriptedTouch, draw_touches, twin_
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack, one_window_labels
-from monochord.core.types import Audio, Signal, Truth
+from monochord.core.types import Audio, Floats, Signal, Truth
 from monochord.core.units import Newtons, Samples, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
@@ -251,8 +251,8 @@ class LabelMemory:
         if not rows.size:
             return {}
         stored = self._rows[:, rows % self._rows.shape[1]].astype(np.float64)
-        columns = dict(zip(LABELS, stored, strict=True))
+        columns: dict[str, Floats] = dict(zip(LABELS, stored, strict=True))
         columns["slip_velocity"] = np.hypot(columns["slip_across"], columns["slip_along"])
         rate = self._sample_rate
-        track = LabelTrack(time=rows * (LABEL_STEP / rate), columns=columns)
+        track = LabelTrack(time=rows.astype(np.float64) * (LABEL_STEP / rate), columns=columns)
         return one_window_labels(track, start / rate, stop / rate)
