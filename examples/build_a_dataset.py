@@ -1,4 +1,4 @@
-"""Collect two simulated sessions, make a dataset of them, split and audit it, and add noise to a batch.
+"""Collect two simulated sessions, build a dataset, split and audit it, and add noise to a batch.
 
 Run it: python examples/build_a_dataset.py
 """
@@ -19,7 +19,7 @@ from monochord.lab.plans import load_plan
 
 
 def main() -> None:
-    """Print how many windows of each kind there are, and what a batch for training looks like."""
+    """Print the number of windows of each kind, and the properties of a training batch."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
@@ -34,13 +34,13 @@ def main() -> None:
 
         train = split.train[dataset.usable[split.train] & dataset.valid["force"][split.train]]
         rows = np.random.default_rng(0).choice(train, 64, replace=False)
-        quiet = dataset.batch(rows)
-        noisy = Augmentation(seed=1)(quiet, rows, epoch=0)
-        ratio = 20.0 * np.log10(quiet.std(axis=(1, 2)) / (noisy - quiet).std(axis=(1, 2)))
+        clean = dataset.batch(rows)
+        noisy = Augmentation(seed=1)(clean, rows, epoch=0)
+        ratio = 20.0 * np.log10(clean.std(axis=(1, 2)) / (noisy - clean).std(axis=(1, 2)))
         force = dataset.label("force")[rows]
         print(f"a batch of {noisy.shape[0]} windows, {noisy.shape[1]} microphones, {noisy.shape[2]} frames")
         print(f"force {force.min():.2f} to {force.max():.2f} N")
-        print(f"noise {ratio.min():.0f} to {ratio.max():.0f} dB below them")
+        print(f"noise {ratio.min():.0f} to {ratio.max():.0f} dB below the clean sound")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How long should the string be? Pitch, sensitivity and the limit that noise sets, for some lengths.
+"""How long should the string be? Pitch, sensitivity and the lower bound of the error, for some lengths.
 
 Run it: python examples/design_a_sensor.py
 """
@@ -21,11 +21,11 @@ WINDOW = 0.1  # s
 
 
 def main() -> None:
-    """Print one line a length, for a press of 1 N a third of the way along the prototype's wire."""
-    wire = load_string("prototype").string
-    print("length  pitches         by position  by force  rise of tension  noise limits a 0.1 s window to")
+    """Print one line per length, for a press of 1 N at a third of the prototype's string."""
+    preset = load_string("prototype").string
+    print("length  pitches         by position  by force  tension rise  Cramer-Rao bound of a 0.1 s window")
     for length in np.arange(0.1, 0.45, 0.1):
-        string = replace(wire, length=float(length))
+        string = replace(preset, length=float(length))
         touch = Contact(position=string.length / 3, force=1.0)
         f1, f2 = segment_frequencies(string, touch, "geometric")
         by_position, by_force = frequency_sensitivities(string, touch, "geometric")[0]
@@ -35,7 +35,7 @@ def main() -> None:
         )
         print(
             f"{1e3 * length:3.0f} mm  {f1:5.0f} {f2:5.0f} Hz  {1e-3 * by_position:6.1f} Hz/mm"
-            f"  {by_force:5.2f} Hz/N  {rise:13.2f} N"
+            f"  {by_force:5.2f} Hz/N  {rise:10.2f} N"
             f"  {1e6 * x_error:8.2f} um, {1e3 * force_error:.2f} mN"
         )
 

@@ -1,4 +1,4 @@
-"""The live loop in ten lines: blocks, windows, estimates. Put another source in and it is your sensor.
+"""The live loop written out: blocks, windows, estimates and truth. `mc.listen` is this loop in one line.
 
 Run it: python examples/follow_a_stream.py
 """
@@ -13,7 +13,7 @@ LENGTH, HOP = 0.1, 0.05  # s, of a window
 
 
 def main() -> None:
-    """Follow touches of a simulated string, as fast as it can be computed; print truth beside estimate."""
+    """Follow touches of a simulated string, faster than real time; print truth beside estimate."""
     source = SOURCES.build("split_string", {"preset": "appendix", "speed": 0.0, "duration": SECONDS})
     estimator = ESTIMATORS.build("closed_form")
     with source.open() as stream:
@@ -24,10 +24,10 @@ def main() -> None:
         for window in windows(stream, size=size, hop=hop, sample_rate=rate):
             position = estimate(window)["position"]
             truth = stream.truth(window.start, window.start + size)
-            told = f"{1e3 * position.value:6.1f} mm" if position.valid else position.why_not
+            result = f"{1e3 * position.value:6.1f} mm" if position.valid else position.why_not
             touched = f"{1e3 * truth['position']:6.1f} mm" if "position" in truth else "nothing"
             settling = "" if truth.get("settled", 0.0) > 0.99 else "  (settling)"
-            print(f"{clock.time(window.start):5.2f} s  touched: {touched:10}  heard: {told}{settling}")
+            print(f"{clock.time(window.start):5.2f} s  truth: {touched:10}  estimate: {result}{settling}")
 
 
 if __name__ == "__main__":

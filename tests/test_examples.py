@@ -36,10 +36,10 @@ def test_every_example_is_run_below() -> None:
 def test_locate_a_touch() -> None:
     lines = output("locate_a_touch.py").splitlines()
     assert lines[0] == "touched at 227.50 mm"
-    found = [float(x) for x in re.findall(r": ([\d.]+) ", "\n".join(lines[1:]))]
-    assert len(found) >= 4
-    assert found[0] == pytest.approx(227.5, abs=0.1)
-    assert found[-3:] == pytest.approx([227.5] * 3, abs=0.5)
+    positions = [float(x) for x in re.findall(r": ([\d.]+) ", "\n".join(lines[1:]))]
+    assert len(positions) >= 4
+    assert positions[0] == pytest.approx(227.5, abs=0.1)
+    assert positions[-3:] == pytest.approx([227.5] * 3, abs=0.5)
 
 
 def test_design_a_sensor() -> None:
@@ -55,9 +55,9 @@ def test_design_a_sensor() -> None:
 
 def test_follow_a_stream() -> None:
     rows = re.findall(
-        r"touched: +([\d.]+) mm +heard: +([\d.]+) mm$", output("follow_a_stream.py"), re.MULTILINE
+        r"truth: +([\d.]+) mm +estimate: +([\d.]+) mm$", output("follow_a_stream.py"), re.MULTILINE
     )
-    errors = [abs(float(touched) - float(heard)) for touched, heard in rows]
+    errors = [abs(float(truth) - float(estimate)) for truth, estimate in rows]
     assert len(errors) >= 10
     assert sorted(errors)[len(errors) // 2] < 1.0
 
