@@ -1,5 +1,6 @@
-"""The recipes of CONTRIBUTING.md are real files: each is put where it says, loaded and used."""
+"""The recipes of CONTRIBUTING.md are complete files: each is added, passes the contracts, and works."""
 
+import os
 import re
 import subprocess
 import sys
@@ -19,6 +20,8 @@ from monochord.figures import FIGURES
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Moment
 from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.features import FEATURES
+from monochord.perception.heads import HEADS
 from monochord.physics.simulators import SIMULATORS, Case
 from monochord.physics.strings import load_string
 from monochord.physics.theory import harmonic_frequencies
@@ -50,6 +53,8 @@ def test_there_is_a_recipe_for_everything_that_is_one_file() -> None:
     assert folders == {
         "sources",
         "sinks",
+        "features",
+        "heads",
         "estimators",
         "figures",
         "benchmarks",
@@ -73,6 +78,42 @@ def test_it_is_in_house_style(path: str, command: list[str]) -> None:
     assert run.returncode == 0, run.stdout + run.stderr
 
 
+PLUGIN = """
+from importlib import import_module
+for package in {packages}:
+    import_module(package).__path__.append({folder!r} + package)
+"""
+
+
+def test_recipes_pass_the_contracts(tmp_path: Path) -> None:
+    """Every contract test of the recipes runs in a process whose plug-in folders hold them."""
+    packages = {".".join(Path(path).parent.parts[1:]) for path in MODULES}
+    for path in MODULES:
+        package = tmp_path / ".".join(Path(path).parent.parts[1:])
+        package.mkdir(exist_ok=True)
+        (package / Path(path).name).write_text(RECIPES[path], encoding="utf-8")
+    plugin = PLUGIN.format(packages=sorted(packages), folder=f"{tmp_path}/")
+    (tmp_path / "recipes.py").write_text(plugin, encoding="utf-8")
+    names = [Path(path).stem for path in MODULES if not path.startswith("src/monochord/cli/")]
+    tests = ["plugins", "sources", "sinks", "features", "heads"]
+    command = [sys.executable, "-m", "pytest", "-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT)]
+    command += ["-p", "recipes", "-p", "no:cacheprovider", "-v", "-k", " or ".join([*names, "file_sink"])]
+    command += [str(ROOT / "tests" / "contract" / f"test_{name}.py") for name in tests]
+    path = os.pathsep.join([str(tmp_path), str(ROOT), os.environ.get("PYTHONPATH", "")])
+    run = subprocess.run(
+        command,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout[-5000:] + run.stderr[-2000:]
+    passed = [line for line in run.stdout.splitlines() if "PASSED" in line]
+    for name in names:
+        assert any(re.search(rf"[/\[-]{name}\b", line) for line in passed), f"no contract ran for {name}"
+
+
 def window(level: float, *, has_gap: bool = False) -> Window:
     samples = np.full((1, 4410), level, np.float32)
     return Window(samples=samples, start=0, sample_rate=44100, has_gap=has_gap)
@@ -80,23 +121,37 @@ def window(level: float, *, has_gap: bool = False) -> Window:
 
 def test_source(load: Load) -> None:
     load("src/monochord/capture/sources/tone.py")
-    with SOURCES.build("tone", {"frequency": 441, "frames": 1000}).open() as stream:
+    with SOURCES.build("tone", {"note": "A4", "frames": 1000}).open() as stream:
         assert stream.signal == SIGNAL
         (whole,) = windows(stream, size=1000, hop=1000, sample_rate=44100)
     assert not whole.has_gap
-    np.testing.assert_allclose(whole.samples[0], np.sin(0.02 * np.pi * np.arange(1000)), atol=1e-6)
+    np.testing.assert_allclose(whole.samples[0], np.sin(2 * np.pi * 440 / 44100 * np.arange(1000)), atol=1e-6)
 
 
 def test_sink(load: Load, tmp_path: Path) -> None:
     load("src/monochord/live/sinks/touches.py")
-    diary = tmp_path / "touches.txt"
+    file = tmp_path / "touches.txt"
     here, away = Estimate(value=0.2, std=0.001, unit="m"), Estimate.abstain("m", "silence")
-    with SINKS.build("touches", {"path": str(diary)}).open(SIGNAL) as writer:
+    with SINKS.build("touches", {"path": str(file)}).open(SIGNAL) as writer:
         for index, estimate in enumerate([away, here, here, away, here]):
             prediction = Prediction(start=0, time=0.5 * index, estimates={"position": estimate})
             health = StreamHealth()
             writer.write(Moment(prediction=prediction, window=window(0), health=health, truth={}, skipped=0))
-    assert diary.read_text(encoding="utf-8") == "0.500 0.2000\n2.000 0.2000\n"
+    assert file.read_text(encoding="utf-8") == "0.500 0.2000\n2.000 0.2000\n"
+
+
+def test_feature(load: Load) -> None:
+    load("src/monochord/perception/features/band_levels.py")
+    extract = FEATURES.build("band_levels", {"count": 8}).prepare(SIGNAL, 4410)
+    time = np.arange(4410) / 44100
+    tones = [[np.sin(2 * np.pi * frequency * time)] for frequency in (250.0, 6000.0)]
+    assert extract(np.array(tones, np.float32)).argmax(axis=1).tolist() == [0, 7]
+
+
+def test_head(load: Load) -> None:
+    load("src/monochord/perception/heads/slip_velocity.py")
+    task = HEADS.build("slip_velocity", {"hidden": [8]}).task()
+    assert (task.label, task.hidden, task.touched) == ("slip_velocity", (8,), True)
 
 
 def test_estimator(load: Load) -> None:
@@ -122,7 +177,7 @@ def test_benchmark(load: Load) -> None:
     assert row.ratio is not None
 
 
-def test_model(load: Load) -> None:
+def test_simulator(load: Load) -> None:
     load("src/monochord/physics/simulators/partials.py")
     appendix = load_string("appendix")
     case = Case(string=appendix.string, contact=appendix.usual_contact, seconds=0.5)
@@ -140,7 +195,7 @@ def test_string(tmp_path: Path) -> None:
     assert frequency == pytest.approx(preset.open_frequency, rel=1e-3)
 
 
-def test_verb(load: Load, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command(load: Load, capsys: pytest.CaptureFixture[str]) -> None:
     load("src/monochord/cli/pitch.py")
     assert cli.run(["pitch", "plain_012"]) == 0
     assert capsys.readouterr().out == "329.63 Hz\n"

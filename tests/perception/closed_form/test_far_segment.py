@@ -1,4 +1,4 @@
-"""The far-segment form: what calibration takes teach, and a note turned into a position."""
+"""The far-segment form: calibration by takes, and the position of a note."""
 
 from itertools import pairwise
 
@@ -19,7 +19,7 @@ def ratio(place: float) -> float:
     return (1.0 + BEHIND - place) / ((1.0 + RISE) * (1.0 + BEHIND))
 
 
-def heard(frequency: float, form: FarSegment) -> Estimates:
+def estimated(frequency: float, form: FarSegment) -> Estimates:
     time = np.arange(4410) / 44100
     n = np.arange(1.0, 11.0)[:, np.newaxis]
     tone = (np.sin(2.0 * np.pi * frequency * n * time + n) / n).sum(axis=0)
@@ -41,13 +41,13 @@ def form(**options: object) -> FarSegment:
 
 
 class TestSetup:
-    def test_before_any_take_nothing_is_corrected_and_little_is_known(self) -> None:
+    def test_without_takes_nothing_is_corrected(self) -> None:
         correction, std = Setup().correct(1.0)
         assert correction == 0.0
         assert std == pytest.approx(SETUP_STD)
         assert Setup().correct(0.5)[1] > 0.5 * std
 
-    def test_takes_teach_what_the_instrument_is_and_how_sure_that_is(self) -> None:
+    def test_takes_correct_the_setup_and_lower_its_error(self) -> None:
         setup = Setup()
         stds = [setup.correct(ratio(0.4))[1]]
         for place in (0.1, 0.3, 0.6, 0.2, 0.5):
@@ -60,33 +60,33 @@ class TestSetup:
 
     def test_the_order_of_takes_does_not_matter(self) -> None:
         takes = [(ratio(place), place) for place in (0.1, 0.3, 0.6)]
-        there, back = Setup(), Setup()
+        forward, backward = Setup(), Setup()
         for take in takes:
-            there = there.learn(*take)
+            forward = forward.learn(*take)
         for take in takes[::-1]:
-            back = back.learn(*take)
-        assert there.shift == pytest.approx(back.shift, abs=1e-12)
+            backward = backward.learn(*take)
+        assert forward.shift == pytest.approx(backward.shift, abs=1e-12)
 
-    def test_a_take_that_cannot_be_is_refused(self) -> None:
+    def test_an_implausible_take_is_refused(self) -> None:
         with pytest.raises(InputError, match=r"calibration take at 30\.0 % .*check its position"):
             Setup().learn(ratio(0.5), 0.3)
 
 
-def test_a_note_gives_position_frequency_and_how_sure_they_are() -> None:
-    told = heard(OPEN / 0.7, form())
-    assert told["position"].value == pytest.approx(0.3 * LENGTH, abs=3e-4)
-    assert told["position"].std == pytest.approx(LENGTH * Setup().correct(0.7)[1], rel=0.1)
-    assert told["frequency"].value == pytest.approx(OPEN / 0.7, rel=1e-4)
-    assert told["inharmonicity"].value == pytest.approx(0.0, abs=1e-4)
+def test_a_note_has_position_frequency_and_errors() -> None:
+    estimates = estimated(OPEN / 0.7, form())
+    assert estimates["position"].value == pytest.approx(0.3 * LENGTH, abs=3e-4)
+    assert estimates["position"].std == pytest.approx(LENGTH * Setup().correct(0.7)[1], rel=0.1)
+    assert estimates["frequency"].value == pytest.approx(OPEN / 0.7, rel=1e-4)
+    assert estimates["inharmonicity"].value == pytest.approx(0.0, abs=1e-4)
 
 
 def test_takes_correct_the_position() -> None:
     takes = tuple((OPEN / ratio(place), place * LENGTH) for place in (0.1, 0.3, 0.6))
     note = OPEN / ratio(0.45)
-    plain, taught = (heard(note, form(calibration=each))["position"] for each in ((), takes))
+    plain, calibrated = (estimated(note, form(calibration=each))["position"] for each in ((), takes))
     assert abs(plain.value - 0.45 * LENGTH) > 1e-3
-    assert taught.value == pytest.approx(0.45 * LENGTH, abs=3e-4)
-    assert taught.std < plain.std
+    assert calibrated.value == pytest.approx(0.45 * LENGTH, abs=3e-4)
+    assert calibrated.std < plain.std
 
 
 @pytest.mark.parametrize(
@@ -100,12 +100,12 @@ def test_takes_correct_the_position() -> None:
         ({"calibration": ((110.0, 0.1, 1.0),)}, "inharmonicity"),
     ],
 )
-def test_what_cannot_be_is_refused(options: dict[str, object], match: str) -> None:
+def test_bad_options_are_refused(options: dict[str, object], match: str) -> None:
     with pytest.raises(InputError, match=match):
         form(**options)
 
 
 def test_an_abstention_is_one_of_everything() -> None:
-    told = abstain("silence")
-    assert set(told) == {"frequency", "position", "inharmonicity"}
-    assert {estimate.why_not for estimate in told.values()} == {"silence"}
+    estimates = abstain("silence")
+    assert set(estimates) == {"frequency", "position", "inharmonicity"}
+    assert {estimate.why_not for estimate in estimates.values()} == {"silence"}

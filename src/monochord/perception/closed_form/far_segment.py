@@ -11,58 +11,60 @@ from monochord.dsp.pitch import PitchFinder, Series
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.physics.theory import position_from_far_segment
 
-INCREDIBLE = 8.0
-"""How many standard deviations off a calibration take is refused."""
-AT_NUT = 1.0e-3
-"""Calibration takes this close to the nut, in metres, are the open note itself."""
+MAX_TAKE_DEVIATION = 8.0
+"""Standard deviations from the expected position beyond which a calibration take is refused."""
+NUT_DISTANCE = 1.0e-3
+"""Calibration takes nearer to the nut than this, in m, are the open note itself."""
 SETUP_STD = 0.004
-"""How far real instruments depart from the clamp, one standard deviation of both numbers below."""
+"""Standard deviation of both departures of real instruments from the clamp; see `Setup`."""
 TAKE_STD = 0.0008
-"""How well a calibration take's position is known, as a share of the length: 0.5 mm on 650 mm."""
-DISTINCT = 0.006
-"""Candidates nearer than this share of the length tell the same position."""
-SECOND_EVIDENCE, SECOND_SOUND = 12.0, 0.25
-"""Evidence in nats, and share of all power beside the best, from which another series is a second string."""
-OUTSIDE = 2.0
-"""How many times the margin a note outside the string's range must lead by to be believed."""
-SLACK = 4.0
-"""How far outside its grid, in cents, a fit may end up and still count as inside."""
-FLAT = 40.0
-"""How far below the open note, in cents, a note may lie: tunings drift."""
+"""Standard error of a calibration take's position, as a share of the length: 0.5 mm on 650 mm."""
+SAME_POSITION = 0.006
+"""Candidates nearer to each other than this share of the length are of the same position."""
+SECOND_EVIDENCE, SECOND_POWER = 12.0, 0.25
+"""Least evidence in nats, and least share of the power outside the best series, of a second string."""
+OUTSIDE_MARGINS = 2.0
+"""Lead, in multiples of `margin`, from which a note outside the string's range is accepted as one."""
+EDGE_CENTS = 4.0
+"""Distance in cents by which a fit may lie outside the searched range and still count as inside."""
+MAX_FLAT_CENTS = 40.0
+"""Largest distance in cents of a note below the open one: tunings drift."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """What one open note cannot know of an instrument, and how well calibration takes have told it.
+    """Departures of an instrument from the clamp, as estimated from calibration takes.
 
     Pressing raises the tension, so that the wave speed grows by a share e; and the string ends a share d of
-    its length behind the bridge's nominal place (a maker moves the saddle back to make up for e). Then
+    its length behind the bridge's nominal place (a maker moves the saddle back to compensate e). Then
     f = f_open (1 + e)(1 + d) / (1 + d - x/L), and with q = f_open / f, x/L = 1 - q + d - q a, where
     a = (1 + e)(1 + d) - 1. Before any take e and d are independent, of mean zero and of standard deviation
-    `SETUP_STD`; takes with known x narrow (a, d) by linear regression, one or many alike.
+    `SETUP_STD`; takes with known x narrow (a, d) by linear regression.
     """
 
     shift: Floats = field(default_factory=lambda: np.zeros(2))
     covariance: Floats = field(default_factory=lambda: SETUP_STD**2 * np.array([[2.0, 1.0], [1.0, 1.0]]))
 
     def learn(self, ratio: float, position: float) -> "Setup":
-        """Return the setup after a take with q = `ratio` at x/L = `position`; refuse one that cannot be."""
+        """Return the setup after a take with q = `ratio` at x/L = `position`; refuse an implausible one."""
         slope = np.array([-ratio, 1.0])
         spread = self.covariance @ slope
         variance = slope @ spread + TAKE_STD**2
         gain = spread / variance
         expected = 1.0 - ratio + slope @ self.shift
-        miss = position - expected
-        if abs(miss) > INCREDIBLE * variance**0.5:
+        error = position - expected
+        if abs(error) > MAX_TAKE_DEVIATION * variance**0.5:
             given = f"calibration take at {100.0 * position:.1f} % of the length"
-            allowed = f"{100.0 * expected:.1f} % give or take {100.0 * INCREDIBLE * variance**0.5:.1f}"
+            allowed = (
+                f"{100.0 * expected:.1f} % give or take {100.0 * MAX_TAKE_DEVIATION * variance**0.5:.1f}"
+            )
             raise InputError(
                 given, f"{allowed}, where its pitch puts it", "check its position and the open note"
             )
-        return Setup(shift=self.shift + gain * miss, covariance=self.covariance - np.outer(gain, spread))
+        return Setup(shift=self.shift + gain * error, covariance=self.covariance - np.outer(gain, spread))
 
     def correct(self, ratio: float) -> tuple[float, float]:
-        """Return what to add to 1 - q for x/L, and its standard deviation."""
+        """Return the correction of 1 - q to x/L, and its standard deviation."""
         slope = np.array([-ratio, 1.0])
         return float(slope @ self.shift), float(np.sqrt(slope @ self.covariance @ slope))
 
@@ -97,16 +99,19 @@ class FarSegment:
         open_frequency, inharmonicity = self._open_note()
         setup = Setup()
         for frequency, position, *_ in self.calibration:
-            if position >= AT_NUT:
+            if position >= NUT_DISTANCE:
                 setup = setup.learn(open_frequency / frequency, position / self.length)
         finder = PitchFinder(
             sample_rate=sample_rate,
             size=size,
-            lowest=open_frequency * 2.0 ** (-FLAT / 1200.0),
+            lowest=open_frequency * 2.0 ** (-MAX_FLAT_CENTS / 1200.0),
             highest=min(open_frequency / (1.0 - self.reach), 0.2 * sample_rate),
             inharmonicity_prior=inharmonicity,
         )
-        inside = (finder.lowest * 2.0 ** (-SLACK / 1200.0), finder.highest * 2.0 ** (SLACK / 1200.0))
+        inside = (
+            finder.lowest * 2.0 ** (-EDGE_CENTS / 1200.0),
+            finder.highest * 2.0 ** (EDGE_CENTS / 1200.0),
+        )
 
         def estimate(window: Window) -> Estimates:
             why_not = why_unusable(window)
@@ -114,33 +119,33 @@ class FarSegment:
             why_not = why_not or self._why_undecided(candidates, open_frequency, inside)
             if why_not:
                 return abstain(why_not)
-            heard = next(each for each in candidates if inside[0] <= each.frequency <= inside[1])
-            return self._locate(heard, open_frequency, setup)
+            best = next(each for each in candidates if inside[0] <= each.frequency <= inside[1])
+            return self._locate(best, open_frequency, setup)
 
         return estimate
 
     def _open_note(self) -> tuple[Hertz, tuple[float, float]]:
         """Return the open frequency, and mean and standard deviation of B on the open string."""
-        at_nut = [take for take in self.calibration if take[1] < AT_NUT]
+        at_nut = [take for take in self.calibration if take[1] < NUT_DISTANCE]
         frequency = float(np.mean([take[0] for take in at_nut])) if at_nut else self.open_frequency
-        told = [take[2] * (frequency / take[0]) ** 2 for take in self.calibration if len(take) > 2]
-        mean = max(float(np.median(told)), 1.0e-5) if told else 5.0e-5
-        return frequency, (mean, 0.05 * mean if told else 2.0e-4)
+        measured = [take[2] * (frequency / take[0]) ** 2 for take in self.calibration if len(take) > 2]
+        mean = max(float(np.median(measured)), 1.0e-5) if measured else 5.0e-5
+        return frequency, (mean, 0.05 * mean if measured else 2.0e-4)
 
     def _why_undecided(
         self, candidates: list[Series], open_frequency: Hertz, inside: tuple[Hertz, Hertz]
     ) -> str:
-        heard = [series for series in candidates if inside[0] <= series.frequency <= inside[1]]
-        if not heard or heard[0].evidence < self.evidence:
+        allowed = [series for series in candidates if inside[0] <= series.frequency <= inside[1]]
+        if not allowed or allowed[0].evidence < self.evidence:
             return "no harmonic structure"
-        best, loudest = heard[0], candidates[0]
-        if loudest.evidence > best.evidence + OUTSIDE * self.margin:
-            return f"a note of {loudest.frequency:.1f} Hz, outside {inside[0]:.1f} to {inside[1]:.1f} Hz"
-        for other in heard[1:]:
-            apart = abs(open_frequency / other.frequency - open_frequency / best.frequency)
-            near = best.evidence - other.evidence < self.margin
-            sounds = other.evidence > SECOND_EVIDENCE and other.beside(best) > SECOND_SOUND
-            if apart > DISTINCT and (near or sounds):
+        best, strongest = allowed[0], candidates[0]
+        if strongest.evidence > best.evidence + OUTSIDE_MARGINS * self.margin:
+            return f"a note of {strongest.frequency:.1f} Hz, outside {inside[0]:.1f} to {inside[1]:.1f} Hz"
+        for other in allowed[1:]:
+            distance = abs(open_frequency / other.frequency - open_frequency / best.frequency)
+            close = best.evidence - other.evidence < self.margin
+            second = other.evidence > SECOND_EVIDENCE and other.beside(best) > SECOND_POWER
+            if distance > SAME_POSITION and (close or second):
                 return f"two candidates, {best.frequency:.1f} and {other.frequency:.1f} Hz"
         return ""
 
@@ -160,6 +165,6 @@ class FarSegment:
 
 
 def abstain(why_not: str) -> Estimates:
-    """Return the far-segment form's estimates for a window that tells nothing."""
+    """Return an abstention from each of the far-segment form's estimates."""
     units = {"frequency": "Hz", "position": "m", "inharmonicity": ""}
     return {name: Estimate.abstain(unit, why_not) for name, unit in units.items()}

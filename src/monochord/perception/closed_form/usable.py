@@ -22,18 +22,18 @@ def why_unusable(window: Window) -> str:
     """
     if window.has_gap:
         return "gap"
-    deviation, rails = _seen(window.samples)
+    deviation, extreme = _measured(window.samples)
     if not math.isfinite(deviation):
         return "samples that are not numbers"
     if deviation < SILENCE:
         return "silence"
-    if rails > CLIPPED_SHARE:
+    if extreme > CLIPPED_SHARE:
         return "clipped"
     return ""
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
-def _seen(samples: Audio) -> tuple[float, float]:
+def _measured(samples: Audio) -> tuple[float, float]:
     """Return the largest standard deviation of a channel, and the share of samples at the extreme values."""
     low = high = samples[0, 0]
     deviation = 0.0
@@ -48,8 +48,8 @@ def _seen(samples: Audio) -> tuple[float, float]:
         for sample in channel:
             square += (sample - mean) ** 2
         deviation = max(deviation, np.sqrt(square / channel.size))
-    rails = 0
+    extreme = 0
     for channel in samples:
         for sample in channel:
-            rails += (sample == low) | (sample == high)
-    return deviation, rails / samples.size
+            extreme += (sample == low) | (sample == high)
+    return deviation, extreme / samples.size
