@@ -1,4 +1,4 @@
-"""Collect two simulated sessions, train a model on them, and hear a stretch of one as a stream.
+"""Collect two simulated sessions, train a model on them, and estimate a part of one as a stream.
 
 Run it: python examples/train_a_model.py
 """
@@ -8,21 +8,18 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from monochord.core.types import Signal
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
-from monochord.perception.model import load
-from monochord.perception.training.replay import window_of
-from monochord.perception.training.scores import lines
+from monochord.perception.model import Stream, load
 from monochord.perception.training.settings import Settings
-from monochord.perception.training.train import train
+from monochord.perception.training.train import train, window_of
 
 
 def main() -> None:
-    """Print what the validation part says of the model, and how far off it is on the test part."""
+    """Print the errors of the model on the validation and the test part."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
@@ -40,15 +37,19 @@ def main() -> None:
             }
         )
         result = train(settings, folder / "run")
-        print("simulated, on validation:", *lines(result.scores, settings.tasks()), sep="\n")
+        error = 1e3 * result.scores["position"]["mae"]
+        print(f"simulated, on validation: {error:.1f} mm mean error of position")
 
-        listening = load(folder / "run").open(Signal(sample_rate=44100, channels=2))
-        off: list[float] = []
+        model, stream = load(folder / "run"), Stream()
+        errors: list[float] = []
         for row in split.test.tolist():
-            told = listening.predict(window_of(dataset, row))["position"]
-            if told.valid and dataset.label("contact")[row] == 1.0:
-                off.append(told.value - float(dataset.label("position")[row]))
-        print(f"test: {1e3 * np.mean(np.abs(off)):.1f} mm mean error in {len(off)} windows with a touch")
+            stream, estimates = model.predict(stream, window_of(dataset, row))
+            position = estimates["position"]
+            if position.valid and dataset.label("contact")[row] == 1.0:
+                errors.append(position.value - float(dataset.label("position")[row]))
+        print(
+            f"test: {1e3 * np.mean(np.abs(errors)):.1f} mm mean error in {len(errors)} windows with a touch"
+        )
 
 
 if __name__ == "__main__":

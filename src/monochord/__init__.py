@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from monochord.live.listen import listen, listen_async
     from monochord.perception.data import features, load_dataset
+    from monochord.perception.learner import TouchEstimator
     from monochord.perception.model import load
     from monochord.physics.simulate import simulate
     from monochord.physics.twin.virtual_sensor import VirtualSensor
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __version__ = version("monochord")
 
 __all__ = [
+    "TouchEstimator",
     "VirtualSensor",
     "__version__",
     "features",
@@ -38,6 +40,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "TouchEstimator": "monochord.perception.learner",
     "VirtualSensor": "monochord.physics.twin.virtual_sensor",
     "features": "monochord.perception.data",
     "listen": "monochord.live.listen",

@@ -21,16 +21,16 @@ def test_a_model_stands_beside_the_closed_form() -> None:
         assert row.ratio < 20.0
 
 
-def test_the_one_that_comes_along_takes_no_longer_than_a_hop() -> None:
+def test_the_bundled_model_takes_no_longer_than_a_hop() -> None:
     rows = {row.name: row.value for row in BENCHMARKS.build("model", {"path": "demo", "count": 60}).run()}
     assert rows["model, median of processor time"] < 1.5e-3
 
 
-def test_one_that_is_drawn_can_be_heard_with() -> None:
+def test_a_random_model_can_be_run() -> None:
     signal = Signal(sample_rate=44100, channels=2, string=load_sensor("prototype").string)
     model = drawn("fft_harmonic", "untouched", signal, 4410)
     assert model.definition.title == "weights drawn at random"
-    model.open(signal)
+    model.check(signal)
 
 
 def test_no_windows_are_refused() -> None:

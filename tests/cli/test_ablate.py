@@ -14,7 +14,7 @@ from monochord.lab.plans import load_plan
 
 GRID = """
 title = "What the reference buys"
-config = "small"
+config = "paper"
 dataset = "{home}/dataset"
 set = ["feature.name=log_mel", "context.on=false", "optimiser.epochs={epochs}"]
 
@@ -41,10 +41,10 @@ def test_variations_are_trained_judged_and_compared(
     grid, out = tmp_path / "grid.toml", tmp_path / "out"
     grid.write_text(GRID.format(home=home, epochs=2))
     assert run(["ablate", str(grid), "--out", str(out), "--workers", "2"]) == 0
-    told = capsys.readouterr()
-    assert "What the reference buys, simulated, on validation" in told.out
-    assert [line.split()[0].strip(",") for line in told.out.splitlines()[2::3]] == ["whole", "smaller"]
-    assert "whole: training" in told.err
+    printed = capsys.readouterr()
+    assert "What the reference buys, simulated, on validation" in printed.out
+    assert [line.split()[0].strip(",") for line in printed.out.splitlines()[2::3]] == ["whole", "smaller"]
+    assert "whole: training" in printed.err
     assert (out / "smaller" / "report" / "report.html").is_file()
     rows = tmp_path / "rows.json"
     assert run(["ablate", str(grid), "--out", str(out), "--rows", str(rows), "--json"]) == 0
@@ -54,8 +54,8 @@ def test_variations_are_trained_judged_and_compared(
         "whole",
         "smaller",
     ]
-    kept = {(row["feature"], row["part"], row["simulated"]) for row in json.loads(rows.read_text())}
-    assert kept >= {("log_mel", "validation", True), ("log_mel, smaller", "validation", True)}
+    labels = {(row["feature"], row["part"], row["simulated"]) for row in json.loads(rows.read_text())}
+    assert labels >= {("log_mel", "validation", True), ("log_mel, smaller", "validation", True)}
     assert run(["ablate", str(grid), "--out", str(out), "--part", "test", "--noise", "white:0"]) == 0
     tested = capsys.readouterr()
     assert "training" not in tested.err
@@ -69,7 +69,7 @@ def test_variations_are_trained_judged_and_compared(
 def test_one_that_fails_ends_with_a_line_and_status_1(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = [
+    arguments = [
         "--dataset",
         str(home / "dataset"),
         "--out",
@@ -77,7 +77,7 @@ def test_one_that_fails_ends_with_a_line_and_status_1(
         "--rows",
         str(tmp_path / "rows.json"),
     ]
-    asked += ["--only", "closed_form", "--only", "no_noise"]
+    arguments += ["--only", "closed_form", "--only", "no_noise"]
     odd = [
         "--set",
         "variations.no_noise.set=['cache=/dev/null/none']",
@@ -85,13 +85,13 @@ def test_one_that_fails_ends_with_a_line_and_status_1(
         "set=['feature.name=log_mel']",
     ]
     physics = "variations.closed_form={estimator='closed_form', estimator_set=['tension_law=geometric']}"
-    assert run(["ablate", "parts", *asked, *odd, "--set", physics]) == 1
-    told = capsys.readouterr()
-    assert [line.split()[0] for line in told.out.splitlines()[2:3]] == ["closed_form"]
-    assert told.err.splitlines()[-1].startswith(
+    assert run(["ablate", "parts", *arguments, *odd, "--set", physics]) == 1
+    printed = capsys.readouterr()
+    assert [line.split()[0] for line in printed.out.splitlines()[2:3]] == ["closed_form"]
+    assert printed.err.splitlines()[-1].startswith(
         "monochord: 1 of 2 variations failed (no_noise); variation no_noise, train: "
     )
-    assert "/dev/null/none" in told.err
+    assert "/dev/null/none" in printed.err
     rows = json.loads((tmp_path / "rows.json").read_text())
     assert {row["feature"].partition(",")[0] for row in rows} == {"closed_form"}
 

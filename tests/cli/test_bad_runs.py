@@ -219,7 +219,7 @@ def test_data_that_cannot_teach_is_refused_before_anything_is_written(
     shutil.copytree(home / "dataset", tmp_path / "dataset")
     damage(tmp_path / "dataset")
     reseal(tmp_path / "dataset")
-    asked = ["train", "small", "--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "run")]
+    asked = ["train", "paper", "--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "run")]
     one_line(asked, words, capsys)
     assert not (tmp_path / "run").exists()
 
@@ -269,7 +269,7 @@ def test_a_damaged_dataset_is_one_line_that_names_the_file(
     damage(tmp_path / "dataset")
     dataset = str(tmp_path / "dataset")
     more = {
-        "train": ["small", "--dataset", dataset, "--out", str(tmp_path / "run")],
+        "train": ["paper", "--dataset", dataset, "--out", str(tmp_path / "run")],
         "audit": [dataset],
         "evaluate": ["demo", "--dataset", dataset],
     }
@@ -311,6 +311,6 @@ def test_a_folder_that_cannot_be_made_is_one_line(
     pytest.importorskip("torch")
     session = home / "44100.mcap"
     size = session.stat().st_size
-    more = {"train": ["small", "--dataset", str(home / "dataset")], "evaluate": ["--sessions", str(session)]}
+    more = {"train": ["paper", "--dataset", str(home / "dataset")], "evaluate": ["--sessions", str(session)]}
     one_line([verb, *more[verb], "--out", out.format(session=session)], "44100.mcap", capsys)
     assert session.stat().st_size == size

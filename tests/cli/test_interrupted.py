@@ -22,7 +22,7 @@ VERBS = {
     "collect": ["collect", "small", "--out", "{out}", "--workers", "2"],
     "evaluate": ["evaluate", "demo", "--sessions", "{home}/hold_000.mcap", "--suite", "--out", "{out}"],
     "simulate": ["simulate", "prototype", "--model", "twin", "--seconds", "60", "--out", "{out}.wav"],
-    "train": ["train", "small", "--dataset", "{learnable}", "--out", "{out}"],
+    "train": ["train", "paper", "--dataset", "{learnable}", "--out", "{out}"],
 }
 MOMENTS = (0.0, 0.3, 0.8, 1.3, 2.0, 3.0)
 """Seconds after the program has taken the signals: within the loading, the start of workers, and the work."""

@@ -1,4 +1,4 @@
-"""`monochord train`, and `monochord live` with what it made."""
+"""`monochord train`, and `monochord live` with its model."""
 
 import json
 from pathlib import Path
@@ -20,13 +20,13 @@ def config(lesson: dict[str, Any], tmp_path: Path) -> Path:
     return file
 
 
-def test_it_prints_what_it_came_to_and_goes_on_where_it_was(
+def test_it_prints_scores_and_goes_on_where_it_was(
     config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = str(tmp_path / "run")
     assert run(["train", str(config), "--out", out, "--set", "optimiser.epochs=2", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["epochs"], told["simulated"], told["part"]) == (2, True, "validation")
+    printed = json.loads(capsys.readouterr().out)
+    assert (printed["epochs"], printed["simulated"], printed["part"]) == (2, True, "validation")
     assert run(["train", str(config), "--out", out, "--set", "optimiser.epochs=2"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == f"{out}, simulated: feature bands beside the reference bands, 2 epochs"
@@ -49,14 +49,14 @@ def test_it_draws_how_it_learned_and_equal_runs_have_equal_pictures(
     out = tmp_path / "one"
     given = ["figure", "learning", "--set", f"run={out}", "--out", str(tmp_path / "a.png"), "--json"]
     assert run(given) == 0
-    told = json.loads(capsys.readouterr().out)["numbers"]
+    numbers = json.loads(capsys.readouterr().out)["numbers"]
     metrics = json.loads((out / "metrics.json").read_text())
-    assert (told["simulated"], told["epochs"]) == (True, [1, 2, 3])
-    assert {name: head["best_epoch"] for name, head in told["heads"].items()} == metrics["best_epochs"]
+    assert (numbers["simulated"], numbers["epochs"]) == (True, [1, 2, 3])
+    assert {name: head["best_epoch"] for name, head in numbers["heads"].items()} == metrics["best_epochs"]
     assert run(["figure", "learning", "--set", f"run={tmp_path}", "--out", str(tmp_path / "b.png")]) == 2
-    told = capsys.readouterr().err
-    assert "no config.toml in it" in told
-    assert told.count("\n") == 1
+    error = capsys.readouterr().err
+    assert "no config.toml in it" in error
+    assert error.count("\n") == 1
 
 
 def test_other_settings_in_the_same_folder_are_refused(
@@ -84,9 +84,9 @@ def test_what_cannot_be_is_one_line(
 ) -> None:
     given = [str(config) if word == "CONFIG" else word for word in arguments]
     assert run(["train", *given, "--out", str(tmp_path / "run")]) == 2
-    told = capsys.readouterr().err
-    assert line in told
-    assert told.count("\n") == 1
+    error = capsys.readouterr().err
+    assert line in error
+    assert error.count("\n") == 1
     assert not (tmp_path / "run").exists()
 
 

@@ -25,9 +25,9 @@ def test_what_tells_of_touching_needs_no_touch_and_no_reference(task: Task) -> N
 
 
 @each_task
-def test_a_chance_has_no_unit_and_one_output(task: Task) -> None:
-    assert task.is_chance == (task.loss == "logistic")
-    if task.is_chance:
+def test_a_probability_has_no_unit_and_one_output(task: Task) -> None:
+    assert task.is_probability == (task.loss == "logistic")
+    if task.is_probability:
         assert (task.unit, task.outputs) == ("", 1)
     else:
         assert task.unit

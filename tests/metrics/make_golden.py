@@ -39,7 +39,7 @@ def regression(truth: list[Fraction], said: list[Fraction], std: list[Fraction])
 def decisions(truth: list[int], likely: list[Fraction]) -> dict[str, Any]:
     pairs = list(zip(truth, likely, strict=True))
     counts = [[sum((a, b >= Fraction(1, 2)) == (r, c) for a, b in pairs) for c in (0, 1)] for r in (0, 1)]
-    found = [Fraction(counts[kind][kind], sum(counts[kind])) for kind in (0, 1)]
+    shares = [Fraction(counts[kind][kind], sum(counts[kind])) for kind in (0, 1)]
     yes, no = ([b for a, b in pairs if a == kind] for kind in (1, 0))
     order = [Fraction(1) if p > q else Fraction(1, 2) if p == q else Fraction(0) for p in yes for q in no]
     # Bin number by exact comparison; the last bin holds 1 too.
@@ -55,7 +55,7 @@ def decisions(truth: list[int], likely: list[Fraction]) -> dict[str, Any]:
     return {
         "confusion": counts,
         "accuracy": float(Fraction(counts[0][0] + counts[1][1], len(pairs))),
-        "balanced_accuracy": float(mean(found)),
+        "balanced_accuracy": float(mean(shares)),
         "area_under_curve": float(mean(order)),
         "brier_score": float(mean([(b - a) ** 2 for a, b in pairs])),
         "calibration_error": float(sum(missed, Fraction(0))),

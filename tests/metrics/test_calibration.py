@@ -1,4 +1,4 @@
-"""Coverage and calibration agree with exact fractions, and honest uncertainty is found to be honest."""
+"""Coverage and calibration agree with exact fractions, and honest uncertainty is confirmed."""
 
 import json
 from pathlib import Path
@@ -23,12 +23,12 @@ TRUTH = ROWS["kind"] == 1
 
 
 def test_golden() -> None:
-    found = {
+    result = {
         "coverage": coverage(ROWS["reference"], ROWS["estimate"], ROWS["std"], GOLDEN["sigmas"]),
         "brier_score": brier_score(TRUTH, ROWS["probability"]),
         "calibration_error": calibration_error(TRUTH, ROWS["probability"], GOLDEN["bins"]),
     }
-    assert found == pytest.approx({name: EXPECTED[name] for name in found}, rel=0, abs=1e-12)
+    assert result == pytest.approx({name: EXPECTED[name] for name in result}, rel=0, abs=1e-12)
 
 
 def test_a_perfect_estimate_is_covered_even_by_nothing() -> None:

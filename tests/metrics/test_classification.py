@@ -17,8 +17,8 @@ SAID = np.array(GOLDEN["rows"]["probability"]) >= 0.5
 def test_golden() -> None:
     assert confusion(TRUTH, SAID).tolist() == GOLDEN["expected"]["confusion"]
     for metric in (accuracy, balanced_accuracy):
-        found = metric(TRUTH, SAID)
-        assert found == pytest.approx(GOLDEN["expected"][metric.__name__], rel=0, abs=1e-12)
+        result = metric(TRUTH, SAID)
+        assert result == pytest.approx(GOLDEN["expected"][metric.__name__], rel=0, abs=1e-12)
 
 
 def test_perfect_and_reversed() -> None:

@@ -1,4 +1,4 @@
-"""Delays and false alarms of cases that can be counted by hand; who always says yes has found nothing."""
+"""Delays and false alarms of cases that can be counted by hand; always yes detects nothing."""
 
 import numpy as np
 import pytest

@@ -14,8 +14,8 @@ from monochord.metrics.ranking import area_interval, area_under_curve
 def test_golden() -> None:
     golden = json.loads(Path(__file__).with_name("golden.json").read_text(encoding="utf-8"))
     score, yes = np.array(golden["rows"]["probability"]), np.array(golden["rows"]["kind"]) == 1
-    found = area_under_curve(score[yes], score[~yes])
-    assert found == pytest.approx(golden["expected"]["area_under_curve"], rel=0, abs=1e-12)
+    result = area_under_curve(score[yes], score[~yes])
+    assert result == pytest.approx(golden["expected"]["area_under_curve"], rel=0, abs=1e-12)
 
 
 def test_the_area_is_the_share_of_pairs_in_order() -> None:

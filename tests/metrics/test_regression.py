@@ -21,13 +21,13 @@ EXPECTED = GOLDEN["expected"]
 
 @pytest.mark.parametrize("metric", [mean_error, mean_absolute_error, rms_error, pearson_r])
 def test_golden(metric: Metric) -> None:
-    found = metric(ROWS["reference"], ROWS["estimate"])
-    assert found == pytest.approx(EXPECTED[metric.__name__], rel=0, abs=1e-12)
+    result = metric(ROWS["reference"], ROWS["estimate"])
+    assert result == pytest.approx(EXPECTED[metric.__name__], rel=0, abs=1e-12)
 
 
 def test_golden_within() -> None:
-    found = within(ROWS["reference"], ROWS["estimate"], GOLDEN["limit"])
-    assert found == pytest.approx(EXPECTED["within"], rel=0, abs=1e-12)
+    result = within(ROWS["reference"], ROWS["estimate"], GOLDEN["limit"])
+    assert result == pytest.approx(EXPECTED["within"], rel=0, abs=1e-12)
 
 
 @given(st.lists(st.floats(-1e150, 1e150, allow_subnormal=False), min_size=2, max_size=30))

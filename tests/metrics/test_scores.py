@@ -26,9 +26,9 @@ def test_a_perfect_estimate_scores_perfectly() -> None:
     assert score.r == pytest.approx(1.0)
     assert score.coverage == (1.0, 1.0)
     yes = np.array([True, False, True, True])
-    found = detection_score(yes, yes.astype(float))
-    assert (found.accuracy, found.area, found.brier, found.calibration) == (1.0, 1.0, 0.0, 0.0)
-    assert (found.positive, found.baseline) == (3, 0.75)
+    result = detection_score(yes, yes.astype(float))
+    assert (result.accuracy, result.area, result.brier, result.calibration) == (1.0, 1.0, 0.0, 0.0)
+    assert (result.positive, result.baseline) == (3, 0.75)
 
 
 def test_scores_are_the_plain_metrics_of_what_was_answered() -> None:

@@ -12,13 +12,13 @@ from monochord.benchmarks.base import Benchmark, Row
 from monochord.capture.sources import SOURCES
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Prepared, Signal, Window
+from monochord.core.types import Estimates, Prepared, Signal, Window
 from monochord.core.units import Seconds
 from monochord.core.windows import windows
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
-from monochord.perception.model import Definition, Model, load
+from monochord.perception.model import Definition, Model, Stream, load
 from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.probe import probed
 from monochord.physics.sensors import load_sensor
@@ -65,7 +65,7 @@ class ModelBenchmark(Benchmark):
             size = round(length * signal.sample_rate)
             ways: dict[str, Prepared] = {
                 BASELINE: ESTIMATORS.build("closed_form").prepare(signal, size),
-                "model": self._model(signal, size).open(signal).predict,
+                "model": _estimate(self._model(signal, size), signal, size),
             }
             times: dict[str, list[tuple[Seconds, Seconds]]] = {name: [] for name in ways}
             hop = round(HOP * signal.sample_rate)
@@ -86,6 +86,19 @@ class ModelBenchmark(Benchmark):
 
     def _model(self, signal: Signal, size: int) -> Model:
         return load(self.path) if self.path else drawn(self.feature, self.reference, signal, size)
+
+
+def _estimate(model: Model, signal: Signal, size: int) -> Prepared:
+    """Return the function from a window to a model's estimates, with the state of its stream."""
+    model.check(signal, size)
+    stream = Stream()
+
+    def estimate(window: Window) -> Estimates:
+        nonlocal stream
+        stream, estimates = model.predict(stream, window)
+        return estimates
+
+    return estimate
 
 
 def drawn(feature: str, reference: str, signal: Signal, size: int) -> Model:

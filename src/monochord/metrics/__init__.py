@@ -1,7 +1,7 @@
-"""How good an estimate is, one plain function a number: (reference, estimate), in SI units.
+"""Metrics, plain functions of (reference, estimate) in SI units.
 
-Nothing is left out in silence: a value that is not a number is refused, and who wants to score some rows
-only picks them first, as `known` does. A perfect estimate scores perfectly.
+Nothing is left out silently: a value that is not a number is refused; `known` selects rows beforehand.
+`regression_score` and `detection_score` collect all scores of an output and count NaN as an abstention.
 """
 
 from monochord.metrics.bootstrap import bootstrap_interval, time_blocks

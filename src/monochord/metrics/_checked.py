@@ -1,4 +1,4 @@
-"""What every metric asks of its arguments."""
+"""Checks of the arguments of every metric."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,21 +12,21 @@ def numbers(**named: Floats) -> tuple[Floats, ...]:
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in named.items()}
     shapes = {name: values.shape for name, values in arrays.items()}
     if len(set(shapes.values())) != 1 or any(values.ndim != 1 for values in arrays.values()):
-        told = ", ".join(f"{name} of shape {shape}" for name, shape in shapes.items())
-        raise InputError(told, "one dimension, the same length")
+        given = ", ".join(f"{name} of shape {shape}" for name, shape in shapes.items())
+        raise InputError(given, "one dimension, the same length")
     for name, values in arrays.items():
         if values.size == 0:
             raise InputError(f"no {name}", "one value or more")
         bad = int(np.count_nonzero(~np.isfinite(values)))
         if bad:
             raise InputError(
-                f"{bad} of {values.size} in {name} not finite", "numbers", "pick rows by known()"
+                f"{bad} of {values.size} in {name} not finite", "numbers", "select rows with known()"
             )
     return tuple(arrays.values())
 
 
 def decisions(**named: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:
-    """Return arrays of yes and no, checked as `numbers` does; 0 and 1 stand for no and yes."""
+    """Return arrays of yes and no, checked as in `numbers`; 0 and 1 are no and yes."""
     arrays = numbers(**{name: np.asarray(values, np.float64) for name, values in named.items()})
     for name, values in zip(named, arrays, strict=True):
         odd = values[(values != 0.0) & (values != 1.0)]

@@ -1,4 +1,4 @@
-"""How sure a score is: intervals by drawing whole blocks anew, since neighbouring windows are alike."""
+"""Intervals of scores by the block bootstrap, since neighbouring windows are alike."""
 
 from collections.abc import Callable
 from math import sqrt
@@ -57,8 +57,8 @@ def bootstrap_interval(
 
     The expanded percentile interval: of the draws' quantiles, those at Phi(-+ sqrt(m / (m - 1)) t), with t
     Student's of m - 1 degrees of freedom for m blocks, instead of Phi(-+ z); so that few blocks give no false
-    confidence. It supposes that blocks are independent of each other and many enough to stand for what the
-    statistic is to be told of; below ten blocks it is a rough guide.
+    confidence. It supposes that blocks are independent of each other and represent the population; below ten
+    blocks it is a rough guide.
 
     Parameters
     ----------

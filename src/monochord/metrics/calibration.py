@@ -18,7 +18,7 @@ def coverage(reference: Floats, estimate: Floats, std: Floats, sigmas: float = 1
     Parameters
     ----------
     reference, estimate, std
-        Truth, what was said of it and its standard error, (n,) each, in one unit; `std` is 0 or more.
+        Truth, estimate and standard error, (n,) each, in one unit; `std` is 0 or more.
     sigmas
         How many standard errors, 0 or more.
 

@@ -1,4 +1,4 @@
-"""How often a yes or no is right."""
+"""Accuracy of a yes or no."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ def accuracy(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> float
 
 
 def balanced_accuracy(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> float:
-    """Return the mean of the shares of yes and of no that are found, 0 to 1; chance is one half.
+    """Return the mean of the shares of yes and of no that are right, 0 to 1; chance is one half.
 
     Parameters
     ----------

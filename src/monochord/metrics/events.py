@@ -1,7 +1,7 @@
-"""Touches as events: how soon each is told, and how often one is told that is not there.
+"""Touches as events: how soon each is detected, and how often one is detected that is not there.
 
 An event and an alarm are stretches of time [begin, end). An alarm belongs to the event that it begins in; one
-that begins in none is false, even if an event comes while it lasts: who always says yes has found nothing.
+that begins in none is false, even if an event comes while it lasts: always yes detects nothing.
 """
 
 from collections.abc import Iterable

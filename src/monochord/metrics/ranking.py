@@ -1,4 +1,4 @@
-"""How well a number tells two kinds apart: the area under the curve of hits against false alarms."""
+"""How well a number separates two kinds: the area under the curve of hits against false alarms."""
 
 import numpy as np
 

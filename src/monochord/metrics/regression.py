@@ -1,4 +1,4 @@
-"""How far estimates of a quantity are from it."""
+"""Errors of a quantity."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +34,12 @@ def known(*columns: Floats) -> NDArray[np.bool_]:
 
 
 def mean_error(reference: Floats, estimate: Floats) -> float:
-    """Return the mean of estimate - reference: what is left when chance averages out.
+    """Return the mean of estimate - reference: the bias.
 
     Parameters
     ----------
     reference, estimate
-        Truth and what was said of it, (n,) each, in one unit, which is that of the result.
+        Truth and estimate, (n,) each, in one unit, which is that of the result.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def mean_absolute_error(reference: Floats, estimate: Floats) -> float:
     Parameters
     ----------
     reference, estimate
-        Truth and what was said of it, (n,) each, in one unit, which is that of the result.
+        Truth and estimate, (n,) each, in one unit, which is that of the result.
 
     Examples
     --------
@@ -73,12 +73,12 @@ def mean_absolute_error(reference: Floats, estimate: Floats) -> float:
 
 
 def rms_error(reference: Floats, estimate: Floats) -> float:
-    """Return the root of the mean of (estimate - reference)^2, which one gross error can rule.
+    """Return the root of the mean of (estimate - reference)^2, which one gross error can dominate.
 
     Parameters
     ----------
     reference, estimate
-        Truth and what was said of it, (n,) each, in one unit, which is that of the result.
+        Truth and estimate, (n,) each, in one unit, which is that of the result.
 
     Examples
     --------
@@ -95,7 +95,7 @@ def within(reference: Floats, estimate: Floats, limit: float) -> float:
     Parameters
     ----------
     reference, estimate
-        Truth and what was said of it, (n,) each, in one unit.
+        Truth and estimate, (n,) each, in one unit.
     limit
         In the same unit, 0 or more.
 
@@ -119,7 +119,7 @@ def pearson_r(reference: Floats, estimate: Floats) -> float:
     Parameters
     ----------
     reference, estimate
-        Truth and what was said of it, (n,) each, in any unit.
+        Truth and estimate, (n,) each, in any unit.
 
     References
     ----------

@@ -42,7 +42,7 @@ def features(
     audio
         Samples (channels, n) in full scale, as float32 or what converts to it.
     sensor
-        A preset's name, a TOML file, or a sensor: whose string is heard.
+        A preset's name, a TOML file, or a sensor: whose string sounds.
     feature
         Name of the feature; ``monochord list features`` shows them.
     sample_rate
@@ -151,7 +151,7 @@ class LabelledData:
         part
             ``"train"``, ``"validation"`` or ``"test"``; all of them by default.
         sensor
-            The sensor that was heard, as its design states it.
+            The sensor of the recordings.
         options
             Options of the feature.
 

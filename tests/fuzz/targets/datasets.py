@@ -12,8 +12,7 @@ from monochord.core.types import Block
 from monochord.datasets.build import Options, build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import open_dataset
-from monochord.perception.training.examples import chosen
-from monochord.perception.training.prepare import examples_of, material, read_split
+from monochord.perception.training.examples import chosen, examples_of, read_split, training_data
 from monochord.perception.training.settings import Settings
 from monochord.sessions import Description, SessionClock, SessionWriter
 
@@ -56,7 +55,7 @@ class Fuzz(Target):
         settings = replace(settings, context=replace(settings.context, feature=FEATURE))
         dataset = open_dataset(folder)
         split = read_split(settings, dataset)
-        source = material(settings, dataset, split)
+        source = training_data(settings, dataset, split)
         for name in ("train", "validation"):
             rows = split.parts[name]
             chosen(dataset, rows, source.tasks, name)

@@ -35,14 +35,14 @@ def far(samples: Audio, **options: object) -> dict[str, Estimate]:
 class TestFarSegment:
     @pytest.mark.parametrize("position", [0.0, 0.01, 0.1, 0.2, 0.325, 0.45, 0.5])
     def test_position_is_that_of_the_clamp(self, position: float) -> None:
-        told = far(note(110.0 * 0.65 / (0.65 - position)))["position"]
-        assert told.value == pytest.approx(position, abs=5e-4)
-        assert 0.5e-3 < told.std < 4e-3
+        estimates = far(note(110.0 * 0.65 / (0.65 - position)))["position"]
+        assert estimates.value == pytest.approx(position, abs=5e-4)
+        assert 0.5e-3 < estimates.std < 4e-3
 
     def test_a_known_string_needs_no_options(self) -> None:
         signal = Signal(sample_rate=RATE, channels=1, string=APPENDIX)
-        told = ClosedForm().prepare(signal, SIZE)(window(note(243.25 / 0.8)))
-        assert told["position"].value == pytest.approx(0.13, abs=5e-4)
+        estimates = ClosedForm().prepare(signal, SIZE)(window(note(243.25 / 0.8)))
+        assert estimates["position"].value == pytest.approx(0.13, abs=5e-4)
 
     def test_calibration_learns_what_pressing_does(self) -> None:
         def pressed(position: float) -> float:
@@ -57,8 +57,8 @@ class TestFarSegment:
         assert helped.std < 0.5 * plain.std
 
     def test_a_take_at_the_nut_is_the_open_note(self) -> None:
-        told = far(note(112.0 * 0.65 / 0.5), calibration=((112.0, 0.0),))["position"]
-        assert told.value == pytest.approx(0.15, abs=5e-4)
+        estimates = far(note(112.0 * 0.65 / 0.5), calibration=((112.0, 0.0),))["position"]
+        assert estimates.value == pytest.approx(0.15, abs=5e-4)
 
     @pytest.mark.parametrize(
         ("samples", "reason"),
@@ -72,25 +72,25 @@ class TestFarSegment:
         ],
     )
     def test_abstains_with_a_reason(self, samples: Audio, reason: str) -> None:
-        told = far(samples)
-        assert all(not estimate.valid for estimate in told.values())
-        assert told["position"].why_not.startswith(reason)
-        assert np.isnan(told["position"].value)
+        estimates = far(samples)
+        assert all(not estimate.valid for estimate in estimates.values())
+        assert estimates["position"].why_not.startswith(reason)
+        assert np.isnan(estimates["position"].value)
 
     @pytest.mark.parametrize("ratio", [0.33, 0.45, 0.5, 2 / 3, 0.75, 0.9, 0.97, 6.0, 7.5, 9.0])
     def test_a_note_outside_the_strings_range_is_not_taken_for_its_octave(self, ratio: float) -> None:
-        told = far(note(110.0 * ratio))["position"]
-        assert not told.valid
+        estimates = far(note(110.0 * ratio))["position"]
+        assert not estimates.valid
 
     @pytest.mark.parametrize("ratio", [1.5, 4 / 3, 1.25, 1.19])
     def test_two_strings_at_once_are_two_candidates(self, ratio: float) -> None:
-        told = far(0.5 * (note(122.2) + note(122.2 * ratio)))["position"]
-        assert told.why_not.startswith("two candidates")
+        estimates = far(0.5 * (note(122.2) + note(122.2 * ratio)))["position"]
+        assert estimates.why_not.startswith("two candidates")
 
     @pytest.mark.parametrize("position", [0.0, 0.13, 0.3])
     def test_a_string_plucked_at_its_middle_is_heard(self, position: float) -> None:
-        told = far(note(110.0 * 0.65 / (0.65 - position), every=2))["position"]
-        assert told.value == pytest.approx(position, abs=1e-3)
+        estimates = far(note(110.0 * 0.65 / (0.65 - position), every=2))["position"]
+        assert estimates.value == pytest.approx(position, abs=1e-3)
 
     def test_a_calibration_take_that_cannot_be_is_refused(self) -> None:
         with pytest.raises(InputError, match="where its pitch puts it"):
@@ -120,10 +120,10 @@ class TestFarSegment:
 
 
 def touched(contact: Contact | None, string: StringParams = APPENDIX, at: float = 0.6) -> Window:
-    heard = simulate(SplitString(string=string, contact=contact), at + 0.15, route="modal").microphones
-    noise = 1e-4 * np.abs(heard).max() * np.random.default_rng(4).standard_normal(heard.shape)
+    sound = simulate(SplitString(string=string, contact=contact), at + 0.15, route="modal").microphones
+    noise = 1e-4 * np.abs(sound).max() * np.random.default_rng(4).standard_normal(sound.shape)
     first = round(at * RATE)
-    return window((0.5 * (heard + noise) / np.abs(heard).max())[:, first : first + SIZE].astype(np.float32))
+    return window((0.5 * (sound + noise) / np.abs(sound).max())[:, first : first + SIZE].astype(np.float32))
 
 
 class TestTwoSegments:
@@ -132,18 +132,18 @@ class TestTwoSegments:
     @pytest.mark.parametrize("position", [0.1, 0.2275, 0.3, 0.4, 0.55])
     @pytest.mark.parametrize("force", [0.2, 1.0, 2.0])
     def test_position_and_force_of_a_simulated_touch(self, position: float, force: float) -> None:
-        told = ClosedForm().prepare(self.signal, SIZE)(touched(Contact(position=position, force=force)))
-        assert told["contact"].value == 1.0
-        assert told["position"].value == pytest.approx(position, abs=5e-4)
-        assert told["force"].value == pytest.approx(force, abs=0.1)
+        estimates = ClosedForm().prepare(self.signal, SIZE)(touched(Contact(position=position, force=force)))
+        assert estimates["contact"].value == 1.0
+        assert estimates["position"].value == pytest.approx(position, abs=5e-4)
+        assert estimates["force"].value == pytest.approx(force, abs=0.1)
         f1, f2 = segment_frequencies(APPENDIX, Contact(position=position, force=force))
-        assert told["frequency_1"].value == pytest.approx(f1, rel=1e-3)
-        assert told["frequency_2"].value == pytest.approx(f2, rel=1e-3)
+        assert estimates["frequency_1"].value == pytest.approx(f1, rel=1e-3)
+        assert estimates["frequency_2"].value == pytest.approx(f2, rel=1e-3)
 
     def test_an_untouched_string_is_no_contact(self) -> None:
-        told = ClosedForm().prepare(self.signal, SIZE)(touched(None))
-        assert told["contact"].value == 0.0
-        assert told["position"].why_not == "no contact"
+        estimates = ClosedForm().prepare(self.signal, SIZE)(touched(None))
+        assert estimates["contact"].value == 0.0
+        assert estimates["position"].why_not == "no contact"
 
     @pytest.mark.parametrize(
         ("n1", "n2", "resolved"),
@@ -159,14 +159,14 @@ class TestTwoSegments:
         f1, f2 = segment_frequencies(APPENDIX, contact)
         time = np.arange(SIZE) / RATE
         own_1, own_2 = np.sin(2 * np.pi * n1 * f1 * time), np.sin(2 * np.pi * n2 * f2 * time + 1.0)
-        heard = np.stack([0.85 * own_1 + 0.15 * own_2, 0.15 * own_1 + 0.85 * own_2])
-        noise = 1e-4 * np.random.default_rng(1).standard_normal(heard.shape)
-        told = ClosedForm().prepare(self.signal, SIZE)(window((0.3 * heard + noise).astype(np.float32)))
+        sound = np.stack([0.85 * own_1 + 0.15 * own_2, 0.15 * own_1 + 0.85 * own_2])
+        noise = 1e-4 * np.random.default_rng(1).standard_normal(sound.shape)
+        estimates = ClosedForm().prepare(self.signal, SIZE)(window((0.3 * sound + noise).astype(np.float32)))
         if resolved:
-            assert told["position"].value == pytest.approx(contact.position, abs=1e-3)
-            assert told["force"].value == pytest.approx(contact.force, abs=0.1)
+            assert estimates["position"].value == pytest.approx(contact.position, abs=1e-3)
+            assert estimates["force"].value == pytest.approx(contact.force, abs=0.1)
         else:
-            assert told["position"].why_not == "two candidates"
+            assert estimates["position"].why_not == "two candidates"
 
     def test_swapping_the_channels_mirrors_the_string(self) -> None:
         seen = touched(Contact(position=0.2, force=1.0))
@@ -178,9 +178,9 @@ class TestTwoSegments:
         "samples", [np.zeros((2, SIZE), np.float32), np.full((2, SIZE), np.nan, np.float32)]
     )
     def test_abstains(self, samples: Audio) -> None:
-        told = ClosedForm().prepare(self.signal, SIZE)(window(samples))
-        assert not told["position"].valid
-        assert told["position"].why_not
+        estimates = ClosedForm().prepare(self.signal, SIZE)(window(samples))
+        assert not estimates["position"].valid
+        assert estimates["position"].why_not
 
     def test_noise_is_no_touch(self) -> None:
         noise = 0.1 * np.random.default_rng(1).standard_normal((2, SIZE)).astype(np.float32)
@@ -189,18 +189,18 @@ class TestTwoSegments:
     def test_a_string_that_does_not_tell_force_says_so(self) -> None:
         string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
         signal = Signal(sample_rate=RATE, channels=2, string=string)
-        told = ClosedForm().prepare(signal, SIZE)(touched(Contact(position=0.2, force=1.0), string))
-        assert told["position"].value == pytest.approx(0.2, abs=5e-4)
-        assert not told["force"].valid
+        estimates = ClosedForm().prepare(signal, SIZE)(touched(Contact(position=0.2, force=1.0), string))
+        assert estimates["position"].value == pytest.approx(0.2, abs=5e-4)
+        assert not estimates["force"].valid
 
     def test_the_geometric_law_tells_force_too(self) -> None:
         string = load_string("plain_010").string
         signal = Signal(sample_rate=RATE, channels=2, string=string)
         contact = Contact(position=0.25, force=1.5)
         setup = SplitString(string=string, contact=contact, tension_law="geometric")
-        heard = simulate(setup, 0.75, route="modal").microphones
-        cut = (0.5 * heard / np.abs(heard).max())[:, 26460 : 26460 + SIZE].astype(np.float32)
-        told = ClosedForm(tension_law="geometric").prepare(signal, SIZE)(window(cut))
-        assert told["position"].value == pytest.approx(0.25, abs=1e-3)
-        assert told["force"].std < 0.5
-        assert abs(told["force"].value - 1.5) < 3.0 * told["force"].std + 0.1
+        sound = simulate(setup, 0.75, route="modal").microphones
+        cut = (0.5 * sound / np.abs(sound).max())[:, 26460 : 26460 + SIZE].astype(np.float32)
+        estimates = ClosedForm(tension_law="geometric").prepare(signal, SIZE)(window(cut))
+        assert estimates["position"].value == pytest.approx(0.25, abs=1e-3)
+        assert estimates["force"].std < 0.5
+        assert abs(estimates["force"].value - 1.5) < 3.0 * estimates["force"].std + 0.1

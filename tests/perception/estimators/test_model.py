@@ -1,4 +1,4 @@
-"""The learned estimator: live, it says bit for bit what is said of the dataset's windows."""
+"""The learned estimator: live, bit for bit equal to what the dataset's windows give."""
 
 import dataclasses
 from pathlib import Path
@@ -16,9 +16,8 @@ from monochord.live import run
 from monochord.live.sinks.base import Listener, Moment
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.model import ModelEstimator
-from monochord.perception.training.replay import window_of
 from monochord.perception.training.settings import Settings
-from monochord.perception.training.train import train
+from monochord.perception.training.train import train, window_of
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")
@@ -31,19 +30,19 @@ def trained(lesson: dict[str, Any], tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-class Heard(Listener):
-    """Keeps what was estimated."""
+class Recorder(Listener):
+    """Keeps the estimates."""
 
     def __init__(self) -> None:
-        self.told: list[str] = []
+        self.estimates: list[str] = []
 
     def write(self, moment: Moment) -> None:
-        self.told.append(str(dict(moment.prediction.estimates)))
+        self.estimates.append(str(dict(moment.prediction.estimates)))
 
 
 @pytest.mark.parametrize("block", [512, 800, 3001])
 def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, block: int) -> None:
-    dataset, heard = open_dataset(learnable), Heard()
+    dataset, recorder = open_dataset(learnable), Recorder()
     for number in (0, 3):
         name = dataset.manifest.parts[number].name
         live = LiveSettings.read(
@@ -54,11 +53,11 @@ def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, block: int) 
                 "sinks": {},
             }
         ).session()
-        run(from_sinks(live, heard))
+        run(from_sinks(live, recorder))
     estimate = ESTIMATORS.build("model", {"path": str(trained)}).prepare(SIGNAL, 1600)
     rows = np.flatnonzero(np.isin(dataset.session, [0, 3]))
     offline = [str(dict(estimate(window_of(dataset, row)))) for row in rows.tolist()]
-    assert heard.told == offline
+    assert recorder.estimates == offline
     assert len(offline) == 480
 
 
@@ -69,7 +68,7 @@ def from_sinks(live: Any, sink: Listener) -> Any:
 def test_windows_of_another_length_are_refused_before_any_comes(trained: Path) -> None:
     estimator = from_tree(ModelEstimator, {"path": str(trained)})
     with pytest.raises(
-        InputError, match=r"windows of 400 frames .* 1600 frames at 16000 Hz; take --window 0.1"
+        InputError, match=r"windows of 400 frames .* 1600 frames at 16000 Hz; set --window 0.1"
     ):
         estimator.prepare(SIGNAL, 400)
 
@@ -98,12 +97,12 @@ features.__path__.append({str(made_up)!r})
 import dataclasses
 from pathlib import Path
 from monochord.datasets.store import open_dataset
-from monochord.perception.model import load
-from monochord.core.types import Signal, Window
-listening = load({str(trained)!r}).open(Signal(sample_rate=16000, channels=2))
+from monochord.perception.model import Stream, load
+from monochord.core.types import Window
+model = load({str(trained)!r})
 window = Window(samples=open_dataset(Path({str(learnable)!r})).window(15).copy(), start=0, sample_rate=16000)
-assert listening.predict(window)["contact"].valid
+assert model.predict(Stream(), window)[1]["contact"].valid
 print(sorted({{"torch", "matplotlib", "pyarrow", "sklearn"}} & set(sys.modules)))
 """
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout == "[]\n"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout == "[]\n"

@@ -1,4 +1,4 @@
-"""The models that come along are whole, small, and what the code and their configuration say."""
+"""Bundled pretrained models are whole, small, and what the code and the default preset say."""
 
 from pathlib import Path
 
@@ -10,15 +10,15 @@ from monochord.core.errors import InputError
 from monochord.core.types import Signal, Window
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
-from monochord.perception.model import folder_of, load
+from monochord.perception.model import Stream, folder_of, load
 from monochord.perception.model.bundled import bundled_folder, bundled_names
 from monochord.perception.model.definition import FeatureRecord
-from monochord.perception.training.configs import config_path
+from monochord.perception.training.configs import DEFAULT, config_path
 from monochord.perception.training.settings import Settings
 from monochord.physics.sensors import load_sensor
 
 SIGNAL = Signal(sample_rate=44100, channels=2, string=load_sensor("prototype").string)
-AGAIN = "train it again as its SOURCES.md says: monochord train demo --dataset DATASET --out run"
+AGAIN = "train it again as its SOURCES.md says: monochord train --dataset DATASET --out run"
 
 
 @pytest.mark.parametrize("name", bundled_names())
@@ -31,41 +31,41 @@ def test_it_is_small_and_says_how_it_was_made(name: str) -> None:
         "weights.safetensors",
     }
     assert sum(file.stat().st_size for file in folder.iterdir()) < 1_000_000
-    assert f"monochord train {name}" in (folder / "SOURCES.md").read_text(encoding="utf-8")
     assert load(name).definition.simulated
 
 
 def built(record: FeatureRecord) -> Feature:
-    """Return a feature with its options, those that came later at their defaults."""
+    """Return a feature with its options, later ones at their defaults."""
     return FEATURES.build(record.name, record.options)
 
 
 @pytest.mark.parametrize("name", bundled_names())
 def test_it_is_what_its_configuration_asks_for(name: str) -> None:
-    told = load(name).definition
-    settings = Settings.read(load_toml(config_path(name)))
-    assert told.title == settings.title, AGAIN
-    assert built(told.feature) == FEATURES.build(*settings.feature_named()), AGAIN
-    assert {head: record.task for head, record in told.heads.items()} == settings.tasks(), AGAIN
-    assert told.string == load_sensor(settings.sensor).string, AGAIN
-    assert told.window == 4410, AGAIN
-    assert told.reference is not None
+    definition = load(name).definition
+    settings = Settings.read(load_toml(config_path(DEFAULT)))
+    assert definition.title == settings.title, AGAIN
+    assert built(definition.feature) == FEATURES.build(*settings.feature_named()), AGAIN
+    assert {head: record.task for head, record in definition.heads.items()} == settings.tasks(), AGAIN
+    assert definition.string == load_sensor(settings.sensor).string, AGAIN
+    assert definition.window == 4410, AGAIN
+    assert definition.reference is not None
     rule = settings.context.rule()
     for field in ("below", "keep", "every", "settle", "guard"):
-        assert getattr(told.reference, field) == getattr(rule, field), AGAIN
-    assert built(told.reference.feature) == built(rule.feature), AGAIN
+        assert getattr(definition.reference, field) == getattr(rule, field), AGAIN
+    assert built(definition.reference.feature) == built(rule.feature), AGAIN
 
 
 @pytest.mark.parametrize("name", bundled_names())
 def test_the_features_are_what_they_were_when_it_was_trained(name: str) -> None:
     try:
-        listening = load(name).open(SIGNAL)
+        model = load(name)
+        model.check(SIGNAL)
     except InputError as error:
         pytest.fail(f"{error}\n{AGAIN}")
     rng = np.random.default_rng(0)
     samples = 0.1 * rng.standard_normal((2, 4410), np.float32)
-    found = listening.predict(Window(samples=samples, start=0, sample_rate=44100))
-    assert found.keys() == {"contact", "slip", "position", "force"}
+    _, estimates = model.predict(Stream(), Window(samples=samples, start=0, sample_rate=44100))
+    assert estimates.keys() == {"contact", "slip", "position", "force"}
 
 
 def test_it_is_found_by_its_name_where_nothing_else_has_it(
@@ -79,7 +79,7 @@ def test_it_is_found_by_its_name_where_nothing_else_has_it(
         load("demo")
 
 
-def test_an_unknown_name_is_told_with_the_names_that_there_are() -> None:
+def test_an_unknown_name_is_refused_with_the_names() -> None:
     line = r"model demmo \(not there\): allowed is a folder .*, or demo; did you mean 'demo'"
     with pytest.raises(InputError, match=line):
         load("demmo")

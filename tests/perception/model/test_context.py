@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Audio
-from monochord.perception.model.context import Memory, context_row, step
+from monochord.perception.model.context import Stream, context_row, step
 from monochord.perception.model.definition import FeatureRecord, Reference
 
 FEATURE = FeatureRecord(name="untouched", options={}, columns=("pitch", "level"))
@@ -16,25 +16,25 @@ def rule(**options: float) -> Reference:
     return Reference(feature=FEATURE, **options)  # pyright: ignore[reportArgumentType]
 
 
-def fold(kept: Reference, contact: Sequence[float], hop: float = 0.1) -> list[float]:
+def fold(rule: Reference, contact: Sequence[float], hop: float = 0.1) -> list[float]:
     """Return the first number of the reference before each window, NaN before any; row k holds k."""
-    memory, found = Memory(), list[float]()
+    stream, reference = Stream(), list[float]()
     for k, chance in enumerate(contact):
-        row = context_row(memory, 3)
-        found.append(float(row[0]) if row[-1] else float("nan"))
-        memory = step(memory, kept, hop * k, chance, lambda k=k: np.array([k, 1.0], np.float32))
-    return found
+        row = context_row(stream, 3)
+        reference.append(float(row[0]) if row[-1] else float("nan"))
+        stream = step(stream, rule, hop * k, chance, lambda k=k: np.array([k, 1.0], np.float32))
+    return reference
 
 
 def test_it_is_the_median_of_windows_before() -> None:
-    found = fold(rule(), [0.0] * 8)
-    assert np.isnan(found[:2]).all()
-    assert found[2:] == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
+    reference = fold(rule(), [0.0] * 8)
+    assert np.isnan(reference[:2]).all()
+    assert reference[2:] == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
 
 
 def test_windows_that_may_be_touched_do_not_enter() -> None:
-    found = fold(rule(settle=0.0), [0.0, 0.0, 0.9, 0.2, 0.1, 0.0, 0.0])
-    assert found[5:] == [0.0, 0.0]
+    reference = fold(rule(settle=0.0), [0.0, 0.0, 0.9, 0.2, 0.1, 0.0, 0.0])
+    assert reference[5:] == [0.0, 0.0]
 
 
 def test_the_window_just_before_a_touch_does_not_enter() -> None:
@@ -48,7 +48,7 @@ def test_after_a_touch_the_string_is_let_settle() -> None:
     assert fold(rule(settle=0.2), touches)[-2:] == [2.0, 2.5]
 
 
-def test_only_the_last_few_are_kept() -> None:
+def test_only_the_last_few_enter() -> None:
     assert fold(rule(keep=2), [0.0] * 12)[-1] == 8.5
 
 
@@ -65,22 +65,22 @@ def test_what_comes_later_changes_nothing_before() -> None:
     np.testing.assert_array_equal(fold(rule(), contact[:30]), whole[:30])
 
 
-def test_the_row_is_asked_for_only_where_it_is_needed() -> None:
+def test_the_feature_is_computed_only_where_it_is_needed() -> None:
     def never() -> Audio:
         raise AssertionError
 
-    memory = step(Memory(), rule(), 0.0, 1.0, never)
-    memory = step(memory, rule(), 0.1, 0.0, never)
-    assert memory.touched == 0.0
+    stream = step(Stream(), rule(), 0.0, 1.0, never)
+    stream = step(stream, rule(), 0.1, 0.0, never)
+    assert stream.touched == 0.0
 
 
 @pytest.mark.parametrize("hop", [0.01, 0.1, 0.05])
-def test_memory_is_bounded(hop: float) -> None:
-    memory = Memory()
+def test_the_state_is_bounded(hop: float) -> None:
+    stream = Stream()
     for k in range(500):
-        memory = step(memory, rule(), hop * k, 0.0, lambda: np.zeros(2, np.float32))
-    assert len(memory.rows) == 8
-    assert len(memory.waiting) <= 2
+        stream = step(stream, rule(), hop * k, 0.0, lambda: np.zeros(2, np.float32))
+    assert len(stream.rows) == 8
+    assert len(stream.pending) <= 2
 
 
 @pytest.mark.parametrize("options", [{"below": 0.0}, {"keep": 0}, {"settle": -1.0}, {"every": 100.0}])

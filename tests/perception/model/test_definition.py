@@ -15,6 +15,8 @@ def test_the_shapes_follow_from_columns_and_layers(drawn: Model) -> None:
     assert shapes["context.scale"] == (11,)
     assert shapes["contact.0.weight"] == (1, 50)
     assert shapes["slip.0.weight"] == (1, 61)
+    assert (shapes["force.linear.weight"], shapes["force.linear.bias"]) == ((1, 61), (1,))
+    assert "contact.linear.weight" not in shapes
     assert [shapes[f"position.{k}.weight"] for k in range(4)] == [(128, 61), (128, 128), (128, 128), (2, 128)]
 
 
@@ -28,7 +30,7 @@ def test_it_survives_being_written_down(drawn: Model) -> None:
     assert from_tree(Definition, to_tree(drawn.definition)) == drawn.definition
 
 
-def test_one_head_must_tell_of_contact(drawn: Model) -> None:
+def test_one_head_must_estimate_contact(drawn: Model) -> None:
     heads = {name: record for name, record in drawn.definition.heads.items() if name != "contact"}
     with pytest.raises(
         InputError, match=r"^heads force, position, slip: allowed is one that learns the label"
@@ -36,7 +38,7 @@ def test_one_head_must_tell_of_contact(drawn: Model) -> None:
         dataclasses.replace(drawn.definition, heads=heads)
 
 
-def seeing(drawn: Model, *columns: str) -> Definition:
+def with_columns(drawn: Model, *columns: str) -> Definition:
     heads = dict(drawn.definition.heads)
     task = dataclasses.replace(heads["force"].task, columns=columns)
     heads["force"] = dataclasses.replace(heads["force"], task=task)
@@ -45,14 +47,14 @@ def seeing(drawn: Model, *columns: str) -> Definition:
 
 def test_a_head_may_see_some_columns_only(drawn: Model) -> None:
     columns = drawn.definition.feature.columns
-    told = seeing(drawn, columns[3], columns[7])
-    assert told.seen("force") == (3, 7)
-    assert told.seen("position") == tuple(range(50))
-    assert told.shapes()["force.0.weight"] == (128, 2 + 11)
-    assert seeing(drawn, "*").seen("force") == tuple(range(50))
-    assert from_tree(Definition, to_tree(told)) == told
+    definition = with_columns(drawn, columns[3], columns[7])
+    assert definition.columns_of("force") == (3, 7)
+    assert definition.columns_of("position") == tuple(range(50))
+    assert definition.shapes()["force.0.weight"] == (128, 2 + 11)
+    assert with_columns(drawn, "*").columns_of("force") == tuple(range(50))
+    assert from_tree(Definition, to_tree(definition)) == definition
 
 
 def test_columns_that_are_not_there_are_refused(drawn: Model) -> None:
     with pytest.raises(InputError, match="columns 'pitch' for the head 'force': allowed is those of bands"):
-        seeing(drawn, "pitch").shapes()
+        with_columns(drawn, "pitch").shapes()

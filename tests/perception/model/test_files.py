@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.core.types import Signal, Window
-from monochord.perception.model import Model, folder_of, load, save
+from monochord.core.types import Window
+from monochord.perception.model import Model, Stream, folder_of, load, save
 
 Sound = Callable[..., Window]
 
@@ -20,12 +20,12 @@ def folder(drawn: Model, tmp_path: Path) -> Path:
     return tmp_path / "run" / "model"
 
 
-def test_what_was_saved_is_what_is_loaded(drawn: Model, folder: Path, signal: Signal, sound: Sound) -> None:
-    found = load(folder)
-    assert {**drawn.weights}.keys() == found.weights.keys()
-    one, other = drawn.open(signal), found.open(signal)
+def test_what_was_saved_is_what_is_loaded(drawn: Model, folder: Path, sound: Sound) -> None:
+    loaded = load(folder)
+    assert {**drawn.weights}.keys() == loaded.weights.keys()
     for k in range(8):
-        assert str(one.predict(sound(k))) == str(other.predict(sound(k)))
+        one, other = (each.predict(Stream(), sound(k))[1] for each in (drawn, loaded))
+        assert str(one) == str(other)
 
 
 def test_it_is_found_in_the_folder_of_its_run(folder: Path) -> None:
@@ -61,8 +61,8 @@ def resigned(folder: Path, blob: bytes) -> None:
 
     (folder / "weights.safetensors").write_bytes(blob)
     file = folder / "model.json"
-    told = json.loads(file.read_text())
-    file.write_text(json.dumps({**told, "weights": hashlib.sha256(blob).hexdigest()}))
+    definition = json.loads(file.read_text())
+    file.write_text(json.dumps({**definition, "weights": hashlib.sha256(blob).hexdigest()}))
 
 
 @pytest.mark.parametrize("blob", [b"", b"\x80\x04K\x01.", b"\xff" * 64, bytes(1000)])
@@ -91,7 +91,9 @@ def test_weights_that_do_not_fit_are_refused_by_name(folder: Path, drawn: Model,
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 99}', '"a"', "\udcff"])
 def test_a_damaged_text_is_one_line(folder: Path, text: str) -> None:
     (folder / "model.json").write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(InputError, match=r"model\.json (\(damaged: .*\)|of another format): allowed is "):
+    with pytest.raises(
+        InputError, match=r"model\.json (\(damaged: .*\)|of format 99|without a format): allowed is "
+    ):
         load(folder)
 
 
@@ -100,6 +102,16 @@ def test_a_text_with_an_unknown_word_is_refused(folder: Path) -> None:
     file.write_text(json.dumps({**json.loads(file.read_text()), "hopp": 3}))
     with pytest.raises(InputError, match=r"option 'model\.json\.hopp'.*did you mean 'hop'"):
         load(folder)
+
+
+@pytest.mark.parametrize("inside", ["", "perceiver"])
+def test_a_folder_of_an_older_format_is_refused_with_what_to_do(tmp_path: Path, inside: str) -> None:
+    (tmp_path / inside).mkdir(exist_ok=True)
+    (tmp_path / inside / "perceiver.json").write_text("{}")
+    with pytest.raises(
+        InputError, match=r"perceiver\.json, of an older format: .* train it again .*monochord train"
+    ):
+        load(tmp_path)
 
 
 def test_a_folder_without_one_is_refused(tmp_path: Path, folder: Path) -> None:

@@ -1,75 +1,78 @@
-"""The model on streams: the same bits however it is fed, and one clear line where it cannot serve."""
+"""The model on streams: equal bits however it is fed, its outputs beside torch, and its estimates."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Estimates, Signal, Window
-from monochord.perception.model import Model
-from monochord.perception.model.context import Memory
+from monochord.perception.model import Definition, Model, Stream
+from monochord.perception.model.definition import Calibration
+from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
 from monochord.physics.strings import load_string
 
 Sound = Callable[..., Window]
+CONFIDENT = Output(value=9.0)
 
 
-def words(told: Iterable[Estimates]) -> list[str]:
-    """Return estimates as text that tells every bit of them: a number that is none equals itself there."""
-    return [str(dict(each)) for each in told]
+def predict(model: Model, windows: Iterable[Window], stream: Stream | None = None) -> list[Estimates]:
+    """Return the estimates of windows of one stream."""
+    stream, results = stream or Stream(), list[Estimates]()
+    for window in windows:
+        stream, estimates = model.predict(stream, window)
+        results.append(estimates)
+    return results
 
 
-def test_equal_streams_give_equal_bits(drawn: Model, signal: Signal, sound: Sound) -> None:
-    first, second = drawn.open(signal), drawn.open(signal)
-    told = [first.predict(sound(k)) for k in range(30)]
-    assert any(each["contact"].value < 0.1 for each in told)
-    assert words(second.predict(sound(k)) for k in range(30)) == words(told)
+def bits(results: Iterable[Estimates]) -> list[str]:
+    """Return estimates as text with every digit, in which NaN equals itself."""
+    return [str(dict(each)) for each in results]
 
 
-def test_state_passed_is_state_kept(drawn: Model, signal: Signal, sound: Sound) -> None:
-    prepared, listening, memory = drawn.prepare(signal), drawn.open(signal), Memory()
-    for k in range(12):
-        memory, told = prepared.perceive(memory, sound(k))
-        assert words([listening.predict(sound(k))]) == words([told])
+def test_equal_streams_give_equal_bits(drawn: Model, sound: Sound) -> None:
+    windows = [sound(k) for k in range(30)]
+    first = predict(drawn, windows)
+    assert any(each["contact"].value < 0.1 for each in first)
+    assert bits(predict(dataclasses.replace(drawn), windows)) == bits(first)
 
 
-def test_what_was_heard_before_matters(drawn: Model, signal: Signal, sound: Sound) -> None:
-    prepared, window = drawn.prepare(signal), sound(40)
-    quiet = Memory(middle=np.zeros(10, np.float32), rows=(np.zeros(10, np.float32),))
-    alone, after = (dict(prepared.answers(memory, window)[1]) for memory in (Memory(), quiet))
+def test_the_state_is_all_that_earlier_windows_change(drawn: Model, sound: Sound) -> None:
+    stream, window = Stream(), sound(40)
+    quiet = Stream(median=np.zeros(10, np.float32), rows=(np.zeros(10, np.float32),))
+    alone, after = (dict(drawn.outputs(each, window)[1]) for each in (stream, quiet))
     assert alone["contact"] == after["contact"]
     assert alone["force"] != after["force"]
+    assert stream == Stream()
 
 
-def test_a_window_that_does_not_follow_begins_another_stream(
-    drawn: Model, signal: Signal, sound: Sound
-) -> None:
-    listening = drawn.open(signal)
-    told = [listening.predict(sound(k)) for k in range(20)]
-    assert words(listening.predict(sound(k)) for k in range(20)) == words(told)
+def test_a_window_that_does_not_follow_begins_another_stream(drawn: Model, sound: Sound) -> None:
+    windows = [sound(k) for k in range(20)]
+    both = bits(predict(drawn, windows + windows))
+    assert both[20:] == both[:20]
 
 
-def test_a_gap_or_silence_is_an_abstention_and_forgets_nothing(
-    drawn: Model, signal: Signal, sound: Sound
-) -> None:
-    prepared, memory = drawn.prepare(signal), Memory()
+def test_a_gap_or_silence_is_an_abstention_and_keeps_the_reference(drawn: Model, sound: Sound) -> None:
+    model = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, quietest=1e-3))
+    stream = Stream()
     for k in range(5):
-        memory, _ = prepared.perceive(memory, sound(k))
-    silent = dataclasses.replace(sound(5), samples=np.zeros((2, 800), np.float32))
-    broken = dataclasses.replace(sound(5), samples=np.full((2, 800), np.nan, np.float32))
-    told = dataclasses.replace(drawn.definition, quietest=1e-3)
-    prepared = dataclasses.replace(prepared, definition=told)
-    faint = dataclasses.replace(sound(5), samples=5e-3 * sound(5).samples)
-    for window, why in (
-        (faint, "silence"),
+        stream, _ = model.predict(stream, sound(k))
+    for window, reason in (
+        (dataclasses.replace(sound(5), samples=5e-3 * sound(5).samples), "silence"),
         (sound(5, has_gap=True), "gap"),
-        (silent, "silence"),
-        (broken, "samples that are not numbers"),
+        (dataclasses.replace(sound(5), samples=np.zeros((2, 800), np.float32)), "silence"),
+        (
+            dataclasses.replace(sound(5), samples=np.full((2, 800), np.nan, np.float32)),
+            "samples that are not numbers",
+        ),
     ):
-        after, told = prepared.perceive(memory, window)
-        assert {each.why_not for each in told.values()} == {why}
-        assert after is memory
+        after, estimates = model.predict(stream, window)
+        assert {each.why_not for each in estimates.values()} == {reason}
+        assert dataclasses.replace(after, start=stream.start) == stream
+        assert estimates["force"].unit == "N"
 
 
 @pytest.mark.parametrize(
@@ -79,28 +82,139 @@ def test_a_gap_or_silence_is_an_abstention_and_forgets_nothing(
         (Signal(sample_rate=8000, channels=1), r"sound of 1 channel\(s\) for a model: allowed is 2"),
     ],
 )
-def test_another_signal_is_refused_in_a_line(drawn: Model, other: Signal, line: str) -> None:
+def test_another_signal_is_refused(drawn: Model, other: Signal, line: str) -> None:
     with pytest.raises(InputError, match=line):
-        drawn.open(other)
+        drawn.check(other)
 
 
 def test_another_string_is_refused(drawn: Model, signal: Signal) -> None:
     own = load_string("prototype").string
     known = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, string=own))
-    known.open(dataclasses.replace(signal, string=dataclasses.replace(own, tension=1.01 * own.tension)))
+    known.check(dataclasses.replace(signal, string=dataclasses.replace(own, tension=1.01 * own.tension)))
     with pytest.raises(InputError, match=r"a string of 0.65 m for a model: allowed is 0.2 m"):
-        known.open(dataclasses.replace(signal, string=load_string("appendix").string))
+        known.check(dataclasses.replace(signal, string=load_string("appendix").string))
 
 
 def test_windows_of_another_length_are_refused(drawn: Model, signal: Signal, sound: Sound) -> None:
     short = dataclasses.replace(sound(0), samples=sound(0).samples[:, :700])
-    with pytest.raises(InputError, match=r"700 frames for a model: allowed is 800 frames; take --window 0.1"):
-        drawn.open(signal).predict(short)
-
-
-def test_a_feature_that_is_not_what_it_was_is_refused(drawn: Model, signal: Signal) -> None:
-    told = drawn.definition
-    fewer = dataclasses.replace(told.feature, options={"count": 23})
-    line = "feature 'bands' of 48 columns: allowed is the 50 columns that were trained with"
+    line = r"700 frames for a model: allowed is 800 frames at 8000 Hz; set --window 0.1"
     with pytest.raises(InputError, match=line):
-        dataclasses.replace(drawn, definition=dataclasses.replace(told, feature=fewer)).open(signal)
+        drawn.predict(Stream(), short)
+    with pytest.raises(InputError, match=line):
+        drawn.check(signal, 700)
+
+
+def test_a_feature_that_changed_is_refused(drawn: Model, signal: Signal) -> None:
+    trained = drawn.definition
+    fewer = dataclasses.replace(trained.feature, options={"count": 23})
+    with pytest.raises(InputError, match="feature 'bands' of 48 columns: allowed is the 50 columns"):
+        dataclasses.replace(drawn, definition=dataclasses.replace(trained, feature=fewer)).check(signal)
+    weights = {**drawn.weights, "scaler.probe": drawn.weights["scaler.probe"] + 3.0}
+    with pytest.raises(InputError, match="changed since the training"):
+        dataclasses.replace(drawn, weights=weights).check(signal)
+
+
+def rows() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(1)
+    return rng.normal(size=50).astype(np.float32), rng.normal(size=11).astype(np.float32)
+
+
+def test_outputs_are_what_torch_computes(drawn: Model) -> None:
+    torch = pytest.importorskip("torch")
+    functional = torch.nn.functional
+    network = Network.of(drawn.definition, drawn.weights)
+    base, context = rows()
+    for name, record in drawn.definition.heads.items():
+        output = network.output(name, base, context)
+        inputs = torch.from_numpy(np.concatenate([base, context])[: drawn.definition.inputs(name)])
+        row = inputs
+
+        def layer(key: str, row: Any, name: str = name) -> Any:
+            weight, bias = (
+                torch.from_numpy(drawn.weights[f"{name}.{key}.{kind}"]) for kind in ("weight", "bias")
+            )
+            return functional.linear(row, weight, bias)
+
+        for number in range(len(record.task.hidden)):
+            row = layer(str(number), row).relu()
+        row = layer(str(len(record.task.hidden)), row)
+        if record.task.linear:
+            row[:1] += layer("linear", inputs)
+        result = [output.value, output.log_spread][: len(row)]
+        np.testing.assert_allclose(result, row.numpy(), rtol=1e-4, atol=1e-5)
+
+
+def test_scaling_is_bounded_and_an_absent_reference_is_zeros(drawn: Model) -> None:
+    network = Network.of(drawn.definition, drawn.weights)
+    assert np.abs(network.scaled(np.full(50, 1e30, np.float32))).max() == drawn.definition.clip
+    row = np.ones(11, np.float32)
+    assert network.scaled_context(row).any()
+    row[-1] = 0.0
+    assert not network.scaled_context(row).any()
+
+
+def test_columns_that_are_no_inputs_do_not_matter(drawn: Model) -> None:
+    definition = drawn.definition
+    task = dataclasses.replace(definition.heads["force"].task, columns=definition.feature.columns[10:20])
+    heads = {**definition.heads, "force": dataclasses.replace(definition.heads["force"], task=task)}
+    definition = dataclasses.replace(definition, heads=heads)
+    weights = dict(drawn.weights)
+    for layer in ("0", "linear"):
+        weights[f"force.{layer}.weight"] = weights[f"force.{layer}.weight"][:, 10 : 20 + 11]
+    network = Network.of(definition, weights)
+    base, context = rows()
+    before = network.output("force", base, context)
+    base[:10], base[20:] = 0.0, 5.0
+    assert network.output("force", base, context) == before
+    base[12] += 1.0
+    assert network.output("force", base, context) != before
+
+
+def outputs(contact: float = 9.0, **others: Output) -> dict[str, Output]:
+    usual = {name: Output(value=0.0) for name in ("slip", "position", "force")}
+    return {"contact": Output(value=contact), **usual, **others}
+
+
+def calibrated(definition: Definition, name: str, factor: float) -> Definition:
+    record = dataclasses.replace(definition.heads[name], calibration=Calibration(factor=factor))
+    return dataclasses.replace(definition, heads={**definition.heads, name: record})
+
+
+def test_quantities_are_in_the_unit_of_their_label(drawn: Model) -> None:
+    position = Output(value=2.0, log_spread=math.log(3.0))
+    estimate = estimates_of(drawn.definition, outputs(position=position))["position"]
+    assert (estimate.value, estimate.unit, estimate.valid) == (pytest.approx(0.102), "m", True)
+    assert estimate.std == pytest.approx(3e-3 * math.sqrt(2.0))
+
+
+def test_calibration_scales_the_uncertainty_alone(drawn: Model) -> None:
+    wider = calibrated(drawn.definition, "position", 2.5)
+    before, after = (quantity(CONFIDENT, each.heads["position"]) for each in (drawn.definition, wider))
+    assert after == (before[0], pytest.approx(2.5 * before[1]))
+    softer = calibrated(drawn.definition, "slip", 4.0)
+    assert probability(Output(value=4.0), softer.heads["slip"]) == pytest.approx(1.0 / (1.0 + math.exp(-1.0)))
+
+
+def test_without_contact_the_other_heads_abstain(drawn: Model) -> None:
+    estimates = estimates_of(drawn.definition, outputs(contact=-0.1))
+    abstained = {name for name, each in estimates.items() if each.why_not == "no contact"}
+    assert abstained == {"slip", "position", "force"}
+    assert estimates["contact"].valid
+    assert estimates["contact"].value == pytest.approx(0.475, abs=1e-3)
+
+
+def test_too_large_an_uncertainty_is_an_abstention(drawn: Model) -> None:
+    position = Output(value=0.0, log_spread=math.log(50.0))
+    estimates = estimates_of(drawn.definition, outputs(position=position))
+    assert estimates["position"].why_not == "too uncertain"
+    assert estimates["contact"].valid
+
+
+@pytest.mark.parametrize(
+    ("logit", "windows", "expected"), [(1e3, 98, 0.99), (-1e3, 98, 0.01), (1e9, 0, 1.0), (-1e9, 0, 0.0)]
+)
+def test_a_probability_is_bounded_by_the_windows_of_its_calibration(
+    drawn: Model, logit: float, windows: int, expected: float
+) -> None:
+    record = dataclasses.replace(drawn.definition.heads["slip"], calibration=Calibration(windows=windows))
+    assert probability(Output(value=logit), record) == pytest.approx(expected)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.perception.training.board import board
+from monochord.perception.training.run_folder import board
 from monochord.perception.training.settings import Settings
 from monochord.perception.training.train import train
 
@@ -19,9 +19,12 @@ HISTORY = [{"epoch": number, "loss": 1.0 / number, "force": 0.5 / number} for nu
 def read(folder: Path) -> dict[str, list[tuple[int, float]]]:
     """Return steps and values by curve, as TensorBoard itself reads them."""
     events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
-    told = events.EventAccumulator(str(folder))
-    told.Reload()
-    return {tag: [(one.step, one.value) for one in told.Scalars(tag)] for tag in told.Tags()["scalars"]}
+    accumulator = events.EventAccumulator(str(folder))
+    accumulator.Reload()
+    return {
+        tag: [(one.step, one.value) for one in accumulator.Scalars(tag)]
+        for tag in accumulator.Tags()["scalars"]
+    }
 
 
 def curve(name: str, epochs: int) -> list[Any]:
@@ -33,8 +36,8 @@ def test_each_epoch_can_be_read_as_soon_as_it_was_shown(tmp_path: Path) -> None:
     with board(tmp_path / "board") as show:
         for epochs in (1, 2, 2, 5):
             show([dict(line) for line in HISTORY[:epochs]])
-            found = read(tmp_path / "board")
-            assert found == {
+            curves = read(tmp_path / "board")
+            assert curves == {
                 "training/loss": curve("loss", epochs),
                 "validation/force": curve("force", epochs),
             }
@@ -73,8 +76,8 @@ def test_a_run_has_its_history_on_the_board_also_when_asked_for_it_later(
     for again in range(2):
         time.sleep(1.1 * again)
         train(Settings.read({**short, "board": True}), tmp_path)
-        found = read(tmp_path / "board")
-        assert {name: len(told) for name, told in found.items()} == {
+        curves = read(tmp_path / "board")
+        assert {name: len(points) for name, points in curves.items()} == {
             "training/loss": 2,
             **{f"validation/{head}": 2 for head in ("contact", "slip", "position", "force")},
         }
@@ -88,8 +91,8 @@ def test_without_the_package_it_is_refused_before_anything_is_written(
     monkeypatch.setitem(sys.modules, "tensorboard", None)
     with pytest.raises(
         InputError, match=r"board = true without tensorboard.* pip install tensorboard"
-    ) as told:
+    ) as error:
         train(Settings.read({**lesson, "board": True}), tmp_path / "run")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(error.value)
     assert not (tmp_path / "run").exists()
     assert not Path(lesson["cache"]).exists()

@@ -1,12 +1,12 @@
-"""Doubt that comes true: on whatever errors, and measured where it was not fitted."""
+"""Calibrated uncertainty: for any distribution of errors, and with few touches."""
 
 import numpy as np
 import pytest
 
 from monochord.metrics import coverage
 from monochord.perception.training.calibrate import (
-    calibrated_amount,
-    calibrated_chance,
+    calibrate_probability,
+    calibrate_quantity,
     spread_factor,
     temperature,
 )
@@ -41,7 +41,7 @@ def test_no_error_at_all_gives_no_factor_of_zero() -> None:
     assert spread_factor(np.zeros(10), np.ones(10)) > 0.0
 
 
-def test_chances_told_without_error_are_left_finite() -> None:
+def test_probabilities_without_error_stay_finite() -> None:
     truth = np.arange(100) % 2 == 0
     assert 0.5 <= temperature(truth, np.where(truth, 5.0, -5.0)) <= 20.0
 
@@ -49,22 +49,41 @@ def test_chances_told_without_error_are_left_finite() -> None:
 def test_the_coverage_that_is_stated_is_of_other_sessions() -> None:
     rng = np.random.default_rng(2)
     width = np.where(SESSION % 2 == 0, 1.0, 3.0)  # every other session is worse than is stated
-    found = calibrated_amount(width * rng.standard_normal(4000), np.ones(4000), SESSION)
-    assert (found.windows, found.sessions) == (4000, 8)
-    assert found.measured["coverage_1_before"] == pytest.approx(0.5 * (0.683 + 0.261), abs=0.03)
-    assert found.measured["coverage_1"] == pytest.approx(0.5 * (0.997 + 0.261), abs=0.03)
+    calibration = calibrate_quantity(
+        width * rng.standard_normal(4000), np.ones(4000), SESSION, np.arange(4000)
+    )
+    assert (calibration.windows, calibration.sessions) == (4000, 8)
+    assert calibration.measured["coverage_1_before"] == pytest.approx(0.5 * (0.683 + 0.261), abs=0.03)
+    assert calibration.measured["coverage_1"] == pytest.approx(0.5 * (0.997 + 0.261), abs=0.03)
 
 
-def test_a_chance_is_calibrated() -> None:
+def test_a_probability_is_calibrated() -> None:
     rng = np.random.default_rng(3)
     logit = rng.normal(size=4000)
     truth = rng.random(4000) < 1.0 / (1.0 + np.exp(-logit))
-    found = calibrated_chance(truth, 4.0 * logit, SESSION)
-    assert found.factor == pytest.approx(4.0, rel=0.15)
-    assert found.measured["calibration_error"] < 0.04 < found.measured["calibration_error_before"]
+    calibration = calibrate_probability(truth, 4.0 * logit, SESSION)
+    assert calibration.factor == pytest.approx(4.0, rel=0.15)
+    assert calibration.measured["calibration_error"] < 0.04 < calibration.measured["calibration_error_before"]
 
 
 def test_one_session_is_cut_in_the_middle() -> None:
     rng = np.random.default_rng(4)
-    found = calibrated_amount(rng.standard_normal(1000), np.ones(1000), np.zeros(1000, np.int64))
-    assert found.measured["coverage_1"] == pytest.approx(0.6827, abs=0.05)
+    calibration = calibrate_quantity(
+        rng.standard_normal(1000), np.ones(1000), np.zeros(1000, np.int64), np.arange(1000)
+    )
+    assert calibration.measured["coverage_1"] == pytest.approx(0.6827, abs=0.05)
+
+
+def test_few_touches_are_covered_and_their_windows_do_not_count_as_independent() -> None:
+    rng = np.random.default_rng(5)
+    windows, shares, wide = 20, dict[int, float](), dict[int, float]()
+    for touches in (2, 4, 40):
+        touch, covered, factors = np.repeat(np.arange(touches), windows), list[float](), list[float]()
+        for _ in range(300):
+            error = np.repeat(rng.standard_normal(touches), windows)  # one error a touch
+            factor = spread_factor(error, np.ones(error.size), touch)
+            covered.append(float(np.mean(np.abs(rng.standard_normal(200)) <= factor)))
+            factors.append(factor)
+        shares[touches], wide[touches] = float(np.mean(covered)), float(np.mean(factors))
+    assert all(0.66 < share < 0.9 for share in shares.values()), shares
+    assert wide[2] > wide[4] > wide[40]

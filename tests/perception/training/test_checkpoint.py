@@ -1,4 +1,4 @@
-"""A checkpoint is there whole, or it is told that it is not."""
+"""A checkpoint is there whole, or refused."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,9 +26,9 @@ def checkpoint(epoch: int = 3) -> Checkpoint:
 def test_what_was_written_is_read_to_the_bit(tmp_path: Path) -> None:
     file = tmp_path / "checkpoint.safetensors"
     checkpoint().write(file)
-    found = Checkpoint.read(file)
-    assert found is not None
-    assert (found.epoch, found.score, found.at, found.history) == (
+    loaded = Checkpoint.read(file)
+    assert loaded is not None
+    assert (loaded.epoch, loaded.score, loaded.at, loaded.history) == (
         3,
         {"contact": 0.1 + 0.2},
         {"contact": 2},
@@ -36,8 +36,8 @@ def test_what_was_written_is_read_to_the_bit(tmp_path: Path) -> None:
     )
     for name in ("weights", "moments", "best"):
         for key, array in getattr(checkpoint(), name).items():
-            np.testing.assert_array_equal(getattr(found, name)[key], array)
-            assert getattr(found, name)[key].shape == array.shape
+            np.testing.assert_array_equal(getattr(loaded, name)[key], array)
+            assert getattr(loaded, name)[key].shape == array.shape
 
 
 def test_where_there_is_none_training_begins(tmp_path: Path) -> None:
@@ -48,9 +48,9 @@ def test_the_next_one_takes_its_place(tmp_path: Path) -> None:
     file = tmp_path / "checkpoint.safetensors"
     checkpoint(1).write(file)
     checkpoint(2).write(file)
-    found = Checkpoint.read(file)
-    assert found is not None
-    assert found.epoch == 2
+    loaded = Checkpoint.read(file)
+    assert loaded is not None
+    assert loaded.epoch == 2
     assert [each.name for each in tmp_path.iterdir()] == [file.name]
 
 

@@ -1,17 +1,38 @@
-"""Labels, masks and references: what counts for whom."""
+"""From settings and a dataset to examples: labels, masks, references and scaling."""
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
 from monochord.datasets.store import Dataset, open_dataset
+from monochord.perception.features.base import SupportsCompliance
 from monochord.perception.heads import HEADS
 from monochord.perception.model.definition import FeatureRecord, Reference
-from monochord.perception.training.examples import assembled, believed, chosen, folded, masks_of
+from monochord.perception.training.examples import (
+    TrainingData,
+    assembled,
+    chosen,
+    examples_of,
+    known_contact,
+    masks_of,
+    noises_of,
+    quietest,
+    read_split,
+    references,
+    scaled_heads,
+    scaling,
+    stream_of,
+    training_data,
+    with_objects,
+)
+from monochord.perception.training.settings import Settings
 
+pytest.importorskip("torch")
+pytestmark = pytest.mark.usefixtures("made_up_features")
 TASKS = {name: HEADS.build(name).task() for name in HEADS.names()}
 RULE = Reference(feature=FeatureRecord(name="row", options={}, columns=("row",)))
 
@@ -32,7 +53,7 @@ def test_heads_that_need_a_touch_train_on_touches_alone(dataset: Dataset) -> Non
     assert 0.3 < masks["force"].mean() < 0.6
 
 
-def test_windows_with_lost_samples_count_for_nobody(dataset: Dataset) -> None:
+def test_windows_with_lost_samples_count_for_no_head(dataset: Dataset) -> None:
     torn = dataclasses.replace(dataset, has_gap=np.ones(len(dataset), bool))
     assert not any(mask.any() for mask in masks_of(torn, TASKS).values())
 
@@ -64,30 +85,150 @@ def test_a_part_where_nothing_slides_is_refused(dataset: Dataset) -> None:
         chosen(with_label(dataset, "slip", still), np.arange(200), TASKS, "train")
 
 
-def test_what_is_not_known_is_believed_touched(dataset: Dataset) -> None:
+def test_where_contact_is_not_known_something_may_touch(dataset: Dataset) -> None:
     contact = dataset.label("contact")
-    found = believed(dataset, np.arange(len(dataset)))
-    assert (found[np.isnan(contact)] == 1.0).all()
-    assert (found[contact == 0.0] == 0.0).all()
+    probability = known_contact(dataset, np.arange(len(dataset)))
+    assert (probability[np.isnan(contact)] == 1.0).all()
+    assert (probability[contact == 0.0] == 0.0).all()
 
 
 def test_the_reference_is_of_untouched_windows_before_and_of_the_same_session(dataset: Dataset) -> None:
     rows = np.arange(len(dataset))
-    contact = believed(dataset, rows)
-    kept = {row: np.array([row], np.float32) for row in rows[contact == 0.0].tolist()}
-    found = folded(dataset, rows, contact, RULE, kept)
-    known = found[:, 1] > 0.0
+    contact = known_contact(dataset, rows)
+    features = {row: np.array([row], np.float32) for row in rows[contact == 0.0].tolist()}
+    reference = references(dataset, rows, contact, RULE, features)
+    known = reference[:, 1] > 0.0
     assert 0.9 < known.mean() < 1.0
-    assert (found[known, 0] < rows[known]).all()
+    assert (reference[known, 0] < rows[known]).all()
     first = np.array([part.first for part in dataset.manifest.parts])[dataset.session]
-    assert (found[known, 0] >= first[known]).all()
+    assert (reference[known, 0] >= first[known]).all()
     assert not known[first == rows].any()
 
 
 def test_labels_that_do_not_count_are_zeros(dataset: Dataset) -> None:
     rows = np.arange(50)
     base = np.zeros((50, 3), np.float32)
-    found = assembled(dataset, rows, TASKS, [base, base], [base[:, :0]] * 2)
-    assert found.base.shape == (2, 50, 3)
-    assert not found.labels["position"][~found.masks["position"]].any()
-    assert found.labels["position"][found.masks["position"]].all()
+    examples = assembled(dataset, rows, TASKS, [base, base], [base[:, :0]] * 2)
+    assert examples.base.shape == (2, 50, 3)
+    assert not examples.labels["position"][~examples.masks["position"]].any()
+    assert examples.labels["position"][examples.masks["position"]].all()
+
+
+def made(lesson: dict[str, Any], **more: Any) -> tuple[Settings, TrainingData, np.ndarray]:
+    settings = Settings.read({**lesson, **more})
+    dataset = open_dataset(settings.dataset)
+    split = read_split(settings, dataset)
+    return settings, training_data(settings, dataset, split), split.train
+
+
+def test_the_definition_has_the_training_sessions(lesson: dict[str, Any]) -> None:
+    _, source, _ = made(lesson)
+    definition = source.definition
+    assert definition.simulated
+    assert len(definition.sessions) == 6  # those of the test are not looked at
+    assert all(len(checksum) == 64 for checksum in definition.sessions.values())
+    assert (definition.sample_rate, definition.window, len(definition.feature.columns)) == (16000, 1600, 50)
+
+
+def test_columns_are_scaled_by_training_windows(lesson: dict[str, Any]) -> None:
+    settings, source, part = made(lesson, noise={"copies": 1})
+    seen = examples_of(source, part, "train", noises_of(settings, 16000))
+    arrays = scaling(seen)
+    assert seen.base.shape[0] == 2
+    rows = (seen.base.reshape(-1, 50) - arrays["scaler.mean"]) / arrays["scaler.scale"]
+    np.testing.assert_allclose(rows.mean(axis=0), 0.0, atol=1e-3)
+    np.testing.assert_allclose(rows.std(axis=0), 1.0, atol=1e-3)
+    assert (arrays["context.mean"][-1], arrays["context.scale"][-1]) == (0.0, 1.0)
+    assert {name: array.shape for name, array in arrays.items()}.items() <= source.definition.shapes().items()
+
+
+def test_a_column_that_never_varies_is_left_alone(lesson: dict[str, Any]) -> None:
+    _, source, part = made(lesson, context={"on": False})
+    seen = examples_of(source, part, "train")
+    flat = dataclasses.replace(seen, base=np.full_like(seen.base, 3.0))
+    assert (scaling(flat)["scaler.scale"] == 1.0).all()
+    assert seen.context.shape[-1] == 0
+
+
+def test_quantities_are_learned_in_deviations_of_their_labels(lesson: dict[str, Any]) -> None:
+    _, source, part = made(lesson)
+    seen = examples_of(source, part, "train")
+    heads = scaled_heads(source.definition, seen).heads
+    labels = seen.labels["position"][seen.masks["position"]]
+    assert heads["position"].offset == pytest.approx(labels.mean())
+    assert heads["position"].scale == pytest.approx(labels.std())
+    assert (heads["slip"].offset, heads["slip"].scale) == (0.0, 1.0)
+
+
+def test_the_reference_in_noise_is_noisy(lesson: dict[str, Any]) -> None:
+    settings, source, part = made(lesson, noise={"copies": 1, "ratios": [5.0, 5.0]})
+    seen = examples_of(source, part, "train", noises_of(settings, 16000))
+    known = seen.context[0, :, -1] > 0.0
+    assert (seen.context[1, known, :-1] != seen.context[0, known, :-1]).mean() > 0.7
+
+
+def test_far_below_all_training_windows_is_silence(lesson: dict[str, Any]) -> None:
+    _, source, part = made(lesson)
+    levels = np.sqrt(np.mean(source.dataset.batch(part).astype(float) ** 2, axis=(1, 2)))
+    assert quietest(source.dataset, part) == pytest.approx(0.5 * levels.min(), rel=0.02)
+
+
+def test_a_stream_is_all_usable_windows_of_a_part(lesson: dict[str, Any]) -> None:
+    _, source, part = made(lesson)
+    torn = np.zeros(len(source.dataset), bool)
+    torn[part[3]] = True
+    stream = stream_of(dataclasses.replace(source.dataset, has_gap=torn), part[::-1])
+    assert stream.tolist() == [row for row in part.tolist() if row != part[3]]
+
+
+def test_a_split_of_another_dataset_is_refused(lesson: dict[str, Any], tmp_path: Path) -> None:
+    settings = Settings.read(lesson)
+    dataset = open_dataset(settings.dataset)
+    split = read_split(settings, dataset)
+    file = tmp_path / "split.json"
+    dataclasses.replace(split, dataset="0" * 64).write(file)
+    with pytest.raises(InputError, match=r"split .* of another dataset"):
+        read_split(dataclasses.replace(settings, split=file), dataset)
+    dataclasses.replace(split, dataset="", parts={**split.parts, "test": np.array([10**6])}).write(file)
+    with pytest.raises(InputError, match=r"split .* of more windows"):
+        read_split(dataclasses.replace(settings, split=file), dataset)
+
+
+def test_a_part_may_not_be_empty(lesson: dict[str, Any]) -> None:
+    _, source, part = made(lesson)
+    with pytest.raises(InputError, match="leaves nothing to validation"):
+        examples_of(source, part[:0], "validation")
+
+
+def test_copies_of_other_compliance_follow_the_recorded_windows(
+    lesson: dict[str, Any],
+) -> None:
+    settings, source, part = made(lesson, noise={"copies": 1}, objects={"copies": 3, "give": [0.5, 2.0]})
+    calls: list[tuple[np.ndarray, np.ndarray]] = []
+
+    class Augmented(SupportsCompliance):
+        def with_compliance(self, rows: np.ndarray, force: np.ndarray, share: np.ndarray) -> np.ndarray:
+            calls.append((force, share))
+            return rows + 1.0
+
+    examples = examples_of(source, part, "train", noises_of(settings, 16000))
+    source = dataclasses.replace(source, feature=dataclasses.replace(source.feature, extractor=Augmented()))
+    augmented = with_objects(source, examples, settings)
+    assert (examples.base.shape[0], augmented.base.shape[0], augmented.context.shape[0]) == (2, 8, 8)
+    np.testing.assert_array_equal(augmented.base[2:4], examples.base + 1.0)
+    np.testing.assert_array_equal(augmented.context[6:8], examples.context)
+    force, share = calls[0]
+    valid = examples.masks["force"]
+    np.testing.assert_allclose(force[valid], examples.labels["force"][valid])
+    assert (force[~valid] == 0.0).all()
+    assert 0.5 <= share.min() < 0.6
+    assert 1.8 < share.max() <= 2.0
+    assert len({share.tobytes() for _, share in calls}) == 6
+
+
+def test_a_feature_without_compliance_augmentation_is_refused(lesson: dict[str, Any]) -> None:
+    settings, source, part = made(lesson, objects={"copies": 1})
+    examples = examples_of(source, part, "train")
+    with pytest.raises(InputError, match=r"'bands' .* set objects.copies = 0"):
+        with_objects(source, examples, settings)
+    assert with_objects(source, examples, Settings.read(lesson)) is examples

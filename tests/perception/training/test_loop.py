@@ -1,6 +1,7 @@
 """The loop learns, stops, and goes on after a kill as if there had been none."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,14 +10,24 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
+from monochord.perception.heads import HEADS
 from monochord.perception.heads.base import Task
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord
+from monochord.perception.model.network import Network
 from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.examples import Examples
-from monochord.perception.training.loop import Plan, fit
+from monochord.perception.training.loop import (
+    TrainingSetup,
+    arrays,
+    fit,
+    forward,
+    head_loss,
+    initial,
+    joint_loss,
+)
 from monochord.perception.training.settings import OptimiserSettings
 
-pytest.importorskip("torch")
+torch = pytest.importorskip("torch")
 TASKS = {
     "contact": Task(label="contact", loss="logistic", touched=False, context=False),
     "force": Task(label="force", unit="N", loss="laplace", hidden=(16, 16)),
@@ -25,7 +36,7 @@ COLUMNS = tuple("abcde")
 SCALER = {"scaler.mean": np.zeros(5, np.float32), "scaler.scale": np.ones(5, np.float32)}
 
 
-def plan(**options: float) -> Plan:
+def plan(**options: float) -> TrainingSetup:
     definition = Definition(
         sample_rate=8000,
         channels=2,
@@ -35,7 +46,7 @@ def plan(**options: float) -> Plan:
         heads={name: HeadRecord(task=task, scale=0.5) for name, task in TASKS.items()},
     )
     usual = {"rate": 0.01, "batch": 32, "epochs": 12, **options}
-    return Plan(definition=definition, optimiser=OptimiserSettings(**usual), drop=0.1, seed=5)  # pyright: ignore[reportArgumentType]
+    return TrainingSetup(definition=definition, optimiser=OptimiserSettings(**usual), drop=0.1, seed=5)  # pyright: ignore[reportArgumentType]
 
 
 def examples(seed: int, count: int = 256, copies: int = 2) -> Examples:
@@ -48,6 +59,8 @@ def examples(seed: int, count: int = 256, copies: int = 2) -> Examples:
     contact = (row[:, 0] > 0.0).astype(float)
     return Examples(
         rows=np.arange(count),
+        session=np.arange(count) // 32,
+        touch=np.arange(count) // 8,
         base=base,
         context=np.zeros((copies, count, 0), np.float32),
         labels={"contact": contact, "force": contact * np.prod(row[:, 1:3], axis=1, dtype=np.float64)},
@@ -60,15 +73,15 @@ class KilledError(Exception):
 
 
 def after(epochs: int) -> Callable[[Checkpoint], None]:
-    def told(state: Checkpoint) -> None:
+    def report(state: Checkpoint) -> None:
         if state.epoch == epochs:
             raise KilledError
 
-    return told
+    return report
 
 
 def test_it_learns_what_there_is_to_learn(tmp_path: Path) -> None:
-    state = fit(plan(epochs=40), SCALER, examples(0, 1024), examples(1), tmp_path / "a")
+    state, _ = fit(plan(epochs=40), SCALER, examples(0, 1024), examples(1), tmp_path / "a")
     assert state.history[0]["contact"] > 3.0 * state.score["contact"]
     assert state.score["force"] < 0.3 * np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
 
@@ -76,10 +89,10 @@ def test_it_learns_what_there_is_to_learn(tmp_path: Path) -> None:
 @pytest.mark.parametrize("at", [1, 5, 11])
 def test_a_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path, at: int) -> None:
     train, validation = examples(0), examples(1)
-    whole = fit(plan(), SCALER, train, validation, tmp_path / "whole")
+    whole, _ = fit(plan(), SCALER, train, validation, tmp_path / "whole")
     with pytest.raises(KilledError):
         fit(plan(), SCALER, train, validation, tmp_path / "cut", after(at))
-    cut = fit(plan(), SCALER, train, validation, tmp_path / "cut")
+    cut, _ = fit(plan(), SCALER, train, validation, tmp_path / "cut")
     assert (cut.history, cut.score, cut.at) == (whole.history, whole.score, whole.at)
     for name, array in whole.best.items():
         np.testing.assert_array_equal(cut.best[name], array)
@@ -87,13 +100,15 @@ def test_a_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path, at: int)
 
 
 def test_each_head_keeps_the_weights_of_its_own_best_epoch(tmp_path: Path) -> None:
-    kept: dict[int, Checkpoint] = {}
-    state = fit(plan(), SCALER, examples(0), examples(1), tmp_path / "a", lambda s: kept.update({s.epoch: s}))
+    states: dict[int, Checkpoint] = {}
+    state, _ = fit(
+        plan(), SCALER, examples(0), examples(1), tmp_path / "a", lambda s: states.update({s.epoch: s})
+    )
     for name, epoch in state.at.items():
         assert (
             state.score[name] == min(line[name] for line in state.history) == state.history[epoch - 1][name]
         )
-        for key, array in kept[epoch].weights.items():
+        for key, array in states[epoch].weights.items():
             if key.startswith(name):
                 np.testing.assert_array_equal(state.best[key], array)
 
@@ -101,7 +116,7 @@ def test_each_head_keeps_the_weights_of_its_own_best_epoch(tmp_path: Path) -> No
 def test_it_ends_when_nothing_becomes_better(tmp_path: Path) -> None:
     nothing = examples(0, 64)
     nothing.labels["contact"][:] = np.arange(64) % 2  # which nothing tells
-    state = fit(plan(epochs=400, patience=3, rate=0.05), SCALER, nothing, examples(1), tmp_path / "a")
+    state, _ = fit(plan(epochs=400, patience=3, rate=0.05), SCALER, nothing, examples(1), tmp_path / "a")
     assert state.epoch == max(state.at.values()) + 3 < 400
 
 
@@ -150,23 +165,124 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path, change: dict
 
 
 @pytest.mark.parametrize(("columns", "least", "most"), [(("b", "c"), 0.0, 0.5), (("a", "d", "e"), 0.5, 2.0)])
-def test_a_head_learns_from_the_columns_that_it_sees(
+def test_a_head_learns_from_the_columns_that_are_its_inputs(
     tmp_path: Path, columns: tuple[str, ...], least: float, most: float
 ) -> None:
     usual = plan(epochs=40)
     task = dataclasses.replace(TASKS["force"], columns=columns)
     heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=0.5)}
-    told = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
-    state = fit(told, SCALER, examples(0, 1024), examples(1), tmp_path / "a")
+    setup = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
+    state, _ = fit(setup, SCALER, examples(0, 1024), examples(1), tmp_path / "a")
     assert state.weights["force.0.weight"].shape == (16, len(columns))
     usual_size = np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
     assert least < state.score["force"] / usual_size < most
 
 
 def test_weights_decay_in_heads_with_hidden_layers_alone(tmp_path: Path) -> None:
-    free, held = (
-        fit(plan(epochs=3, decay=decay), SCALER, examples(0), examples(1), tmp_path / name).weights
-        for name, decay in (("free", 0.0), ("held", 20.0))
+    free, decayed = (
+        fit(plan(epochs=3, decay=decay), SCALER, examples(0), examples(1), tmp_path / name)[0].weights
+        for name, decay in (("free", 0.0), ("decayed", 20.0))
     )
-    np.testing.assert_array_equal(held["contact.0.weight"], free["contact.0.weight"])
-    assert np.abs(held["force.1.weight"]).sum() < 0.5 * np.abs(free["force.1.weight"]).sum()
+    np.testing.assert_array_equal(decayed["contact.0.weight"], free["contact.0.weight"])
+    assert np.abs(decayed["force.1.weight"]).sum() < 0.5 * np.abs(free["force.1.weight"]).sum()
+
+
+FEATURE = FeatureRecord(name="made", options={}, columns=tuple("abcdef"))
+DEFINITION = Definition(
+    sample_rate=8000,
+    channels=2,
+    window=800,
+    hop=800,
+    feature=FEATURE,
+    heads={name: HeadRecord(task=HEADS.build(name).task()) for name in HEADS.names()},
+)
+
+
+def test_a_head_begins_with_the_mean_label_and_is_drawn_from_its_seed_alone() -> None:
+    weights = initial(DEFINITION, 0)
+    rows = torch.randn(5, 6)
+    for name, record in DEFINITION.heads.items():
+        assert not forward(name, record.task, weights, rows).detach().any()
+    torch.manual_seed(1)
+    one = arrays(initial(DEFINITION, 3))
+    torch.manual_seed(2)
+    same, other = arrays(initial(DEFINITION, 3)), arrays(initial(DEFINITION, 4))
+    assert all(np.array_equal(one[name], same[name]) for name in one)
+    assert not np.array_equal(one["force.0.weight"], other["force.0.weight"])
+
+
+def linear_plan(**options: float) -> TrainingSetup:
+    usual = plan(**options)
+    task = dataclasses.replace(TASKS["force"], linear=True)
+    heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=0.5)}
+    return dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
+
+
+def linear_examples(seed: int, count: int, curvature: float) -> Examples:
+    """Force is linear in the columns, but for a product of two; in contact."""
+    data = examples(seed, count)
+    row = data.base[0].astype(np.float64)
+    force = row @ np.arange(1.0, 6.0) + curvature * row[:, 1] * row[:, 2]
+    return dataclasses.replace(data, labels={**data.labels, "force": force * data.labels["contact"]})
+
+
+@pytest.mark.parametrize("curvature", [0.0, 1.0])
+def test_a_linear_path_is_exact_where_labels_are_and_corrected_where_not(
+    tmp_path: Path, curvature: float
+) -> None:
+    setup = linear_plan(epochs=30)
+    train, judged = (linear_examples(seed, 1024, curvature) for seed in (0, 1))
+    _, weights = fit(setup, SCALER, train, judged, tmp_path / "a")
+    network = Network.of(setup.definition, {**SCALER, **weights})
+    mask = judged.masks["force"]
+    estimate = [0.5 * network.output("force", row, row[:0]).value for row in judged.base[0][mask]]
+    error = np.abs(estimate - judged.labels["force"][mask]).mean()
+    ridge = np.abs(
+        0.5 * (judged.base[0][mask] @ weights["force.linear.weight"][0] + weights["force.linear.bias"][0])
+        - judged.labels["force"][mask]
+    ).mean()
+    assert error <= 1.001 * ridge
+    assert error < 0.01 if curvature == 0.0 else error < 0.7 * ridge
+
+
+PROBABILITY = Task(label="slip", loss="logistic")
+SQUARE, GAUSS, LAPLACE = (Task(label="force", unit="N", loss=loss) for loss in ("square", "gauss", "laplace"))
+ALL = torch.ones(4)
+
+
+def test_a_probability_has_the_logistic_loss_and_a_quantity_the_mean_square() -> None:
+    logit, label = torch.tensor([[0.0], [2.0], [-1.0], [0.5]]), torch.tensor([1.0, 1.0, 0.0, 0.0])
+    pairs = ((0.0, 1), (2.0, 1), (-1.0, -1), (0.5, -1))
+    by_hand = [math.log1p(math.exp(-sign * each)) for each, sign in pairs]
+    assert float(head_loss(PROBABILITY, logit, label, ALL)) == pytest.approx(sum(by_hand) / 4)
+    output, target = torch.tensor([[1.0], [2.0], [3.0], [9.0]]), torch.tensor([1.0, 1.0, 5.0, 0.0])
+    mask = torch.tensor([1.0, 1.0, 1.0, 0.0])
+    assert float(head_loss(SQUARE, output, target, mask)) == pytest.approx(5.0 / 3.0)
+
+
+@pytest.mark.parametrize("task", [PROBABILITY, SQUARE, GAUSS, LAPLACE])
+def test_windows_that_do_not_count_have_no_gradient_and_no_loss(task: Task) -> None:
+    output = torch.randn(4, task.outputs, generator=torch.Generator().manual_seed(0)).requires_grad_()
+    mask = torch.tensor([1.0, 0.0, 1.0, 0.0])
+    head_loss(task, output, torch.ones(4), mask).backward()
+    assert not output.grad[mask == 0.0].any()
+    assert output.grad[mask == 1.0].any(dim=1).all()
+    assert float(head_loss(task, torch.ones(4, task.outputs), torch.ones(4), torch.zeros(4))) == 0.0
+
+
+@pytest.mark.parametrize("task", [GAUSS, LAPLACE])
+def test_the_learned_spread_is_that_of_the_errors(task: Task) -> None:
+    output = torch.zeros(4, 2)
+    output[:, 1] = math.log(0.5)
+    output.requires_grad_()
+    head_loss(task, output, torch.tensor([0.5, -0.5, 0.5, -0.5]), ALL).backward()
+    assert float(output.grad[:, 1].abs().max()) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_joint_loss_is_the_weighted_sum() -> None:
+    tasks = {"slip": Task(label="slip", loss="logistic", weight=0.5), "force": SQUARE}
+    outputs = {"slip": torch.ones(4, 1), "force": torch.ones(4, 1)}
+    targets, masks = dict.fromkeys(tasks, torch.zeros(4)), dict.fromkeys(tasks, ALL)
+    alone = {name: float(head_loss(tasks[name], outputs[name], targets[name], ALL)) for name in tasks}
+    joint = float(joint_loss(tasks, outputs, targets, masks))
+    assert joint == pytest.approx(0.5 * alone["slip"] + alone["force"])

@@ -1,4 +1,4 @@
-"""Rows of a feature: computed once, found again, and computed anew when anything differs."""
+"""Rows of a feature: computed once, cached, and computed again when anything differs."""
 
 import os
 from pathlib import Path
@@ -17,17 +17,17 @@ from monochord.perception.training.rows import Noise, Rows, fingerprint
 
 
 class Counting(Extractor):
-    """Counts the windows that it is asked for."""
+    """Counts the windows that it is called on."""
 
     def __init__(self, inner: Extractor, factor: float = 1.0) -> None:
-        self.inner, self.factor, self.asked = inner, factor, 0
+        self.inner, self.factor, self.count = inner, factor, 0
 
     @property
     def columns(self) -> tuple[str, ...]:
         return self.inner.columns
 
     def __call__(self, windows: Audio) -> Audio:
-        self.asked += len(windows)
+        self.count += len(windows)
         return (self.factor * self.inner(windows)).astype(np.float32)
 
 
@@ -52,17 +52,17 @@ pytestmark = pytest.mark.usefixtures("made_up_features")
 
 def test_they_are_what_the_feature_gives_window_by_window(dataset: Dataset, tmp_path: Path) -> None:
     rows, extractor = rows_of(dataset, tmp_path)
-    found = rows.of(SOME)
+    result = rows.of(SOME)
     alone = np.concatenate([extractor(dataset.window(int(row))[None]) for row in SOME])
-    np.testing.assert_array_equal(found, alone)
-    assert found.dtype == np.float32
+    np.testing.assert_array_equal(result, alone)
+    assert result.dtype == np.float32
 
 
 def test_the_second_time_they_come_from_disk(dataset: Dataset, tmp_path: Path) -> None:
     first = rows_of(dataset, tmp_path)[0].of(SOME, NOISE)
     again, extractor = rows_of(dataset, tmp_path)
     np.testing.assert_array_equal(again.of(SOME, NOISE), first)
-    assert extractor.asked == PROBE
+    assert extractor.count == PROBE
 
 
 def test_noise_is_of_its_copy_and_leaves_the_clean_rows_alone(dataset: Dataset, tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ def test_a_feature_that_does_something_else_is_computed_anew(dataset: Dataset, t
     first = rows_of(dataset, tmp_path)[0].of(SOME)
     changed, extractor = rows_of(dataset, tmp_path, factor=2.0)
     np.testing.assert_array_equal(changed.of(SOME), 2.0 * first)
-    assert extractor.asked > PROBE
+    assert extractor.count > PROBE
 
 
 @pytest.mark.parametrize("damage", [b"", b"nonsense", None])
@@ -100,9 +100,9 @@ def test_a_changed_byte_is_computed_anew(dataset: Dataset, tmp_path: Path, at: i
     data = bytearray(file.read_bytes())
     data[at] ^= 1
     file.write_bytes(data)
-    before = extractor.asked
+    before = extractor.count
     np.testing.assert_array_equal(rows.of(SOME), first)
-    assert extractor.asked - before >= len(SOME)
+    assert extractor.count - before >= len(SOME)
 
 
 def test_a_file_without_end_takes_no_memory(dataset: Dataset, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A run from sessions to a model: it beats the mean label by far, and its folder tells all of it."""
+"""A run from sessions to a model: it beats the mean label by far, and its folder is complete."""
 
 import csv
 import json
@@ -15,34 +15,32 @@ import pytest
 
 from monochord.core.config import dump_toml
 from monochord.core.errors import InputError
-from monochord.core.types import Signal
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
-from monochord.perception.model import load
-from monochord.perception.training.replay import window_of
+from monochord.perception.model import Stream, load
 from monochord.perception.training.settings import Settings
-from monochord.perception.training.train import train
+from monochord.perception.training.train import probability_scores, quantity_scores, replay, train, window_of
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")
-SIGNAL = Signal(sample_rate=16000, channels=2)
 
 
-def test_it_beats_the_mean_label_by_far_on_sessions_it_never_heard(
+def test_it_beats_the_mean_label_by_far_on_sessions_not_trained_on(
     lesson: dict[str, Any], tmp_path: Path
 ) -> None:
     result = train(Settings.read(lesson), tmp_path / "run")
     dataset = open_dataset(Path(lesson["dataset"]))
     test = Split.read(dataset.path / "split.json").test
-    listening, errors, right = load(tmp_path / "run").open(SIGNAL), dict[str, list[float]](), list[bool]()
+    model, stream = load(tmp_path / "run"), Stream()
+    errors, right = dict[str, list[float]](), list[bool]()
     for row in test.tolist():
-        told = listening.predict(window_of(dataset, row))
+        stream, estimates = model.predict(stream, window_of(dataset, row))
         contact = dataset.label("contact")[row]
         if np.isfinite(contact):
-            right.append((told["contact"].value >= 0.5) == (contact == 1.0))
+            right.append((estimates["contact"].value >= 0.5) == (contact == 1.0))
         for name in ("position", "force"):
-            if contact == 1.0 and told[name].valid:
-                errors.setdefault(name, []).append(told[name].value - float(dataset.label(name)[row]))
+            if contact == 1.0 and estimates[name].valid:
+                errors.setdefault(name, []).append(estimates[name].value - float(dataset.label(name)[row]))
     assert np.mean(right) > 0.98
     for name, share in (("position", 0.35), ("force", 0.6)):
         label = dataset.label(name)[test]
@@ -52,7 +50,7 @@ def test_it_beats_the_mean_label_by_far_on_sessions_it_never_heard(
     assert result.scores["slip"]["auc"] > 0.9
 
 
-def test_its_folder_tells_all(lesson: dict[str, Any], tmp_path: Path) -> None:
+def test_its_folder_is_complete(lesson: dict[str, Any], tmp_path: Path) -> None:
     out = tmp_path / "run"
     result = train(Settings.read({**lesson, "optimiser": {"epochs": 3, "batch": 64}}), out)
     assert sorted(each.name for each in out.iterdir()) == [
@@ -62,10 +60,10 @@ def test_its_folder_tells_all(lesson: dict[str, Any], tmp_path: Path) -> None:
         "metrics.json",
         "model",
     ]
-    told = json.loads((out / "metrics.json").read_text())
-    assert told["simulated"] is True
-    assert set(told["heads"]) == {"contact", "slip", "position", "force"}
-    assert "coverage_1" in told["calibration"]["force"]["measured"]
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["simulated"] is True
+    assert set(metrics["heads"]) == {"contact", "slip", "position", "force"}
+    assert "coverage_1" in metrics["calibration"]["force"]["measured"]
     with (out / "history.csv").open() as file:
         assert [line["epoch"] for line in csv.DictReader(file)] == ["1", "2", "3"]
     assert load(out).definition == result.model.definition
@@ -81,7 +79,7 @@ def test_equal_settings_give_equal_bytes(lesson: dict[str, Any], tmp_path: Path)
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
 
 
-def test_labels_dealt_out_at_random_teach_nothing(
+def test_shuffled_labels_teach_nothing(
     lesson: dict[str, Any], tmp_path: Path, reseal: Callable[[Path], None]
 ) -> None:
     import shutil
@@ -118,6 +116,36 @@ from monochord.perception.training.settings import Settings
 from monochord.perception.training.train import train
 train(Settings.read(load_toml(Path(sys.argv[2]))), Path(sys.argv[3]))
 """
+
+
+def test_a_session_is_a_stream_of_its_own(lesson: dict[str, Any], tmp_path: Path) -> None:
+    train(Settings.read({**lesson, "optimiser": {"epochs": 2}}), tmp_path / "run")
+    dataset, model = open_dataset(Path(lesson["dataset"])), load(tmp_path / "run")
+    rows = np.arange(len(dataset))
+    both = dict(replay(model, dataset, rows[dataset.session < 2]))
+    alone = dict(replay(model, dataset, rows[dataset.session == 1]))
+    assert {row: both[row] for row in alone} == alone
+    assert len(both) == (dataset.session < 2).sum()
+
+
+def test_a_window_is_as_a_source_yields_it(learnable: Path) -> None:
+    dataset = open_dataset(learnable)
+    window = window_of(dataset, 7)
+    assert (window.start, window.sample_rate, window.has_gap) == (11200, 16000, False)
+    assert window.samples.flags.owndata
+    np.testing.assert_array_equal(window.samples, dataset.window(7))
+
+
+def test_a_perfect_estimate_scores_perfectly() -> None:
+    truth, label = np.array([True, False, True, True]), np.linspace(0.0, 1.0, 5)
+    expected = {"windows": 4, "accuracy": 1.0, "auc": 1.0, "baseline_accuracy": 0.75}
+    assert probability_scores(truth, truth.astype(float)) == expected
+    scores = quantity_scores(label, label, np.ones(5), 0.5)
+    assert (scores["mae"], scores["r"], scores["baseline_mae"]) == (
+        0.0,
+        pytest.approx(1.0),
+        pytest.approx(0.3),
+    )
 
 
 @pytest.mark.slow

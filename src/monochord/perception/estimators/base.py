@@ -14,9 +14,9 @@ class Estimator(ABC):
         """Return the function from a window of `size` frames to its estimates by name.
 
         Everything slow (tables, filters) happens here, so that the returned function keeps a steady pace;
-        what compiles at first use does so in the made-up window that the live loop shows it first.
+        what compiles at first use does so in the warm-up window of the live loop.
         It never raises on audio: a window that cannot be used (silence, a gap, samples that are not numbers)
-        gives estimates that are not valid and say why. Equal streams of windows give equal estimates: one
-        that remembers what it heard forgets it at a window that does not begin after the one before. Options
+        gives estimates that are not valid and say why. Equal streams of windows give equal estimates: a
+        window that does not begin after the one before begins a new stream, without any state. Options
         that the signal cannot serve raise `InputError` here.
         """

@@ -22,8 +22,9 @@ BOTH_ONLY = ("tension_law", "most_force")
 class ClosedForm(Estimator):
     """Position from pitch alone, with nothing learned: the exact inverse of the clamped string.
 
-    The far form hears one segment, as on a fretted instrument: x = L (1 - f_open / f). The two-sided form
-    hears both, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 + f2) gives tension, hence force.
+    The far form uses the pitch of one segment, as on a fretted instrument: x = L (1 - f_open / f). The
+    two-sided form uses both, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 + f2) gives tension,
+    hence force.
     Windows are judged one by one; a window that is silent, clipped, torn by a gap, without harmonic structure
     or with two candidates gives an abstention that says so.
 
@@ -32,7 +33,7 @@ class ClosedForm(Estimator):
     length
         Of the string between nut and bridge, in m. Left out, it is the signal's known string's.
     open_frequency
-        Of the untouched string, in Hz, as heard. Left out, it follows from the signal's known string.
+        Of the untouched string, in Hz, as recorded. Left out, it follows from the signal's known string.
     calibration
         Takes of known position for the far form: (frequency in Hz, position in m from the nut), or with the
         take's inharmonicity B as a third number. A position of 0 is the open note itself.
@@ -63,9 +64,11 @@ class ClosedForm(Estimator):
         """Choose the form that `sides` asks for and the signal allows, and prepare it."""
         both = signal.channels == 2 and signal.string is not None and self.open_frequency is None
         if self.sides == "both" or (self.sides == "auto" and both):
-            self._refuse_set(FAR_ONLY, "both segments", "one by --open-frequency")
+            self._refuse_set(FAR_ONLY, "both segments", "one segment with --open-frequency")
             return self._two_segments(signal).prepare(signal.sample_rate, size)
-        self._refuse_set(BOTH_ONLY, "the far segment alone", "both by two microphones and --string")
+        self._refuse_set(
+            BOTH_ONLY, "the far segment alone", "both segments with two microphones and --string"
+        )
         return self._far_segment(signal).prepare(signal.sample_rate, size)
 
     def _refuse_set(self, names: Sequence[str], form: str, remedy: str) -> None:
@@ -76,7 +79,7 @@ class ClosedForm(Estimator):
             raise InputError(
                 f"{given[0]} with the form of {form}",
                 f"no {given[0]} there",
-                f"leave it out, or hear {remedy}",
+                f"leave it out, or use {remedy}",
             )
 
     def _two_segments(self, signal: Signal) -> TwoSegments:

@@ -1,36 +1,36 @@
-"""The learned estimator: contact, slip, position and force as a model tells them."""
+"""The learned estimator: contact, slip, position and force by a trained model."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from monochord.core.errors import InputError
-from monochord.core.types import Prepared, Signal
+from monochord.core.types import Estimates, Prepared, Signal, Window
 from monochord.core.units import Samples
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.model import load
+from monochord.perception.model import Stream, load
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelEstimator(Estimator):
-    """What ``monochord train`` learned, with the untouched string that it keeps as a reference.
+    """A model that ``monochord train`` trained, on one stream of windows in order.
 
-    Windows are read in the order of one stream. One that does not begin after the one before it begins
-    another stream.
+    A window that does not begin after the one before it begins another stream.
 
     Parameters
     ----------
     path
-        Folder of a model or of the training run that made it, or the name of one that comes along: demo.
+        Folder of a model or of the training run that made it, or the name of a bundled one: demo.
     """
 
     path: Path
 
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
-        """Load it and make it ready for such a signal."""
-        model = load(self.path)
-        listening, told = model.open(signal), model.definition
-        if size != told.window:
-            given = f"windows of {size} frames for a model"
-            remedy = f"take --window {told.window / told.sample_rate:g}"
-            raise InputError(given, f"{told.window} frames at {told.sample_rate} Hz", remedy)
-        return listening.predict
+        """Load the model and check that it fits the signal."""
+        model, stream = load(self.path), Stream()
+        model.check(signal, size)
+
+        def estimate(window: Window) -> Estimates:
+            nonlocal stream
+            stream, estimates = model.predict(stream, window)
+            return estimates
+
+        return estimate

@@ -1,4 +1,4 @@
-"""What is read from a feature: one file a head, found by its name."""
+"""What is estimated from a feature: one file a head, found by its name."""
 
 from monochord.core.registry import Registry
 from monochord.perception.heads.base import Head

@@ -1,4 +1,4 @@
-"""The contract of a head: frozen options that state a task to be learned."""
+"""The contract of a head: frozen options that define a task to be learned."""
 
 import math
 from abc import ABC, abstractmethod
@@ -8,36 +8,39 @@ from typing import Literal, TypeAlias
 from monochord.core.errors import InputError
 
 Loss: TypeAlias = Literal["logistic", "square", "gauss", "laplace"]
-"""Of a chance: "logistic". Of an amount: "square" states one standard error for all windows; "gauss" and
-"laplace" learn one for each window, from errors so distributed."""
+"""Of a probability: "logistic". Of a quantity: "square" states one standard error for all windows; "gauss"
+and "laplace" learn one for each window, from errors so distributed."""
 CONTACT = "contact"
 """The label on which all heads that need a touch depend."""
-MOST_UNITS = 4096
+MAX_UNITS = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """What a head learns, and from what: all that training and prediction need to know of it.
+    """What a head learns, and from what.
 
     Parameters
     ----------
     label
-        Column of the dataset that it learns, and the truth that its estimate stands beside.
+        Column of the dataset that it learns.
     unit
-        Of the label, in SI; empty for a chance.
+        Of the label, in SI; empty for a probability.
     loss
-        What training makes small.
+        What training minimises.
     touched
         Whether it means something only where something touches: it then trains on windows with contact and
         abstains without.
     context
-        Whether it sees the untouched reference beside the window's own feature.
+        Whether the untouched reference is an input beside the window's own feature.
     columns
-        Names of the feature's columns that it sees, with * for any letters; all if there are none.
+        Names of the feature's columns that are its inputs, with * for any letters; all if empty.
     hidden
         Units of each hidden layer, ReLU; none for a linear head.
+    linear
+        Whether a ridge regression, solved in closed form, is added; the hidden layers then learn what it
+        leaves over. For a quantity alone.
     weight
-        Of its loss in the sum.
+        Of its loss in the sum of losses.
     limit
         Largest standard error that is stated; with a larger one it abstains.
     """
@@ -49,26 +52,29 @@ class Task:
     context: bool = True
     columns: tuple[str, ...] = ()
     hidden: tuple[int, ...] = ()
+    linear: bool = False
     weight: float = 1.0
     limit: float = math.inf
 
     def __post_init__(self) -> None:
-        if not all(1 <= units <= MOST_UNITS for units in self.hidden):
+        if not all(1 <= units <= MAX_UNITS for units in self.hidden):
             given = f"hidden layers of {', '.join(map(str, self.hidden))} units"
-            raise InputError(given, f"1 to {MOST_UNITS} units each")
+            raise InputError(given, f"1 to {MAX_UNITS} units each")
         if not 0.0 < self.weight < math.inf:
             raise InputError(f"weight {self.weight:g} of a loss", "a number above 0", "leave the head out")
+        if self.linear and self.is_probability:
+            raise InputError("a linear path with the logistic loss", "one with a quantity")
         if not self.limit > 0.0:
             raise InputError(f"limit {self.limit:g} of a standard error", "a number above 0")
 
     @property
-    def is_chance(self) -> bool:
-        """Whether its answer is the probability of a yes, and not an amount."""
+    def is_probability(self) -> bool:
+        """Whether its estimate is the probability of a yes, and not a quantity."""
         return self.loss == "logistic"
 
     @property
     def outputs(self) -> int:
-        """Numbers that its last layer gives: the answer, and the logarithm of its spread where learned."""
+        """Outputs of its last layer: the value, and the logarithm of its spread where learned."""
         return 2 if self.loss in ("gauss", "laplace") else 1
 
 
@@ -77,4 +83,4 @@ class Head(ABC):
 
     @abstractmethod
     def task(self) -> Task:
-        """Return what it learns; raises `InputError` for options that make no sense."""
+        """Return what it learns; raises `InputError` for impossible options."""

@@ -9,7 +9,7 @@ from monochord.perception.heads.base import CONTACT, Head, Task
 class Contact(Head):
     """The probability of contact, by logistic regression on the window alone.
 
-    It sees no reference, since it is what tells which windows are untouched and may serve as one.
+    The reference is no input, since contact decides which windows are untouched and enter it.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class Contact(Head):
     hidden: tuple[int, ...] = ()
 
     def task(self) -> Task:
-        """Return a chance that holds always."""
+        """Return a probability that has a meaning in every window."""
         return Task(
             label=CONTACT,
             loss="logistic",

@@ -9,7 +9,7 @@ from monochord.perception.heads.base import Head, Task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Force(Head):
-    """The normal force, by three hidden layers.
+    """The normal force, by a ridge regression and three hidden layers.
 
     Parameters
     ----------
@@ -17,29 +17,33 @@ class Force(Head):
         Of its loss, the paper's lambda_F.
     hidden
         Units of each hidden layer.
+    linear
+        Add a ridge regression, solved in closed form; the hidden layers learn what it leaves over.
     loss
-        "square" as in the paper; "gauss" and "laplace" state for each window how sure they are.
+        "square" as in the paper; "gauss" and "laplace" state a standard error for each window.
     columns
-        Names of the feature's columns that it sees, with * for any letters; all if there are none. One that
-        does not hear the object's timbre cannot take it for the force.
+        Names of the feature's columns that are its inputs, with * for any letters; all if empty. Without
+        those of timbre it cannot take the object's timbre for the force.
     limit
         Largest standard error in N that is stated; with a larger one it abstains.
     """
 
     weight: float = 1.0
     hidden: tuple[int, ...] = (128, 128, 128)
+    linear: bool = True
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     columns: tuple[str, ...] = ()
     limit: Newtons = 1.0
 
     def task(self) -> Task:
-        """Return an amount in N."""
+        """Return a quantity in N."""
         return Task(
             label="force",
             unit="N",
             loss=self.loss,
             columns=self.columns,
             hidden=self.hidden,
+            linear=self.linear,
             weight=self.weight,
             limit=self.limit,
         )

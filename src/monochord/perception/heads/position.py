@@ -9,7 +9,7 @@ from monochord.perception.heads.base import Head, Task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Position(Head):
-    """The place of the touch from pickup 1, by three hidden layers.
+    """The position of the touch from pickup 1, by a ridge regression and three hidden layers.
 
     Parameters
     ----------
@@ -17,24 +17,28 @@ class Position(Head):
         Of its loss, the paper's lambda_x.
     hidden
         Units of each hidden layer.
+    linear
+        Add a ridge regression, solved in closed form; the hidden layers learn what it leaves over.
     loss
-        "square" as in the paper; "gauss" and "laplace" state for each window how sure they are.
+        "square" as in the paper; "gauss" and "laplace" state a standard error for each window.
     limit
         Largest standard error in m that is stated; with a larger one it abstains.
     """
 
     weight: float = 1.0
     hidden: tuple[int, ...] = (128, 128, 128)
+    linear: bool = True
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     limit: Metres = 0.03
 
     def task(self) -> Task:
-        """Return an amount in m."""
+        """Return a quantity in m."""
         return Task(
             label="position",
             unit="m",
             loss=self.loss,
             hidden=self.hidden,
+            linear=self.linear,
             weight=self.weight,
             limit=self.limit,
         )

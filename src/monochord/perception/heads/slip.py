@@ -21,5 +21,5 @@ class Slip(Head):
     hidden: tuple[int, ...] = ()
 
     def task(self) -> Task:
-        """Return a chance that holds while something touches and it is known whether it slides."""
+        """Return a probability that has a meaning while something touches."""
         return Task(label="slip", loss="logistic", hidden=self.hidden, weight=self.weight)

@@ -1,7 +1,8 @@
-"""What was learned, as one object: from windows to contact, slip, position and force."""
+"""What was trained, as one object: from windows to contact, slip, position and force."""
 
+from monochord.perception.model.context import Stream
 from monochord.perception.model.definition import Definition
 from monochord.perception.model.files import folder_of, load, save
-from monochord.perception.model.model import Listening, Model
+from monochord.perception.model.model import Model
 
-__all__ = ["Definition", "Listening", "Model", "folder_of", "load", "save"]
+__all__ = ["Definition", "Model", "Stream", "folder_of", "load", "save"]

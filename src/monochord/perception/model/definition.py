@@ -1,4 +1,4 @@
-"""What a model is, but for the numbers that it learned: the text that stands beside its weights."""
+"""The definition of a model: everything but the numbers that were learned, saved as text beside them."""
 
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -11,15 +11,15 @@ from monochord.core.types import StringParams
 from monochord.core.units import Samples, Seconds
 from monochord.perception.heads.base import CONTACT, Task
 
-FORMAT = 1
-"""Version of a model's folder."""
+FORMAT = 2
+"""Version of a model's folder; 2 since heads have a linear path."""
 MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS = 1 << 17, 64, 16, 64
-"""What is read from a file is bounded before it takes memory."""
+"""Bounds on what is read from a file, checked before it takes memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureRecord:
-    """A feature by its name, with all its options, and the columns that it gave in training."""
+    """A feature by its name, with all its options, and its columns in training."""
 
     name: str
     options: dict[str, Any]
@@ -28,9 +28,9 @@ class FeatureRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference:
-    """How the untouched reference is kept; `monochord.perception.model.context` tells what each number does.
+    """How the untouched reference is computed; see `monochord.perception.model.context`.
 
-    `feature` reads the numbers that are kept of a window. A window is believed untouched where the
+    `feature` is the feature of its windows. A window is believed untouched where the
     probability of contact is below `below`. The reference is the median of the last `keep` such windows,
     `every` or more apart, none of which began within `settle` after a window that was not believed untouched,
     or within `guard` before one.
@@ -55,23 +55,25 @@ class Reference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """What makes the doubt that a head states come true on windows that it was not trained on.
+    """The calibration of a head's uncertainty on windows that it was not trained on.
 
-    Logits of a chance are divided by `factor`; the standard error of an amount is multiplied by it.
-    `measured` holds what was found on the `windows` of the `sessions` that it comes from.
+    Logits of a probability are divided by `factor`; the standard error of a quantity is multiplied by it.
+    `measured` holds coverage or calibration error on the `windows` of the `sessions` that it comes from,
+    which hold `touches` separate touches.
     """
 
     factor: float = 1.0
     windows: int = 0
+    touches: int = 0
     sessions: int = 0
     measured: dict[str, float] = field(default_factory=dict[str, float])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadRecord:
-    """A head: its task, and how its answers relate to the label.
+    """A head: its task, and how its outputs relate to the label.
 
-    An amount is ``offset + scale`` times the network's answer, and its standard error `scale` times the
+    A quantity is ``offset + scale`` times the network's output, and its standard error `scale` times the
     spread, both before calibration.
     """
 
@@ -92,10 +94,10 @@ class HeadRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition:
-    """All of a model that is no array.
+    """A model without its arrays.
 
-    `window` and `hop` are those of the training data, in frames. `clip` bounds the scaled columns, so that a
-    strange window is no stranger than that; one whose root mean square is below `quietest` is silence: the
+    `window` and `hop` are those of the training data, in frames. `clip` bounds the scaled columns, so that an
+    outlier is no larger than that; a window whose root mean square is below `quietest` is silence: the
     drivers do not drive the string. `string` is the string as the sensor's design states it.
     `sessions` are the checksums of the sessions that it was trained and calibrated on, by name; `dataset` is
     that of their dataset. `weights` is the sha256 of the file of weights.
@@ -139,17 +141,17 @@ class Definition:
 
     @property
     def gate(self) -> str:
-        """Name of the head that tells whether something touches."""
+        """Name of the head that estimates whether something touches."""
         return next(name for name, record in self.heads.items() if record.task.label == CONTACT)
 
     @property
     def widths(self) -> tuple[int, int]:
         """Columns of the window's own feature, and of the reference with its mark; 0 without one."""
-        kept = self.reference
-        return len(self.feature.columns), len(kept.feature.columns) + 1 if kept else 0
+        reference = self.reference
+        return len(self.feature.columns), len(reference.feature.columns) + 1 if reference else 0
 
-    def seen(self, name: str) -> tuple[int, ...]:
-        """Return the numbers of the feature's columns that a head sees.
+    def columns_of(self, name: str) -> tuple[int, ...]:
+        """Return the indices of the feature's columns that a head sees.
 
         Raises
         ------
@@ -163,29 +165,29 @@ class Definition:
                 such = f"such as '{columns[0]}'" if columns else "which has none here"
                 raise InputError(given, f"those of {self.feature.name}, {such}")
         return tuple(
-            number
-            for number, column in enumerate(columns)
+            index
+            for index, column in enumerate(columns)
             if not patterns or any(fnmatchcase(column, pattern) for pattern in patterns)
         )
 
     def inputs(self, name: str) -> int:
         """Return how many columns a head sees, of the feature and of the reference."""
-        return len(self.seen(name)) + (self.widths[1] if self.heads[name].task.context else 0)
+        return len(self.columns_of(name)) + (self.widths[1] if self.heads[name].task.context else 0)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the names and shapes of all weights.
 
-        Scaling comes first, with what the features answer to made-up windows, then each head's layers in the
-        order in which they are applied, each with a matrix (outputs, inputs) and a bias (outputs,).
+        Scaling comes first, with the features of probe windows, then each head's layers in the order in which
+        they are applied, each with a matrix (outputs, inputs) and a bias (outputs,), and its linear path.
         """
         base, context = self.widths
-        found: dict[str, tuple[int, ...]] = {
+        shapes: dict[str, tuple[int, ...]] = {
             "scaler.mean": (base,),
             "scaler.scale": (base,),
             "scaler.probe": (3, base),
         }
         if context:
-            found |= {
+            shapes |= {
                 "context.mean": (context,),
                 "context.scale": (context,),
                 "context.probe": (3, context - 1),
@@ -193,6 +195,9 @@ class Definition:
         for name, record in self.heads.items():
             units = (self.inputs(name), *record.task.hidden, record.task.outputs)
             for number, (inputs, outputs) in enumerate(pairwise(units)):
-                found[f"{name}.{number}.weight"] = (outputs, inputs)
-                found[f"{name}.{number}.bias"] = (outputs,)
-        return found
+                shapes[f"{name}.{number}.weight"] = (outputs, inputs)
+                shapes[f"{name}.{number}.bias"] = (outputs,)
+            if record.task.linear:
+                shapes[f"{name}.linear.weight"] = (1, self.inputs(name))
+                shapes[f"{name}.linear.bias"] = (1,)
+        return shapes

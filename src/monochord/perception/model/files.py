@@ -2,11 +2,11 @@
 
 ::
 
-    model.json           the definition: feature, heads, calibration, where it comes from
+    model.json               the definition: feature, heads, calibration, training data
     weights.safetensors      the arrays, whose sha256 stands in the text
 
-There is no pickle in it, so that reading one runs nobody's code. Some come with Monochord, and are loaded by
-their names (`monochord.perception.model.bundled`).
+There is no pickle in it, so that reading one runs no code. Bundled pretrained models are loaded by their
+names (`monochord.perception.model.bundled`).
 """
 
 import dataclasses
@@ -33,19 +33,21 @@ INSIDE_A_RUN = "model"
 MAX_HEADER = 1 << 20
 """Bytes in the file of weights beside the weights themselves."""
 AGAIN = "copy the folder again, or train again"
+OLDER_TEXT = "perceiver.json"
+TRAIN_AGAIN = "train it again with this version: monochord train --dataset DATASET --out RUN"
 
 
 def folder_of(path: Path) -> Path | None:
     """Return the folder of the model that a path means, None if there is none.
 
-    A path is that of a model, that of a training run, or, where nothing stands there, the name of a
-    model that comes with Monochord.
+    A path is that of a model, that of a training run, or, if it does not exist, the name of a bundled
+    pretrained model.
 
     >>> folder_of(Path("no-such-run")) is None
     True
     """
-    found = (folder for folder in (path, path / INSIDE_A_RUN) if (folder / TEXT).is_file())
-    return next(found, None if path.exists() else bundled_folder(str(path)))
+    folders = (folder for folder in (path, path / INSIDE_A_RUN) if (folder / TEXT).is_file())
+    return next(folders, None if path.exists() else bundled_folder(str(path)))
 
 
 def save(model: Model, folder: Path) -> Model:
@@ -57,18 +59,18 @@ def save(model: Model, folder: Path) -> Model:
 
     names = model.definition.shapes()
     blob = packed({name: np.ascontiguousarray(model.weights[name], np.float32) for name in names})
-    told = dataclasses.replace(model.definition, weights=hashlib.sha256(blob).hexdigest())
-    text = json.dumps(_finite(to_tree(told)), indent=1, ensure_ascii=False, allow_nan=False)
+    definition = dataclasses.replace(model.definition, weights=hashlib.sha256(blob).hexdigest())
+    text = json.dumps(_finite(to_tree(definition)), indent=1, ensure_ascii=False, allow_nan=False)
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in ((WEIGHTS, blob), (TEXT, text.encode() + b"\n")):
         part = folder / f".{name}.part"
         part.write_bytes(content)
-        os.replace(part, folder / name)  # noqa: PTH105  (what stood there is replaced at once)
-    return dataclasses.replace(model, definition=told)
+        os.replace(part, folder / name)  # noqa: PTH105  (replaces the file at once)
+    return dataclasses.replace(model, definition=definition)
 
 
 def load(path: Path | str) -> Model:
-    """Return the model in a folder or in that of a training run, or one that comes along by its name.
+    """Return the model in a folder or in that of a training run, or a bundled pretrained model by its name.
 
     Raises
     ------
@@ -82,38 +84,48 @@ def load(path: Path | str) -> Model:
     """
     folder = folder_of(Path(path))
     if folder is None:
+        _refuse_older(Path(path))
         names = bundled_names()
         given = f"model {path} ({f'there is no {TEXT} in it' if Path(path).exists() else 'not there'})"
         allowed = f"a folder that monochord train made, or {', '.join(names)}"
         raise InputError(given, allowed, did_you_mean(str(path), names))
-    told = _definition(folder / TEXT)
+    definition = _definition(folder / TEXT)
     file = folder / WEIGHTS
-    due = 4 * sum(prod(shape) for shape in told.shapes().values())
+    expected = 4 * sum(prod(shape) for shape in definition.shapes().values())
     try:
-        if file.stat().st_size > due + MAX_HEADER:
+        if file.stat().st_size > expected + MAX_HEADER:
             given = f"{file} of {file.stat().st_size} bytes"
-            raise InputError(given, f"{due + MAX_HEADER} bytes at most, as {TEXT} says", AGAIN)
+            raise InputError(given, f"{expected + MAX_HEADER} bytes at most, as {TEXT} says", AGAIN)
         blob = file.read_bytes()
     except OSError as error:
         raise InputError(f"{file} ({error.strerror})", "a readable file", AGAIN) from error
-    own = hashlib.sha256(blob).hexdigest()
-    if own != told.weights:
-        given = f"{file} with sha256 {own[:12]}..."
-        raise InputError(given, f"{told.weights[:12] or '(none)'}..., as {TEXT} says", AGAIN)
-    return Model(definition=told, weights=_weights(file, blob, told))
+    digest = hashlib.sha256(blob).hexdigest()
+    if digest != definition.weights:
+        given = f"{file} with sha256 {digest[:12]}..."
+        raise InputError(given, f"{definition.weights[:12] or '(none)'}..., as {TEXT} says", AGAIN)
+    return Model(definition=definition, weights=_weights(file, blob, definition))
+
+
+def _refuse_older(path: Path) -> None:
+    """Refuse a folder of the format before there was a version in it, which had other names."""
+    for file in (path / OLDER_TEXT, path / "perceiver" / OLDER_TEXT):
+        if file.is_file():
+            raise InputError(f"{file}, of an older format", f"a folder with {TEXT}", TRAIN_AGAIN)
 
 
 def _definition(file: Path) -> Definition:
     tree = load_json(file, AGAIN)
     if not isinstance(tree, dict) or tree.get("format") != FORMAT:
-        raise InputError(f"{file} of another format", f"format {FORMAT}", "train again with this version")
+        version = tree.get("format") if isinstance(tree, dict) else None
+        given = f"{file} of format {version!r:.20}" if version is not None else f"{file} without a format"
+        raise InputError(given, f"format {FORMAT}, of this version of Monochord", TRAIN_AGAIN)
     try:
         return from_tree(Definition, _infinite(tree), file.name)
     except RecursionError as error:
         raise InputError(f"{file} (nested too deep)", "what monochord train wrote", AGAIN) from error
 
 
-def _weights(file: Path, blob: bytes, told: Definition) -> Mapping[str, Audio]:
+def _weights(file: Path, blob: bytes, definition: Definition) -> Mapping[str, Audio]:
     from safetensors import SafetensorError  # noqa: PLC0415
     from safetensors.numpy import load as unpacked  # noqa: PLC0415
 
@@ -121,7 +133,7 @@ def _weights(file: Path, blob: bytes, told: Definition) -> Mapping[str, Audio]:
         arrays = unpacked(blob)
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{file} (damaged)", "a safetensors file", AGAIN) from error
-    for name, shape in told.shapes().items():
+    for name, shape in definition.shapes().items():
         array = arrays.get(name)
         is_there = array is not None and array.shape == shape and array.dtype == np.float32
         if array is None or not is_there or not np.isfinite(array).all():
@@ -135,11 +147,11 @@ def _weights(file: Path, blob: bytes, told: Definition) -> Mapping[str, Audio]:
             raise InputError(f"{file}: {name} is {wrong}", f"finite float32 {shape}", AGAIN)
         if name.endswith(".scale") and not (array > 0.0).all():
             raise InputError(f"{file}: {name} is 0 or less somewhere", "above 0", AGAIN)
-    return {name: arrays[name] for name in told.shapes()}
+    return {name: arrays[name] for name in definition.shapes()}
 
 
 def _finite(tree: Any) -> Any:
-    """Return a tree without the infinities that JSON has no word for."""
+    """Return a tree without infinities, which JSON does not have."""
     if isinstance(tree, dict):
         return {key: _finite(value) for key, value in tree.items()}
     if isinstance(tree, list):

@@ -1,178 +1,171 @@
-"""The model: feature, untouched reference, scaling and heads as one object, offline and live."""
+"""The model: features, untouched reference, scaling and heads as one frozen object, offline and live."""
 
-import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Estimates, Signal, StringParams, Window
+from monochord.core.types import Audio, Estimate, Estimates, Signal, Window
 from monochord.core.units import Samples
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.model.context import Memory, context_row, step
+from monochord.perception.model.context import Stream, context_row, step
 from monochord.perception.model.definition import Definition, FeatureRecord
-from monochord.perception.model.estimates import abstentions, estimates, probability
-from monochord.perception.model.network import Answer, Network
+from monochord.perception.model.network import Network, Output, estimates_of, probability
 from monochord.perception.model.probe import probed, refuse_another
 
-LENGTHS_ALIKE = 0.02
-"""Share by which the length of another string may differ from the one that was trained with."""
+LENGTH_TOLERANCE = 0.02
+"""Share by which a string's length may differ from that of the training."""
+UNUSABLE = ("gap", "silence", "samples that are not numbers")
+"""Windows that a model cannot use; it is trained on clipped windows as on others."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Model:
-    """What was learned, ready to be opened for a stream.
+    """What was trained. It has no state: that of a stream is passed in and out.
 
-    `weights` are float32 arrays of the names and shapes that `definition.shapes` tells.
+    Parameters
+    ----------
+    definition
+        Everything but the numbers that were learned.
+    weights
+        Arrays float32 by the names and shapes of `Definition.shapes`.
+
+    Examples
+    --------
+    >>> from monochord.perception.model import load
+    >>> model, stream = load("demo"), Stream()
+    >>> silence = np.zeros((2, model.definition.window), np.float32)
+    >>> window = Window(samples=silence, start=0, sample_rate=44100, has_gap=False)
+    >>> stream, estimates = model.predict(stream, window)
+    >>> estimates["position"].why_not
+    'silence'
     """
 
     definition: Definition
     weights: Mapping[str, Audio]
 
-    def open(self, signal: Signal) -> "Listening":
-        """Return what perceives one stream of such a signal, from its begin on.
+    def check(self, signal: Signal, size: Samples | None = None) -> None:
+        """Raise `InputError` unless such a signal can be read, in windows of `size` frames; prepare for it.
+
+        The features' tables and filters are computed here, or at the first prediction without it.
 
         Raises
         ------
         InputError
-            If rate, channels or string are not those of the training, or the feature is not what it was
-            then.
+            If rate, channels, string or window are not those of the training, or a feature is no longer
+            what it was then.
         """
-        return Listening(self.prepare(signal))
+        trained = self.definition
+        if signal.sample_rate != trained.sample_rate:
+            given = f"sound at {signal.sample_rate} Hz for a model"
+            raise InputError(given, f"{trained.sample_rate} Hz, as it was trained", "record at that rate")
+        if signal.channels != trained.channels:
+            given = f"sound of {signal.channels} channel(s) for a model"
+            raise InputError(given, f"{trained.channels}, as it was trained", "connect both microphones")
+        if trained.string and signal.string:
+            length, own = signal.string.length, trained.string.length
+            if abs(length / own - 1.0) > LENGTH_TOLERANCE:
+                given = f"a string of {length:g} m for a model"
+                raise InputError(given, f"{own:g} m, as it was trained", "train one for this sensor")
+        if size is not None:
+            self._check_size(size)
+        _ = self._extractors
 
-    def prepare(self, signal: Signal) -> "Prepared":
-        """Return the part of it that does not change as a stream goes on; raises as `open` does."""
-        told = self.definition
-        _refuse_other_signal(told, signal)
-        # The string as designed, as in training: what a source knows of its own must not tell more.
-        own = dataclasses.replace(signal, string=told.string)
-        return Prepared(
-            definition=told,
-            feature=self._extractor(told.feature, own, "scaler"),
-            reference=self._extractor(told.reference.feature, own, "context") if told.reference else None,
-            network=Network.of(told, self.weights),
-        )
+    def predict(self, stream: Stream, window: Window) -> tuple[Stream, Estimates]:
+        """Return the state after a window, and the estimates for it.
 
-    def _extractor(self, record: FeatureRecord, own: Signal, part: str) -> Extractor:
-        """Return a feature made ready, having made sure that it is what it was in training."""
-        told = self.definition
-        found = extractor(record, own, told.window)
-        kept = self.weights[f"{part}.probe"]
-        scale = self.weights[f"{part}.scale"][: kept.shape[1]]
-        refuse_another(record.name, probed(found, told.channels, told.window), kept, scale)
-        return found
+        Parameters
+        ----------
+        stream
+            The state before the window; ``Stream()`` at the begin. A window that does not begin after the
+            one before it is the first of another stream.
+        window
+            Of the length of the training.
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Prepared:
-    """A model made ready for a signal: it holds no state, which is passed in and out."""
-
-    definition: Definition
-    feature: Extractor
-    reference: Extractor | None
-    network: Network
-
-    def answers(self, memory: Memory, window: Window) -> tuple[Memory, Mapping[str, Answer]]:
-        """Return the memory after a window, and what each head answers for it, before any calibration.
-
-        A window is read against the reference of the windows before it. One that cannot be used leaves the
-        memory as it is and has no answers.
+        Raises
+        ------
+        InputError
+            If the window has another length.
         """
+        self._check_size(window.samples.shape[-1])
+        stream, outputs = self.outputs(stream, window)
+        if not outputs:
+            reason = self.why_not(window)
+            heads = self.definition.heads.items()
+            return stream, {name: Estimate.abstain(record.task.unit, reason) for name, record in heads}
+        return stream, estimates_of(self.definition, outputs)
+
+    def outputs(self, stream: Stream, window: Window) -> tuple[Stream, Mapping[str, Output]]:
+        """Return the state after a window, and the output of each head, which calibration does not change.
+
+        A window is read against the reference of the windows before it. One that cannot be used has no
+        outputs and leaves the reference as it is.
+        """
+        trained, network = self.definition, self._network
+        stream = replace(stream if window.start > stream.start else Stream(), start=window.start)
         if self.why_not(window):
-            return memory, {}
-        told, network = self.definition, self.network
+            return stream, {}
+        feature, reference = self._extractors
         samples = window.samples[None]
-        base = network.scaled(self.feature(samples)[0])
-        context = network.scaled_context(context_row(memory, told.widths[1]))
-        found = {name: network.answer(name, base, context) for name in told.heads}
-        reference = self.reference
-        if reference is not None and told.reference is not None:
-            contact = probability(found[told.gate], told.heads[told.gate])
+        base = network.scaled(feature(samples)[0])
+        context = network.scaled_context(context_row(stream, trained.widths[1]))
+        outputs = {name: network.output(name, base, context) for name in trained.heads}
+        if reference is not None and trained.reference is not None:
+            contact = probability(outputs[trained.gate], trained.heads[trained.gate])
             time = window.start / window.sample_rate
-            memory = step(memory, told.reference, time, contact, lambda: reference(samples)[0])
-        return memory, found
-
-    def perceive(self, memory: Memory, window: Window) -> tuple[Memory, Estimates]:
-        """Return the memory after a window, and what is estimated of it.
-
-        Raises
-        ------
-        InputError
-            If the window's length is not that of the training.
-        """
-        size = window.samples.shape[-1]
-        if size != self.definition.window:
-            given, rate = f"windows of {size} frames for a model", self.definition.sample_rate
-            remedy = f"take --window {self.definition.window / rate:g}"
-            raise InputError(given, f"{self.definition.window} frames", remedy)
-        memory, found = self.answers(memory, window)
-        if not found:
-            return memory, abstentions(self.definition, self.why_not(window))
-        return memory, estimates(self.definition, found)
+            stream = step(stream, trained.reference, time, contact, lambda: reference(samples)[0])
+        return stream, outputs
 
     def why_not(self, window: Window) -> str:
         """Return why a window cannot be used, or an empty string."""
-        why = why_unusable(window)
-        if why in UNUSABLE:
-            return why
+        reason = why_unusable(window)
+        if reason in UNUSABLE:
+            return reason
         samples = window.samples
         power = float(np.vdot(samples, samples)) / samples.size
         return "silence" if power < self.definition.quietest**2 else ""
 
+    def _check_size(self, size: Samples) -> None:
+        trained = self.definition
+        if size != trained.window:
+            remedy = f"set --window {trained.window / trained.sample_rate:g}"
+            allowed = f"{trained.window} frames at {trained.sample_rate} Hz"
+            raise InputError(f"windows of {size} frames for a model", allowed, remedy)
 
-UNUSABLE = ("gap", "silence", "samples that are not numbers")
-"""What a model cannot use; it was trained on clipped windows as on others."""
+    @cached_property
+    def _network(self) -> Network:
+        return Network.of(self.definition, self.weights)
 
+    @cached_property
+    def _extractors(self) -> tuple[Extractor, Extractor | None]:
+        """The features of a window and of the reference, which are checked to be those of the training."""
+        trained = self.definition
+        # The string as designed, as in training: what a source knows of its own string is not used.
+        signal = Signal(sample_rate=trained.sample_rate, channels=trained.channels, string=trained.string)
 
-class Listening:
-    """A model on one stream: it keeps the memory between windows, which come in order."""
+        def extractor(record: FeatureRecord, part: str) -> Extractor:
+            prepared = FEATURES.build(record.name, record.options).prepare(signal, trained.window)
+            _refuse_other_columns(record, prepared.columns)
+            probe = self.weights[f"{part}.probe"]
+            scale = self.weights[f"{part}.scale"][: probe.shape[1]]
+            refuse_another(record.name, probed(prepared, trained.channels, trained.window), probe, scale)
+            return prepared
 
-    def __init__(self, prepared: Prepared) -> None:
-        self._prepared = prepared
-        self._memory = Memory()
-        self._start: Samples = -1
-
-    def predict(self, window: Window) -> Estimates:
-        """Return what is estimated of the next window.
-
-        One that does not begin after the one before it is the first of another stream, and nothing that was
-        heard before counts.
-        """
-        if window.start <= self._start:
-            self._memory = Memory()
-        self._start = window.start
-        self._memory, found = self._prepared.perceive(self._memory, window)
-        return found
-
-
-def extractor(record: FeatureRecord, signal: Signal, size: Samples) -> Extractor:
-    """Return the feature of a record made ready, having made sure that its columns are those recorded."""
-    found = FEATURES.build(record.name, record.options).prepare(signal, size)
-    if found.columns != record.columns:
-        given = f"feature '{record.name}' of {len(found.columns)} columns"
-        unlike = [
-            (one, other) for one, other in zip(found.columns, record.columns, strict=False) if one != other
-        ]
-        was = f"the {len(record.columns)} columns that were trained with"
-        first = f", '{unlike[0][1]}' where there is '{unlike[0][0]}'" if unlike else ""
-        raise InputError(given, was + first, "train again")
-    return found
+        reference = trained.reference
+        return (
+            extractor(trained.feature, "scaler"),
+            extractor(reference.feature, "context") if reference else None,
+        )
 
 
-def _refuse_other_signal(told: Definition, signal: Signal) -> None:
-    if signal.sample_rate != told.sample_rate:
-        given = f"sound at {signal.sample_rate} Hz for a model"
-        raise InputError(given, f"{told.sample_rate} Hz, as it was trained", "record at that rate")
-    if signal.channels != told.channels:
-        given = f"sound of {signal.channels} channel(s) for a model"
-        raise InputError(given, f"{told.channels}, as it was trained", "connect both microphones")
-    if told.string and signal.string and not _alike(told.string, signal.string):
-        given = f"a string of {signal.string.length:g} m for a model"
-        raise InputError(given, f"{told.string.length:g} m, as it was trained", "train one for this sensor")
-
-
-def _alike(one: StringParams, other: StringParams) -> bool:
-    return abs(other.length / one.length - 1.0) <= LENGTHS_ALIKE
+def _refuse_other_columns(record: FeatureRecord, columns: tuple[str, ...]) -> None:
+    if columns == record.columns:
+        return
+    pairs = zip(columns, record.columns, strict=False)
+    first = next((f", '{trained}' where there is '{own}'" for own, trained in pairs if own != trained), "")
+    given = f"feature '{record.name}' of {len(columns)} columns"
+    raise InputError(given, f"the {len(record.columns)} columns of the training{first}", "train again")

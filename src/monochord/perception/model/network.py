@@ -1,21 +1,30 @@
-"""The heads as arithmetic: from a scaled row to what each head answers, in plain NumPy."""
+"""The heads as arithmetic in NumPy: from a row of features to outputs, and from these to estimates."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.types import Audio
-from monochord.perception.model.definition import Definition
+from monochord.core.types import Audio, Estimate
+from monochord.metrics import DECISION
+from monochord.perception.heads.base import Loss
+from monochord.perception.model.definition import Definition, HeadRecord
 
 Indices = NDArray[np.int64]
 Layers = tuple[tuple[Audio, Audio], ...]
+NO_CONTACT, UNCERTAIN = "no contact", "too uncertain"
+"""Why a head abstains."""
+MAX_LOGIT = 700.0
+"""Largest logit whose exponential is a finite double."""
+STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
+"""Standard deviation of an error distribution whose spread is 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """What a head's last layer says: a logit, or an amount in its own scale with the log of its spread."""
+class Output:
+    """Output of a head's last layer: a logit, or a scaled quantity with the logarithm of its spread."""
 
     value: float
     log_spread: float = 0.0
@@ -25,20 +34,27 @@ class Answer:
 class Network:
     """The scaling and the layers of all heads.
 
-    Each row is answered by itself, never in a batch, so that the same row gives the same bits wherever it
-    is asked for.
+    Each row is computed by itself, never in a batch, so that equal rows give equal bits live and offline.
+    `linear` holds the linear path of the heads that have one, `columns` the features that a head sees, None
+    for all.
     """
 
     scaler: tuple[Audio, Audio]
     context_scaler: tuple[Audio, Audio] | None
     clip: float
     layers: Mapping[str, Layers]
+    linear: Mapping[str, tuple[Audio, Audio]]
     context: Mapping[str, bool]
-    seen: Mapping[str, Indices | None]
+    columns: Mapping[str, Indices | None]
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
         """Build it from a definition and weights of its shapes."""
+        heads = definition.heads
+
+        def layer(name: str) -> tuple[Audio, Audio]:
+            return weights[f"{name}.weight"], weights[f"{name}.bias"]
+
         return cls(
             scaler=(weights["scaler.mean"], weights["scaler.scale"]),
             context_scaler=(weights["context.mean"], weights["context.scale"])
@@ -46,41 +62,42 @@ class Network:
             else None,
             clip=definition.clip,
             layers={
-                name: tuple(
-                    (weights[f"{name}.{number}.weight"], weights[f"{name}.{number}.bias"])
-                    for number in range(len(record.task.hidden) + 1)
-                )
-                for name, record in definition.heads.items()
+                name: tuple(layer(f"{name}.{number}") for number in range(len(record.task.hidden) + 1))
+                for name, record in heads.items()
             },
-            context={name: record.task.context for name, record in definition.heads.items()},
-            seen={
-                name: np.array(definition.seen(name)) if record.task.columns else None
-                for name, record in definition.heads.items()
+            linear={name: layer(f"{name}.linear") for name, record in heads.items() if record.task.linear},
+            context={name: record.task.context for name, record in heads.items()},
+            columns={
+                name: np.array(definition.columns_of(name)) if record.task.columns else None
+                for name, record in heads.items()
             },
         )
 
     def scaled(self, row: Audio) -> Audio:
-        """Return a window's feature (d,) less its mean, in standard deviations, bounded by `clip`."""
+        """Return a window's features (d,) less their mean, in standard deviations, bounded by `clip`."""
         return scaled(row, *self.scaler, self.clip)
 
     def scaled_context(self, row: Audio) -> Audio:
-        """Return a reference (c,) as `scaled` does; the columns of one that is absent are zeros."""
+        """Return an untouched reference (c,) as `scaled` does; an absent one is zeros."""
         if self.context_scaler is None:
             return row[:0]
-        found = scaled(row, *self.context_scaler, self.clip)
-        return found if row[-1] else np.zeros_like(found)
+        result = scaled(row, *self.context_scaler, self.clip)
+        return result if row[-1] else np.zeros_like(result)
 
-    def answer(self, name: str, base: Audio, context: Audio) -> Answer:
-        """Return what a head says of a scaled feature and a scaled reference."""
-        seen = self.seen[name]
-        row = base if seen is None else base[seen]
-        row = np.concatenate([row, context]) if self.context[name] and context.size else row
-        layers = self.layers[name]
+    def output(self, name: str, base: Audio, context: Audio) -> Output:
+        """Return the output of a head for scaled features (d,) and a scaled reference (c,)."""
+        columns = self.columns[name]
+        inputs = base if columns is None else base[columns]
+        inputs = np.concatenate([inputs, context]) if self.context[name] and context.size else inputs
+        layers, row = self.layers[name], inputs
         for weight, bias in layers[:-1]:
             row = np.maximum(weight @ row + bias, np.float32(0.0))
         weight, bias = layers[-1]
         value, *spread = (weight @ row + bias).tolist()
-        return Answer(value=value, log_spread=spread[0] if spread else 0.0)
+        if name in self.linear:
+            weight, bias = self.linear[name]
+            value += float((weight @ inputs + bias)[0])
+        return Output(value=value, log_spread=spread[0] if spread else 0.0)
 
 
 def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
@@ -91,3 +108,50 @@ def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
     [[2.0], [8.0]]
     """
     return np.clip((row - mean) / scale, -clip, clip)
+
+
+def probability(output: Output, record: HeadRecord) -> float:
+    """Return the calibrated probability of a yes.
+
+    After n windows of calibration it is never nearer to 0 or 1 than 1 / (n + 2), the rule of succession: so
+    many windows without an error justify no more.
+
+    >>> from monochord.perception.heads.base import Task
+    >>> round(probability(Output(value=0.0), HeadRecord(task=Task(label="slip", loss="logistic"))), 3)
+    0.5
+    """
+    logit = output.value / record.calibration.factor
+    bound = math.log(record.calibration.windows + 1.0) if record.calibration.windows else MAX_LOGIT
+    return 1.0 / (1.0 + math.exp(-min(max(logit, -bound), bound)))
+
+
+def quantity(output: Output, record: HeadRecord) -> tuple[float, float]:
+    """Return a quantity and its calibrated standard error, in the unit of the label."""
+    spread = STD_OF_SPREAD.get(record.task.loss, 1.0) * math.exp(min(max(output.log_spread, -20.0), 20.0))
+    return record.offset + record.scale * output.value, record.scale * record.calibration.factor * spread
+
+
+def estimates_of(definition: Definition, outputs: Mapping[str, Output]) -> dict[str, Estimate]:
+    """Return the estimates of all heads; those that need a touch abstain where there is none.
+
+    The standard error of a probability p is that of the yes or no, sqrt(p (1 - p)).
+    """
+    gate = definition.gate
+    touched = probability(outputs[gate], definition.heads[gate]) >= DECISION
+    estimates: dict[str, Estimate] = {}
+    for name, record in definition.heads.items():
+        task = record.task
+        if task.touched and not touched:
+            estimates[name] = Estimate.abstain(task.unit, NO_CONTACT)
+            continue
+        if task.is_probability:
+            value = probability(outputs[name], record)
+            std = math.sqrt(value * (1.0 - value))
+        else:
+            value, std = quantity(outputs[name], record)
+        estimates[name] = (
+            Estimate(value=value, std=std, unit=task.unit)
+            if std <= task.limit
+            else Estimate.abstain(task.unit, UNCERTAIN)
+        )
+    return estimates

@@ -11,5 +11,5 @@ def torch_library() -> Any:
         import torch  # noqa: PLC0415
     except ImportError as error:
         given = "training without torch, which is not installed"
-        raise InputError(given, "torch 2.6 or newer", "pip install 'monochord[train]'") from error
+        raise InputError(given, "torch 2.6 or newer", "install it: pip install 'monochord[train]'") from error
     return torch

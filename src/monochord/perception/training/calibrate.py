@@ -1,4 +1,4 @@
-"""Whether what heads say of their own doubt comes true, and by what factor it does."""
+"""Calibration: how far a head's stated uncertainty is from its errors, and the factor that corrects it."""
 
 import math
 from collections.abc import Callable
@@ -11,8 +11,10 @@ from monochord.metrics import brier_score, calibration_error, coverage, normal_c
 from monochord.perception.model.definition import Calibration
 
 FACTORS = np.exp(np.linspace(math.log(0.5), math.log(20.0), 401))
-"""Temperatures that are tried; bounded, since chances that are told without error have none that is best."""
+"""Temperatures that are tried; bounded, since probabilities without an error have no best one."""
 SIGMAS = (1.0, 1.645, 1.96)
+MIN_FACTOR = 1e-6
+Indices = NDArray[np.int64]
 
 
 def temperature(reference: NDArray[np.bool_], logit: Floats) -> float:
@@ -35,11 +37,19 @@ def temperature(reference: NDArray[np.bool_], logit: Floats) -> float:
     return float(FACTORS[int(np.argmin(losses))])
 
 
-def spread_factor(error: Floats, std: Floats) -> float:
+def spread_factor(error: Floats, std: Floats, touch: Indices | None = None) -> float:
     """Return the factor that makes stated standard errors (n,) cover the errors (n,) as one sigma should.
 
-    It is the quantile of ``|error| / std`` at 68.3 %, the finite-sample one of split conformal prediction: of
-    new windows like these, at least that share will be covered on average, whatever the distribution.
+    It is the quantile of ``|error| / std`` at 68.3 % (m + 1) / m, the finite-sample one of split conformal
+    prediction, times Student's t at one sigma with m - 1 degrees of freedom: m is the number of touches,
+    since the windows of one touch have much the same error. So few touches give a large factor.
+
+    Parameters
+    ----------
+    error, std
+        Error and stated standard error (n,) of windows that the model was not trained on, in one unit.
+    touch
+        The touch (n,) of each window; without it each window is independent.
 
     References
     ----------
@@ -52,46 +62,51 @@ def spread_factor(error: Floats, std: Floats) -> float:
     >>> round(spread_factor(rng.normal(size=20000), np.full(20000, 0.5)), 1)
     2.0
     """
+    from scipy.special import ndtr, stdtrit  # noqa: PLC0415
+
     ratio = np.sort(np.abs(error) / std)
-    rank = math.ceil((ratio.size + 1) * normal_coverage(1.0))
-    return float(max(ratio[min(rank, ratio.size) - 1], 1e-6))
+    count = ratio.size if touch is None else len(np.unique(touch))
+    rank = math.ceil(ratio.size * (count + 1) / count * normal_coverage(1.0) - 1e-9)
+    inflation = float(stdtrit(max(count - 1, 1), ndtr(1.0)))
+    return float(max(inflation * ratio[min(rank, ratio.size) - 1], MIN_FACTOR))
 
 
-def calibrated_chance(reference: NDArray[np.bool_], logit: Floats, session: NDArray[np.int64]) -> Calibration:
-    """Return the calibration of a chance, with what it is worth on sessions that it does not come from."""
+def calibrate_probability(reference: NDArray[np.bool_], logit: Floats, session: Indices) -> Calibration:
+    """Return the calibration of a probability, with its calibration error on sessions not used for it."""
 
-    def told(factor: Floats) -> Floats:
+    def probabilities(factor: Floats) -> Floats:
         return 1.0 / (1.0 + np.exp(-np.clip(logit / factor, -700.0, 700.0)))
 
-    others = _from_others(session, lambda rows: temperature(reference[rows], logit[rows]))
-    chance, before = told(others), told(np.ones(len(logit)))
+    factor = _from_other_sessions(session, lambda rows: temperature(reference[rows], logit[rows]))
+    after, before = probabilities(factor), probabilities(np.ones(len(logit)))
     return Calibration(
         factor=temperature(reference, logit),
         windows=len(logit),
         sessions=len(np.unique(session)),
         measured={
-            "calibration_error": calibration_error(reference, chance),
+            "calibration_error": calibration_error(reference, after),
             "calibration_error_before": calibration_error(reference, before),
-            "brier_score": brier_score(reference, chance),
+            "brier_score": brier_score(reference, after),
         },
     )
 
 
-def calibrated_amount(error: Floats, std: Floats, session: NDArray[np.int64]) -> Calibration:
-    """Return the calibration of an amount, with the coverage on sessions that it does not come from."""
-    others = _from_others(session, lambda rows: spread_factor(error[rows], std[rows]))
-    nothing = np.zeros(len(error))
-    measured = {f"coverage_{sigmas:g}": coverage(nothing, error, others * std, sigmas) for sigmas in SIGMAS}
-    measured["coverage_1_before"] = coverage(nothing, error, std, 1.0)
+def calibrate_quantity(error: Floats, std: Floats, session: Indices, touch: Indices) -> Calibration:
+    """Return the calibration of a quantity, with the coverage on sessions not used for it."""
+    factor = _from_other_sessions(session, lambda rows: spread_factor(error[rows], std[rows], touch[rows]))
+    zeros = np.zeros(len(error))
+    measured = {f"coverage_{sigmas:g}": coverage(zeros, error, factor * std, sigmas) for sigmas in SIGMAS}
+    measured["coverage_1_before"] = coverage(zeros, error, std, 1.0)
     return Calibration(
-        factor=spread_factor(error, std),
+        factor=spread_factor(error, std, touch),
         windows=len(error),
+        touches=len(np.unique(touch)),
         sessions=len(np.unique(session)),
         measured=measured,
     )
 
 
-def _from_others(session: NDArray[np.int64], factor_of: Callable[[NDArray[np.bool_]], float]) -> Floats:
+def _from_other_sessions(session: Indices, factor_of: Callable[[NDArray[np.bool_]], float]) -> Floats:
     """Return for each window (n,) the factor that the other half of the sessions gives.
 
     A single session is cut in the middle.

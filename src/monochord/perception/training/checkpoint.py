@@ -1,6 +1,6 @@
-"""Where training stands after an epoch, on disk, so that a run that was killed goes on as if it were not.
+"""The state of training after an epoch, on disk, so that a run that was killed continues as if it were not.
 
-One safetensors file, replaced at once: a kill leaves the one before or this one, never half of one.
+One safetensors file, replaced at once: a kill leaves the previous one or this one, never half of one.
 """
 
 import json
@@ -22,7 +22,7 @@ REMEDY = "remove it to begin anew"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _State:
-    """What stands beside the tensors in the file; `sum` is the SHA-256 of those, by name."""
+    """Metadata beside the tensors in the file; `sum` is the SHA-256 of those, by name."""
 
     epoch: int
     data: str
@@ -36,8 +36,8 @@ class _State:
 class Checkpoint:
     """`epoch` epochs are done, on data that have the checksum `data`; `history` has a line for each.
 
-    `weights` and the optimiser's `moments` are as they stand; `best` are each head's at its best, and `score`
-    and `at` tell how good that is and after which epoch.
+    `weights` and the optimiser's `moments` are those after that epoch; `best` are each head's weights of its
+    best epoch `at`, with the validation error `score`.
     """
 
     epoch: int
@@ -50,14 +50,14 @@ class Checkpoint:
     history: list[Line] = field(default_factory=list[Line])
 
     def write(self, file: Path) -> None:
-        """Write it, replacing the one before."""
+        """Write it, replacing the previous one."""
         from safetensors.numpy import save  # noqa: PLC0415
 
         parts = {"weights": self.weights, "moments": self.moments, "best": self.best}
         tensors = {
             f"{part}/{name}": np.asarray(array, order="C")
-            for part, held in parts.items()
-            for name, array in held.items()
+            for part, arrays in parts.items()
+            for name, array in arrays.items()
         }
         state = _State(
             epoch=self.epoch,
@@ -76,16 +76,16 @@ class Checkpoint:
 
     @classmethod
     def read(cls, file: Path) -> "Checkpoint | None":
-        """Return what stands in a file, None where there is none; raises `InputError` if it is damaged."""
+        """Return the checkpoint in a file, None where there is none; raises `InputError` if it is damaged."""
         from safetensors import SafetensorError, safe_open  # noqa: PLC0415
 
         if not file.is_file():
             return None
         damaged = InputError(f"checkpoint {file} (damaged)", "a whole file", REMEDY)
         try:
-            with safe_open(file, framework="numpy") as held:
-                tensors: dict[str, Audio] = {key: held.get_tensor(key) for key in held.keys()}  # noqa: SIM118  (no mapping)
-                state = from_tree(_State, json.loads(held.metadata()["state"]), f"checkpoint {file}")
+            with safe_open(file, framework="numpy") as stored:
+                tensors: dict[str, Audio] = {key: stored.get_tensor(key) for key in stored.keys()}  # noqa: SIM118  (no mapping)
+                state = from_tree(_State, json.loads(stored.metadata()["state"]), f"checkpoint {file}")
         except InputError as error:
             raise InputError(error.given, error.allowed, REMEDY) from error
         except (
@@ -118,8 +118,8 @@ class Checkpoint:
 
 
 def _sum(tensors: Mapping[str, Audio]) -> str:
-    own = sha256()
+    digest = sha256()
     for name in sorted(tensors):
-        own.update(f"{name} {tensors[name].dtype} {tensors[name].shape} ".encode())
-        own.update(np.ascontiguousarray(tensors[name]).tobytes())
-    return own.hexdigest()
+        digest.update(f"{name} {tensors[name].dtype} {tensors[name].shape} ".encode())
+        digest.update(np.ascontiguousarray(tensors[name]).tobytes())
+    return digest.hexdigest()

@@ -1,46 +1,130 @@
-"""What the heads are trained on: rows of features, the reference beside each, labels and masks."""
+"""From settings and a dataset to what the loop needs: definition, examples and scaling."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Floats
+from monochord.core.types import Audio, Floats, Signal
+from monochord.datasets.manifest import FILE, checksum
+from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, Flags, Indices
+from monochord.perception.features import FEATURES
+from monochord.perception.features.base import SupportsCompliance
 from monochord.perception.heads.base import CONTACT, Task
-from monochord.perception.model.context import Memory, context_row, step
-from monochord.perception.model.definition import Reference
+from monochord.perception.model.context import Stream, context_row, step
+from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord, Reference
+from monochord.perception.model.probe import probed
+from monochord.perception.training.rows import Noise, Progress, Rows
+from monochord.perception.training.settings import Settings
+from monochord.physics.sensors import load_sensor
+
+MIN_DEVIATION = 1e-6
+"""Columns that vary by less are not scaled."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingData:
+    """A dataset with the features that are computed of it, and the definition of the model to be trained."""
+
+    dataset: Dataset
+    definition: Definition
+    feature: Rows
+    reference: Rows | None
+
+    @property
+    def tasks(self) -> dict[str, Task]:
+        """The task of each head."""
+        return {name: record.task for name, record in self.definition.heads.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examples:
-    """Windows of one part of a split, clean first and then with noise.
+    """Windows of one part of a split, clean first and then augmented.
 
-    `rows` (n,) are their numbers in the dataset. `base` (copies, n, d) is the feature and `context`
-    (copies, n, c) the reference, neither scaled. `labels` and `masks` hold (n,) by head: its label, 0 where
-    not valid, and whether the window counts for it.
+    `rows` (n,) are their numbers in the dataset, `session` (n,) and `touch` (n,) those of session and touch
+    in it. `base` (copies, n, d) is the feature and `context` (copies, n, c) the reference, neither scaled.
+    `labels` and `masks` hold (n,) by head: its label, 0 where not valid, and whether the window counts.
     """
 
     rows: Indices
+    session: Indices
+    touch: Indices
     base: Audio
     context: Audio
     labels: Mapping[str, Floats]
     masks: Mapping[str, Flags]
 
 
-def masks_of(dataset: Dataset, tasks: Mapping[str, Task]) -> dict[str, Flags]:
-    """Return by head which windows (n,) of a dataset count for it.
+def read_split(settings: Settings, dataset: Dataset) -> Split:
+    """Return the split that the settings name; raises `InputError` if it is not one of this dataset."""
+    file = settings.split or dataset.path / "split.json"
+    split = Split.read(file)
+    if split.dataset and split.dataset != checksum(dataset.path / FILE):
+        raise InputError(f"split {file} of another dataset", f"one of {dataset.path}", "split that one again")
+    if any(rows.size and rows.max() >= len(dataset) for rows in split.parts.values()):
+        raise InputError(f"split {file} of more windows", f"{len(dataset)}, as there are", "split it again")
+    return split
 
-    A window counts where all its samples are there, its label is valid and, for what means something only
-    while something touches, contact is 1.
+
+def training_data(settings: Settings, dataset: Dataset, split: Split) -> TrainingData:
+    """Return features and definition of what is to be trained, with every head still in a scale of 1.
 
     Raises
     ------
     InputError
-        If there is no such label, or one that is marked valid is no number.
+        For an unknown feature, head or sensor, or options that they refuse.
     """
-    found: dict[str, Flags] = {}
+    manifest, string = dataset.manifest, load_sensor(settings.sensor).string
+    signal = Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=string)
+    folder = settings.cache or dataset.path / "features"
+
+    def rows_of(name: str, options: dict[str, Any]) -> tuple[Rows, FeatureRecord]:
+        extractor = FEATURES.build(name, options).prepare(signal, manifest.window)
+        rows = Rows(dataset=dataset, name=name, options=options, extractor=extractor, folder=folder)
+        return rows, FeatureRecord(name=name, options=options, columns=extractor.columns)
+
+    feature, record = rows_of(*settings.feature_named())
+    rule = settings.context.rule() if settings.context.on else None
+    reference = None
+    if rule is not None:
+        reference, reference_record = rows_of(rule.feature.name, rule.feature.options)
+        rule = dataclasses.replace(rule, feature=reference_record)
+    used = np.unique(dataset.session[np.concatenate([split.train, split.validation])]).tolist()
+    definition = Definition(
+        title=settings.title,
+        sample_rate=manifest.sample_rate,
+        channels=manifest.channels,
+        window=manifest.window,
+        hop=manifest.hop,
+        feature=record,
+        reference=rule,
+        heads={name: HeadRecord(task=task) for name, task in settings.tasks().items()},
+        string=string,
+        simulated=any(manifest.parts[number].simulated for number in used),
+        dataset=checksum(dataset.path / FILE),
+        sessions={manifest.parts[number].name: manifest.parts[number].checksum for number in used},
+        versions={name: version(name) for name in ("monochord", "numpy", "torch")},
+    )
+    return TrainingData(dataset=dataset, definition=definition, feature=feature, reference=reference)
+
+
+def masks_of(dataset: Dataset, tasks: Mapping[str, Task]) -> dict[str, Flags]:
+    """Return by head which windows (n,) of a dataset count for it.
+
+    A window counts where all its samples are there, its label is valid and, for a head that needs a touch,
+    contact is 1.
+
+    Raises
+    ------
+    InputError
+        If there is no such label, or one that is marked valid is not finite.
+    """
+    masks: dict[str, Flags] = {}
     touched = dataset.label(CONTACT) == 1.0
     for name, task in tasks.items():
         values, valid = dataset.label(task.label), dataset.valid[task.label]
@@ -48,8 +132,8 @@ def masks_of(dataset: Dataset, tasks: Mapping[str, Task]) -> dict[str, Flags]:
             count = int((~np.isfinite(values[valid])).sum())
             given = f"label '{task.label}' that is no number in {count} windows where it is marked valid"
             raise InputError(given, "numbers", "build the dataset again")
-        found[name] = dataset.usable & valid & (touched | (not task.touched))
-    return found
+        masks[name] = dataset.usable & valid & (touched | (not task.touched))
+    return masks
 
 
 def chosen(dataset: Dataset, rows: Indices, tasks: Mapping[str, Task], part: str) -> Indices:
@@ -58,58 +142,74 @@ def chosen(dataset: Dataset, rows: Indices, tasks: Mapping[str, Task], part: str
     Raises
     ------
     InputError
-        If there is a head for which none counts, or a chance that is always or never true.
+        If there is a head for which none counts, or a probability that is always or never true.
     """
     masks = masks_of(dataset, tasks)
     if not rows.size:
         raise InputError(f"a split that leaves nothing to {part}", "one window or more", "split it otherwise")
     for name, task in tasks.items():
         values = dataset.label(task.label)[rows[masks[name][rows]]]
-        if not values.size or (task.is_chance and values.min() == values.max()):
-            kind = "windows of yes and of no" if task.is_chance else "windows"
+        if not values.size or (task.is_probability and values.min() == values.max()):
+            kind = "windows of yes and of no" if task.is_probability else "windows"
             given = f"part '{part}' without {kind} for the head '{name}'"
             raise InputError(given, "some of each", "collect more, or leave the head out")
     counts: Flags = np.logical_or.reduce(list(masks.values()))
     return np.sort(rows[counts[rows]])
 
 
-def believed(dataset: Dataset, rows: Indices) -> Floats:
-    """Return what is taken for the probability of contact (n,) by the fold in training: the truth.
+def stream_of(dataset: Dataset, part: Indices) -> Indices:
+    """Return the windows (n,) of a part that a model can use, in the order of their sessions and of time."""
+    return np.sort(part[dataset.usable[part]])
 
-    Where that is not known, something may touch, and 1 is taken.
+
+def known_contact(dataset: Dataset, rows: Indices) -> Floats:
+    """Return the probability of contact (n,) that the reference is built by in training: the truth.
+
+    Where that is not known, something may touch, and it is 1.
     """
     contact = dataset.label(CONTACT)[rows]
     return np.where(np.isfinite(contact), contact, 1.0)
 
 
-def folded(
-    dataset: Dataset, rows: Indices, contact: Floats, rule: Reference, kept: Mapping[int, Audio]
+def touches_of(dataset: Dataset) -> Indices:
+    """Return the number of the touch (n,) of each window, from 0 on; untouched windows have the one before.
+
+    A touch is a run of windows of one session in which contact is not 0.
+    """
+    on = known_contact(dataset, np.arange(len(dataset))) > 0.0
+    first = np.diff(dataset.session, prepend=-1) != 0
+    begins = on & (first | ~np.concatenate([[False], on[:-1]]))
+    return np.cumsum(begins | (first & ~on)).astype(np.int64)
+
+
+def references(
+    dataset: Dataset, rows: Indices, contact: Floats, rule: Reference, features: Mapping[int, Audio]
 ) -> Audio:
     """Return the reference (n, c) that each window is read against.
 
     Parameters
     ----------
     dataset
-        What the windows are of.
+        The dataset of the windows.
     rows
-        All windows (n,) that the fold sees, in order; a new session begins with nothing.
+        All windows (n,) of a stream, in order; a new session begins without a reference.
     contact
         Probability that something touches (n,).
     rule
-        How the reference is kept.
-    kept
-        What is kept of each window that may be taken, by its row in the dataset.
+        How the reference is updated.
+    features
+        The reference's feature (c - 1,) of each window that may enter it, by its row in the dataset.
     """
     width = len(rule.feature.columns) + 1
-    found = np.zeros((len(rows), width), np.float32)
-    memory, session, rate = Memory(), -1, dataset.manifest.sample_rate
+    result = np.zeros((len(rows), width), np.float32)
+    stream, session, rate = Stream(), -1, dataset.manifest.sample_rate
     for number, row in enumerate(rows.tolist()):
         if dataset.session[row] != session:
-            memory, session = Memory(), int(dataset.session[row])
-        found[number] = context_row(memory, width)
+            stream, session = Stream(), int(dataset.session[row])
+        result[number] = context_row(stream, width)
         time = int(dataset.start[row]) / rate
-        memory = step(memory, rule, time, float(contact[number]), lambda row=row: kept[row])
-    return found
+        stream = step(stream, rule, time, float(contact[number]), lambda row=row: features[row])
+    return result
 
 
 def assembled(
@@ -123,6 +223,8 @@ def assembled(
     masks = masks_of(dataset, tasks)
     return Examples(
         rows=rows,
+        session=dataset.session[rows].astype(np.int64),
+        touch=touches_of(dataset)[rows],
         base=np.stack(base),
         context=np.stack(context),
         labels={
@@ -131,3 +233,125 @@ def assembled(
         },
         masks={name: masks[name][rows] for name in tasks},
     )
+
+
+def examples_of(
+    data: TrainingData,
+    part: Indices,
+    name: str,
+    noises: tuple[Noise, ...] = (),
+    progress: Progress = lambda *_: None,
+) -> Examples:
+    """Return the examples of a part called `name`: its clean windows, then a copy for each of `noises`.
+
+    The reference beside a noisy window is of windows in the same kind of noise.
+    """
+    dataset, rule = data.dataset, data.definition.reference
+    rows, stream = chosen(dataset, part, data.tasks, name), stream_of(dataset, part)
+    contact = known_contact(dataset, stream)
+    quiet = stream[contact == 0.0]
+    base: list[Audio] = []
+    context: list[Audio] = []
+    for noise in (None, *noises):
+        base.append(data.feature.of(rows, noise, progress))
+        if rule is None or data.reference is None:
+            context.append(np.zeros((len(rows), 0), np.float32))
+            continue
+        features = dict(zip(quiet.tolist(), data.reference.of(quiet, noise, progress), strict=True))
+        whole = references(dataset, stream, contact, rule, features)
+        context.append(whole[np.searchsorted(stream, rows)])
+    return assembled(dataset, rows, data.tasks, base, context)
+
+
+def with_objects(data: TrainingData, examples: Examples, settings: Settings) -> Examples:
+    """Return examples with copies, after all others, as objects of another compliance would have sounded.
+
+    Raises
+    ------
+    InputError
+        If the feature does not support this augmentation, or the dataset has no label of force.
+    """
+    dataset, options = data.dataset, settings.objects
+    if not options.copies:
+        return examples
+    label, valid = dataset.label("force")[examples.rows], dataset.valid["force"][examples.rows]
+    force = np.where(valid & (dataset.label(CONTACT)[examples.rows] == 1.0), label, 0.0)
+    random = np.random.default_rng(settings.seed)
+    extractor = data.feature.extractor
+    if not isinstance(extractor, SupportsCompliance):
+        name = type(extractor).__module__.rpartition(".")[2]
+        given = f"feature '{name}' with copies of other contact compliance"
+        raise InputError(given, "fft_harmonic with tones", "set objects.copies = 0")
+    base, context = [examples.base], [examples.context]
+    for _ in range(options.copies):
+        compliance = np.exp(random.uniform(*np.log(options.give), size=(len(examples.base), len(force))))
+        augmented = [
+            extractor.with_compliance(row, force, share)
+            for row, share in zip(examples.base, compliance, strict=True)
+        ]
+        base.append(np.stack(augmented))
+        context.append(examples.context)
+    return dataclasses.replace(examples, base=np.concatenate(base), context=np.concatenate(context))
+
+
+def scaling(train: Examples) -> dict[str, Audio]:
+    """Return mean and standard deviation of each column, as the arrays of a model.
+
+    Those of the reference are of windows that have one, and its mark stays as it is.
+    """
+    mean, scale = _mean_and_scale(train.base.reshape(-1, train.base.shape[-1]))
+    result = {"scaler.mean": mean, "scaler.scale": scale}
+    if train.context.shape[-1]:
+        context = train.context.reshape(-1, train.context.shape[-1])
+        context = context[context[:, -1] > 0.0]
+        mean, scale = _mean_and_scale(context) if len(context) else (np.zeros(1), np.ones(1))
+        zeros = np.zeros(train.context.shape[-1], np.float32)
+        context_mean, context_scale = zeros + mean.astype(np.float32), zeros + scale.astype(np.float32)
+        context_mean[-1], context_scale[-1] = 0.0, 1.0
+        result |= {"context.mean": context_mean, "context.scale": context_scale}
+    return result
+
+
+def scaled_heads(definition: Definition, train: Examples) -> Definition:
+    """Return the definition with each quantity in the scale of its training labels: mean 0, deviation 1."""
+    heads: dict[str, HeadRecord] = {}
+    for name, record in definition.heads.items():
+        labels: Floats = train.labels[name][train.masks[name]]
+        if record.task.is_probability:
+            heads[name] = record
+            continue
+        scale = float(labels.std()) or 1.0
+        heads[name] = dataclasses.replace(record, offset=float(labels.mean()), scale=scale)
+    return dataclasses.replace(definition, heads=heads)
+
+
+def _mean_and_scale(rows: Audio) -> tuple[Audio, Audio]:
+    mean = rows.mean(axis=0, dtype=np.float64)
+    deviation = rows.std(axis=0, dtype=np.float64)
+    return mean.astype(np.float32), np.where(deviation > MIN_DEVIATION, deviation, 1.0).astype(np.float32)
+
+
+def probes(data: TrainingData) -> dict[str, Audio]:
+    """Return the features of the probe windows, as the arrays of a model."""
+    definition = data.definition
+    size = definition.channels, definition.window
+    arrays = {"scaler.probe": probed(data.feature.extractor, *size)}
+    if data.reference is not None:
+        arrays["context.probe"] = probed(data.reference.extractor, *size)
+    return arrays
+
+
+def quietest(dataset: Dataset, rows: Indices) -> float:
+    """Return half the root mean square that all but a thousandth of the windows (n,) reach."""
+    levels = [
+        float(np.sqrt(np.mean(np.square(dataset.window(row), dtype=np.float64)))) for row in rows.tolist()
+    ]
+    return 0.5 * float(np.quantile(levels, 0.001))
+
+
+def noises_of(settings: Settings, sample_rate: int) -> tuple[Noise, ...]:
+    """Return the noise of each copy that the settings ask for."""
+    if not settings.noise.copies:
+        return ()
+    augmentation = settings.noise.augmentation(settings.seed, sample_rate)
+    return tuple(Noise(augmentation=augmentation, copy=copy) for copy in range(1, settings.noise.copies + 1))

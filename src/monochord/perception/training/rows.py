@@ -1,9 +1,8 @@
-"""Rows of a feature for windows of a dataset, computed once and kept on disk.
+"""Rows of a feature for windows of a dataset, computed once and cached on disk.
 
-What is kept is found again by a key: the feature's name and options, the window, the dataset's checksum, the
-noise that was added, the rows that were asked for, and a fingerprint of what the feature does to three
-made-up windows. So a feature whose code changed is computed anew, without anyone telling, and so is what was
-damaged on disk: behind the array stands its SHA-256.
+The cache key is the feature's name and options, the window, the dataset's checksum, the noise that was added,
+the rows that were requested, and a fingerprint: the feature of three probe windows. So a feature whose code
+changed is computed again, and so is a damaged file: behind the array is its SHA-256.
 """
 
 import hashlib
@@ -27,10 +26,10 @@ from monochord.datasets.store import Dataset, Indices
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.probe import probed
 
-Told: TypeAlias = Callable[[str, int, int], None]
-"""Is told what is being done, how much of it is done, and of how much."""
+Progress: TypeAlias = Callable[[str, int, int], None]
+"""Called with what is being done, how much of it is done, and of how much."""
 CHUNK = 2048
-"""Rows in a file: what a kill costs at most."""
+"""Rows in a file: the most that are computed again after a kill."""
 BATCH = 64
 SEAL, MAX_HEADER = 32, 1024
 """Bytes of the SHA-256 behind the array, and at most before it."""
@@ -38,7 +37,7 @@ SEAL, MAX_HEADER = 32, 1024
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """Noise as added to one copy of the windows."""
+    """Noise as it is added to one copy of the windows."""
 
     augmentation: Augmentation
     copy: int
@@ -54,7 +53,7 @@ class Rows:
     extractor: Extractor
     folder: Path
 
-    def of(self, rows: Indices, noise: Noise | None = None, told: Told = lambda *_: None) -> Audio:
+    def of(self, rows: Indices, noise: Noise | None = None, progress: Progress = lambda *_: None) -> Audio:
         """Return the feature (k, columns) float32 of k windows, from disk as far as it is there.
 
         Raises
@@ -66,34 +65,34 @@ class Rows:
         what = self.name if noise is None else f"{self.name}, with noise {noise.copy}"
         parts: list[Audio] = []
         for number, first in enumerate(range(0, len(rows), CHUNK)):
-            told(what, first, len(rows))
+            progress(what, first, len(rows))
             chunk = rows[first : first + CHUNK]
             parts.append(self._chunk(place / f"{number:04d}.npy", chunk, noise))
-        told(what, len(rows), len(rows))
+        progress(what, len(rows), len(rows))
         return np.concatenate([np.zeros((0, len(self.extractor.columns)), np.float32), *parts])
 
     def _chunk(self, file: Path, rows: Indices, noise: Noise | None) -> Audio:
         shape = (len(rows), len(self.extractor.columns))
-        kept = _kept(file, shape)
-        if kept is not None:
-            return kept
-        found = np.empty(shape, np.float32)
+        cached = _cached(file, shape)
+        if cached is not None:
+            return cached
+        result = np.empty(shape, np.float32)
         for first in range(0, len(rows), BATCH):
             some = rows[first : first + BATCH]
             windows = self.dataset.batch(some)
             if noise is not None:
                 windows = noise.augmentation(windows, some, epoch=noise.copy)
-            answer = self.extractor(windows)
-            if answer.shape != (len(some), shape[1]) or not np.isfinite(answer).all():
-                given = f"feature '{self.name}' with rows {answer.shape} or values that are not finite"
-                raise InputError(given, f"finite rows {(len(some), shape[1])}", "mend the feature")
-            found[first : first + BATCH] = answer
+            batch = self.extractor(windows)
+            if batch.shape != (len(some), shape[1]) or not np.isfinite(batch).all():
+                given = f"feature '{self.name}' with rows {batch.shape} or values that are not finite"
+                raise InputError(given, f"finite rows {(len(some), shape[1])}", "correct the feature")
+            result[first : first + BATCH] = batch
         file.parent.mkdir(parents=True, exist_ok=True)
         part = file.with_name(f".{file.name}.{os.getpid()}")
         with part.open("wb") as stream:
-            stream.write(_sealed(found))
+            stream.write(_sealed(result))
         os.replace(part, file)  # noqa: PTH105  (another run may have written the same)
-        return found
+        return result
 
     def _key(self, rows: Indices, noise: Noise | None) -> str:
         about = {
@@ -110,7 +109,7 @@ class Rows:
 
 
 def fingerprint(extractor: Extractor, channels: int, size: Samples) -> str:
-    """Return the sha256 of what a feature makes of made-up windows."""
+    """Return the sha256 of the feature of the probe windows."""
     return hashlib.sha256(np.ascontiguousarray(probed(extractor, channels, size)).tobytes()).hexdigest()
 
 
@@ -121,15 +120,15 @@ def _sealed(rows: Audio) -> bytes:
     return out.getvalue() + hashlib.sha256(out.getvalue()).digest()
 
 
-def _kept(file: Path, shape: tuple[int, int]) -> Audio | None:
-    """Return what a file keeps, or None where it is absent, damaged or something else."""
+def _cached(file: Path, shape: tuple[int, int]) -> Audio | None:
+    """Return the rows in a file, or None where it is absent, damaged or something else."""
     try:
         if file.stat().st_size > MAX_HEADER + 4 * shape[0] * shape[1] + SEAL:
             return None
         data = file.read_bytes()
         if hashlib.sha256(data[:-SEAL]).digest() != data[-SEAL:]:
             return None
-        found: Audio = np.load(BytesIO(data))
+        rows: Audio = np.load(BytesIO(data))
     except (OSError, ValueError, EOFError):
         return None
-    return found if found.shape == shape and found.dtype == np.float32 else None
+    return rows if rows.shape == shape and rows.dtype == np.float32 else None

@@ -1,20 +1,21 @@
-"""The folder of a training run: it needs nothing else to be understood, or to be gone on with.
+"""The folder of a training run, which needs nothing else to be understood or continued.
 
 ::
 
     config.toml              every setting, with its value
-    checkpoint.safetensors   where training stands
+    checkpoint.safetensors   the state after the last epoch
     history.csv              a line for each epoch
-    model/               what was learned, calibrated
-    metrics.json             how good it is on validation; written last, so that it marks a run that is done
-    board/                   TensorBoard's events, where they were asked for
+    model/                   the trained model, calibrated
+    metrics.json             its scores on validation; written last, so that it marks a run that is done
+    board/                   TensorBoard's events, with board = true
     learning.svg             the history drawn, by ``monochord train`` when a run is done
 """
 
 import csv
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -25,15 +26,17 @@ from monochord.perception.training.checkpoint import Line
 
 CONFIG, METRICS, HISTORY = "config.toml", "metrics.json", "history.csv"
 CHECKPOINT, BOARD = "checkpoint.safetensors", "board"
+LOSS, ERROR = "training/loss", "validation/{}"
+"""Names of the curves: the joint loss, and the error of each head, in the units of ``history.csv``."""
 
 
 def claim(out: Path, resolved: Tree) -> None:
-    """Make a folder that of a run with these settings, or find that it is.
+    """Make a folder that of a run with these settings, or check that it is.
 
     Raises
     ------
     InputError
-        If it holds a run with other settings, or something else.
+        If it is a run with other settings, or something else.
     """
     file, text = out / CONFIG, dump_toml(resolved)
     if file.is_file():
@@ -50,7 +53,7 @@ def claim(out: Path, resolved: Tree) -> None:
 
 
 def write_history(out: Path, history: list[Line]) -> None:
-    """Write a line for each epoch: the joint loss, and how far off each head is on validation."""
+    """Write a line for each epoch: the joint loss, and the error of each head on validation."""
     text = StringIO()
     writer = csv.DictWriter(text, list(history[0]) if history else ["epoch"], lineterminator="\n")
     writer.writeheader()
@@ -59,11 +62,77 @@ def write_history(out: Path, history: list[Line]) -> None:
 
 
 def write_metrics(out: Path, metrics: Mapping[str, Any]) -> None:
-    """Write what the run came to."""
+    """Write the scores of the run."""
     _replace(out / METRICS, json.dumps(metrics, indent=1, ensure_ascii=False) + "\n")
 
 
 def _replace(file: Path, text: str) -> None:
     part = file.with_name(f".{file.name}.part")
     part.write_text(text, encoding="utf-8")
-    os.replace(part, file)  # noqa: PTH105  (what stood there is replaced at once)
+    os.replace(part, file)  # noqa: PTH105  (replaces the file at once)
+
+
+def summary_writer() -> Any:
+    """Return the class that writes events; raises `InputError` where TensorBoard is not installed."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter  # noqa: PLC0415
+    except ImportError as error:
+        given = "board = true without tensorboard, which is not installed"
+        raise InputError(given, "the package tensorboard", "pip install tensorboard") from error
+    return SummaryWriter
+
+
+@contextmanager
+def board(folder: Path | None) -> Generator[Callable[[list[Line]], None]]:
+    """Yield a function that writes a run's history for TensorBoard, epoch by epoch.
+
+    Each call writes the epochs since the last one; they are on disk afterwards. The first call writes all of
+    them, into a new file that replaces earlier ones: after a kill the curves are whole, and no epoch is
+    shown twice.
+
+    Parameters
+    ----------
+    folder
+        For the events, made with the first epoch. None: write nothing.
+
+    Raises
+    ------
+    InputError
+        If TensorBoard is not installed.
+
+    Examples
+    --------
+    >>> with board(None) as show:
+    ...     show([{"epoch": 1, "loss": 0.5, "force": 0.2}])
+    """
+    if folder is None:
+        yield lambda _: None
+        return
+    events = _Events(folder, summary_writer())
+    try:
+        yield events.show
+    finally:
+        events.close()
+
+
+class _Events:
+    def __init__(self, folder: Path, kind: Any) -> None:
+        self._folder, self._kind = folder, kind
+        self._writer: Any = None
+        self._shown = 0
+
+    def show(self, history: list[Line]) -> None:
+        for line in history[self._shown :]:
+            epoch = int(line["epoch"])
+            if self._writer is None:  # TensorBoard forgets what it has read from this epoch on
+                self._writer = self._kind(str(self._folder), purge_step=epoch)
+            for name, value in line.items():
+                if name != "epoch":
+                    self._writer.add_scalar(LOSS if name == "loss" else ERROR.format(name), value, epoch)
+        self._shown = len(history)
+        if self._writer is not None:
+            self._writer.flush()
+
+    def close(self) -> None:
+        if self._writer is not None:
+            self._writer.close()

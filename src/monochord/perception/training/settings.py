@@ -1,4 +1,4 @@
-"""What a person configures of a training run."""
+"""The settings of a training run."""
 
 import math
 from collections.abc import Mapping
@@ -18,15 +18,15 @@ from monochord.perception.heads import HEADS
 from monochord.perception.heads.base import Head, Task
 from monochord.perception.model.definition import FeatureRecord, Reference
 
-USUAL_HEADS = ("contact", "slip", "position", "force")
+DEFAULT_HEADS = ("contact", "slip", "position", "force")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContextSettings:
-    """The untouched reference: whether heads see it, which feature is kept of a window, and how it is kept.
+    """The untouched reference: whether heads have it as an input, its feature, and how it is updated.
 
     The times and numbers are those of `model.definition.Reference`. `drop` is the share of
-    training windows that are shown without it, so that a stream's begin is no surprise.
+    training windows that are shown without it, as at the begin of a stream.
     """
 
     on: bool = True
@@ -43,7 +43,7 @@ class ContextSettings:
             raise InputError(f"context.drop {self.drop:g}", "0 to 1")
 
     def rule(self) -> Reference:
-        """Return the rule by which the reference is kept, for a feature whose columns are not known yet."""
+        """Return how the reference is updated, for a feature whose columns are not known yet."""
         name, options = named(FEATURES, self.feature)
         record = FeatureRecord(name=name, options=options, columns=())
         return Reference(
@@ -87,11 +87,10 @@ class NoiseSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObjectSettings:
-    """Objects that were never touched: `copies` of each training window, noisy ones too; 0 adds none.
+    """Contact-compliance augmentation: `copies` of each training window, noisy ones too; 0 adds none.
 
-    Each is the window's row as an object would have given it that gives way by another amount, between the
-    two shares `give` of what the real one does, drawn evenly in the logarithm. The feature must be able to
-    tell: `fft_harmonic` with `tones` is.
+    Each is the window's row for an object of another compliance, between the two multiples `give` of the
+    real one's, log-uniform. The feature must support it: `fft_harmonic` with `tones` does.
     """
 
     copies: int = 0
@@ -102,17 +101,17 @@ class ObjectSettings:
             raise InputError(f"objects.copies {self.copies}", "0 to 100")
         if not 0.0 < self.give[0] <= self.give[1] < math.inf:
             given = f"objects.give {self.give[0]:g} to {self.give[1]:g}"
-            raise InputError(given, "shares above 0, the least first")
+            raise InputError(given, "two numbers above 0, the smaller first")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OptimiserSettings:
-    """How the weights are found: AdamW, its rate falling to zero by half a cosine over all epochs.
+    """The optimiser: AdamW, its rate falling to zero by half a cosine over all epochs.
 
     `rate` is its first rate, `decay` the weight decay of heads with hidden layers (their biases and linear
     heads have none), `batch` the windows a step. Training ends after `epochs`, or when no head has become
     better on validation for `patience` of them. Each head keeps the weights of its own best epoch. `threads`
-    are torch's: the result depends on their number, if hardly.
+    are torch's; the result depends slightly on their number.
     """
 
     rate: float = 1e-3
@@ -144,9 +143,9 @@ class Settings:
     split
         File of the split; by default the one in the dataset's folder.
     sensor
-        Name of the sensor's design, whose string features may use.
+        Name of the sensor's design, whose string the features use.
     seed
-        Of all that is drawn.
+        Random seed.
     feature
         Name and options of the feature.
     context
@@ -154,16 +153,16 @@ class Settings:
     heads
         Options by name of each head that is trained.
     noise
-        What is added to training windows.
+        Noise that is added to training windows.
     objects
-        What is made of training windows for objects that were never touched.
+        Contact-compliance augmentation of training windows.
     optimiser
-        How the weights are found.
+        AdamW and when it ends.
     cache
-        Folder for features that were computed; by default ``features`` in the dataset's folder.
+        Folder for cached features; by default ``features`` in the dataset's folder.
     board
         Also write TensorBoard events into ``board`` in the run's folder. Nothing that is learned depends on
-        it, so that it is no part of what `resolved` tells, and a run that has begun may go on with it.
+        it, so it is no part of `resolved`, and a run that has begun may go on with it.
     """
 
     title: str = ""
@@ -174,7 +173,7 @@ class Settings:
     feature: dict[str, Any] = field(default_factory=lambda: {"name": "fft_harmonic"})
     context: ContextSettings = ContextSettings()
     heads: dict[str, dict[str, Any]] = field(
-        default_factory=lambda: dict[str, dict[str, Any]]((name, {}) for name in USUAL_HEADS)
+        default_factory=lambda: dict[str, dict[str, Any]]((name, {}) for name in DEFAULT_HEADS)
     )
     noise: NoiseSettings = NoiseSettings()
     objects: ObjectSettings = ObjectSettings()
@@ -185,10 +184,10 @@ class Settings:
     @classmethod
     def read(cls, tree: Mapping[str, Any]) -> "Settings":
         """Build from plain values, strictly; relative paths are those of the caller."""
-        found = from_tree(cls, tree)
-        if found.seed < 0:
-            raise InputError(f"seed {found.seed}", "0 or more")
-        return found
+        settings = from_tree(cls, tree)
+        if settings.seed < 0:
+            raise InputError(f"seed {settings.seed}", "0 or more")
+        return settings
 
     def tasks(self) -> dict[str, Task]:
         """Return the task of each head; raises `InputError` for an unknown name or option."""
@@ -202,7 +201,7 @@ class Settings:
         return named(FEATURES, self.feature)
 
     def resolved(self) -> Tree:
-        """Return every option that makes a run, defaults too, and paths in full: what is saved with it."""
+        """Return every setting of a run, defaults too, and paths in full: what is saved with it."""
         name, options = self.feature_named()
         tree = to_tree(self)
         del tree["board"]
@@ -220,7 +219,7 @@ class Settings:
 
 
 def named(registry: Registry[Feature], table: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Return the name of the plug-in that a table asks for, and all its options with their values."""
+    """Return the name of the plug-in in a table, and all its options with their values."""
     options = dict(table)
     name = options.pop("name", None)
     if not isinstance(name, str):

@@ -1,29 +1,30 @@
 """A training run from settings to a model, readable top to bottom."""
 
 import dataclasses
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
-from monochord.core.types import Floats, Signal
+from monochord.core.types import Floats, Window
+from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, Indices, open_dataset
+from monochord.metrics import detection_score, mean_absolute_error, regression_score
+from monochord.perception.model.context import Stream
 from monochord.perception.model.definition import Calibration, Definition
-from monochord.perception.model.estimates import amount, probability
 from monochord.perception.model.files import INSIDE_A_RUN, save
 from monochord.perception.model.model import Model
-from monochord.perception.model.network import Answer
+from monochord.perception.model.network import Output, probability, quantity
 from monochord.perception.training._torch import torch_library
-from monochord.perception.training.board import board, summary_writer
-from monochord.perception.training.calibrate import calibrated_amount, calibrated_chance
+from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
-from monochord.perception.training.examples import chosen, masks_of
-from monochord.perception.training.loop import Plan, fit
-from monochord.perception.training.prepare import (
-    Material,
+from monochord.perception.training.examples import (
+    chosen,
     examples_of,
-    material,
+    masks_of,
     noises_of,
     probes,
     quietest,
@@ -31,41 +32,52 @@ from monochord.perception.training.prepare import (
     scaled_heads,
     scaling,
     stream_of,
+    touches_of,
+    training_data,
     with_objects,
 )
-from monochord.perception.training.replay import replay
-from monochord.perception.training.rows import Told
-from monochord.perception.training.run_folder import BOARD, CHECKPOINT, claim, write_history, write_metrics
-from monochord.perception.training.scores import Numbers, amount_scores, chance_scores
+from monochord.perception.training.loop import TrainingSetup, fit
+from monochord.perception.training.rows import Progress
+from monochord.perception.training.run_folder import (
+    BOARD,
+    CHECKPOINT,
+    board,
+    claim,
+    summary_writer,
+    write_history,
+    write_metrics,
+)
 from monochord.perception.training.settings import Settings
+
+HeadScores = dict[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Result:
-    """What a run ended with: `scores` are those of each head on validation."""
+class TrainingResult:
+    """The result of a run; `scores` are those of each head on validation."""
 
     out: Path
     model: Model
-    scores: dict[str, Numbers]
+    scores: dict[str, HeadScores]
     epochs: int
 
 
-def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result:
-    """Train a model into the folder `out`, or go on where a run of the same settings was cut off.
+def train(settings: Settings, out: Path, progress: Progress = lambda *_: None) -> TrainingResult:
+    """Train a model into the folder `out`, or go on where a run of the same settings was interrupted.
 
     Parameters
     ----------
     settings
-        What is to be learned, and from what.
+        What is learned, and from what.
     out
         Folder of the run; new, or one with the same settings.
-    told
-        Is told of the progress.
+    progress
+        Called with the progress.
 
     Raises
     ------
     InputError
-        If a setting, the dataset or the split cannot be used, `out` holds something else, or torch is not
+        If a setting, the dataset or the split cannot be used, `out` is something else, or torch is not
         installed, or TensorBoard where it is asked for.
 
     Examples
@@ -77,31 +89,32 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
         summary_writer()
     dataset = open_dataset(settings.dataset)
     split = read_split(settings, dataset)
-    source = material(settings, dataset, split)
+    data = training_data(settings, dataset, split)
     for name in ("train", "validation"):
-        chosen(dataset, split.parts[name], source.tasks, name)  # refuses before anything is written
+        chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())
     noises = noises_of(settings, dataset.manifest.sample_rate)
-    seen = with_objects(source, examples_of(source, split.train, "train", noises, told), settings)
-    judged = with_objects(source, examples_of(source, split.validation, "validation", told=told), settings)
-    definition, scaler = scaled_heads(source.definition, seen), scaling(seen)
-    definition = dataclasses.replace(definition, quietest=quietest(dataset, seen.rows))
-    plan = Plan(
+    learned = with_objects(data, examples_of(data, split.train, "train", noises, progress), settings)
+    judged = with_objects(
+        data, examples_of(data, split.validation, "validation", progress=progress), settings
+    )
+    definition, scaler = scaled_heads(data.definition, learned), scaling(learned)
+    definition = dataclasses.replace(definition, quietest=quietest(dataset, learned.rows))
+    setup = TrainingSetup(
         definition=definition, optimiser=settings.optimiser, drop=settings.context.drop, seed=settings.seed
     )
 
     with board(out / BOARD if settings.board else None) as show:
 
-        def shown(state: Checkpoint) -> None:
+        def report(state: Checkpoint) -> None:
             write_history(out, state.history)
             show(state.history)
-            told("epochs", state.epoch, settings.optimiser.epochs)
+            progress("epochs", state.epoch, settings.optimiser.epochs)
 
-        state = fit(plan, scaler, seen, judged, out / CHECKPOINT, shown)
-        shown(state)  # a kill between a checkpoint and this would leave out its epoch
-    learned = Model(definition=definition, weights={**scaler, **probes(source), **state.best})
-    stream = stream_of(dataset, split.validation)
-    model, scores = calibrated(learned, source, stream, told)
+        state, weights = fit(setup, scaler, learned, judged, out / CHECKPOINT, report)
+        report(state)  # a kill between a checkpoint and its report would leave out its epoch
+    model = Model(definition=definition, weights={**scaler, **probes(data), **weights})
+    model, scores = calibrated(model, dataset, stream_of(dataset, split.validation), progress)
     model = save(model, out / INSIDE_A_RUN)
     write_metrics(
         out,
@@ -114,89 +127,154 @@ def train(settings: Settings, out: Path, told: Told = lambda *_: None) -> Result
             },
             "epochs": state.epoch,
             "best_epochs": state.at,
-            "windows": {"train": len(seen.rows), "validation": len(judged.rows)},
+            "windows": {"train": len(learned.rows), "validation": len(judged.rows)},
             "dataset": model.definition.dataset,
             "data": state.data,
             "versions": model.definition.versions,
         },
     )
-    return Result(out=out, model=model, scores=scores, epochs=state.epoch)
+    return TrainingResult(out=out, model=model, scores=scores, epochs=state.epoch)
 
 
 def calibrated(
-    learned: Model, source: Material, stream: Indices, told: Told = lambda *_: None
-) -> tuple[Model, dict[str, Numbers]]:
-    """Return a model whose doubt comes true on a stream of windows (n,), and its scores there.
+    model: Model, dataset: Dataset, rows: Indices, progress: Progress = lambda *_: None
+) -> tuple[Model, dict[str, HeadScores]]:
+    """Return a model whose uncertainty is calibrated on a stream of windows (n,), and its scores there.
 
-    The windows are heard one by one, as live. Contact is calibrated first, since its probability says which
-    windows become the reference that other heads see.
+    The windows are read one by one, as live. Contact is calibrated first, since its probability decides
+    which windows become the reference that other heads see.
     """
-    dataset = source.dataset
-    gate = learned.definition.gate
-    answers = _answers(learned, dataset, stream, told)
-    learned = _with(learned, gate, _calibration(learned.definition, gate, dataset, answers))
-    answers = _answers(learned, dataset, stream, told)
-    scores: dict[str, Numbers] = {}
-    for name in learned.definition.heads:
+    gate = model.definition.gate
+    touch = touches_of(dataset)
+    outputs = _outputs(model, dataset, rows, progress)
+    model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch))
+    outputs = _outputs(model, dataset, rows, progress)
+    scores: dict[str, HeadScores] = {}
+    for name in model.definition.heads:
         if name != gate:
-            learned = _with(learned, name, _calibration(learned.definition, name, dataset, answers))
-        scores[name] = _score(learned.definition, name, dataset, answers)
-    return learned, scores
+            model = _with(model, name, _calibration(model.definition, name, dataset, outputs, touch))
+        scores[name] = _score(model.definition, name, dataset, outputs)
+    return model, scores
 
 
-def _answers(learned: Model, dataset: Dataset, stream: Indices, told: Told) -> dict[int, dict[str, Answer]]:
-    manifest = dataset.manifest
-    signal = Signal(sample_rate=manifest.sample_rate, channels=manifest.channels)
-    found: dict[int, dict[str, Answer]] = {}
-    for done, (row, answers) in enumerate(replay(learned.prepare(signal), dataset, stream), start=1):
-        if answers:
-            found[row] = answers
-        if done % 256 == 0 or done == len(stream):
-            told("validation, heard one by one", done, len(stream))
-    return found
+def replay(model: Model, dataset: Dataset, rows: Indices) -> Iterator[tuple[int, Mapping[str, Output]]]:
+    """Yield each row with the outputs of every head for its window; nothing for one that cannot be used.
+
+    `rows` (n,) are in the order of their sessions and of time; each session is a stream of its own.
+    """
+    stream, session = Stream(), -1
+    for row in rows.tolist():
+        if dataset.session[row] != session:
+            stream, session = Stream(), int(dataset.session[row])
+        stream, outputs = model.outputs(stream, window_of(dataset, row))
+        yield row, outputs
 
 
-def _with(learned: Model, name: str, calibration: Calibration) -> Model:
-    told = learned.definition
-    heads = {**told.heads, name: dataclasses.replace(told.heads[name], calibration=calibration)}
-    return dataclasses.replace(learned, definition=dataclasses.replace(told, heads=heads))
+def window_of(dataset: Dataset, row: int) -> Window:
+    """Return a window of a dataset as a source would yield it, with samples of its own."""
+    start: Samples = int(dataset.start[row])
+    return Window(
+        samples=dataset.window(row).copy(),
+        start=start,
+        sample_rate=dataset.manifest.sample_rate,
+        has_gap=bool(dataset.has_gap[row]),
+    )
+
+
+def probability_scores(reference: NDArray[np.bool_], estimate: Floats) -> HeadScores:
+    """Return accuracy, area under the curve, and the accuracy of always the more frequent answer.
+
+    >>> scores = probability_scores(np.array([True, False, False]), np.array([0.9, 0.2, 0.6]))
+    >>> {name: round(value, 3) for name, value in scores.items()}
+    {'windows': 3, 'accuracy': 0.667, 'auc': 1.0, 'baseline_accuracy': 0.667}
+    """
+    score = detection_score(reference, estimate)
+    return {
+        "windows": score.windows,
+        "accuracy": _number(score.accuracy),
+        "auc": _number(score.area),
+        "baseline_accuracy": _number(score.baseline),
+    }
+
+
+def quantity_scores(reference: Floats, estimate: Floats, std: Floats, mean: float) -> HeadScores:
+    """Return error, correlation, coverage, and the error of `mean`, the mean label of the training.
+
+    >>> quantity_scores(np.array([1.0, 2.0]), np.array([1.0, 2.5]), np.ones(2), 1.5)["baseline_mae"]
+    0.5
+    """
+    score = regression_score(reference, estimate, std, limit=0.0)
+    return {
+        "windows": score.windows,
+        "mae": _number(score.mae),
+        "median_error": _number(score.median),
+        "r": _number(score.r),
+        "std": float(np.median(std)),
+        "baseline_mae": mean_absolute_error(reference, np.full(len(reference), mean)),
+    }
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _outputs(
+    model: Model, dataset: Dataset, rows: Indices, progress: Progress
+) -> dict[int, Mapping[str, Output]]:
+    result: dict[int, Mapping[str, Output]] = {}
+    for done, (row, outputs) in enumerate(replay(model, dataset, rows), start=1):
+        if outputs:
+            result[row] = outputs
+        if done % 256 == 0 or done == len(rows):
+            progress("validation, window by window", done, len(rows))
+    return result
+
+
+def _with(model: Model, name: str, calibration: Calibration) -> Model:
+    definition = model.definition
+    heads = {**definition.heads, name: dataclasses.replace(definition.heads[name], calibration=calibration)}
+    return dataclasses.replace(model, definition=dataclasses.replace(definition, heads=heads))
 
 
 def _counting(
-    definition: Definition, name: str, dataset: Dataset, answers: dict[int, dict[str, Answer]]
+    definition: Definition, name: str, dataset: Dataset, outputs: Mapping[int, Mapping[str, Output]]
 ) -> Indices:
-    """Return the windows that count for a head and were answered."""
-    rows = np.array(sorted(answers), np.int64)
+    """Return the windows that count for a head and have an output."""
+    rows = np.array(sorted(outputs), np.int64)
     task = definition.heads[name].task
     return rows[masks_of(dataset, {name: task})[name][rows]]
 
 
 def _calibration(
-    definition: Definition, name: str, dataset: Dataset, answers: dict[int, dict[str, Answer]]
+    definition: Definition,
+    name: str,
+    dataset: Dataset,
+    outputs: Mapping[int, Mapping[str, Output]],
+    touch: Indices,
 ) -> Calibration:
-    record, rows = definition.heads[name], _counting(definition, name, dataset, answers)
+    record, rows = definition.heads[name], _counting(definition, name, dataset, outputs)
     reference, session = dataset.label(record.task.label)[rows], dataset.session[rows].astype(np.int64)
-    if record.task.is_chance:
-        logit = np.array([answers[row][name].value for row in rows.tolist()])
-        return calibrated_chance(reference == 1.0, logit, session)
-    value, std = _amounts(definition, name, rows, answers)
-    return calibrated_amount(value - reference, std, session)
+    if record.task.is_probability:
+        logit = np.array([outputs[row][name].value for row in rows.tolist()])
+        return calibrate_probability(reference == 1.0, logit, session)
+    value, std = _quantities(definition, name, rows, outputs)
+    return calibrate_quantity(value - reference, std, session, touch[rows])
 
 
 def _score(
-    definition: Definition, name: str, dataset: Dataset, answers: dict[int, dict[str, Answer]]
-) -> Numbers:
-    record, rows = definition.heads[name], _counting(definition, name, dataset, answers)
+    definition: Definition, name: str, dataset: Dataset, outputs: Mapping[int, Mapping[str, Output]]
+) -> HeadScores:
+    record, rows = definition.heads[name], _counting(definition, name, dataset, outputs)
     reference = dataset.label(record.task.label)[rows]
-    if record.task.is_chance:
-        chances = np.array([probability(answers[row][name], record) for row in rows.tolist()])
-        return chance_scores(reference == 1.0, chances)
-    return amount_scores(reference, _amounts(definition, name, rows, answers)[0], record.offset)
+    if record.task.is_probability:
+        estimate = np.array([probability(outputs[row][name], record) for row in rows.tolist()])
+        return probability_scores(reference == 1.0, estimate)
+    return quantity_scores(reference, *_quantities(definition, name, rows, outputs), record.offset)
 
 
-def _amounts(
-    definition: Definition, name: str, rows: Indices, answers: dict[int, dict[str, Answer]]
+def _quantities(
+    definition: Definition, name: str, rows: Indices, outputs: Mapping[int, Mapping[str, Output]]
 ) -> tuple[Floats, Floats]:
-    found = [amount(answers[row][name], definition.heads[name]) for row in rows.tolist()]
-    value, std = np.array(found).T
+    pairs = [quantity(outputs[row][name], definition.heads[name]) for row in rows.tolist()]
+    value, std = np.array(pairs).T
     return value, std

@@ -1,6 +1,6 @@
-"""Models that come with Monochord, one folder each, found by its name.
+"""Bundled pretrained models, one folder each.
 
-How each was made stands in its ``SOURCES.md``.
+The ``SOURCES.md`` of each says how it was made.
 """
 
 from importlib.resources import files
@@ -8,15 +8,15 @@ from pathlib import Path
 
 
 def bundled_names() -> list[str]:
-    """Return the names of the models that come along, sorted.
+    """Return the names of the bundled pretrained models, sorted.
 
     Examples
     --------
     >>> bundled_names()
     ['demo']
     """
-    found = (Path(str(entry)) for entry in files(__name__).iterdir())
-    return sorted(path.name for path in found if (path / "model.json").is_file())
+    paths = (Path(str(entry)) for entry in files(__name__).iterdir())
+    return sorted(path.name for path in paths if (path / "model.json").is_file())
 
 
 def bundled_folder(name: str) -> Path | None:

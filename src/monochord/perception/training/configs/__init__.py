@@ -1,8 +1,11 @@
-"""Training runs as data: what to learn and how, one TOML file each, found by its name."""
+"""Training presets: what is learned and how, one TOML file each, found by its name."""
 
 from pathlib import Path
 
 from monochord.core.presets import preset_names, preset_path
+
+DEFAULT = "tones"
+"""The preset of `monochord train` without a name: that of the published results."""
 
 
 def config_names() -> list[str]:
@@ -26,7 +29,7 @@ def config_path(name: str) -> Path:
 
     Examples
     --------
-    >>> config_path("small").name
-    'small.toml'
+    >>> config_path("paper").name
+    'paper.toml'
     """
     return preset_path(__name__, "configuration", name)
