@@ -1,4 +1,4 @@
-"""What every head promises: a task that training and prediction can carry out."""
+"""The contract of every head: a task that training and prediction can carry out."""
 
 import math
 
@@ -44,3 +44,26 @@ def test_it_survives_being_written_down(task: Task) -> None:
 def test_options_that_make_no_sense_are_refused_in_a_line(name: str, options: dict[str, object]) -> None:
     with pytest.raises(InputError, match=r": allowed is "):
         HEADS.build(name, options).task()
+
+
+def test_contact_and_slip_are_linear_and_position_and_force_are_not() -> None:
+    layers = {name: (len(task.hidden), task.linear, task.outputs) for name, task in TASKS.items()}
+    expected = {
+        "contact": (0, False, 1),
+        "slip": (0, False, 1),
+        "position": (3, True, 2),
+        "force": (3, True, 2),
+    }
+    assert layers == expected
+
+
+@pytest.mark.parametrize("name", ["position", "force"])
+def test_a_quantity_may_have_one_standard_error_for_all(name: str) -> None:
+    assert HEADS.build(name, {"loss": "square"}).task().outputs == 1
+    with pytest.raises(InputError, match="limit -1 of a standard error: allowed is a number above 0"):
+        HEADS.build(name, {"limit": -1.0}).task()
+
+
+def test_a_linear_path_of_a_probability_is_refused() -> None:
+    with pytest.raises(InputError, match="a linear path with the logistic loss"):
+        Task(label="slip", loss="logistic", linear=True)

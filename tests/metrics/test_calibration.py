@@ -12,7 +12,6 @@ from monochord.metrics import (
     calibration_error,
     coverage,
     normal_coverage,
-    quantile_coverage,
     reliability,
 )
 
@@ -52,14 +51,6 @@ def test_normal_coverage_is_the_known_share() -> None:
     assert normal_coverage(1.959963984540054) == pytest.approx(0.95, abs=1e-12)
 
 
-def test_honest_quantiles_hold_their_share() -> None:
-    stream = np.random.default_rng(1)
-    shares = np.array([0.05, 0.5, 0.9])
-    scale = stream.uniform(1.0, 5.0, 20000)
-    truth = scale * stream.uniform(size=scale.size)
-    assert quantile_coverage(truth, scale[:, None] * shares) == pytest.approx(shares, abs=0.012)
-
-
 def test_reliability_counts_each_row_once_and_edges_go_up() -> None:
     probability = np.array([0.0, 0.5, 0.5, 1.0])
     stated, share, count = reliability(np.array([False, True, False, True]), probability, bins=4)
@@ -84,10 +75,6 @@ def test_what_cannot_be_scored_is_refused() -> None:
         coverage(one, one, np.array([1.0, np.nan]))
     with pytest.raises(InputError, match="0 or more"):
         normal_coverage(-1.0)
-    with pytest.raises(InputError, match=r"quantiles of shape \(3, 1\): allowed is \(2, one or more\)"):
-        quantile_coverage(one, np.zeros((3, 1)))
-    with pytest.raises(InputError, match="do not fall"):
-        quantile_coverage(one, np.array([[1.0, 0.0], [0.0, 1.0]]))
     with pytest.raises(InputError, match=r"probabilities 0 to 1\.5: allowed is 0 to 1"):
         brier_score(one == 0.0, np.array([0.0, 1.5]))
     with pytest.raises(InputError, match="the same length"):

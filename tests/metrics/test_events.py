@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.metrics import detection_delays, false_alarm_rate, false_alarms, stretches
+from monochord.metrics import detection_delays, false_alarms, stretches
 
 EVENTS = np.array([[1.0, 2.0], [3.0, 4.0], [6.0, 7.0]])
 NONE = np.zeros((0, 2))
@@ -37,14 +37,6 @@ def test_an_alarm_may_be_early_by_as_much_as_is_allowed() -> None:
 
 def test_an_alarm_at_the_end_of_an_event_is_none_of_it() -> None:
     assert false_alarms(EVENTS, np.array([[2.0, 2.5]])) == 1
-
-
-def test_false_alarms_are_counted_over_the_time_without_events() -> None:
-    alarms = np.array([[0.0, 0.5], [2.25, 2.5], [6.0, 6.5]])
-    rate = false_alarm_rate(EVENTS, alarms, [(0.0, 5.0), (5.5, 7.5)])
-    assert rate == pytest.approx(2 / (7.0 - 3.0), abs=1e-12)
-    assert false_alarm_rate(NONE, alarms, [(0.0, 6.0)]) == pytest.approx(0.5, abs=1e-12)
-    assert false_alarm_rate(EVENTS, NONE, [(0.0, 8.0)]) == 0.0
 
 
 def test_nothing_happened_and_nothing_was_said() -> None:
@@ -90,8 +82,6 @@ def test_what_is_no_stretch_is_refused(events: np.ndarray, alarms: np.ndarray, m
 def test_other_input_is_refused() -> None:
     with pytest.raises(InputError, match="early -1 s"):
         false_alarms(EVENTS, EVENTS, early=-1.0)
-    with pytest.raises(InputError, match="0 s without an event"):
-        false_alarm_rate(EVENTS[:1], NONE, [(1.0, 2.0)])
     with pytest.raises(InputError, match="rising times"):
         stretches(np.array([0.0, 0.0]), np.ones(2, bool), 0.1)
     with pytest.raises(InputError, match="rising times"):

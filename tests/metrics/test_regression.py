@@ -67,7 +67,11 @@ def test_known_rows_are_finite_in_every_column() -> None:
 @pytest.mark.parametrize(
     ("reference", "estimate", "message"),
     [
-        ([0.0, 1.0], [0.0, np.nan], "1 of 2 in estimate not finite: allowed is numbers; pick rows by known"),
+        (
+            [0.0, 1.0],
+            [0.0, np.nan],
+            "1 of 2 in estimate not finite: allowed is numbers; select rows",
+        ),
         ([0.0, np.inf], [0.0, 1.0], "1 of 2 in reference not finite"),
         ([0.0, 1.0], [0.0], r"reference of shape \(2,\), estimate of shape \(1,\)"),
         ([[0.0]], [[0.0]], "allowed is one dimension"),

@@ -10,11 +10,10 @@ from monochord.metrics.calibration import (
     calibration_error,
     coverage,
     normal_coverage,
-    quantile_coverage,
     reliability,
 )
 from monochord.metrics.classification import accuracy, balanced_accuracy, confusion
-from monochord.metrics.events import detection_delays, false_alarm_rate, false_alarms, stretches
+from monochord.metrics.events import detection_delays, false_alarms, stretches
 from monochord.metrics.ranking import area_interval, area_under_curve
 from monochord.metrics.regression import known, mean_absolute_error, mean_error, pearson_r, rms_error, within
 from monochord.metrics.scores import (
@@ -45,7 +44,6 @@ __all__ = [
     "decision_accuracy",
     "detection_delays",
     "detection_score",
-    "false_alarm_rate",
     "false_alarms",
     "hit_rate",
     "known",
@@ -53,7 +51,6 @@ __all__ = [
     "mean_error",
     "normal_coverage",
     "pearson_r",
-    "quantile_coverage",
     "regression_score",
     "reliability",
     "rms_error",

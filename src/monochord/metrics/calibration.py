@@ -1,4 +1,4 @@
-"""Whether stated uncertainty is what it says: of standard errors, of quantiles, of probabilities."""
+"""Whether stated uncertainty is what it says: of standard errors and of probabilities."""
 
 from math import erf, sqrt
 
@@ -51,37 +51,6 @@ def normal_coverage(sigmas: float) -> float:
     if not sigmas >= 0.0:
         raise InputError(f"{sigmas:g} standard deviations", "0 or more")
     return erf(sigmas / sqrt(2.0))
-
-
-def quantile_coverage(reference: Floats, quantiles: Floats) -> Floats:
-    """Return for each stated quantile the share of truths (q,) at or below it, 0 to 1.
-
-    A quantile that was stated for the share p has its p of the truths below it where it is honest.
-
-    Parameters
-    ----------
-    reference
-        Truth (n,).
-    quantiles
-        What was stated, (n, q), in the same unit, not falling along a row.
-
-    Raises
-    ------
-    InputError
-        If the shapes do not fit, a value is not a number, or quantiles of a row fall.
-
-    Examples
-    --------
-    >>> quantile_coverage(np.array([1.0, 2.0]), np.array([[0.0, 1.0, 3.0], [0.0, 1.0, 3.0]])).tolist()
-    [0.0, 0.5, 1.0]
-    """
-    quantiles = np.asarray(quantiles, np.float64)
-    (reference,) = numbers(reference=reference)
-    if quantiles.ndim != 2 or len(quantiles) != len(reference) or quantiles.shape[1] == 0:
-        raise InputError(f"quantiles of shape {quantiles.shape}", f"({len(reference)}, one or more)")
-    if not np.isfinite(quantiles).all() or (np.diff(quantiles, axis=1) < 0.0).any():
-        raise InputError("quantiles that fall or are not numbers", "numbers that do not fall along a row")
-    return np.mean(reference[:, None] <= quantiles, axis=0)
 
 
 def brier_score(reference: NDArray[np.bool_], probability: Floats) -> float:

@@ -4,14 +4,12 @@ An event and an alarm are stretches of time [begin, end). An alarm belongs to th
 that begins in none is false, even if an event comes while it lasts: always yes detects nothing.
 """
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.core.units import Hertz, Seconds
+from monochord.core.units import Seconds
 from monochord.metrics._checked import decisions, numbers
 
 
@@ -95,39 +93,6 @@ def false_alarms(events: Floats, alarms: Floats, early: Seconds = 0.0) -> int:
     1
     """
     return int(np.count_nonzero(_owners(events, alarms, early)[0] < 0))
-
-
-def false_alarm_rate(
-    events: Floats, alarms: Floats, watched: Iterable[tuple[Seconds, Seconds]], early: Seconds = 0.0
-) -> Hertz:
-    """Return false alarms in each second without an event, in 1/s; 60 times that is false alarms a minute.
-
-    Parameters
-    ----------
-    events, alarms, early
-        As in `detection_delays`.
-    watched
-        Begin and end in s of each stretch that was listened to, in order and apart; all events and alarms are
-        in these.
-
-    Raises
-    ------
-    InputError
-        As `detection_delays`, and where no time without an event was watched.
-
-    Examples
-    --------
-    >>> alarms = np.array([[5.0, 6.0], [11.0, 19.0]])
-    >>> 60.0 * false_alarm_rate(np.array([[10.0, 20.0]]), alarms, [(0.0, 40.0)])
-    2.0
-    """
-    count = false_alarms(events, alarms, early)
-    spans = _checked(np.array(list(watched), dtype=np.float64).reshape(-1, 2), "watched")
-    clipped = np.minimum(events[:, None, 1], spans[:, 1]) - np.maximum(events[:, None, 0], spans[:, 0])
-    quiet = float(np.sum(spans[:, 1] - spans[:, 0]) - np.sum(np.maximum(clipped, 0.0)))
-    if not quiet > 0.0:
-        raise InputError(f"{quiet:g} s without an event", "above 0 s")
-    return count / quiet
 
 
 def _owners(events: Floats, alarms: Floats, early: Seconds) -> tuple[NDArray[np.int64], Floats]:

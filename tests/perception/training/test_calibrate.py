@@ -28,6 +28,13 @@ def test_one_sigma_covers_what_it_should_whatever_the_errors(kind: str) -> None:
     assert coverage(np.zeros(4000), error[4000:], factor * std[4000:], 1.0) == pytest.approx(0.6827, abs=0.02)
 
 
+def test_few_touches_hardly_reduce_the_spread_of_training() -> None:
+    error, std = 0.1 * np.ones(100), np.ones(100)
+    few, many = (spread_factor(error, std, np.arange(100) * touches // 100) for touches in (3, 100))
+    assert few > 0.5
+    assert many == pytest.approx(0.1, rel=0.3)
+
+
 def test_a_few_windows_are_covered_rather_more_than_less() -> None:
     rng = np.random.default_rng(1)
     shares = []

@@ -14,6 +14,8 @@ FACTORS = np.exp(np.linspace(math.log(0.5), math.log(20.0), 401))
 """Temperatures that are tried; bounded, since probabilities without an error have no best one."""
 SIGMAS = (1.0, 1.645, 1.96)
 MIN_FACTOR = 1e-6
+PRIOR_TOUCHES = 10.0
+"""Touches that the spread of training, which is of unseen touches, is worth against a factor below 1."""
 Indices = NDArray[np.int64]
 
 
@@ -42,7 +44,8 @@ def spread_factor(error: Floats, std: Floats, touch: Indices | None = None) -> f
 
     It is the quantile of ``|error| / std`` at 68.3 % (m + 1) / m, the finite-sample one of split conformal
     prediction, times Student's t at one sigma with m - 1 degrees of freedom: m is the number of touches,
-    since the windows of one touch have much the same error. So few touches give a large factor.
+    since the windows of one touch have much the same error. So few touches give a large factor; and one
+    below 1, which would state less than the residuals of training, counts by its m in m + `PRIOR_TOUCHES`.
 
     Parameters
     ----------
@@ -68,7 +71,8 @@ def spread_factor(error: Floats, std: Floats, touch: Indices | None = None) -> f
     count = ratio.size if touch is None else len(np.unique(touch))
     rank = math.ceil(ratio.size * (count + 1) / count * normal_coverage(1.0) - 1e-9)
     inflation = float(stdtrit(max(count - 1, 1), ndtr(1.0)))
-    return float(max(inflation * ratio[min(rank, ratio.size) - 1], MIN_FACTOR))
+    factor = max(inflation * float(ratio[min(rank, ratio.size) - 1]), MIN_FACTOR)
+    return factor if factor >= 1.0 else factor ** (count / (count + PRIOR_TOUCHES))
 
 
 def calibrate_probability(reference: NDArray[np.bool_], logit: Floats, session: Indices) -> Calibration:
