@@ -7,11 +7,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from monochord.lab.bench import make
 from sklearn.model_selection import GroupKFold, cross_val_score
 
 import monochord as mc
 from monochord.datasets.build import build_dataset
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 

@@ -26,15 +26,8 @@ def main() -> None:
         dataset = build_dataset(sessions, folder / "dataset")
         split = split_dataset(dataset, by="time", seed=1)
         split.write(dataset.path / "split.json")
-        few = {"hidden": [32, 32, 32]}
         settings = Settings.read(
-            {
-                "dataset": str(dataset.path),
-                "feature": {"name": "log_mel"},
-                "context": {"on": False},
-                "heads": {"contact": {}, "slip": {}, "position": few, "force": few},
-                "optimiser": {"rate": 3e-3, "decay": 1e-2, "batch": 64, "epochs": 40},
-            }
+            {"dataset": str(dataset.path), "optimiser": {"batch": 64, "epochs": 20, "decay": 1.0}}
         )
         result = train(settings, folder / "run")
         error = 1e3 * result.scores["position"]["mae"]

@@ -90,14 +90,10 @@ def test_build_a_dataset() -> None:
 
 def test_train_a_model() -> None:
     pytest.importorskip("torch")
-    head, contact, _, position, force, test = output("train_a_model.py").splitlines()
-    assert head == "simulated, on validation:"
-    assert float(re.findall(r"[\d.]+", contact)[0]) > 95.0
-    for line, share in ((position, 0.5), (force, 1.0)):
-        error, mean = (float(number) for number in re.findall(r"(?:error|label:) ([\d.]+)", line))
-        assert 0.0 < error < share * mean
-    off, count = (float(number) for number in re.findall(r"[\d.]+", test))
-    assert off < 15.0
+    validation, test = output("train_a_model.py").splitlines()
+    assert float(re.findall(r"[\d.]+", validation)[0]) < 5.0
+    error, count = (float(number) for number in re.findall(r"[\d.]+", test))
+    assert error < 5.0
     assert count >= 10
 
 
@@ -109,3 +105,11 @@ def test_evaluate_an_estimator() -> None:
         answered, error = re.findall(r"([\d.]+)% +([\d.]+) mm", row)[0]
         assert float(answered) > 60.0
         assert float(error) < 1.0
+
+
+def test_study_a_feature() -> None:
+    scores = dict(
+        re.findall(r"^(\w+): R\^2 of the force (-?[\d.]+)", output("study_a_feature.py"), re.MULTILINE)
+    )
+    assert set(scores) == {"log_mel", "fft_harmonic"}
+    assert float(scores["fft_harmonic"]) > float(scores["log_mel"])

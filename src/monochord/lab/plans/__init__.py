@@ -13,7 +13,7 @@ def plan_names() -> list[str]:
     Examples
     --------
     >>> plan_names()
-    ['paper', 'small']
+    ['paper', 'quick', 'small']
     """
     return preset_names(__name__)
 
