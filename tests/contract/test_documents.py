@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import pkgutil
 import re
 import shlex
 import subprocess
@@ -123,3 +124,30 @@ def test_the_presets_have_a_page_with_their_sources() -> None:
     for name in (*sensor_names(), *string_names(), *material_names()):
         assert f"### {name}\n" in page
     assert page.count("Source: ") == page.count("### ")
+
+
+HAND_WRITTEN = [
+    page
+    for page in sorted((ROOT / "docs").rglob("*.md"))
+    if page.name not in GENERATED and page.parent.name != "library"
+]
+
+
+@pytest.mark.parametrize("page", HAND_WRITTEN, ids=lambda page: page.name)
+def test_names_and_links_of_a_page_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    if page.parent.name != "design":  # a design note may name what stood when it was written
+        names = re.findall(r"`(monochord(?:\.[a-z]\w*)+)`|\.\. auto\w+:: (\S+)", text)
+        for name in {one or other for one, other in names}:
+            pkgutil.resolve_name(name)
+    for target in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", text):
+        generated = Path(target).name in GENERATED or "library/" in target
+        assert generated or (page.parent / target).exists(), target
+
+
+def test_every_package_has_a_library_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    folders = importlib.import_module("folders")
+    pages = {package: folders.library(package) for package in folders.packages()}
+    assert {"capture", "core", "perception", "physics"} <= set(pages)
+    assert all(f".. automodule:: monochord.{package}" in page for package, page in pages.items())
