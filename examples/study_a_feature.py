@@ -17,7 +17,7 @@ from monochord.lab.plans import load_plan
 
 
 def main() -> None:
-    """Print how well each feature tells the force on touches that it is not fitted to."""
+    """Print how well each feature predicts the force of touches that are not in the fit."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
