@@ -235,14 +235,19 @@ def test_a_linear_path_is_exact_where_labels_are_and_corrected_where_not(
     _, weights = fit(setup, SCALER, train, judged, tmp_path / "a")
     network = Network.of(setup.definition, {**SCALER, **weights})
     mask = judged.masks["force"]
-    estimate = [0.5 * network.output("force", row, row[:0]).value for row in judged.base[0][mask]]
-    error = np.abs(estimate - judged.labels["force"][mask]).mean()
+    outputs = [network.output("force", row, row[:0]) for row in judged.base[0][mask]]
+    error = np.abs([0.5 * output.value for output in outputs] - judged.labels["force"][mask]).mean()
+    spread = np.mean([0.5 * np.exp(output.log_spread) for output in outputs])
     ridge = np.abs(
         0.5 * (judged.base[0][mask] @ weights["force.linear.weight"][0] + weights["force.linear.bias"][0])
         - judged.labels["force"][mask]
     ).mean()
     assert error <= 1.001 * ridge
-    assert error < 0.01 if curvature == 0.0 else error < 0.7 * ridge
+    if curvature == 0.0:
+        assert error < 0.01
+    else:
+        assert error < 0.7 * ridge
+        assert 0.4 * error < spread < 2.5 * error
 
 
 PROBABILITY = Task(label="slip", loss="logistic")
