@@ -3,12 +3,14 @@
 import dataclasses
 import json
 import sys
+from contextlib import nullcontext
 from typing import Any
 
 import click
 
 from monochord.cli._options import amount
 from monochord.cli._output import echo
+from monochord.core.compilation import compilation_shown
 from monochord.core.errors import InputError, did_you_mean
 from monochord.live import Score, Settings, run
 
@@ -57,7 +59,8 @@ def demo(sensor: str, **options: Any) -> None:
         {"source": source, "estimator": estimator, "sinks": sinks, "seconds": options["seconds"]}
     )
     session, score = settings.session(), Score()
-    summary = run(dataclasses.replace(session, sinks=(*session.sinks, score)))
+    with nullcontext() if options["as_json"] else compilation_shown():
+        summary = run(dataclasses.replace(session, sinks=(*session.sinks, score)))
     if options["as_json"]:
         facts = {key: source.get(key) for key in ("sensor", "build", "day", "seed", "materials")}
         about = {"simulated": True, "estimator": name, **facts}

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from monochord.cli._options import (
     window_options,
 )
 from monochord.cli._output import echo
+from monochord.core.compilation import compilation_shown
 from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
@@ -71,7 +72,8 @@ def live(inputs: tuple[str, ...], **options: Any) -> None:
     saving: tuple[Sink, ...] = ()
     if options["save_config"]:
         saving = (_SavedSettings(options["save_config"], dump_toml(settings.resolved())),)
-    summary = run(dataclasses.replace(session, sinks=(*saving, *session.sinks)))
+    with nullcontext() if options["as_json"] else compilation_shown():
+        summary = run(dataclasses.replace(session, sinks=(*saving, *session.sinks)))
     refuse_short(opened or settings.source["name"], session, summary)
     # Standard output may carry data, of which the summary is no part.
     echo(*summary.lines(), err=options["as_json"])

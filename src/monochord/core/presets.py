@@ -1,12 +1,12 @@
 """Presets as data: one TOML file each in a folder, found by its name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from monochord.core.config import load_toml
+from monochord.core.config import load_toml, override
 from monochord.core.errors import InputError, did_you_mean
 
 Preset = TypeVar("Preset")
@@ -41,7 +41,9 @@ class Presets(Generic[Preset]):
         """Return the names of the presets, sorted."""
         return preset_names(self.package)
 
-    def load(self, name: str) -> Preset:
+    def load(
+        self, name: str, assignments: Sequence[str] = (), values: Mapping[str, Any] | None = None
+    ) -> Preset:
         """Return a preset by its name, or read one from a file of your own.
 
         Parameters
@@ -49,6 +51,10 @@ class Presets(Generic[Preset]):
         name
             A name of `names`, with hyphens or underscores, or the path of a TOML file laid out as the presets
             are.
+        assignments
+            Overrides as text, such as ``radius=0.004``; they are applied last.
+        values
+            Values that replace the file's, by name.
 
         Raises
         ------
@@ -56,7 +62,8 @@ class Presets(Generic[Preset]):
             If there is no such preset, or the file cannot be used.
         """
         path = preset_path(self.package, self.kind, name)
-        return self.read({**load_toml(path), "name": path.stem}, f"{self.kind} {path.stem}")
+        tree = override({"name": path.stem, **load_toml(path), **(values or {})}, assignments)
+        return self.read(tree, f"{self.kind} {path.stem}")
 
 
 def preset_names(package: str) -> list[str]:

@@ -1,0 +1,95 @@
+"""What a person sees while numba compiles.
+
+A kernel is compiled when it is first called after an installation or an update, and kept on disk. That takes
+some tens of seconds; a terminal that stays blank meanwhile looks as if the program hangs.
+"""
+
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import Any, TextIO
+
+from monochord.core.units import Seconds
+
+USUAL_TIME: Seconds = 40.0
+"""What all kernels of the twin and of the bundled model took together, on one core of a laptop-class server."""
+BAR_WIDTH = 24
+REDRAW_PERIOD: Seconds = 0.1
+
+
+@contextmanager
+def compilation_shown(file: TextIO | None = None) -> Generator[None]:
+    """Say on standard error that kernels are compiled, if any are; print nothing where all are on disk.
+
+    One line, ``compiling, once, about 40 s``; on a terminal with a bar, which is erased at the end. The bar
+    moves whenever a function of a kernel is compiled, and shows the time spent of the usual one.
+
+    Parameters
+    ----------
+    file
+        Where to write; standard error by default.
+
+    Examples
+    --------
+    >>> with compilation_shown():
+    ...     pass
+    """
+    from numba.core import event  # noqa: PLC0415  (loads a compiler)
+
+    line = _Line(sys.stderr if file is None else file)
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:  # noqa: ARG002
+            line.start()
+
+        def on_end(self, event: Any) -> None:  # noqa: ARG002
+            line.stop()
+
+    # numba compiles in one thread at a time, so that starts and ends nest.
+    with event.install_listener("numba:compile", Listener()):
+        try:
+            yield
+        finally:
+            line.erase()
+
+
+class _Line:
+    def __init__(self, file: TextIO) -> None:
+        self._file, self._draws = file, file.isatty()
+        self._depth, self._since, self._before = 0, 0.0, 0.0
+        self._announced, self._drawn = False, -REDRAW_PERIOD
+
+    def start(self) -> None:
+        self._depth += 1
+        if self._depth == 1:
+            self._since = time.monotonic()
+        self._show()
+
+    def stop(self) -> None:
+        self._show()
+        self._depth -= 1
+        if self._depth == 0:
+            self._before += time.monotonic() - self._since
+            self.erase()
+
+    def erase(self) -> None:
+        """Clear the bar: what comes next may draw on the same line."""
+        if self._draws and self._announced:
+            self._file.write("\r\x1b[K")
+            self._file.flush()
+
+    def _show(self) -> None:
+        now = time.monotonic()
+        if not self._draws:
+            if not self._announced:
+                self._file.write(f"compiling, once, about {USUAL_TIME:.0f} s\n")
+                self._file.flush()
+        elif now - self._drawn >= REDRAW_PERIOD:
+            spent = self._before + now - self._since
+            full = round(BAR_WIDTH * min(1.0, spent / USUAL_TIME))
+            bar = "#" * full + "." * (BAR_WIDTH - full)
+            self._file.write(f"\rcompiling, once, about {USUAL_TIME:.0f} s [{bar}] {spent:.0f} s\x1b[K")
+            self._file.flush()
+            self._drawn = now
+        self._announced = True
