@@ -13,7 +13,7 @@ from typing import Any, TextIO
 from monochord.core.units import Seconds
 
 USUAL_TIME: Seconds = 40.0
-"""What all kernels of the twin and of the bundled model took together, on one core of a laptop-class server."""
+"""What all kernels of the twin and of the bundled model took together, on one core of a shared machine."""
 BAR_WIDTH = 24
 REDRAW_PERIOD: Seconds = 0.1
 

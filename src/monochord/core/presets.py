@@ -23,8 +23,9 @@ class Presets(Generic[Preset]):
     kind
         What they are, for messages: "string", "material".
     read
-        Makes the object of a file's table, to which the file's stem is added as ``name``, and of what
-        messages call it; raises `InputError` if it cannot.
+        Makes the object of a file's table and of what messages call it; raises `InputError` if it cannot.
+    named
+        Whether the objects have a ``name``; it is the file's stem, unless the file gives another.
 
     Examples
     --------
@@ -36,6 +37,7 @@ class Presets(Generic[Preset]):
     package: str
     kind: str
     read: Callable[[dict[str, Any], str], Preset]
+    named: bool = True
 
     def names(self) -> list[str]:
         """Return the names of the presets, sorted."""
@@ -62,7 +64,8 @@ class Presets(Generic[Preset]):
             If there is no such preset, or the file cannot be used.
         """
         path = preset_path(self.package, self.kind, name)
-        tree = override({"name": path.stem, **load_toml(path), **(values or {})}, assignments)
+        name_of = {"name": path.stem} if self.named else {}
+        tree = override({**name_of, **load_toml(path), **(values or {})}, assignments)
         return self.read(tree, f"{self.kind} {path.stem}")
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from monochord.core.config import from_tree, load_toml, override
 from monochord.core.errors import InputError, did_you_mean
-from monochord.core.presets import preset_names, preset_path
+from monochord.core.presets import Presets
 from monochord.core.units import Seconds
 
 WHOLE = "whole"
@@ -152,6 +152,11 @@ class Grid:
         return replace(self, whole=WHOLE in chosen, variations=variations)
 
 
+GRIDS = Presets(
+    package=__name__, kind="grid", read=lambda tree, where: from_tree(Grid, tree, where), named=False
+)
+
+
 def grid_names() -> list[str]:
     """Return the names of the presets, sorted.
 
@@ -160,7 +165,7 @@ def grid_names() -> list[str]:
     >>> grid_names()
     ['features', 'parts']
     """
-    return preset_names(__name__)
+    return GRIDS.names()
 
 
 def load_grid(name: str, differs: Mapping[str, Any] | None = None, assignments: Sequence[str] = ()) -> Grid:
@@ -185,6 +190,4 @@ def load_grid(name: str, differs: Mapping[str, Any] | None = None, assignments: 
     >>> load_grid("parts").part, load_grid("parts", {"part": "test"}).part
     ('validation', 'test')
     """
-    path = preset_path(__name__, "grid", name)
-    tree = override({**load_toml(path), **(differs or {})}, assignments)
-    return from_tree(Grid, tree, f"grid {path.stem}")
+    return GRIDS.load(name, assignments, differs)

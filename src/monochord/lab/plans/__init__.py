@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 
-from monochord.core.config import from_tree, load_toml, override
-from monochord.core.presets import preset_names, preset_path
+from monochord.core.config import from_tree
+from monochord.core.presets import Presets
 from monochord.lab.plan import Plan
+
+PLANS = Presets(package=__name__, kind="plan", read=lambda tree, where: from_tree(Plan, tree, where))
 
 
 def plan_names() -> list[str]:
@@ -15,7 +17,7 @@ def plan_names() -> list[str]:
     >>> plan_names()
     ['paper', 'quick', 'small']
     """
-    return preset_names(__name__)
+    return PLANS.names()
 
 
 def load_plan(name: str, assignments: Sequence[str] = ()) -> Plan:
@@ -38,5 +40,4 @@ def load_plan(name: str, assignments: Sequence[str] = ()) -> Plan:
     >>> [group.name for group in load_plan("small").groups]
     ['hold', 'slide']
     """
-    path = preset_path(__name__, "plan", name)
-    return from_tree(Plan, {"name": path.stem, **override(load_toml(path), assignments)}, f"plan {path.stem}")
+    return PLANS.load(name, assignments)

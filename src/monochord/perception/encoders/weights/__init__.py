@@ -15,7 +15,7 @@ from pathlib import Path
 
 from monochord.core.config import from_tree, load_toml
 from monochord.core.errors import InputError
-from monochord.core.presets import preset_names, preset_path
+from monochord.core.presets import Presets
 
 CHECKSUM_SUFFIX = ".sha256"
 """Of the file beside the weights with their SHA-256 when fetched, or one pinned by hand."""
@@ -61,6 +61,11 @@ class KnownWeights:
         return weights_folder() / self.name / self.file
 
 
+WEIGHTS = Presets(
+    package=__name__, kind="weights", read=lambda tree, where: from_tree(KnownWeights, tree, where)
+)
+
+
 def weight_names() -> list[str]:
     """Return the names of all known weights, sorted.
 
@@ -69,7 +74,7 @@ def weight_names() -> list[str]:
     >>> weight_names()
     ['ast', 'yamnet']
     """
-    return preset_names(__name__)
+    return WEIGHTS.names()
 
 
 def load_known(name: str) -> KnownWeights:
@@ -85,8 +90,7 @@ def load_known(name: str) -> KnownWeights:
     >>> load_known("yamnet").sha256[:8]
     '0a266465'
     """
-    path = preset_path(__name__, "weights", name)
-    return from_tree(KnownWeights, {**load_toml(path), "name": path.stem}, f"weights {path.stem}")
+    return WEIGHTS.load(name)
 
 
 def weights_folder() -> Path:
