@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from monochord.core.config import from_tree, load_toml, override
+from monochord.core.config import from_tree
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.presets import Presets
 from monochord.core.units import Seconds

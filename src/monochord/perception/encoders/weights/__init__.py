@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from hashlib import file_digest
 from pathlib import Path
 
-from monochord.core.config import from_tree, load_toml
+from monochord.core.config import from_tree
 from monochord.core.errors import InputError
 from monochord.core.presets import Presets
 
