@@ -30,7 +30,7 @@ $(BIN)/python:
 $(INSTALLED): pyproject.toml | system $(BIN)/python
 	@echo "installing Monochord and its tools into $(VENV)"
 	@$(PIP) install 'torch==2.13.0' # by itself: any other way of asking brings gigabytes for a graphics card
-	@$(PIP) install --editable '.[dev,ros,cluster,export,pandas,train,encoders,openvino]'
+	@$(PIP) install --editable '.[dev,ros,cluster,export,pandas,figures,train,encoders,openvino]'
 	@echo "compiling the kernels, once"
 	@$(BIN)/monochord bench bound --set windows=1 >/dev/null
 	@$(BIN)/monochord simulate appendix --json >/dev/null

@@ -1,4 +1,4 @@
-"""`monochord figure` writes what it says, and refuses in one line."""
+"""`monochord figure` writes a figure in the format of the suffix, and refuses in one line."""
 
 import json
 from pathlib import Path
@@ -6,12 +6,13 @@ from pathlib import Path
 import pytest
 
 from monochord.cli import run
+from monochord.figures import base
 
 FAST = ["--set", "steps=3"]
 
 
 @pytest.mark.parametrize(("suffix", "magic"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
-def test_file_is_of_the_kind_its_name_says(
+def test_the_suffix_determines_the_format(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, magic: bytes
 ) -> None:
     path = tmp_path / f"out.{suffix}"
@@ -25,14 +26,23 @@ def test_default_name_and_json(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(["figure", "convergence", "--model", "split_string", "--set", "route=modal", "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["figure"] == "convergence"
-    assert said["options"]["route"] == "modal"
-    assert Path(said["path"]).is_file()
+    record = json.loads(capsys.readouterr().out)
+    assert record["figure"] == "convergence"
+    assert record["options"]["route"] == "modal"
+    assert Path(record["path"]).is_file()
+
+
+def test_without_matplotlib_the_error_says_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(base, "find_spec", lambda _: None)
+    assert run(["figure", "trends"]) == 1
+    line = "Figures require matplotlib >= 3.9. Install it: pip install 'monochord[figures]'"
+    assert capsys.readouterr().err == f"monochord: {line}\n"
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
-def test_a_full_disk_is_told_in_one_line(
+def test_a_full_disk_is_an_error_of_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str
 ) -> None:
     (link := tmp_path / f"full{suffix}").symlink_to("/dev/full")

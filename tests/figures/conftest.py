@@ -18,12 +18,13 @@ def made(
     noises: bool = True,
     simulated: bool = True,
     quiet: tuple[str, ...] = (),
+    outliers: int = 0,
 ) -> Results:
-    """Each trial is a third untouched, else touched at rest and sliding; estimates are off by a known sum.
+    """Each trial is a third untouched, else touched at rest and sliding; estimates have known errors.
 
-    Position is off by 1 mm and force by 0.05 N when clean, more by 10^(-ratio / 20) times 10 in noise. Every
-    tenth touched window is not told. Contact is told right; sliding is told wrong in each fourth window. What
-    is named `quiet` is never told.
+    The error is 1 mm and 0.05 N when clean, larger by 10^(-ratio / 20) times 10 in noise. Every tenth touched
+    window has no estimate. Contact is right; slip is wrong in each fourth window. There are no estimates of
+    what `quiet` names. The first `outliers` touched windows have positions far beyond the string.
     """
     kinds: list[tuple[str, float | None]] = [("", None)]
     kinds += [(noise, ratio) for noise in ("white", "hum") for ratio in (0.0, 10.0, 20.0)] if noises else []
@@ -51,6 +52,7 @@ def made(
         "force": np.where(silent, np.nan, truth["force"] + 0.05 * off),
     }
     value |= {name: np.full(index.size, np.nan) for name in quiet}
+    value["position"][np.flatnonzero(np.isfinite(value["position"]))[:outliers]] = 5.0
     return Results(
         estimator="made_up",
         window=0.1,
@@ -63,13 +65,13 @@ def made(
         value=value,
         std={name: np.full(index.size, np.nan) for name in value},
         why={name: np.isnan(column).astype(np.int16) for name, column in value.items()},
-        reasons=("", "not told"),
+        reasons=("", "no estimate"),
     )
 
 
 @pytest.fixture
 def write(tmp_path: Path) -> Write:
-    """Return what writes such results into a file."""
+    """Return a function that writes such results into a file."""
 
     def into(**options: object) -> Path:
         file = tmp_path / "results.npz"

@@ -1,4 +1,4 @@
-"""The panels show a run's history, and mark in it what was kept and what the mean label would miss."""
+"""The learning figure shows a run's history, the selected epochs and the errors of the mean label."""
 
 import json
 import math
@@ -20,9 +20,9 @@ FORCE = [0.8, 0.1, 0.3, 0.1]
 
 @pytest.fixture
 def write(tmp_path: Path) -> Run:
-    """Write a run of four epochs with a chance and two amounts; the best of force is epoch 2."""
+    """Write a run of four epochs with a probability and two quantities; the best of force is epoch 2."""
 
-    def made(*, done: bool = True, simulated: bool = True, **feature: Any) -> Path:
+    def run(*, done: bool = True, simulated: bool = True, **feature: Any) -> Path:
         tree = {"title": "made up", "feature": {"name": "fft_harmonic", **feature}, "heads": {"slip": {}}}
         (tmp_path / "config.toml").write_text(dump_toml(tree), encoding="utf-8")
         history = [
@@ -45,7 +45,7 @@ def write(tmp_path: Path) -> Run:
             write_metrics(tmp_path, {"simulated": simulated, "heads": heads})
         return tmp_path
 
-    return made
+    return run
 
 
 def labelled(axes: Any, label: object) -> tuple[list[float], list[float]]:
@@ -61,7 +61,6 @@ def test_each_panel_shows_its_column_of_the_history(write: Run) -> None:
     assert (slip.get_ylabel(), slip.get_yscale()) == ("log loss", "log")
     assert (position.get_ylabel(), position.get_yscale()) == ("mean error (mm)", "linear")
     assert (force.get_ylabel(), force.get_yscale()) == ("mean error (N)", "log")
-    assert page.get_suptitle() == "simulated: fft harmonic. made up"
 
 
 def test_the_best_epoch_and_the_mean_label_are_marked(write: Run) -> None:
@@ -77,22 +76,21 @@ def test_a_run_under_way_has_no_mean_label_yet(write: Run) -> None:
     figure = Learning(run=write(done=False, random=True))
     page = figure.draw()
     assert all(line.get_label() != MEAN for axes in page.axes for line in axes.lines)
-    assert page.get_suptitle().startswith("under way, not told yet whether simulated: fft harmonic, random w")
-    told = figure.numbers()
-    assert (told["done"], told["simulated"]) == (False, None)
+    numbers = figure.numbers()
+    assert (numbers["done"], numbers["simulated"], numbers["feature"]) == (
+        False,
+        None,
+        "fft harmonic, random weights",
+    )
 
 
-def test_what_is_not_simulated_is_not_called_so(write: Run) -> None:
-    assert Learning(run=write(simulated=False)).draw().get_suptitle() == "fft harmonic. made up"
-
-
-def test_its_numbers_are_json_even_where_a_miss_is_none(write: Run) -> None:
+def test_its_numbers_are_json_even_without_an_error(write: Run) -> None:
     run = write()
     table = (run / "history.csv").read_text().replace("0.3\n", "nan\n")
     (run / "history.csv").write_text(table)
-    told = json.loads(json.dumps(Learning(run=run).numbers(), allow_nan=False))
-    assert told["epochs"] == [1, 2, 3, 4]
-    assert told["heads"]["force"] == {
+    numbers = json.loads(json.dumps(Learning(run=run).numbers(), allow_nan=False))
+    assert numbers["epochs"] == [1, 2, 3, 4]
+    assert numbers["heads"]["force"] == {
         "unit": "N", "miss": [0.8, 0.1, None, 0.1], "best_epoch": 2, "best": 0.1, "mean_label": 0.4,
     }  # fmt: skip
     assert Learning(run=run).draw().axes
@@ -118,12 +116,12 @@ def test_its_numbers_are_json_even_where_a_miss_is_none(write: Run) -> None:
         ("metrics.json", "[1]", r"metrics .*metrics\.json \(damaged\)"),
     ],
 )
-def test_what_is_no_run_is_refused_in_a_line(write: Run, name: str, text: str | None, line: str) -> None:
+def test_a_damaged_run_is_refused_in_a_line(write: Run, name: str, text: str | None, line: str) -> None:
     run = write()
     if text is None:
         (run / name).unlink()
     else:
         (run / name).write_text(text)
-    with pytest.raises(InputError, match=line) as told:
+    with pytest.raises(InputError, match=line) as error:
         Learning(run=run).draw()
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(error.value)

@@ -1,3 +1,6 @@
+"""Figures of a session: its streams over time, and its taps before and after alignment."""
+
+import json
 from pathlib import Path
 from typing import Any
 
@@ -6,7 +9,8 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
-from monochord.figures.session import POINTS, SessionFigure, _thinned, levels
+from monochord.figures.session import MAX_POINTS, SessionFigure, _thinned, levels
+from monochord.figures.taps import LATE, Taps, tapped
 from monochord.sessions import Description, SessionWriter, read_session
 
 RATE = 16000
@@ -19,8 +23,8 @@ FEEDS = (
 def write(
     path: Path, feeds: tuple[Feed, ...] = FEEDS, labels: tuple[str, ...] = ("contact", "position")
 ) -> Path:
-    told = Description(name="take", sample_rate=RATE, feeds=feeds)
-    with SessionWriter(path, told) as writer:
+    description = Description(name="take", sample_rate=RATE, feeds=feeds)
+    with SessionWriter(path, description) as writer:
         origin = writer.clock.origin
         half = np.full((2, RATE // 2), [[0.1], [1.0]], np.float32)
         writer.audio(Block(samples=half, start=0, adc_time=origin))
@@ -53,13 +57,9 @@ def write(
         ({"labels": ("force", "slip"), "feeds": FEEDS[:1]}, 3),
     ],
 )
-def test_there_is_a_panel_for_each_thing_that_a_session_holds(
-    tmp_path: Path, options: dict[str, Any], panels: int
-) -> None:
+def test_there_is_a_panel_for_each_stream(tmp_path: Path, options: dict[str, Any], panels: int) -> None:
     page = SessionFigure(path=write(tmp_path / "a.mcap", **options)).draw()
     assert len(page.axes) == panels
-    assert page.axes[0].get_title() == "take"
-    assert page.axes[-1].get_xlabel() == "time since the session's begin (s)"
     page.savefig(tmp_path / "a.png")
 
 
@@ -74,7 +74,7 @@ def test_levels_are_those_of_the_samples_and_a_gap_is_marked(tmp_path: Path) -> 
     assert (left, right) == pytest.approx((0.5, 1.0), abs=1e-6)
 
 
-def test_forces_drawn_are_those_measured(tmp_path: Path) -> None:
+def test_measured_forces_are_drawn(tmp_path: Path) -> None:
     axes = SessionFigure(path=write(tmp_path / "a.mcap")).draw().axes[1]
     np.testing.assert_allclose(np.asarray(axes.lines[0].get_ydata()), np.arange(10) / 10)
 
@@ -82,12 +82,43 @@ def test_forces_drawn_are_those_measured(tmp_path: Path) -> None:
 def test_a_long_curve_is_thinned_and_keeps_its_peaks() -> None:
     time, values = np.arange(1_000_000) / 7000.0, np.zeros(1_000_000)
     values[123_456], values[654_321] = 5.0, -3.0
-    short, kept = _thinned(time, values)
-    assert len(short) == len(kept) <= POINTS
-    assert (kept.max(), kept.min()) == (5.0, -3.0)
-    assert short[kept.argmax()] == pytest.approx(time[123_456], abs=0.1)
+    short, thinned = _thinned(time, values)
+    assert len(short) == len(thinned) <= MAX_POINTS
+    assert (thinned.max(), thinned.min()) == (5.0, -3.0)
+    assert short[thinned.argmax()] == pytest.approx(time[123_456], abs=0.1)
 
 
-def test_a_step_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_step_of_zero_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^step 0\.0 s: allowed is more than 0 s$"):
         SessionFigure(path=write(tmp_path / "a.mcap"), step=0.0).draw()
+
+
+def test_taps_have_the_offsets_of_the_streams() -> None:
+    numbers = json.loads(json.dumps(Taps().numbers()))
+    assert numbers["reference"] == "wrench"
+    assert numbers["flags"] == []
+    for stream, width in (("audio", 0.5e-3), ("pose", 4e-3)):
+        for offset, late in zip(numbers[stream]["offsets"], LATE[stream], strict=True):
+            assert offset == pytest.approx(late, abs=width)
+        assert numbers[stream]["taps"][0] >= 4
+
+
+def test_taps_draw_each_stream_before_and_after_alignment(tmp_path: Path) -> None:
+    path = tmp_path / "session.mcap"
+    tapped(groups=(1.5,), seconds=5.0).write(path)
+    page = Taps(session=str(path), tap=2).draw()
+    assert len(page.axes) == 6
+    for axes in page.axes:
+        assert any(len(line.get_xdata()) > 10 for line in axes.get_lines())  # pyright: ignore[reportArgumentType]
+    page.savefig(tmp_path / "taps.png")
+    with pytest.raises(InputError, match="tap 5: allowed is 0 to 4"):
+        Taps(session=str(path), tap=5).draw()
+
+
+def test_a_session_without_taps_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "session.mcap"
+    tapped(groups=(), seconds=2.0).write(path)
+    with pytest.raises(InputError, match="there are no taps in wrench"):
+        Taps(session=str(path)).draw()
+    with pytest.raises(InputError, match="tap -1"):
+        Taps(tap=-1)

@@ -11,7 +11,7 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, Block, Feed, Readings
 from monochord.core.units import Seconds
-from monochord.figures._tapped import RATE, Tapped, tapped
+from monochord.figures.taps import RATE, Tapped, tapped
 from monochord.sessions import (
     Description,
     ReadingTrack,

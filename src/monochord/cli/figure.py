@@ -1,4 +1,4 @@
-"""The verb `figure`: draw one of the figures into a file."""
+"""The command `figure`: draw a figure into a file."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ from monochord.cli._output import echo
 from monochord.core.config import override, to_tree
 from monochord.core.errors import InputError
 from monochord.figures import FIGURES
-from monochord.figures.base import Measured
+from monochord.figures.base import Measured, require_matplotlib
 
 SUFFIXES = (".png", ".pdf", ".svg")
 
@@ -27,6 +27,7 @@ def figure(
     name: str, *, out: Path | None, model: str | None, assignments: tuple[str, ...], as_json: bool
 ) -> None:
     """Draw the figure NAME into a file; `monochord list figures` shows which there are."""
+    require_matplotlib()
     path = out or Path(f"{name}.png")
     refuse_unwritable(path, SUFFIXES)
     if model is not None and any(text.partition("=")[0].strip() == "model" for text in assignments):
@@ -35,9 +36,9 @@ def figure(
     drawing = FIGURES.build(name, chosen)
     drawing.draw().savefig(path)
     if as_json:
-        told = {"figure": name, "path": str(path), "options": to_tree(drawing)}
+        record = {"figure": name, "path": str(path), "options": to_tree(drawing)}
         if isinstance(drawing, Measured):
-            told["numbers"] = drawing.numbers()
-        echo(json.dumps(told))
+            record["numbers"] = drawing.numbers()
+        echo(json.dumps(record))
     else:
         echo(str(path))

@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,9 @@ def train(
 
 
 def _draw(out: Path) -> None:
-    """Draw the history of a run into its folder; equal histories give equal bytes."""
+    """Draw the history of a run into its folder if matplotlib is installed; equal runs give equal bytes."""
+    if find_spec("matplotlib") is None:
+        return
     import matplotlib as mpl  # noqa: PLC0415
 
     with mpl.rc_context({"svg.hashsalt": LEARNING}):

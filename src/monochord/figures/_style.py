@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from monochord.figures.base import require_matplotlib
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colorbar import Colorbar
@@ -12,13 +14,14 @@ if TYPE_CHECKING:
 TWO_COLUMNS = 182.0  # mm, the text width of a two-column journal page
 SEGMENTS = ("#0072B2", "#D55E00")  # Okabe and Ito's blue and vermillion: segment 1 and segment 2
 INK, PALE = "#222222", "#9A9A9A"
-THEORY = (0.0, (4.0, 3.0))  # the dash of a theoretical value
+THEORY = (0.0, (4.0, 3.0))  # dash of a theoretical value
 LABEL, TICK, LETTER = 8.0, 7.0, 10.0  # points
-LOUDNESS = "Greys"  # dark is loud; theory stays visible over it in colour, and it prints
+LOUDNESS = "Greys"  # dark is loud; coloured theory stays visible over it, also in print
 
 
 def canvas(height: float) -> Canvas:
     """Return an empty figure, two columns wide and `height` mm high, that spaces its panels itself."""
+    require_matplotlib()
     from matplotlib.figure import Figure as Canvas  # noqa: PLC0415
 
     return Canvas(figsize=(TWO_COLUMNS / 25.4, height / 25.4), dpi=200, layout="constrained")

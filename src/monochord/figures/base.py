@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
+
+from monochord.core.errors import MonochordError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
+
+
+class MissingMatplotlibError(MonochordError):
+    """A figure was requested and matplotlib is not installed."""
 
 
 class Figure(ABC):
@@ -18,8 +25,21 @@ class Figure(ABC):
 
 
 class Measured(Figure):
-    """A figure that can also tell in numbers what it shows, as `monochord figure NAME --json` does."""
+    """A figure that also returns what it shows as numbers, for `monochord figure NAME --json`."""
 
     @abstractmethod
     def numbers(self) -> dict[str, Any]:
         """Return what the figure shows, by name, as values that JSON can hold."""
+
+
+def require_matplotlib() -> None:
+    """Check that matplotlib is installed.
+
+    Raises
+    ------
+    MissingMatplotlibError
+        If it is not; the error says how to install it.
+    """
+    if find_spec("matplotlib") is None:
+        line = "Figures require matplotlib >= 3.9. Install it: pip install 'monochord[figures]'"
+        raise MissingMatplotlibError(line)

@@ -1,4 +1,4 @@
-"""How often contact and slip were told, missed, made up, and not told at all."""
+"""How often contact and slip are detected, missed, false alarms, or without an estimate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from monochord.core.types import Floats
 from monochord.evaluation.results import CLEAN, Results
 from monochord.evaluation.scores import detection_rows
 from monochord.figures import _style
-from monochord.figures._results import in_condition, whose
+from monochord.figures._results import in_condition, title_of
 from monochord.figures.base import Measured
 from monochord.metrics import DECISION, confusion
 
@@ -21,31 +21,31 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 QUESTIONS = {"contact": ("untouched", "touched"), "slip": ("at rest", "sliding")}
-"""What is asked, and what no and yes are called."""
+"""Estimates, and the names of their no and yes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Confusion(Measured):
     """Counts of windows by truth and answer, of contact and of slip; a probability above one half is a yes.
 
-    The shade is the share of the windows of that truth. An estimator that abstained has not told.
+    The shade is the share of the windows of that truth. Abstentions have a column of their own.
 
     Parameters
     ----------
     results
         The file ``results.npz`` that `monochord evaluate` wrote.
     condition
-        In which was listened: "clean", or another that the results tell.
+        Condition that is drawn: "clean", or another one of the results.
     """
 
     results: Path
     condition: str = CLEAN
 
     def numbers(self) -> dict[str, Any]:
-        """Return counts by truth (no, yes), each by answer (no, yes, not told)."""
+        """Return counts by truth (no, yes), each by estimate (no, yes, none)."""
         results = in_condition(self.results, self.condition)
-        told = {"simulated": results.simulated, "estimator": results.estimator, "condition": self.condition}
-        return told | {name: _counts(results, name).astype(int).tolist() for name in QUESTIONS}
+        about = {"simulated": results.simulated, "estimator": results.estimator, "condition": self.condition}
+        return about | {name: _counts(results, name).astype(int).tolist() for name in QUESTIONS}
 
     def draw(self) -> Canvas:
         """Read the results and draw both tables."""
@@ -54,20 +54,20 @@ class Confusion(Measured):
         panels = page.subplots(1, 2)
         for letter, axes, (name, kinds) in zip("AB", panels, QUESTIONS.items(), strict=True):
             _draw(axes, _counts(results, name), kinds)
-            _style.dress(axes, letter, name, "told", "truth")
-        page.suptitle(whose(results, self.condition), fontsize=_style.LABEL, color=_style.INK)
+            _style.dress(axes, letter, name, "estimate", "truth")
+        page.suptitle(title_of(results, self.condition), fontsize=_style.LABEL, color=_style.INK)
         return page
 
 
 def _counts(results: Results, name: str) -> Floats:
-    """Return counts (2, 3) by truth and answer."""
+    """Return counts (2, 3) by truth and estimate."""
     part = results.where(detection_rows(results, name))
-    truth, told = part.label(name) == 1.0, part.estimate(name)
-    silent = np.isnan(told)
+    truth, estimate = part.label(name) == 1.0, part.estimate(name)
+    silent = np.isnan(estimate)
     counts = np.zeros((2, 3))
     counts[:, 2] = np.count_nonzero(silent & ~truth), np.count_nonzero(silent & truth)
     if not silent.all():
-        counts[:, :2] = confusion(truth[~silent], told[~silent] >= DECISION)
+        counts[:, :2] = confusion(truth[~silent], estimate[~silent] >= DECISION)
     return counts
 
 
@@ -80,5 +80,5 @@ def _draw(axes: Axes, counts: Floats, kinds: tuple[str, str]) -> None:
             column, row, f"{count:.0f}\n{100.0 * share:.1f} %", ha="center", va="center",
             fontsize=_style.LABEL, color="white" if share > 0.6 else _style.INK,
         )  # fmt: skip
-    axes.set_xticks(range(3), [*kinds, "not told"])
+    axes.set_xticks(range(3), [*kinds, "no estimate"])
     axes.set_yticks(range(2), kinds)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 TRANSIENT, STEADY = (0.010, 0.050), (0.300, 0.350)  # s, the paper's two windows
 CLOSE = (0.330, 0.345)  # s, the stretch that panels A and B show wave by wave
-QUIETEST = -70.0  # dB
+MIN_LEVEL = -70.0  # dB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ class Convergence(Figure):
     seconds
         How long to simulate; at least 0.35 s, the end of the steady window.
     model
-        Only the split string has two segments that can be heard apart.
+        Only the split string has two segments that can be recorded separately.
     route
         How to simulate: the finite-difference scheme, or the exact modal route, which is faster.
     nodes, time_step
@@ -86,14 +86,14 @@ class Convergence(Figure):
         string = load_string(self.string).string
         contact = Contact(position=self.position * string.length, force=self.force)
         setup = SplitString(string=string, contact=contact, nodes=self.nodes, time_step=self.time_step)
-        heard = simulate(setup, self.seconds, route=self.route)
+        recording = simulate(setup, self.seconds, route=self.route)
         expected = segment_frequencies(string, contact)
         top = self.highest * open_frequency(string)
         page = _style.canvas(155.0)
         panels = page.subplots(3, 2, gridspec_kw={"height_ratios": [1.0, 1.1, 1.1]})
         for side in (0, 1):
             signal = Segment(
-                velocity=heard.segments[side], rate=float(heard.sample_rate), expected=expected[side]
+                velocity=recording.segments[side], rate=float(recording.sample_rate), expected=expected[side]
             )
             waves, times, spectra = panels[:, side]
             title = f"simulated, segment {side + 1}, {signal.expected:.1f} Hz in theory"
@@ -189,7 +189,7 @@ def _draw_waves(axes: Axes, segment: Segment, colour: str) -> None:
 def _draw_times(axes: Axes, segment: Segment, highest: Hertz, colour: str) -> QuadMesh:
     times, frequencies, levels = spectrogram(segment, highest)
     image = axes.pcolormesh(
-        1e3 * times, frequencies, levels, cmap=_style.LOUDNESS, vmin=QUIETEST, vmax=0.0,
+        1e3 * times, frequencies, levels, cmap=_style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0,
         shading="nearest", rasterized=True,
     )  # fmt: skip
     axes.axhline(segment.expected, color=colour, lw=1.0, ls=_style.THEORY)
@@ -207,4 +207,4 @@ def _draw_spectra(axes: Axes, segment: Segment, highest: Hertz, colour: str) -> 
         segment.expected, color=colour, lw=1.0, ls=_style.THEORY, label=f"theory, {segment.expected:.1f} Hz"
     )
     axes.set_xlim(0.0, highest)
-    axes.set_ylim(QUIETEST, 5.0)
+    axes.set_ylim(MIN_LEVEL, 5.0)

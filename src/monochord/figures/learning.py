@@ -1,4 +1,4 @@
-"""How a training run learned: its loss, and each head's miss on validation, epoch by epoch."""
+"""The history of a training run: its loss, and each head's validation error, epoch by epoch."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ if TYPE_CHECKING:
 
 COLUMNS = 3
 SHOWN = {"m": (1e3, "mm")}
-"""How an amount is shown, by its unit: factor and unit; others as they are."""
+"""Factor from SI and unit in which a quantity is drawn, by its SI unit; others are drawn as they are."""
 LATEST_EPOCH = 1e9
-FAR = 3.0
-"""Largest over smallest value from which a curve is drawn logarithmically."""
-BEST, MEAN = "best epoch, whose weights are kept", "the mean label"
+LOG_RANGE = 3.0
+"""A curve whose largest value is this many times its smallest is drawn logarithmically."""
+BEST, MEAN = "best epoch, selected", "the mean label"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Learning(Measured):
-    """Joint loss and each head's miss on validation over the epochs of a run, done or under way.
+    """Joint loss and each head's validation error over the epochs of a run, finished or under way.
 
-    The miss of an amount is its mean absolute error, that of a chance its log loss. A dot marks the epoch
-    whose weights a head keeps. The dashed line is what is missed by whoever always says the mean label, which
-    is known once the run is done: the mean label of the training for an amount, the share of windows that are
-    a yes for a chance. Misses are of all rows by which the epoch was chosen, made-up objects too.
+    The error of a quantity is its mean absolute error, that of a probability its log loss. A dot marks the
+    epoch whose weights a head uses. The dashed line is the error of a constant estimate, known once the run
+    is finished: the mean label of the training for a quantity, the share of windows that are a yes for a
+    probability. Errors are over all rows by which the epoch was selected, augmented ones too.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Learning(Measured):
     run: Path
 
     def numbers(self) -> dict[str, Any]:
-        """Return epochs and joint loss (n,), and by head its miss (n,), best epoch and the mean label's."""
+        """Return epochs and joint loss (n,), and by head its errors (n,), best epoch and the mean label's."""
         history, metrics = _history(Path(self.run)), _metrics(Path(self.run))
         epochs = history.pop("epoch").astype(int)
         loss, units = history.pop("loss"), _units(Path(self.run), list(history))
@@ -66,26 +66,26 @@ class Learning(Measured):
                 "best": None if best is None else float(miss[best]),
                 "mean_label": _mean_label(metrics.heads.get(name, _Scores())),
             }
-        told = {"simulated": metrics.simulated, "done": metrics.done, **_named(Path(self.run))}
-        return told | {"epochs": epochs.tolist(), "loss": _plain(loss), "heads": heads}
+        about = {"simulated": metrics.simulated, "done": metrics.done, **_named(Path(self.run))}
+        return about | {"epochs": epochs.tolist(), "loss": _plain(loss), "heads": heads}
 
     def draw(self) -> Canvas:
         """Read the run and draw a panel for the loss and one for each head."""
-        told = self.numbers()
-        heads: dict[str, Any] = told["heads"]
+        numbers = self.numbers()
+        heads: dict[str, Any] = numbers["heads"]
         rows = math.ceil((1 + len(heads)) / COLUMNS)
         page = _style.canvas(14.0 + 48.0 * rows)
         panels = page.subplots(rows, COLUMNS, sharex=True, squeeze=False).ravel()
         for axes in panels[1 + len(heads) :]:
             axes.set_visible(False)
         shown = panels[: 1 + len(heads)]
-        loss = np.array(told["loss"], np.float64)
-        _draw(shown[0], told["epochs"], loss)
+        loss = np.array(numbers["loss"], np.float64)
+        _draw(shown[0], numbers["epochs"], loss)
         _style.dress(shown[0], "A", "all heads, training", "epoch", "joint loss")
         for letter, axes, (name, head) in zip(ascii_uppercase[1:], shown[1:], heads.items(), strict=False):
-            _draw_head(axes, letter, name, told["epochs"], head)
-        kind = {True: "simulated: ", False: "", None: "under way, not told yet whether simulated: "}
-        title = f"{kind[told['simulated']]}{told['feature']}. {told['title']}".rstrip(". ")
+            _draw_head(axes, letter, name, numbers["epochs"], head)
+        kind = {True: "simulated: ", False: "", None: "under way: "}
+        title = f"{kind[numbers['simulated']]}{numbers['feature']}. {numbers['title']}".rstrip(". ")
         page.suptitle(title, fontsize=_style.LABEL, color=_style.INK)
         _style.key(page, *shown)
         return page
@@ -111,8 +111,8 @@ def _draw(axes: Axes, epochs: list[int], values: Floats) -> None:
     axes.plot(epochs, values, color=_style.SEGMENTS[0], lw=1.1, marker="." if len(epochs) == 1 else "")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True))
     axes.tick_params(labelbottom=True)
-    told = values[np.isfinite(values)]
-    if not told.size or told.min() <= 0.0 or told.max() < FAR * told.min():
+    finite = values[np.isfinite(values)]
+    if not finite.size or finite.min() <= 0.0 or finite.max() < LOG_RANGE * finite.min():
         return
     axes.set_yscale("log")
     low, high = axes.get_ylim()
@@ -142,14 +142,14 @@ def _history(run: Path) -> dict[str, Floats]:
 
 
 class _Scores(msgspec.Struct):
-    """What of a head's scores is drawn."""
+    """Scores of a head that are drawn."""
 
     baseline_mae: float | None = None
     baseline_accuracy: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] | None = None
 
 
 class _Metrics(msgspec.Struct):
-    """What of a run's metrics is drawn."""
+    """Metrics of a run that are drawn."""
 
     simulated: bool | None = None
     heads: dict[str, _Scores] = {}
@@ -157,7 +157,7 @@ class _Metrics(msgspec.Struct):
 
 
 def _metrics(run: Path) -> _Metrics:
-    """Return what a run came to; nothing where it is under way."""
+    """Return the metrics of a run; none while it is under way."""
     file = run / METRICS
     if not file.is_file():
         return _Metrics(done=False)
@@ -168,13 +168,13 @@ def _metrics(run: Path) -> _Metrics:
 
 
 def _units(run: Path, names: list[str]) -> dict[str, str]:
-    """Return the unit of each head, from the settings; empty for a chance."""
+    """Return the unit of each head, from the settings; empty for a probability."""
     options = table(load_toml(run / CONFIG), "heads")
     return {name: HEADS.build(name, table(options, name)).task().unit for name in names}
 
 
 def _named(run: Path) -> dict[str, str]:
-    """Return the run's title and its feature, as the settings tell them."""
+    """Return the run's title and its feature, from its settings."""
     settings = load_toml(run / CONFIG)
     feature = table(settings, "feature")
     name = str(feature.get("name", "")).replace("_", " ")
@@ -183,9 +183,9 @@ def _named(run: Path) -> dict[str, str]:
 
 
 def _mean_label(scores: _Scores) -> float | None:
-    """Return what is missed by whoever always says the mean label, from a head's scores.
+    """Return the error of a constant estimate, from a head's scores.
 
-    For a chance this is the entropy of the share of the more frequent answer.
+    For a probability it is the entropy of the share of the more frequent label.
     """
     if scores.baseline_mae is not None or scores.baseline_accuracy is None:
         return scores.baseline_mae

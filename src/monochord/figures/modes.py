@@ -1,38 +1,46 @@
-"""The untouched string's several steady sounds: which one it settles into depends on what was before."""
+"""The steady sounds of the untouched string: which one it settles into depends on its history."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
-from monochord.core.units import Seconds
+from monochord.core.units import Newtons, Seconds
 from monochord.figures import _style
-from monochord.figures._patterns import (
-    ALIKE,
-    LISTEN,
-    PARTIALS,
-    RATE,
-    STILL,
-    Study,
-    sound_of,
-    study,
-)
 from monochord.figures.base import Measured
+from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
+from monochord.physics.twin import Key, Pluck, Scene, Sensor, Touch, advance, begin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import QuadMesh
     from matplotlib.figure import Figure as Canvas
 
-BEFORE, BEYOND = 0.2, 0.8  # s shown before and after the string is left alone
-QUIETEST = -70.0  # dB
-TALL = 8.6  # multiples of the open string's frequency shown
+RATE = 44100
+PARTIALS = 8
+"""Partials of the open string by which patterns are compared."""
+FLOOR = -30.0
+"""Level in dB of the whole below which a partial counts as absent."""
+PATTERN_TOLERANCE = 6.0
+"""Largest difference of a partial in dB between two sounds of one pattern."""
+STEADY_TOLERANCE = 3.0
+"""Largest change of a partial in dB from one half to the next of a steady sound."""
+LISTEN: Seconds = 1.0
+"""Length of the end of each take that is analysed, in two halves."""
+PLUCK_SHARE = 0.25
+"""Share of histories that are plucks; the others are touches."""
+OBJECTS = ("plastic", "wood", "metal_tube")
+FORCE_RANGE: tuple[Newtons, Newtons] = (0.1, 2.0)
+LEAD, TAIL = 0.2, 0.8  # s shown before and after the string is left alone
+MIN_LEVEL = -70.0  # dB
+MAX_FREQUENCY = 8.6  # multiples of the open string's frequency shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +63,7 @@ class Modes(Measured):
     first
         Seed of the first; each seeds its history, the microphones' noise and the object's surface.
     after
-        How long the string is left alone before its sound counts, in s, the last second of it listened to.
+        How long the string is left alone before its sound counts, in s, of which the last second is analysed.
     shown
         How many patterns at most, the most frequent first.
     """
@@ -78,28 +86,28 @@ class Modes(Measured):
 
     def numbers(self) -> dict[str, Any]:
         """Return how often each pattern came, with its levels, and the seed that shows it."""
-        found = self._study()
+        endings = self._study()
         return {
             "histories": self.histories,
             "seeds": [self.first, self.first + self.histories - 1],
-            "rule": f"levels about partials 1 to {PARTIALS} within {ALIKE:g} dB in both channels",
-            "steady_within_db": STILL,
-            "steady": int(found.steady.sum()),
-            "counts": found.counts(),
+            "rule": f"levels about partials 1 to {PARTIALS} within {PATTERN_TOLERANCE:g} dB in both channels",
+            "steady_within_db": STEADY_TOLERANCE,
+            "steady": int(endings.steady.sum()),
+            "counts": endings.counts(),
             "patterns": [
                 {
                     "count": count,
-                    "seed": self.first + found.spoken_for(k),
-                    "levels_db": found.levels[found.pattern == k].mean(axis=0).round(1).tolist(),
+                    "seed": self.first + endings.typical(k),
+                    "levels_db": endings.levels[endings.pattern == k].mean(axis=0).round(1).tolist(),
                 }
-                for k, count in enumerate(found.counts())
+                for k, count in enumerate(endings.counts())
             ],
         }
 
     def draw(self) -> Canvas:
         """Simulate the histories and draw one of each pattern, a column each."""
-        found, f0 = self._study(), open_frequency(load_sensor(self.sensor).string)
-        counts = found.counts()
+        endings, f0 = self._study(), open_frequency(load_sensor(self.sensor).string)
+        counts = endings.counts()
         if not counts:
             raise InputError(
                 f"{self.histories} histories without a steady end", "a steady one", "raise after"
@@ -121,7 +129,7 @@ class Modes(Measured):
         )  # fmt: skip
         image = None
         for k in range(columns):
-            image = self._draw_pattern(panels[:, k], found, k, f0)
+            image = self._draw_pattern(panels[:, k], endings, k, f0)
             for row in panels[:, k]:
                 row.tick_params(labelleft=k == 0)
         _style.key(page, panels[2, 0])
@@ -133,10 +141,10 @@ class Modes(Measured):
     def _study(self) -> Study:
         return study(self.sensor, self.histories, self.first, self.after)
 
-    def _draw_pattern(self, column: Any, found: Study, pattern: int, f0: float) -> QuadMesh:
-        count = found.counts()[pattern]
-        heard, released = sound_of(
-            load_sensor(self.sensor), self.first + found.spoken_for(pattern), self.after
+    def _draw_pattern(self, column: Any, endings: Study, pattern: int, f0: float) -> QuadMesh:
+        count = endings.counts()[pattern]
+        sound, released = sound_of(
+            load_sensor(self.sensor), self.first + endings.typical(pattern), self.after
         )
         share = f"{count}/{self.histories} ({'touch' if released > 0.0 else 'pluck'})"
         image: Any = None
@@ -144,10 +152,10 @@ class Modes(Measured):
             up = f"microphone {c + 1}\nfrequency (kHz)" if pattern == 0 else ""
             letter, title = ("ABCDEF"[pattern], share) if c == 0 else ("", "")
             _style.dress(column[c], letter, title, "time since release (s)" if c else "", up)
-            image = _draw_times(column[c], heard[c], released, 1e-3 * TALL * f0)
+            image = _draw_times(column[c], sound[c], released, 1e-3 * MAX_FREQUENCY * f0)
             column[c].tick_params(labelbottom=c == 1)
         _style.dress(column[2], "", "", "frequency (kHz)", "steady level (dB)" if pattern == 0 else "")
-        _draw_steady(column[2], heard[:, -round(0.5 * LISTEN * RATE) :], 1e-3 * TALL * f0)
+        _draw_steady(column[2], sound[:, -round(0.5 * LISTEN * RATE) :], 1e-3 * MAX_FREQUENCY * f0)
         return image
 
 
@@ -162,9 +170,9 @@ def spectrogram(sound: Audio, released: Seconds) -> tuple[Floats, Floats, Floats
         In dB of full scale, that of a sine's amplitude.
     """
     size, hop = 1024, round(0.005 * RATE)
-    start = max(0, round((released - BEFORE) * RATE))
+    start = max(0, round((released - LEAD) * RATE))
     cuts = np.lib.stride_tricks.sliding_window_view(
-        sound[start : round((released + BEYOND) * RATE) + size], size
+        sound[start : round((released + TAIL) * RATE) + size], size
     )
     window = np.hanning(size)
     level = np.abs(np.fft.rfft(cuts[::hop] * window, 2 * size, axis=1)) / (0.5 * window.sum())
@@ -177,21 +185,21 @@ def _draw_times(axes: Axes, sound: Audio, released: Seconds, top: float) -> Quad
     times, frequencies, levels = spectrogram(sound, released)
     shown = frequencies <= 1e3 * top
     image = axes.pcolormesh(
-        times, 1e-3 * frequencies[shown], levels[shown], cmap=_style.LOUDNESS, vmin=QUIETEST, vmax=-10.0,
+        times, 1e-3 * frequencies[shown], levels[shown], cmap=_style.LOUDNESS, vmin=MIN_LEVEL, vmax=-10.0,
         shading="nearest", rasterized=True,
     )  # fmt: skip
     if released > 0.0:
         axes.axvline(0.0, color=_style.SEGMENTS[1], lw=0.8, ls=_style.THEORY)
-    axes.set_xlim(-BEFORE, BEYOND)
+    axes.set_xlim(-LEAD, TAIL)
     axes.set_ylim(0.0, top)
     return image
 
 
-def _draw_steady(axes: Axes, heard: Audio, top: float) -> None:
-    window = np.hanning(heard.shape[1])
-    frequencies = np.fft.rfftfreq(heard.shape[1], 1.0 / RATE)
+def _draw_steady(axes: Axes, sound: Audio, top: float) -> None:
+    window = np.hanning(sound.shape[1])
+    frequencies = np.fft.rfftfreq(sound.shape[1], 1.0 / RATE)
     frequencies = frequencies[frequencies <= 1e3 * top]
-    level = np.abs(np.fft.rfft(heard * window, axis=1))[:, : frequencies.size] / (0.5 * window.sum())
+    level = np.abs(np.fft.rfft(sound * window, axis=1))[:, : frequencies.size] / (0.5 * window.sum())
     # The strongest bin of each 20 Hz, so that no line falls between two dots.
     rows = np.searchsorted(frequencies, np.arange(0.0, frequencies[-1], 20.0))
     for c, (colour, look) in enumerate(zip(_style.SEGMENTS, ("-", "--"), strict=True)):
@@ -201,4 +209,116 @@ def _draw_steady(axes: Axes, heard: Audio, top: float) -> None:
         )
     axes.set_xlim(0.0, top)
     axes.locator_params(axis="x", nbins=5, steps=[1, 2, 10])
-    axes.set_ylim(QUIETEST - 20.0, 0.0)
+    axes.set_ylim(MIN_LEVEL - 20.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class History:
+    """What happens to the string before it is left alone at `released`."""
+
+    scene: Scene
+    released: Seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Study:
+    """How histories ended: `levels` (n, 2, partials) in dB of the whole, `steady` (n,), `pattern` (n,).
+
+    Patterns are numbered by how often they came, 0 first; a sound that is not steady has -1.
+    """
+
+    levels: Floats
+    steady: np.ndarray
+    pattern: np.ndarray
+
+    def counts(self) -> list[int]:
+        """Return how often each pattern came, the most frequent first."""
+        return np.bincount(self.pattern[self.pattern >= 0]).tolist()
+
+    def typical(self, pattern: int) -> int:
+        """Return the history whose sound is nearest to the mean of its pattern."""
+        own = np.flatnonzero(self.pattern == pattern)
+        off = np.abs(self.levels[own] - self.levels[own].mean(axis=0)).max(axis=(1, 2))
+        return int(own[np.argmin(off)])
+
+
+def history(sensor: Sensor, seed: int) -> History:
+    """Return the history of a seed: a touch that presses, moves and lets go, or a pluck."""
+    chance = np.random.default_rng([seed, 1])
+    if chance.random() < PLUCK_SHARE:
+        place, height = chance.uniform(0.1, 0.9), chance.uniform(2e-4, 2e-3)
+        length = sensor.string.length
+        return History(
+            scene=Scene(pluck=Pluck(position=place * length, height=height * length)), released=0.0
+        )
+    here, there = (float(place) for place in chance.uniform(*sensor.range, 2))
+    force = float(np.exp(chance.uniform(*np.log(FORCE_RANGE))))
+    harder = float(np.clip(force * chance.uniform(0.5, 1.5), *FORCE_RANGE))
+    down, rest, travel, up = (
+        float(chance.uniform(low, high)) for low, high in ((0.02, 0.1), (0.1, 0.5), (0.05, 0.3), (0.01, 0.1))
+    )
+    travel += 2.0 * abs(there - here)  # 0.5 m/s at most
+    times = np.cumsum([0.05, down, rest, travel, up]).tolist()
+    keys = (
+        Key(time=times[0], position=here, clearance=1e-3),
+        Key(time=times[1], position=here, force=force),
+        Key(time=times[2], position=here, force=force),
+        Key(time=times[3], position=there, force=harder),
+        Key(time=times[4], position=there, clearance=1e-3),
+    )
+    material = load_material(OBJECTS[int(chance.integers(len(OBJECTS)))])
+    touch = Touch(material=material, motion=keys, rolls=bool(chance.integers(2)))
+    return History(scene=Scene(touches=(touch,)), released=times[4])
+
+
+def sound_of(sensor: Sensor, seed: int, after: Seconds, noise: int | None = None) -> tuple[Audio, Seconds]:
+    """Return both microphones until `after` the release, (2, n), and when that was.
+
+    `noise` seeds the converter's noise and the object's surface, as `seed` does by default.
+    """
+    past = history(sensor, seed)
+    twin = begin(sensor, past.scene, sample_rate=RATE, seed=seed if noise is None else noise)
+    take, _ = advance(twin, round((past.released + after) * RATE))
+    return take.microphones, past.released
+
+
+def partial_levels(microphones: Audio, sensor: Sensor) -> Floats:
+    """Return the power around each partial of the open string, (2, partials), in dB of the whole."""
+    count = microphones.shape[1]
+    power = np.abs(np.fft.rfft(microphones * np.hanning(count), axis=1)) ** 2
+    nearest = np.rint(np.fft.rfftfreq(count, 1.0 / RATE) / open_frequency(sensor.string)).astype(int)
+    around = np.array([power[:, nearest == n].sum(axis=1) for n in range(1, PARTIALS + 1)]).T
+    return np.maximum(10.0 * np.log10(around / around.sum() + 1e-30), FLOOR)
+
+
+def patterns(levels: Floats) -> np.ndarray:
+    """Return which pattern each sound is of, (n,): those alike, and those alike to one of them, are one."""
+    count = levels.shape[0]
+    flat = levels.reshape(count, -1)
+    alike = np.abs(flat[:, None] - flat[None]).max(axis=2) <= PATTERN_TOLERANCE
+    label = np.arange(count)
+    while True:
+        spread = np.where(alike, label, count).min(axis=1)
+        if (spread == label).all():
+            break
+        label = spread
+    _, index, sizes = np.unique(label, return_inverse=True, return_counts=True)
+    place = np.empty_like(sizes)
+    place[np.argsort(-sizes, kind="stable")] = np.arange(sizes.size)
+    return place[index]
+
+
+@lru_cache(maxsize=8)
+def study(name: str, histories: int, first: int, after: Seconds) -> Study:
+    """Let a sensor go through histories of the seeds from `first` on, and sort what they end in."""
+    sensor, half = load_sensor(name), round(0.5 * LISTEN * RATE)
+    levels, before = np.empty((2, histories, 2, PARTIALS))
+    for i in range(histories):
+        sound, _ = sound_of(sensor, first + i, after)
+        levels[i] = partial_levels(sound[:, -half:], sensor)
+        before[i] = partial_levels(sound[:, -2 * half : -half], sensor)
+    steady = np.abs(levels - before).max(axis=(1, 2)) <= STEADY_TOLERANCE
+    pattern = np.full(histories, -1)
+    if steady.any():
+        pattern[steady] = patterns(levels[steady])
+    return Study(levels=levels, steady=steady, pattern=pattern)

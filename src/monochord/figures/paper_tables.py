@@ -1,4 +1,4 @@
-"""The paper's two tables as a picture: what each feature comes to on each object, beside the paper's own."""
+"""The paper's two tables as a figure: errors by feature and object, beside the paper's own."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ PANELS = {
 }
 """The column of each panel, its label, and the factor from SI."""
 COLUMNS = 4
-"""Of the legend."""
+"""Columns of the legend."""
 MARKS = "osD"
-"""One for each round of colours."""
+"""One marker for each round of colours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,9 +40,9 @@ class PaperTables(Measured):
     rows
         The file that `monochord ablate --rows` or `monochord evaluate --rows` wrote.
     noise
-        The condition that is drawn beside the clean one; empty for none.
+        Condition that is drawn beside the clean one; empty for none.
     features
-        Which, in this order; all of the file if there are none.
+        Features to draw, in this order; by default all of the file.
     """
 
     rows: Path
@@ -76,7 +76,7 @@ class PaperTables(Measured):
             column, label, factor = PANELS[quantity]
             _style.dress(axes, letter, "", "", label)
             self._marks(axes, rows, bodies, column)
-            self._papers(axes, quantity, bodies, factor)
+            self._paper_lines(axes, quantity, bodies, factor)
             axes.set_yscale("log")
             axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.yaxis.set_major_formatter("{x:g}")
@@ -91,21 +91,22 @@ class PaperTables(Measured):
         return [CLEAN, *filter(None, [self.noise])]
 
     def _features(self, rows: list[PaperRow]) -> list[str]:
-        held = list(dict.fromkeys(row["feature"] for row in rows))
+        known = list(dict.fromkeys(row["feature"] for row in rows))
         for name in self.features:
-            if name not in held:
-                raise InputError(f"feature '{name}'", ", ".join(held), did_you_mean(name, held))
-        return list(self.features) or held
+            if name not in known:
+                raise InputError(f"feature '{name}'", ", ".join(known), did_you_mean(name, known))
+        return list(self.features) or known
 
     def _read(self) -> list[PaperRow]:
         try:
             rows: list[PaperRow] = json.loads(Path(self.rows).read_text(encoding="utf-8"))
-            held = {row["condition"] for row in rows}
+            conditions = {row["condition"] for row in rows}
         except (OSError, ValueError, TypeError, KeyError) as error:
             given = f"rows {self.rows} (absent or damaged)"
             raise InputError(given, "a file that monochord ablate --rows wrote") from error
-        if self.noise and self.noise not in held:
-            raise InputError(f"noise '{self.noise}'", ", ".join(sorted(held)), did_you_mean(self.noise, held))
+        if self.noise and self.noise not in conditions:
+            known = ", ".join(sorted(conditions))
+            raise InputError(f"noise '{self.noise}'", known, did_you_mean(self.noise, conditions))
         return rows
 
     def _marks(self, axes: Axes, rows: list[PaperRow], bodies: list[str], column: str) -> None:
@@ -113,23 +114,23 @@ class PaperTables(Measured):
         for number, feature in enumerate(features):
             aside = 0.7 * ((number + 0.5) / len(features) - 0.5)
             for condition in self._conditions():
-                held = {row["object"]: row[column] for row in _of(rows, feature, condition)}
-                at = [place for place, body in enumerate(bodies) if held.get(body) is not None]
+                errors = {row["object"]: row[column] for row in _of(rows, feature, condition)}
+                at = [place for place, body in enumerate(bodies) if errors.get(body) is not None]
                 clean = condition == CLEAN
                 across = [place + aside + (0.0 if clean else 0.03) for place in at]
                 axes.plot(
-                    across, [held[bodies[place]] for place in at], ls="",
+                    across, [errors[bodies[place]] for place in at], ls="",
                     marker=MARKS[number // len(COLOURS) % len(MARKS)], ms=4.0, mec="none",
                     color=COLOURS[number % len(COLOURS)], alpha=1.0 if clean else 0.35,
                     label=feature if clean else None,
                 )  # fmt: skip
 
-    def _papers(self, axes: Axes, quantity: str, bodies: list[str], factor: float) -> None:
+    def _paper_lines(self, axes: Axes, quantity: str, bodies: list[str], factor: float) -> None:
         for condition, dash in zip(self._conditions(), ("-", _style.THEORY), strict=False):
-            told = [(place, reported(quantity, body, condition)) for place, body in enumerate(bodies)]
-            held = [(place, factor * one.mae) for place, one in told if one is not None]
-            if held:
-                places, errors = zip(*held, strict=True)
+            figures = [(place, reported(quantity, body, condition)) for place, body in enumerate(bodies)]
+            lines = [(place, factor * one.mae) for place, one in figures if one is not None]
+            if lines:
+                places, errors = zip(*lines, strict=True)
                 label = "the paper's sensor (real)" if condition == CLEAN else f"the same, {NOISE}"
                 begins, ends = [place - 0.42 for place in places], [place + 0.42 for place in places]
                 axes.hlines(errors, begins, ends, lw=1.0, color=_style.INK, ls=dash, label=label)

@@ -31,19 +31,19 @@ MARKS = "os^vDPX<>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Realstrings(Figure):
+class RealstringsFigure(Figure):
     """Position errors on real plucked strings of known fret, and what interference does to them.
 
     A: every answered 0.1 s window against its fret, one mark a string, calibrated by the string's open note
     alone. B: share of the answers within 5 mm against the signal-to-noise ratio, with the share answered, and
-    plain autocorrelation, which answers always.
+    plain autocorrelation, which never abstains.
 
     Parameters
     ----------
     ratios
         Signal-to-noise ratios of B, in dB.
     seed
-        Of where in the recordings the interference begins.
+        Random seed of where in the recordings the interference begins.
     """
 
     ratios: tuple[float, ...] = (20.0, 15.0, 10.0, 5.0, 0.0)
@@ -57,11 +57,13 @@ class Realstrings(Figure):
         _style.dress(curves, "B", "interference mixed in", "signal-to-noise ratio (dB)", "share (%)")
         _draw_errors(errors)
         for number, (name, sound) in enumerate(interference_recordings().items()):
-            seen = [
+            errors_at = [
                 errors_under(Interferer(sound=sound, ratio=ratio), Protocol(), self.seed)
                 for ratio in self.ratios
             ]
-            _draw_curves(curves, self.ratios, seen, _SOUNDS.get(name, name), _style.SEGMENTS[number % 2])
+            _draw_curves(
+                curves, self.ratios, errors_at, SOUND_NAMES.get(name, name), _style.SEGMENTS[number % 2]
+            )
         curves.set_ylim(40.0, 101.0)
         curves.invert_xaxis()
         curves.set_xticks(self.ratios)
@@ -73,7 +75,7 @@ class Realstrings(Figure):
         return page
 
 
-_SOUNDS = {"198_209_0000": "speech", "Kevin_MacLeod_Vibe_Ace": "music"}
+SOUND_NAMES = {"198_209_0000": "speech", "Kevin_MacLeod_Vibe_Ace": "music"}
 
 
 def string_errors() -> dict[str, list[tuple[Metres, Floats]]]:
@@ -100,11 +102,11 @@ def _draw_errors(axes: Axes) -> None:
 
 
 def _draw_curves(
-    axes: Axes, ratios: tuple[float, ...], seen: list[tuple[Floats, Floats]], name: str, colour: str
+    axes: Axes, ratios: tuple[float, ...], errors: list[tuple[Floats, Floats]], name: str, colour: str
 ) -> None:
-    answered = [100.0 * np.isfinite(ours).mean() for ours, _ in seen]
-    near = [100.0 * (np.abs(ours[np.isfinite(ours)]) <= POSITION_TOLERANCE).mean() for ours, _ in seen]
-    plain = [100.0 * (np.abs(baseline) <= POSITION_TOLERANCE).mean() for _, baseline in seen]
-    axes.plot(ratios, near, "o-", ms=3.0, lw=1.4, color=colour, label=f"{name}: answers within 5 mm")
+    answered = [100.0 * np.isfinite(own).mean() for own, _ in errors]
+    within = [100.0 * (np.abs(own[np.isfinite(own)]) <= POSITION_TOLERANCE).mean() for own, _ in errors]
+    plain = [100.0 * (np.abs(baseline) <= POSITION_TOLERANCE).mean() for _, baseline in errors]
+    axes.plot(ratios, within, "o-", ms=3.0, lw=1.4, color=colour, label=f"{name}: answers within 5 mm")
     axes.plot(ratios, answered, "-", lw=0.8, color=colour, alpha=0.6, label=f"{name}: answered")
     axes.plot(ratios, plain, "s:", ms=2.5, lw=0.9, color=colour, alpha=0.8, label=f"{name}: autocorrelation")

@@ -1,4 +1,4 @@
-"""What happened in a session: sound, force, pose and what is known of the touch, over time."""
+"""A session over time: sound, force, pose and labels."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-POINTS = 4000
-"""Readings of a column that are drawn at most: of more, the least and the greatest of each stretch."""
-LOWEST = -100.0
-"""dB relative to full scale that silence is drawn at."""
-MOST_EVENTS = 30
-"""Events of a kind that are drawn; more would hide what lies below."""
+MAX_POINTS = 4000
+"""Largest number of points of a curve; of more, the extremes of each stretch are drawn."""
+MIN_LEVEL = -100.0
+"""Level in dB relative to full scale at which silence is drawn."""
+MAX_EVENTS = 30
+"""Kinds of events with more than this number are not drawn; they would hide the curves."""
 ROW = 38.0
 """Height of a panel in mm."""
 
@@ -49,7 +49,7 @@ class SessionFigure(Figure):
     step: Seconds = 0.02
 
     def draw(self) -> Canvas:
-        """Read the session and draw one panel for each kind of thing that it holds."""
+        """Read the session and draw a panel for each of its streams."""
         if not self.step > 0.0:
             raise InputError(f"step {self.step} s", "more than 0 s")
         session = read_session(Path(self.path))
@@ -60,17 +60,19 @@ class SessionFigure(Figure):
         page = _style.canvas(ROW * len(panels) + 8.0)
         rows = page.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         kinds = Counter(event.kind for event in session.events)
-        rare = [event.time for event in session.events if kinds[event.kind] <= MOST_EVENTS]
+        rare = [event.time for event in session.events if kinds[event.kind] <= MAX_EVENTS]
         for letter, axes, panel in zip("ABCDE", rows, panels, strict=False):
             panel(axes, session, self.step)
             for time in rare:
                 axes.axvline(time, color=_style.PALE, linewidth=0.5, zorder=0)
             _style.dress(axes, letter, "", "", axes.get_ylabel())
-        told = session.description
-        title = f"{told.name}, simulated" if told.simulated else told.name
+        about = session.description
+        title = f"{about.name}, simulated" if about.simulated else about.name
         title = printable(title)
         rows[0].set_title(title, parse_math=False, fontsize=_style.LABEL, color=_style.INK, pad=4)
-        rows[-1].set_xlabel("time since the session's begin (s)", fontsize=_style.LABEL, color=_style.INK)
+        rows[-1].set_xlabel(
+            "time since the start of the session (s)", fontsize=_style.LABEL, color=_style.INK
+        )
         return page
 
 
@@ -88,7 +90,7 @@ def levels(track: AudioTrack, step: Seconds) -> tuple[Floats, Floats]:
     parts = track.samples[:, : count * size].reshape(track.samples.shape[0], count, size)
     with np.errstate(invalid="ignore"):  # what is not a number has no level, and is not drawn
         mean = np.mean(np.square(parts, dtype=np.float64), axis=2)
-    decibels = 10.0 * np.log10(np.maximum(mean, 10.0 ** (LOWEST / 10.0)))
+    decibels = 10.0 * np.log10(np.maximum(mean, 10.0 ** (MIN_LEVEL / 10.0)))
     return np.asarray(track.time((np.arange(count) + 0.5) * size)), decibels
 
 
@@ -151,8 +153,8 @@ def _labels(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG00
 
 
 def _thinned(time: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return a curve of at most `POINTS` points that keeps every peak."""
-    size = -(-len(time) // (POINTS // 2))
+    """Return a curve of at most `MAX_POINTS` points that keeps every peak."""
+    size = -(-len(time) // (MAX_POINTS // 2))
     if size <= 2:
         return time, values
     count = len(time) // size

@@ -1,4 +1,4 @@
-"""How well sliding is heard, by speed, and what stick and slip are beneath it, both simulated."""
+"""How well sliding is detected by its speed, and the stick and slip behind it, both simulated."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Drag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slip(Measured):
-    """Sliding told from rest by two plain features on 0.1 s windows, and one touch that sticks and slips.
+    """Sliding told from rest by two plain features of 0.1 s windows, and one touch that sticks and slips.
 
     A: area under the curve of hits against false alarms by sliding speed, with 95 % intervals over runs;
     0.5 is chance, 1 is always; in quiet, and with pink noise. B to D: a touch dragged slowly across:
@@ -92,8 +92,8 @@ class Slip(Measured):
         """Return the areas under the curve with their intervals and counts."""
         return {
             "simulated": True,
-            "areas": [to_tree(told) for told in self._areas(None)],
-            "areas in noise": [to_tree(told) for told in self._areas(self.noise)],
+            "areas": [to_tree(one) for one in self._areas(None)],
+            "areas in noise": [to_tree(one) for one in self._areas(self.noise)],
         }
 
     def draw(self) -> Canvas:
@@ -161,14 +161,14 @@ class Slip(Measured):
 
 
 def _draw_areas(axes: Axes, areas: list[Separation], line: str, where: str) -> None:
-    for number, feature in enumerate(dict.fromkeys(told.feature for told in areas)):
-        own = [told for told in areas if told.feature == feature]
-        speeds, colour = [1e3 * told.speed for told in own], _style.SEGMENTS[number % 2]
+    for number, feature in enumerate(dict.fromkeys(one.feature for one in areas)):
+        own = [one for one in areas if one.feature == feature]
+        speeds, colour = [1e3 * one.speed for one in own], _style.SEGMENTS[number % 2]
         axes.fill_between(
-            speeds, [told.low for told in own], [told.high for told in own], color=colour, alpha=0.14, lw=0.0
+            speeds, [one.low for one in own], [one.high for one in own], color=colour, alpha=0.14, lw=0.0
         )
         axes.plot(
-            speeds, [told.area for told in own], MARKS[number] + line, ms=3.5, lw=1.2, color=colour,
+            speeds, [one.area for one in own], MARKS[number] + line, ms=3.5, lw=1.2, color=colour,
             label=feature + where, mfc=colour if line == "-" else "white",
         )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""How an estimator fares as noise grows, by kind of noise."""
+"""Scores over the level of added noise, by kind of noise."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from monochord.core.errors import InputError
 from monochord.evaluation.results import CLEAN, Results, read_results
 from monochord.evaluation.scores import Score, detection, regression
 from monochord.figures import _style
-from monochord.figures._results import COLOURS, whose
+from monochord.figures._results import COLOURS, title_of
 from monochord.figures.base import Measured
 
 if TYPE_CHECKING:
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 PANELS = {
     "position": ("error of x (mm)", 1e3),
     "force": ("error of F (N)", 1.0),
-    "contact": ("contact right (%)", 1e2),
+    "contact": ("accuracy of contact (%)", 1e2),
     "slip": ("slip: area under the curve", 1.0),
 }
-"""What each panel shows, and its factor to there."""
+"""Axis label of each panel, and the factor from SI to its unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,14 +33,14 @@ class SnrCurves(Measured):
     """Errors of position and force, accuracy of contact and area under the curve of slip, over added noise.
 
     Noise was added to whole sessions at ratios of signal to noise; the dashed line is without. Errors are of
-    answered windows, so that the share that was answered belongs beside them: `--json` tells it.
+    answered windows, so the answered share belongs beside them: see `--json`.
 
     Parameters
     ----------
     results
         The file ``results.npz`` that `monochord evaluate` wrote, of a run with its noise suite.
     draws
-        For 95 % intervals, drawn as bars; 0 for none.
+        Bootstrap draws for 95 % intervals, drawn as bars; 0 for none.
     """
 
     results: Path
@@ -53,29 +53,29 @@ class SnrCurves(Measured):
     def numbers(self) -> dict[str, Any]:
         """Return for each noise and ratio in dB each panel's value, low, high and answered share."""
         results = read_results(Path(self.results))
-        told = {"simulated": results.simulated, "estimator": results.estimator}
-        return told | {"curves": self._told(results)}
+        about = {"simulated": results.simulated, "estimator": results.estimator}
+        return about | {"curves": self._curves(results)}
 
     def draw(self) -> Canvas:
         """Score the results by noise and ratio, and draw the four panels."""
         results = read_results(Path(self.results))
-        told = self._told(results)
+        curves = self._curves(results)
         page = _style.canvas(120.0)
         panels = page.subplots(2, 2, sharex=True).ravel()
         for letter, axes, (name, (label, factor)) in zip("ABCD", panels, PANELS.items(), strict=True):
             low = letter in "CD"
-            _style.dress(axes, letter, "", "ratio of signal to noise (dB)" if low else "", label)
-            if not _draw(axes, told, name, factor):
-                axes.text(0.5, 0.5, "not told", transform=axes.transAxes, ha="center", color=_style.PALE)
+            _style.dress(axes, letter, "", "signal-to-noise ratio (dB)" if low else "", label)
+            if not _draw(axes, curves, name, factor):
+                axes.text(0.5, 0.5, "not estimated", transform=axes.transAxes, ha="center", color=_style.PALE)
             if name in ("position", "force"):
                 axes.set_ylim(bottom=0.0)
             else:
                 axes.set_ylim(top=1.02 * factor)
-        page.suptitle(whose(results), fontsize=_style.LABEL, color=_style.INK)
+        page.suptitle(title_of(results), fontsize=_style.LABEL, color=_style.INK)
         _style.key(page, *panels)
         return page
 
-    def _told(self, results: Results) -> list[dict[str, Any]]:
+    def _curves(self, results: Results) -> list[dict[str, Any]]:
         kinds = dict.fromkeys((each.noise, each.ratio) for each in results.trials)
         added = [(noise, ratio) for noise, ratio in kinds if noise and ratio is not None]
         if not added:
@@ -90,27 +90,27 @@ class SnrCurves(Measured):
         ]
 
     def _scores(self, results: Results, at: np.ndarray) -> dict[str, Any]:
-        told: dict[str, Any] = {}
+        scores: dict[str, Any] = {}
         for name in ("position", "force"):
             one = regression(results, name, at, draws=self.draws)
-            told[name] = _plain(one.mae, one.answered)
+            scores[name] = _plain(one.mae, one.answered)
         for name in ("contact", "slip"):
             one = detection(results, name, at, draws=self.draws)
-            told[name] = _plain(one.accuracy if name == "contact" else one.area, one.answered)
-        return told
+            scores[name] = _plain(one.accuracy if name == "contact" else one.area, one.answered)
+        return scores
 
 
 def _plain(score: Score, answered: float | None) -> dict[str, float | None]:
     return {"value": score.value, "low": score.low, "high": score.high, "answered": answered}
 
 
-def _draw(axes: Axes, told: list[dict[str, Any]], name: str, factor: float) -> bool:
+def _draw(axes: Axes, curves: list[dict[str, Any]], name: str, factor: float) -> bool:
     """Draw one panel; return whether there was anything to draw."""
-    noises = list(dict.fromkeys(one["noise"] for one in told if one["ratio"] is not None))
+    noises = list(dict.fromkeys(one["noise"] for one in curves if one["ratio"] is not None))
     for number, noise in enumerate(noises):
         points = [
             (float(one["ratio"]), one[name])
-            for one in told
+            for one in curves
             if one["noise"] == noise and one["ratio"] is not None and one[name]["value"] is not None
         ]
         line = sorted(points, key=lambda point: point[0])
@@ -125,7 +125,7 @@ def _draw(axes: Axes, told: list[dict[str, Any]], name: str, factor: float) -> b
             [ratio for ratio, _ in line], value, yerr=bars if bars.any() else None, lw=1.1, marker="o",
             ms=3.0, elinewidth=0.6, color=COLOURS[number % len(COLOURS)], label=noise,
         )  # fmt: skip
-    for one in told:
+    for one in curves:
         if one["noise"] == CLEAN and one[name]["value"] is not None:
             axes.axhline(factor * one[name]["value"], color=_style.INK, lw=0.8, ls=_style.THEORY, label=CLEAN)
-    return any(one[name]["value"] is not None for one in told)
+    return any(one[name]["value"] is not None for one in curves)

@@ -1,4 +1,4 @@
-"""What a touch sounds like from beginning to end, over what is true of it, simulated."""
+"""The sound of a touch from beginning to end, over its labels, simulated."""
 
 from __future__ import annotations
 
@@ -25,18 +25,20 @@ if TYPE_CHECKING:
 
 RATE = 44100
 LEAD: Seconds = 0.6
-"""How long the untouched string sounds before the figure begins."""
+"""Time for which the untouched string sounds before the figure begins."""
 SIZE, HOP = 0.030, 0.004
 """Window of the spectrogram and its step in s."""
-QUIETEST = -70.0  # dB
+MIN_LEVEL = -70.0  # dB
+RAMP: Seconds = 0.03
+"""Time in which the object reaches its full speed across."""
 PHASES = (
     ("untouched", 0.25), ("approach", 0.20), ("press", 0.15), ("hold", 0.40), ("slide across", 0.35),
     ("hold", 0.25), ("slide along", 0.40), ("release", 0.15), ("untouched", 0.35),
 )  # fmt: skip
-"""What happens, and for how many seconds."""
-PLUCKED = 0.37
+"""Phases of the touch, and their lengths in s."""
+PLUCK_POSITION = 0.37
 """Share of the string at which it is plucked once, before all."""
-FAR = 3e-3
+WAIT_CLEARANCE = 3e-3
 """Clearance in m at which the object waits."""
 
 
@@ -89,7 +91,7 @@ class Touch(Figure):
         low, high = sensor.range
         here, there = low + self.start * (high - low), low + self.end * (high - low)
         touch = Object(material=load_material(self.material), motion=self._motion(here, there), rolls=False)
-        pluck = Pluck(position=PLUCKED * sensor.string.length, height=1e-4)
+        pluck = Pluck(position=PLUCK_POSITION * sensor.string.length, height=1e-4)
         twin = begin(sensor, Scene(touches=(touch,), pluck=pluck), seed=self.seed)
         _, twin = advance(twin, round((LEAD - 0.5 * SIZE) * RATE))
         take, _ = advance(twin, round((sum(seconds for _, seconds in PHASES) + SIZE) * RATE))
@@ -123,11 +125,11 @@ class Touch(Figure):
         return page
 
     def _motion(self, here: float, there: float) -> tuple[Key, ...]:
-        far, held = {"clearance": FAR}, {"force": self.force}
+        far, pressed = {"clearance": WAIT_CLEARANCE}, {"force": self.force}
         # The object comes to touch, presses, holds, goes across, holds, goes along and leaves.
         stops = [
-            (here, far, 0.0), (here, far, 0.0), (here, {}, 0.0), (here, held, 0.0), (here, held, 0.0),
-            (here, held, 0.0), (here, held, 0.0), (there, held, 0.0), (there, far, 0.0),
+            (here, far, 0.0), (here, far, 0.0), (here, {}, 0.0), (here, pressed, 0.0), (here, pressed, 0.0),
+            (here, pressed, 0.0), (here, pressed, 0.0), (there, pressed, 0.0), (there, far, 0.0),
         ]  # fmt: skip
         times = LEAD + np.concatenate([[0.0], np.cumsum([seconds for _, seconds in PHASES[:-1]])])
         keys = [
@@ -184,10 +186,6 @@ class Touch(Figure):
         panels["G"].set_xlim(0.0, float(time[-1]) - 0.5 * SIZE)
 
 
-RAMP: Seconds = 0.03
-"""How long the object takes to full speed across."""
-
-
 def spectrogram(channel: Audio, highest: Hertz) -> tuple[Floats, Floats, Floats]:
     """Return times in s, frequencies in Hz and levels in dB (rows, columns) of a channel, up to a frequency.
 
@@ -207,7 +205,7 @@ def spectrogram(channel: Audio, highest: Hertz) -> tuple[Floats, Floats, Floats]
 
 def _draw_sound(axes: Axes, times: Floats, frequencies: Floats, levels: Floats) -> QuadMesh:
     image = axes.pcolormesh(
-        times, 1e-3 * frequencies, levels, cmap=_style.LOUDNESS, vmin=QUIETEST, vmax=0.0, shading="nearest",
+        times, 1e-3 * frequencies, levels, cmap=_style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0, shading="nearest",
         rasterized=True,
     )  # fmt: skip
     axes.tick_params(labelbottom=False)

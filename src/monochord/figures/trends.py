@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Floats, StringParams
+from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Hertz, Newtons
 from monochord.figures import _style
-from monochord.figures._sweep import Sweep, simulated_spectra, simulator
 from monochord.figures.base import Figure
-from monochord.physics.simulators import Simulator
+from monochord.physics.simulators import SIMULATORS, Case, Simulator
 from monochord.physics.strings import load_string
-from monochord.physics.theory import TensionLaw, open_frequency
+from monochord.physics.theory import TensionLaw, open_frequency, split_frequencies
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import QuadMesh
     from matplotlib.figure import Figure as Canvas
 
-QUIETEST = -60.0  # dB below the strongest line of each touch
+SETTLE, LISTEN = 0.3, 0.2  # s: what is let pass of each touch, and the window that is looked at
+DEFAULT_ROUTE = "modal"
+MIN_LEVEL = -60.0  # dB below the strongest line of each touch
 HARMONICS = 4
 
 
@@ -103,9 +104,9 @@ class Trends(Figure):
         here, hard = f"x/L = {self.position:g}", f"F = {self.force:g} N"
         _style.dress(a, "A", f"theory, {hard}", "", "frequency (Hz)")
         _style.dress(d, "D", f"theory, {here}", "", "")
-        whose = f"simulated, {self.model.replace('_', ' ')}"
-        _style.dress(b, "B", f"{whose}, {hard}", "position x (mm)", "frequency (Hz)")
-        _style.dress(e, "E", f"{whose}, {here}", "normal force F (N)", "")
+        source = f"simulated, {self.model.replace('_', ' ')}"
+        _style.dress(b, "B", f"{source}, {hard}", "position x (mm)", "frequency (Hz)")
+        _style.dress(e, "E", f"{source}, {here}", "normal force F (N)", "")
         _draw_theory(a, string, by_position, 1e3 * by_position.positions)
         _draw_theory(d, string, by_force, by_force.forces)
         _draw_spectra(b, model, string, by_position, 1e3 * by_position.positions, top)
@@ -135,7 +136,7 @@ def _draw_spectra(
     # The strongest bin of each row, so that no line falls between two rows of the picture.
     picture = np.maximum.reduceat(levels[:, : rows[-1]], rows[:-1], axis=1).T
     image = axes.pcolormesh(
-        over, (edges[1:] + edges[:-1]) / 2.0, picture, cmap=_style.LOUDNESS, vmin=QUIETEST, vmax=0.0,
+        over, (edges[1:] + edges[:-1]) / 2.0, picture, cmap=_style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0,
         shading="nearest", rasterized=True,
     )  # fmt: skip
     for f, colour in zip(sweep.fundamentals(string), _style.SEGMENTS, strict=True):
@@ -143,3 +144,67 @@ def _draw_spectra(
         for n in range(2, HARMONICS + 1):
             axes.plot(over, n * f, color=colour, lw=0.4, ls=_style.THEORY, alpha=0.6)
     return image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweep:
+    """Touches along an axis: positions in m and forces in N, both (n,), of which one varies."""
+
+    positions: Floats
+    forces: Floats
+    law: TensionLaw = "linear"
+
+    def fundamentals(self, string: StringParams) -> tuple[Floats, Floats]:
+        """Return f1 and f2 of theory in Hz for each touch, (n,) each."""
+        return split_frequencies(string, self.positions, self.forces, self.law)
+
+
+def simulator(name: str, route: str = DEFAULT_ROUTE) -> Simulator:
+    """Return a simulator; a route is passed to those that have one, or if it is not the default."""
+    has_routes = any(field.name == "route" for field in fields(SIMULATORS.load(name)))  # pyright: ignore[reportArgumentType]
+    return SIMULATORS.build(name, {"route": route} if has_routes or route != DEFAULT_ROUTE else {})
+
+
+def simulated_spectra(model: Simulator, string: StringParams, sweep: Sweep) -> tuple[Floats, Floats]:
+    """Return the spectra of the simulated microphones for each touch of a sweep, after the transient.
+
+    Parameters
+    ----------
+    model
+        What simulates.
+    string
+        The string.
+    sweep
+        Touches; each is simulated by itself.
+
+    Returns
+    -------
+    frequencies (bins,)
+        In Hz.
+    levels (touches, bins)
+        Power of both microphones in dB, zero at the strongest line of each touch.
+    """
+    spectra = [_spectrum(model, case) for case in _cases(string, sweep)]
+    power = np.array([each for _, each in spectra])
+    levels = 10.0 * np.log10(power / power.max(axis=1, keepdims=True) + 1e-20)
+    return spectra[0][0], levels
+
+
+def _cases(string: StringParams, sweep: Sweep) -> list[Case]:
+    assignments = (f"tension_law={sweep.law}",)
+    touches = [
+        Contact(position=float(x), force=float(force))
+        for x, force in zip(sweep.positions, sweep.forces, strict=True)
+    ]
+    return [
+        Case(string=string, contact=touch, seconds=SETTLE + LISTEN, assignments=assignments)
+        for touch in touches
+    ]
+
+
+def _spectrum(model: Simulator, case: Case) -> tuple[Floats, Floats]:
+    recording = model.run(case)
+    late = recording.microphones[:, round(SETTLE * recording.sample_rate) :]
+    size = 4 * late.shape[1]
+    power = np.abs(np.fft.rfft(late * np.hanning(late.shape[1]), size)) ** 2
+    return np.arange(power.shape[1]) * (recording.sample_rate / size), np.sum(power, axis=0)

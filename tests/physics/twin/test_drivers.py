@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from monochord.core.types import Floats
-from monochord.figures import _patterns
+from monochord.figures import modes
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import bending_stiffness, split_frequencies
@@ -231,16 +231,16 @@ def test_a_soft_object_damps_where_a_hard_one_lets_the_string_sound() -> None:
 
 
 def assert_several_steady_sounds(histories: int, least: int) -> None:
-    found = _patterns.study("prototype", histories, 0, 2.5)
+    found = modes.study("prototype", histories, 0, 2.5)
     assert found.steady.mean() > 0.9
     often = [count for count in found.counts() if count >= least]
     assert len(often) >= 4
     for pattern in range(len(often)):
-        seed = found.spoken_for(pattern)
-        heard, _ = _patterns.sound_of(SENSOR, seed, 2.5)
-        again, _ = _patterns.sound_of(SENSOR, seed, 2.5)
+        seed = found.typical(pattern)
+        heard, _ = modes.sound_of(SENSOR, seed, 2.5)
+        again, _ = modes.sound_of(SENSOR, seed, 2.5)
         np.testing.assert_array_equal(again, heard)
-        levels = _patterns.partial_levels(heard[:, -RATE // 2 :], SENSOR)
+        levels = modes.partial_levels(heard[:, -RATE // 2 :], SENSOR)
         np.testing.assert_array_equal(levels, found.levels[seed])
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.figures._tapped import RATE, Tapped, tapped
+from monochord.figures.taps import RATE, Tapped, tapped
 from monochord.physics.sensors import load_sensor
 from monochord.sessions.sync.pulses import Taps, taps_of_force
 from monochord.sessions.sync.taps import Offset, audio_offset, height_offset, offset_of, travel_time

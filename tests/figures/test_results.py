@@ -1,0 +1,239 @@
+"""Figures of an evaluation show the scores of its results."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.collections import QuadMesh
+
+from monochord.core.errors import InputError
+from monochord.datasets.build import build_dataset
+from monochord.evaluation import realstrings
+from monochord.figures.confusion import Confusion
+from monochord.figures.error_map import ErrorMapFigure
+from monochord.figures.paper_tables import PaperTables
+from monochord.figures.realstrings import RealstringsFigure, string_errors
+from monochord.figures.scatter import Scatter
+from monochord.figures.snr_curves import SnrCurves
+from monochord.figures.tsne import Tsne, embedded
+from monochord.lab.bench import make
+from monochord.lab.plan import assignments
+from monochord.lab.plans import load_plan
+
+Write = Callable[..., Path]
+
+
+def test_scatter_draws_the_answered_windows_of_each_object(write: Write) -> None:
+    position = Scatter(results=write()).draw().axes[0]
+    assert len(position.collections) == 2
+    edges = [line for line in position.lines if line.get_marker() in ("^", "v") and len(line.get_xdata())]  # pyright: ignore[reportArgumentType]
+    drawn = 0
+    for points in position.collections:
+        truth, estimate = np.asarray(points.get_offsets()).T
+        np.testing.assert_allclose(np.abs(estimate - truth), 1.0, atol=1e-9)
+        drawn += len(truth)
+    assert drawn + sum(np.size(line.get_xdata()) for line in edges) == 2 * (160 - 16)
+    thinned = Scatter(results=write(), points=10).draw().axes[0]
+    assert all(0 < len(np.asarray(points.get_offsets())) <= 10 for points in thinned.collections)
+
+
+def test_scatter_shows_points_beyond_the_axes_at_their_edge_with_a_count(write: Write) -> None:
+    results = write(outliers=7)
+    position = Scatter(results=results).draw().axes[0]
+    low, high = position.get_ylim()
+    above, below = (
+        sum(np.size(line.get_xdata()) for line in position.lines if line.get_marker() == marker)
+        for marker in ("^", "v")
+    )
+    for line in position.lines:
+        if line.get_marker() in ("^", "v"):
+            assert set(np.asarray(line.get_ydata()).tolist()) == {high if line.get_marker() == "^" else low}
+    assert above == 7
+    inside = sum(len(np.asarray(points.get_offsets())) for points in position.collections)
+    assert inside + above + below == 2 * (160 - 16)
+    assert any(text.get_text().startswith("7 ") for text in position.texts)
+
+
+def test_scatter_has_scores_by_object_and_condition(write: Write) -> None:
+    file = write(simulated=False)
+    clean, noisy = (Scatter(results=file, condition=name).numbers() for name in ("clean", "hum 0 dB"))
+    assert clean["simulated"] is False
+    assert clean["position"]["wood"]["mae"]["value"] == pytest.approx(1e-3)
+    assert clean["position"]["all"]["answered"] == pytest.approx(0.9)
+    assert noisy["force"]["all"]["mae"]["value"] == pytest.approx(0.55)
+
+
+def test_confusion_counts_by_truth_and_estimate(write: Write) -> None:
+    figure = Confusion(results=write())
+    numbers = figure.numbers()
+    assert numbers["contact"] == [[160, 0, 0], [0, 320, 0]]
+    assert numbers["slip"] == [[120, 40, 0], [40, 120, 0]]
+    shares = np.asarray(figure.draw().axes[1].images[0].get_array())
+    np.testing.assert_allclose(shares, [[0.75, 0.25, 0.0], [0.25, 0.75, 0.0]])
+    silent = Confusion(results=write(quiet=("contact",))).numbers()
+    assert silent["contact"] == [[0, 0, 160], [0, 0, 320]]
+
+
+def test_error_maps_have_mean_errors_and_cross_cells_with_few_windows(write: Write) -> None:
+    def drawn(figure: ErrorMapFigure, panel: int) -> np.ma.MaskedArray:
+        (mesh,) = (one for one in figure.draw().axes[panel].collections if isinstance(one, QuadMesh))
+        return np.ma.asarray(mesh.get_array())
+
+    every = ErrorMapFigure(results=write(), least=1)
+    np.testing.assert_allclose(drawn(every, 0).compressed(), 1.0)
+    np.testing.assert_allclose(drawn(every, 1).compressed(), 0.05)
+    figure = ErrorMapFigure(results=write(), least=4)
+    cells = figure.numbers()["position"]
+    few = (np.array(cells["answered"]) < 4) & (np.array(cells["windows"]) > 0)
+    assert 0 < few.sum() < few.size
+    assert (drawn(figure, 0).mask == (np.array(cells["answered"]) < 4)).all()
+    (crosses,) = figure.draw().axes[0].lines
+    assert np.size(crosses.get_xdata()) == few.sum()
+    noisy = ErrorMapFigure(results=write(), condition="white 10 dB").numbers()["force"]
+    assert (np.sum(noisy["windows"]), np.sum(noisy["answered"])) == (320, 288)
+
+
+def test_snr_curves_are_the_scores_at_each_ratio(write: Write) -> None:
+    def curve(axes: Any, name: str) -> tuple[np.ndarray, np.ndarray]:
+        (bars,) = (one for one in axes.containers if one.get_label() == name)
+        return np.asarray(bars[0].get_xdata(), np.float64), np.asarray(bars[0].get_ydata(), np.float64)
+
+    position, force, contact, slip = SnrCurves(results=write()).draw().axes[:4]
+    for axes, factor in ((position, 1.0), (force, 0.05)):
+        for noise in ("white", "hum"):
+            ratio, error = curve(axes, noise)
+            assert ratio.tolist() == [0.0, 10.0, 20.0]
+            np.testing.assert_allclose(error, factor * (1.0 + 10.0 * 10.0 ** (-ratio / 20.0)))
+        (clean,) = (line for line in axes.lines if line.get_label() == "clean")
+        np.testing.assert_allclose(np.asarray(clean.get_ydata(), np.float64), factor)
+    assert curve(contact, "hum")[1].tolist() == [100.0, 100.0, 100.0]
+    np.testing.assert_allclose(curve(slip, "hum")[1], 0.75)
+    silent = SnrCurves(results=write(quiet=("slip",))).draw().axes[3]
+    assert not silent.containers
+    curves = SnrCurves(results=write(), draws=20).numbers()["curves"]
+    assert len(curves) == 7
+    for one in curves:
+        assert one["slip"]["low"] <= one["slip"]["value"] <= one["slip"]["high"]
+        assert one["position"]["answered"] == pytest.approx(0.9)
+
+
+@pytest.fixture
+def rows(tmp_path: Path) -> Path:
+    table: list[dict[str, Any]] = [
+        {
+            "feature": feature,
+            "object": body,
+            "condition": condition,
+            "position_mae_mm": position,
+            "force_mae_n": force,
+            "simulated": True,
+        }
+        for feature, position, force in (("one", 0.5, 0.1), ("two", 1.5, None))
+        for body in ("plastic", "wood")
+        for condition in ("clean", "music 10 dB")
+    ]
+    file = tmp_path / "rows.json"
+    file.write_text(json.dumps(table))
+    return file
+
+
+def test_paper_tables_draw_our_errors_and_the_papers(rows: Path) -> None:
+    position, force = PaperTables(rows=rows).draw().axes
+    marks = {line.get_label(): np.asarray(line.get_ydata(), float).tolist() for line in position.lines}
+    assert (marks["one"], marks["two"]) == ([0.5, 0.5], [1.5, 1.5])
+    (empty,) = (line for line in force.lines if line.get_label() == "two")
+    assert np.size(empty.get_ydata()) == 0
+    clean, noise = (lines.get_segments() for lines in position.collections)  # type: ignore[attr-defined]
+    assert [segment[0][1] for segment in clean] == pytest.approx([2.7, 8.8])
+    assert [segment[0][1] for segment in noise] == pytest.approx([3.1, 8.6])
+    numbers = PaperTables(rows=rows, noise="", features=("two", "one")).numbers()
+    assert numbers["force"] == {
+        "clean": {"two": {"plastic": None, "wood": None}, "one": {"plastic": 0.1, "wood": 0.1}}
+    }
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    home = tmp_path_factory.mktemp("tsne")
+    sessions = [make(one, home).path for one in assignments(load_plan("small"))]
+    return build_dataset(sessions, home / "dataset").path
+
+
+def test_tsne_draws_every_window_and_keeps_neighbours_together(dataset: Path) -> None:
+    figure = Tsne(dataset=dataset, features=("log_mel",), windows=150, perplexity=10.0)
+    panels = figure.draw().axes[:4]
+    for axes in panels:
+        assert sum(len(np.asarray(dots.get_offsets())) for dots in axes.collections) == 150
+    known = np.asarray(panels[2].collections[1].get_array())
+    assert 40.0 < known.min() < known.max() < 160.0
+    scores = figure.numbers()
+    assert scores["simulated"] is True
+    contact = scores["log_mel"]["contact"]
+    assert contact["alike"] > contact["by_chance"] + 0.2
+    assert scores["log_mel"]["position"]["r"] > 0.5
+
+
+def test_tsne_separates_groups_whatever_the_units_of_their_columns() -> None:
+    stream, group = np.random.default_rng(0), np.repeat(np.arange(4), 40)
+    rows = 3.0 * stream.normal(size=(4, 20))[group] + stream.normal(size=(160, 20))
+    places = embedded(np.column_stack([1024.0 * rows, np.full(160, 7.0)]), 15.0)
+    distances = ((places[:, None] - places) ** 2).sum(axis=2)
+    np.fill_diagonal(distances, np.inf)
+    nearest = distances.argsort(axis=1)[:, :10]
+    assert (group[nearest] == group[:, None]).mean() > 0.99
+    with pytest.raises(InputError, match="equal rows"):
+        embedded(np.ones((30, 3)), 5.0)
+
+
+@pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
+def test_realstrings_draws_every_string_and_a_curve_for_each_interference() -> None:
+    by_string = string_errors()
+    assert len(by_string) >= 2
+    errors = np.concatenate([e for takes in by_string.values() for _, e in takes])
+    assert np.nanmean(np.abs(errors)) < 1.6e-3
+    curves = RealstringsFigure(ratios=(20.0,)).draw().axes[1]
+    assert len(curves.lines) == 3 * len(realstrings.takes(kind="interference"))
+
+
+@pytest.mark.parametrize(
+    ("figure", "options", "line"),
+    [
+        (Scatter, {"condition": "hum 5 dB"}, "condition 'hum 5 dB': allowed is clean.*did you mean 'hum"),
+        (Scatter, {"points": 0}, "points 0"),
+        (Scatter, {"results": Path("none.npz")}, r"none\.npz"),
+        (Confusion, {"condition": "noise"}, "condition 'noise'"),
+        (ErrorMapFigure, {"least": 0}, "least 0"),
+        (SnrCurves, {"draws": -1}, "draws -1"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(
+    write: Write, figure: Any, options: dict[str, Any], line: str
+) -> None:
+    with pytest.raises(InputError, match=line):
+        figure(**{"results": write(), **options}).draw()
+
+
+def test_other_files_and_datasets_are_refused(
+    write: Write, rows: Path, dataset: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match="without added noise"):
+        SnrCurves(results=write(noises=False)).draw()
+    with pytest.raises(InputError, match="did you mean"):
+        PaperTables(rows=rows, noise="music 10dB").draw()
+    with pytest.raises(InputError, match="feature 'three'"):
+        PaperTables(rows=rows, features=("three",)).numbers()
+    (tmp_path / "other.json").write_text("[1]")
+    with pytest.raises(InputError, match="absent or damaged"):
+        PaperTables(rows=tmp_path / "other.json").draw()
+    for options, line in (
+        ({"features": ()}, "no features"),
+        ({"windows": 10}, "windows 10: allowed is 100 to 5000"),
+        ({"perplexity": 400.0}, "perplexity 400"),
+        ({"features": ("log_mell",)}, "did you mean 'log_mel'"),
+        ({"dataset": tmp_path}, "a folder that monochord build made"),
+    ):
+        with pytest.raises(InputError, match=line):
+            Tsne(**{"dataset": dataset, **options}).draw()  # pyright: ignore[reportArgumentType]

@@ -1,0 +1,303 @@
+"""Figures of simulations: what they compute agrees with theory, and they draw it."""
+
+import re
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.core.errors import InputError
+from monochord.core.types import Contact, Floats
+from monochord.figures import convergence, modes, touch
+from monochord.figures.convergence import STEADY, TRANSIENT, Convergence, Segment, envelope, spectrum
+from monochord.figures.modes import PATTERN_TOLERANCE, Modes
+from monochord.figures.slip import Slip
+from monochord.figures.touch import PHASES, RATE, SIZE, Touch
+from monochord.figures.trends import Sweep, Trends, simulated_spectra, simulator
+from monochord.physics.sensors import load_sensor
+from monochord.physics.split_string import SplitString, simulate
+from monochord.physics.strings import load_string
+from monochord.physics.theory import segment_frequencies, split_frequencies
+from monochord.physics.twin import Take
+
+APPENDIX = load_string("appendix").string
+SPLIT_STRING = simulator("split_string")
+SENSOR = load_sensor("prototype")
+FEW_HISTORIES = Modes(histories=12, after=2.0)
+FEW_TOUCHES = Slip(runs=3, speeds=(0.01, 0.1), seconds=0.12)
+
+
+@pytest.fixture(scope="module")
+def segments() -> list[Segment]:
+    contact = Contact(position=0.35 * APPENDIX.length, force=0.0)
+    recording = simulate(SplitString(string=APPENDIX, contact=contact), 0.4, route="modal")
+    both = zip(recording.segments, segment_frequencies(APPENDIX, contact), strict=True)
+    return [Segment(velocity=v, rate=float(recording.sample_rate), expected=f) for v, f in both]
+
+
+def test_a_touch_settles_on_the_frequencies_of_theory(segments: list[Segment]) -> None:
+    for segment in segments:
+        others: list[float] = []
+        for span in (TRANSIENT, STEADY):
+            frequencies, levels = spectrum(segment, span)
+            others.append(levels[(frequencies > 1.6 * segment.expected) & (frequencies < 8000.0)].max())
+        assert frequencies[np.argmax(levels)] == pytest.approx(segment.expected, rel=2e-3)
+        assert others[1] < others[0] - 20.0
+        times, frequencies, levels = convergence.spectrogram(segment, 3000.0)
+        assert levels.shape == (frequencies.size, times.size)
+        assert (times[0], times[-1]) == pytest.approx((0.015, 0.385), abs=3e-3)
+        ridge = frequencies[np.argmax(levels, axis=0)]
+        np.testing.assert_allclose(ridge, segment.expected, atol=frequencies[1])
+
+
+def test_the_envelope_of_a_decaying_tone_is_its_amplitude() -> None:
+    t = np.arange(0.0, 0.2, 1e-4)
+    amplitude = np.exp(-t / 0.5)
+    tone = Segment(velocity=amplitude * np.sin(2 * np.pi * 200.0 * t), rate=1e4, expected=200.0)
+    np.testing.assert_allclose(envelope(tone)[50:-50], amplitude[50:-50], rtol=0.02)
+
+
+def test_convergence_draws_waves_spectrograms_and_spectra() -> None:
+    page = Convergence(string="prototype", seconds=0.35, route="modal").draw()
+    panels = {axes.get_title(loc="left"): axes for axes in page.axes}
+    assert set("ABCDEF") <= set(panels)
+    assert panels["A"].get_xlim() == pytest.approx((0.0, 350.0))
+    assert all(panels[letter].collections for letter in "CD")
+
+
+def ridge_near(frequencies: Floats, levels: Floats, expected: float) -> float:
+    """Return the frequency of the strongest bin within a quarter of a fundamental either side."""
+    near = np.flatnonzero(np.abs(frequencies - expected) < expected / 4.0)
+    return float(frequencies[near[np.argmax(levels[near])]])
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["position", "force"])
+def test_ridges_of_simulated_spectra_lie_on_theory(which: int) -> None:
+    sweep = Trends(steps=5).sweeps(APPENDIX)[which]
+    frequencies, levels = simulated_spectra(SPLIT_STRING, APPENDIX, sweep)
+    np.testing.assert_array_equal(levels.max(axis=1), 0.0)
+    expected = np.array(split_frequencies(APPENDIX, sweep.positions, sweep.forces)).T
+    for level, (f1, f2) in zip(levels, expected, strict=True):
+        for f, other in ((f1, f2), (f2, f1)):
+            if abs(f - other) > 0.3 * f:
+                # Within the bin of the padded spectrum, 2.5 Hz, and what the driver pulls.
+                assert ridge_near(frequencies, level, f) == pytest.approx(f, abs=3.0)
+                assert level[np.argmin(np.abs(frequencies - f))] > -20.0
+
+
+def test_mirrored_touches_have_equal_spectra() -> None:
+    sweep = Sweep(positions=np.array([0.2, 0.45]), forces=np.array([1.0, 1.0]))
+    _, levels = simulated_spectra(SPLIT_STRING, APPENDIX, sweep)
+    loud = levels[0] > -60.0
+    np.testing.assert_allclose(levels[0][loud], levels[1][loud], atol=0.1)
+
+
+def test_the_tension_law_applies_to_theory_and_every_simulator() -> None:
+    plain = load_string("plain_010").string
+    sweep = Trends(steps=3, highest_force=20.0, law="geometric").sweeps(plain)[1]
+    frequencies, levels = simulated_spectra(SPLIT_STRING, plain, sweep)
+    f1, _ = sweep.fundamentals(plain)
+    assert f1[2] > 1.2 * f1[0]
+    assert ridge_near(frequencies, levels[2], f1[2]) == pytest.approx(f1[2], abs=3.0)
+    peaks: list[float] = []
+    for law in ("linear", "geometric"):
+        one = Sweep(positions=np.array([0.09]), forces=np.array([2.0]), law=law)
+        frequencies, levels = simulated_spectra(simulator("twin"), SENSOR.string, one)
+        peaks.append(frequencies[levels[0].argmax()])
+    # k_T 0.3 against 4 N^2 of stretch: 0.6 N and 1.2 N on 65 N.
+    assert peaks[1] > peaks[0] + 2.0
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["position", "force"])
+def test_the_twin_has_lines_on_the_harmonics_of_both_segments(which: int) -> None:
+    sweep = Trends(steps=3, edge=0.27, highest_force=2.0, law="geometric").sweeps(SENSOR.string)[which]
+    frequencies, levels = simulated_spectra(simulator("twin"), SENSOR.string, sweep)
+    for level, force, *both in zip(levels, sweep.forces, *sweep.fundamentals(SENSOR.string), strict=True):
+        for f in both if force > 0.0 else ():
+            # A light touch yields, a stiff string is up by less than 1 %; a driver holds one of four.
+            bands = [(frequencies > 0.97 * n * f) & (frequencies < 1.01 * n * f) for n in range(1, 5)]
+            assert max(level[band].max() for band in bands) > -30.0
+
+
+def test_trends_draws_theory_in_millimetres() -> None:
+    curve = Trends(steps=3).draw().axes[0].lines[0]
+    x, f = np.asarray(curve.get_xdata()), np.asarray(curve.get_ydata())
+    np.testing.assert_allclose(f, split_frequencies(APPENDIX, x / 1e3, np.ones(3))[0])
+
+
+def levels_of(*peaks: float) -> np.ndarray:
+    """One sound a level: that of its first partial in both channels, the others absent."""
+    levels = np.full((len(peaks), 2, modes.PARTIALS), modes.FLOOR)
+    levels[:, :, 0] = np.array(peaks)[:, None]
+    return levels
+
+
+def test_similar_sounds_and_those_linked_by_others_are_one_pattern() -> None:
+    assert modes.patterns(levels_of(-20.0, -3.0, -3.0, -1.0, -20.0, -3.0)).tolist() == [1, 0, 0, 0, 1, 0]
+    linked = levels_of(-3.0, -8.0, -13.0, -18.0)  # 5 dB apart each, 15 dB from end to end
+    assert modes.patterns(linked).tolist() == [0, 0, 0, 0]
+    assert sorted(modes.patterns(linked[[0, 3]]).tolist()) == [0, 1]
+    levels = np.random.default_rng(3).uniform(-30.0, 0.0, (30, 2, 8)).round(-1)
+    order = np.random.default_rng(4).permutation(30)
+    one, other = modes.patterns(levels)[order], modes.patterns(levels[order])
+    assert ((one[:, None] == one) == (other[:, None] == other)).all()
+
+
+def test_partial_levels_are_relative_to_the_whole() -> None:
+    time, f0 = np.arange(22050) / modes.RATE, 1010.565
+    strong, weak = np.sin(2 * np.pi * 2 * f0 * time), 0.1 * np.sin(2 * np.pi * 3 * f0 * time)
+    levels = modes.partial_levels(np.array([strong, weak], dtype=np.float32), SENSOR)
+    # A hundredth of the power in the second channel: 10 log10(1 / 1.01) and 20 dB below.
+    assert levels[0, 1] == pytest.approx(-0.043, abs=0.02)
+    assert levels[1, 2] == pytest.approx(-20.04, abs=0.02)
+    assert (np.delete(levels[0], 1) == modes.FLOOR).all()
+
+
+def test_histories_stay_within_range_and_force_and_end_clear_of_the_string() -> None:
+    is_touch = set[bool]()
+    for seed in range(60):
+        past = modes.history(SENSOR, seed)
+        is_touch.add(past.scene.pluck is None)
+        assert past == modes.history(SENSOR, seed)
+        for each in past.scene.touches:
+            assert all(0.05 <= key.position <= 0.15 for key in each.motion)
+            assert all(0.1 <= key.force <= 2.0 for key in each.motion[1:-1])
+            assert each.motion[-1].clearance > 0.0
+            assert each.motion[-1].time == past.released
+    assert is_touch == {True, False}
+
+
+def test_modes_counts_every_history_once_and_draws_a_column_for_each_pattern() -> None:
+    numbers = FEW_HISTORIES.numbers()
+    counts = numbers["counts"]
+    assert (numbers["histories"], numbers["seeds"]) == (12, [0, 11])
+    assert sum(counts) == numbers["steady"] <= 12
+    assert counts == sorted(counts, reverse=True) == [one["count"] for one in numbers["patterns"]]
+    pattern = numbers["patterns"][0]
+    sound, _ = modes.sound_of(SENSOR, pattern["seed"], 2.0)
+    levels = modes.partial_levels(sound[:, -22050:], SENSOR)
+    np.testing.assert_allclose(levels, pattern["levels_db"], atol=PATTERN_TOLERANCE)
+    letters = {axes.get_title(loc="left") for axes in FEW_HISTORIES.draw().axes}
+    assert set("ABCDE"[: len(counts)]) <= letters
+
+
+def test_the_spectrogram_of_modes_is_in_decibels_of_full_scale_about_the_release() -> None:
+    time = np.arange(3 * 44100) / 44100
+    sine = (0.1 * np.sin(2 * np.pi * 1033.59 * time)).astype(np.float32)
+    times, frequencies, levels = modes.spectrogram(sine, 1.0)
+    assert (times[0], times[-1]) == pytest.approx((-0.2, 0.8), abs=0.02)
+    assert levels.max() == pytest.approx(-20.0, abs=0.2)
+    assert frequencies[levels[:, 0].argmax()] == pytest.approx(1033.59, abs=22.0)
+
+
+@cache
+def played() -> Take:
+    return Touch().play()
+
+
+def during(number: int) -> slice:
+    """Return the middle half of a phase."""
+    edges = np.concatenate([[0.0], np.cumsum([seconds for _, seconds in PHASES])]) + 0.5 * SIZE
+    start, stop = edges[number], edges[number + 1]
+    quarter = 0.25 * (stop - start)
+    return slice(round((start + quarter) * RATE), round((stop - quarter) * RATE))
+
+
+def test_labels_of_the_touch_follow_its_phases() -> None:
+    labels = played().labels
+    names = [name for name, _ in PHASES]
+    for number, name in enumerate(names):
+        cut = during(number)
+        slips = name.startswith("slide")
+        touched = name in {"press", "hold"} or slips
+        if name != "release":
+            assert labels.contact[0, cut].all() == touched
+        if touched and name != "press":
+            assert labels.slip[0, cut].mean() == pytest.approx(float(slips), abs=0.05)
+            assert labels.force[0, cut].mean() == pytest.approx(1.0, abs=0.05)
+    across, along = during(names.index("slide across")), during(names.index("slide along"))
+    assert labels.across[0, across].mean() == pytest.approx(0.03, rel=0.05)
+    assert labels.along[0, along].mean() == pytest.approx(0.1, rel=0.02)
+    assert labels.settled[during(names.index("hold"))].all()
+
+
+def test_the_touch_sounds_throughout_and_is_drawn() -> None:
+    sound = played().microphones
+    for number in (0, 3, len(PHASES) - 1):
+        assert np.abs(sound[:, during(number)]).max() > 0.05
+    assert np.abs(sound).max() < 1.0
+    panels = {axes.get_title(loc="left"): axes for axes in Touch().draw().axes}
+    assert panels["A"].collections
+    assert panels["B"].collections
+
+
+def test_the_spectrogram_of_a_touch_counts_from_the_middle_of_its_window() -> None:
+    time = np.arange(round(0.2 * RATE)) / RATE
+    tone = np.sin(2.0 * np.pi * 3000.0 * time) * (time > 0.1)
+    times, frequencies, levels = touch.spectrogram(tone.astype(np.float32), 5000.0)
+    row = levels[np.argmin(np.abs(frequencies - 3000.0))]
+    # Half of the tone is in the window around its beginning: 6 dB below the whole.
+    begins = times[np.argmin(np.abs(row - (row.max() - 6.0)))] + 0.5 * SIZE
+    assert begins == pytest.approx(0.1, abs=0.004)
+    assert frequencies[-1] <= 5000.0
+
+
+def test_slip_has_areas_with_intervals_and_draws_four_panels() -> None:
+    numbers = FEW_TOUCHES.numbers()
+    assert numbers["simulated"] is True
+    for key in ("areas", "areas in noise"):
+        assert [(one["feature"], one["speed"]) for one in numbers[key]] == [
+            (feature, speed) for feature in ("rumble", "filled gaps") for speed in FEW_TOUCHES.speeds
+        ]
+        assert all(0.0 <= one["low"] <= one["area"] <= one["high"] <= 1.0 for one in numbers[key])
+    panels = {axes.get_title(loc="left"): axes for axes in FEW_TOUCHES.draw().axes}
+    areas = [np.asarray(line.get_ydata()).tolist() for line in panels["A"].lines[:2]]
+    expected = [one["area"] for one in numbers["areas"]]
+    np.testing.assert_allclose(np.ravel(areas), expected)
+    assert set("ABCD") <= set(panels)
+
+
+def test_a_slow_drag_sticks_and_then_slips() -> None:
+    drag = FEW_TOUCHES.dragged(drivers=False)
+    early, late = drag.time < 0.02, drag.time > 0.08
+    # For 20 ms at 5 mm/s the string moves with the object: at most a few micrometres are lost to the bristle.
+    np.testing.assert_allclose(drag.string[early], drag.object[early], atol=1e-5)
+    assert not drag.slip[early].any()
+    assert drag.slip[late].mean() > 0.5
+    assert set(np.unique(drag.state[late])) >= {2.0, 3.0}
+    # Friction pulls with the force that the string's lateral stiffness returns.
+    assert np.corrcoef(drag.string, drag.force)[0, 1] > 0.95
+
+
+@pytest.mark.parametrize(
+    ("figure", "options", "line"),
+    [
+        (Convergence, {"position": 0.0}, "position 0"),
+        (Convergence, {"seconds": 0.3}, "seconds 0.3: allowed is 0.35 to 60 s"),
+        (Convergence, {"highest": 0.0}, "highest 0: allowed is above 1"),
+        (Trends, {"edge": 0.5}, "edge 0.5"),
+        (Trends, {"position": 1.0}, "position 1"),
+        (Trends, {"force": -1.0}, "force -1 N"),
+        (Trends, {"highest": 1.0}, "highest 1"),
+        (Trends, {"steps": 1}, "steps 1"),
+        (Trends, {"model": "splitstring"}, "did you mean 'split_string'"),
+        (Trends, {"route": "modl"}, "did you mean 'modal'"),
+        (Trends, {"string": "appendx"}, "did you mean 'appendix'"),
+        (Modes, {"histories": 0}, "histories 0"),
+        (Modes, {"first": -1}, "first -1"),
+        (Modes, {"after": 1.0}, "after 1 s"),
+        (Modes, {"shown": 0}, "shown 0"),
+        (Modes, {"sensor": "protoype"}, "did you mean 'prototype'"),
+        (Touch, {"start": 1.5}, "start 1.5: allowed is a share"),
+        (Touch, {"force": 0.0}, "force 0 N"),
+        (Touch, {"speed": 1.0}, "speed 1 m/s"),
+        (Touch, {"highest": 100.0}, "highest 100 Hz"),
+        (Slip, {"speeds": (0.0,)}, "speeds"),
+        (Slip, {"runs": 1}, "runs 1: allowed is 2 to 1000"),
+        (Slip, {"seconds": 0.01}, "seconds 0.01"),
+    ],
+)
+def test_options_out_of_range_are_refused(figure: Any, options: dict[str, Any], line: str) -> None:
+    with pytest.raises(InputError, match=re.escape(line)):
+        figure(**options).draw()
