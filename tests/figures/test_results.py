@@ -19,7 +19,7 @@ from monochord.figures.realstrings import RealstringsFigure, string_errors
 from monochord.figures.scatter import Scatter
 from monochord.figures.snr_curves import SnrCurves
 from monochord.figures.tsne import Tsne, embedded
-from monochord.lab.bench import make
+from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 
