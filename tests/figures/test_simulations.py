@@ -104,7 +104,7 @@ def test_the_tension_law_applies_to_theory_and_every_simulator() -> None:
     for law in ("linear", "geometric"):
         one = Sweep(positions=np.array([0.09]), forces=np.array([2.0]), law=law)
         frequencies, levels = simulated_spectra(simulator("twin"), SENSOR.string, one)
-        peaks.append(frequencies[levels[0].argmax()])
+        peaks.append(float(frequencies[levels[0].argmax()]))
     # k_T 0.3 against 4 N^2 of stretch: 0.6 N and 1.2 N on 65 N.
     assert peaks[1] > peaks[0] + 2.0
 
