@@ -1,3 +1,5 @@
+"""The embedding of a window by a small transformer, by each backend."""
+
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,6 +9,8 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
+from monochord.dsp.mel import LogMel
+from monochord.dsp.resample import Resampler
 from monochord.perception.encoders.ast.engines import build_engine
 from monochord.perception.encoders.ast.network import Sizes, Weights, find_ast, network_of
 from monochord.perception.features import FEATURES
@@ -17,7 +21,6 @@ for needed in ("torch", "transformers", "onnx", "onnxscript", "onnxruntime"):
 pytestmark = pytest.mark.timeout(400)  # a network is exported once for each length
 TWO = Signal(sample_rate=44100, channels=2)
 SIZE = 4410
-HOME = "MONOCHORD_WEIGHTS"
 
 
 @pytest.fixture(scope="module")
@@ -45,15 +48,15 @@ def built(weights: Path, size: int = SIZE, signal: Signal = TWO, **options: obje
     return FEATURES.build("ast", {"weights": str(weights), **options}).prepare(signal, size)
 
 
-def test_it_is_the_embedding_of_the_log_mel_spectrogram(weights: Path, windows: Audio) -> None:
-    from monochord.dsp.mel import LogMel
-    from monochord.dsp.resample import Resampler
-
+@pytest.mark.parametrize(("framing", "hop", "frames"), [("fine", 16, 100), ("audioset", 160, 8)])
+def test_it_is_the_embedding_of_the_padded_log_mel_spectrogram(
+    weights: Path, windows: Audio, framing: str, hop: int, frames: int
+) -> None:
     sound = Resampler(sample_rate=44100, new_rate=16000, size=SIZE)(windows[0])
-    energies = LogMel(size=1600, hop=16, centred=True)(sound)
-    expected = build_engine(find_ast(str(weights)), frames=100, backend="onnx")(energies)
-    row = built(weights)(windows)[0]
-    assert np.array_equal(row, expected.ravel())
+    energies = np.zeros((2, 100, 128), np.float32)
+    energies[:, :frames] = LogMel(size=1600, hop=hop, centred=framing == "fine")(sound)
+    expected = build_engine(find_ast(str(weights)), frames=100, backend="torch")(energies)
+    assert np.array_equal(built(weights, framing=framing, backend="torch")(windows)[0], expected.ravel())
 
 
 def test_columns_begin_with_the_checksum(weights: Path, windows: Audio) -> None:
@@ -62,9 +65,11 @@ def test_columns_begin_with_the_checksum(weights: Path, windows: Audio) -> None:
     assert len(extract.columns) == extract(windows).shape[1] == 2 * 2 * 128
     assert extract.columns[0] == f"{label} mic 1 mean 1"
     assert extract.columns[-1] == f"{label} mic 2 max 128"
+    alone = built(weights, signal=Signal(sample_rate=44100, channels=1), backend="torch")
+    assert alone(windows[:, :1]).shape == (3, 256)
 
 
-@pytest.mark.parametrize("backend", ["int8", "torch"])
+@pytest.mark.parametrize("backend", ["onnx", "int8", "torch"])
 def test_a_window_gives_the_same_bits_alone_and_among_others(
     weights: Path, windows: Audio, backend: str
 ) -> None:
@@ -73,46 +78,6 @@ def test_a_window_gives_the_same_bits_alone_and_among_others(
     assert rows.dtype == np.float32
     for i in (2, 0, 1):
         assert np.array_equal(extract(windows[i : i + 1])[0], rows[i])
-
-
-def test_audiosets_framing_is_padded_with_zeros_before_it_is_normalised(
-    weights: Path, windows: Audio
-) -> None:
-    from monochord.dsp.mel import LogMel
-    from monochord.dsp.resample import Resampler
-
-    sound = Resampler(sample_rate=44100, new_rate=16000, size=SIZE)(windows[0])
-    energies = np.zeros((2, 100, 128), np.float32)
-    energies[:, :8] = LogMel(size=1600, hop=160)(sound)
-    expected = build_engine(find_ast(str(weights)), frames=100, backend="torch")(energies)
-    assert np.array_equal(built(weights, framing="audioset", backend="torch")(windows)[0], expected.ravel())
-
-
-@pytest.mark.parametrize("size", [882, 2205, 22050])
-def test_other_lengths_are_embedded_too(weights: Path, size: int) -> None:
-    assert np.isfinite(built(weights, size=size, backend="torch")(np.zeros((1, 2, size), np.float32))).all()
-
-
-def test_one_microphone_has_half_the_columns(weights: Path, windows: Audio) -> None:
-    extract = built(weights, signal=Signal(sample_rate=44100, channels=1), backend="torch")
-    assert extract(windows[:, :1]).shape == (3, 256)
-
-
-def test_samples_that_are_not_numbers_are_silence(weights: Path, windows: Audio) -> None:
-    extract = built(weights, backend="torch")
-    bad = windows.copy()
-    bad[0], bad[1] = np.nan, np.inf
-    rows = extract(bad)
-    assert np.isfinite(rows).all()
-    assert np.array_equal(rows[0], rows[2])
-
-
-def test_without_weights_it_says_how_to_get_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("MONOCHORD_AST", raising=False)
-    monkeypatch.setenv(HOME, str(tmp_path))
-    with pytest.raises(InputError, match=r"'monochord weights get ast'.* MONOCHORD_AST") as caught:
-        FEATURES.build("ast").prepare(TWO, SIZE)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -129,21 +94,18 @@ def test_bad_options_are_refused(options: dict[str, object], match: str) -> None
         FEATURES.build("ast", options)
 
 
-def test_windows_too_short_or_too_long_are_refused(weights: Path) -> None:
-    with pytest.raises(InputError, match="a spectrogram of 10 frames: allowed is 16 frames or more"):
-        built(weights, size=441)
-    with pytest.raises(InputError, match="a spectrogram of 1100 frames: allowed is 1025 frames or fewer"):
-        built(weights, size=48510)
+@pytest.mark.parametrize(("size", "match"), [(441, "16 frames or more"), (48510, "1025 frames or fewer")])
+def test_windows_too_short_or_too_long_are_refused(weights: Path, size: int, match: str) -> None:
+    with pytest.raises(InputError, match=match):
+        built(weights, size=size)
 
 
-def test_a_missing_gpu_is_reported(weights: Path) -> None:
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
-    if torch.cuda.is_available():
-        pytest.skip("there is a GPU")
-    from monochord.core.errors import DeviceError
-
-    with pytest.raises(DeviceError, match="no device 'cuda'"):
-        built(weights, backend="cuda")
+def test_without_weights_it_says_how_to_get_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MONOCHORD_AST", raising=False)
+    monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path))
+    with pytest.raises(InputError, match=r"'monochord weights get ast'.* MONOCHORD_AST") as caught:
+        FEATURES.build("ast").prepare(TWO, SIZE)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.slow
