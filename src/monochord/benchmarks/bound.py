@@ -15,7 +15,7 @@ from monochord.physics.theory import series_bound, stiff_partials
 PARTIALS = np.arange(1.0, 11.0)
 STIFFNESS = 1.0e-4
 RATE = 44100
-GROSS: Hertz = 3.0
+GROSS_ERROR: Hertz = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +54,8 @@ class Bound(Benchmark):
         finder = PitchFinder(sample_rate=RATE, size=size, lowest=80.0, highest=400.0)
         for ratio in self.ratios:
             rng = np.random.default_rng(self.seed)
-            seen = np.array([self._one(finder, rng, ratio) for _ in range(self.windows)])
-            error, claimed, least = seen[np.abs(seen[:, 0]) < GROSS].T
+            errors = np.array([self._one(finder, rng, ratio) for _ in range(self.windows)])
+            error, claimed, least = errors[np.abs(errors[:, 0]) < GROSS_ERROR].T
             yield Row(name=f"{ratio:g} dB: gross errors", value=float(self.windows - error.size), unit="1")
             yield Row(
                 name=f"{ratio:g} dB: error of f0",
@@ -76,14 +76,14 @@ class Bound(Benchmark):
         )
         sound = (partials / PARTIALS[:, None]).sum(axis=0)
         noise = sound.std() * 10.0 ** (-ratio / 20.0)
-        found = finder.find((sound + noise * rng.standard_normal(finder.size))[np.newaxis])
+        pitches = finder.find((sound + noise * rng.standard_normal(finder.size))[np.newaxis])
         bound = series_bound(
             f0, PARTIALS, 0.5 / PARTIALS**2 / noise**2, duration=finder.size / RATE, sample_rate=float(RATE),
             inharmonicity=STIFFNESS, known_inharmonicity=False,
         )  # fmt: skip
-        if not found:
+        if not pitches:
             return np.inf, 1.0, bound
-        return found[0].frequency - f0, found[0].frequency_std, bound
+        return pitches[0].frequency - f0, pitches[0].frequency_std, bound
 
 
 def _rms(values: Floats) -> float:

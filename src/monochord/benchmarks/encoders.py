@@ -1,4 +1,4 @@
-"""What a window costs a frozen encoder, with each backend that is installed here."""
+"""The time of a frozen encoder for a window, with each backend that is installed."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -16,7 +16,7 @@ from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 
 RATE = 44100
-SETTLE = 3
+WARM_UP = 3
 """Windows before the clock starts."""
 BASELINE = "log_mel"
 WAYS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
@@ -35,9 +35,9 @@ WAYS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 class Encoders(Benchmark):
     """Time from a window of two microphones to a feature's row, on one core.
 
-    Every way takes its turn with every window, so that all meet the same machine. The baseline is the log-mel
-    spectrogram, pooled, without a network. The transformer has random weights, which take as long as learned
-    ones. What is not installed or not at hand is left out.
+    All variants process each window in turn, so that they share the state of the machine. The baseline is the
+    log-mel spectrogram, pooled, without a network. The transformer has random weights, which take as long as
+    learned ones. Variants that are not installed are left out.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Encoders(Benchmark):
         """Make every way ready, time them, and yield the rows of each."""
         size = round(self.window * RATE)
         rng = np.random.default_rng(0)
-        sounds = 0.1 * rng.standard_normal((SETTLE + self.windows, 1, 2, size), np.float32)
+        sounds = 0.1 * rng.standard_normal((WARM_UP + self.windows, 1, 2, size), np.float32)
         with one_core():
             ready: dict[str, Extractor] = {}
             for name in {BASELINE: None, **dict.fromkeys(self.ways or WAYS)}:
@@ -81,10 +81,10 @@ class Encoders(Benchmark):
             for sound in sounds:
                 for name, extract in ready.items():
                     times[name].append(_duration(extract, sound))
-        base = np.median(times[BASELINE][SETTLE:])
+        base = np.median(times[BASELINE][WARM_UP:])
         for name, taken in times.items():
-            told = taken[SETTLE:]
-            for what, value in (("median", np.median(told)), ("p99", np.percentile(told, 99))):
+            timed = taken[WARM_UP:]
+            for what, value in (("median", np.median(timed)), ("p99", np.percentile(timed, 99))):
                 yield Row(
                     name=f"{name}, {what}",
                     value=float(value),
@@ -92,7 +92,7 @@ class Encoders(Benchmark):
                     baseline=f"{BASELINE}, median",
                     baseline_value=float(base),
                 )
-            pace = float(np.mean(told)) / self.window
+            pace = float(np.mean(timed)) / self.window
             yield Row(
                 name=f"{name}, wall/audio", value=pace, unit="1", baseline="real time", baseline_value=1.0
             )

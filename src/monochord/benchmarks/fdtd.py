@@ -16,7 +16,7 @@ from monochord.physics.theory import segment_frequencies
 
 REFERENCE = "NumPy reference"
 FDTD = "compiled FDTD"
-LEAST, MOST = 0.001, 3600.0  # s of audio
+MIN_SECONDS, MAX_SECONDS = 0.001, 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,8 +47,8 @@ class Fdtd(Benchmark):
 
     def __post_init__(self) -> None:
         for name in ("seconds", "reference_seconds"):
-            if not LEAST <= getattr(self, name) <= MOST:
-                raise InputError(f"{name} {getattr(self, name):g}", f"{LEAST:g} to {MOST:g} s")
+            if not MIN_SECONDS <= getattr(self, name) <= MAX_SECONDS:
+                raise InputError(f"{name} {getattr(self, name):g}", f"{MIN_SECONDS:g} to {MAX_SECONDS:g} s")
         if self.repeats < 1:
             raise InputError(f"{self.repeats} repeats", "1 or more")
 

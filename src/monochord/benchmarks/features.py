@@ -17,7 +17,7 @@ from monochord.core.windows import windows
 from monochord.perception.features import FEATURES
 from monochord.physics.sensors import load_sensor
 
-SETTLE = 20
+WARM_UP = 20
 """Windows before the clock starts."""
 HOP: Seconds = 0.01
 """What a stream of windows is taken to be apart, for real time."""
@@ -65,14 +65,14 @@ class FeaturesBenchmark(Benchmark):
                 alone[BASELINE].append(_duration(np.fft.rfft, sounds[k]))
                 for name, extract in made.items():
                     alone[name].append(_duration(extract, sounds[k : k + 1]))
-            batch = {name: _duration(extract, sounds[SETTLE:]) for name, extract in made.items()}
-        base = float(np.median(alone[BASELINE][SETTLE:]))
+            batch = {name: _duration(extract, sounds[WARM_UP:]) for name, extract in made.items()}
+        base = float(np.median(alone[BASELINE][WARM_UP:]))
         for name in made:
-            taken: Floats = np.array(alone[name][SETTLE:])
+            timed: Floats = np.array(alone[name][WARM_UP:])
             for what, share in (("p50", 0.50), ("p95", 0.95), ("p99", 0.99)):
                 yield Row(
                     name=f"{name}, {what}",
-                    value=float(np.quantile(taken, share)),
+                    value=float(np.quantile(timed, share)),
                     unit="s",
                     baseline=f"{BASELINE}, p50",
                     baseline_value=base,
@@ -89,8 +89,8 @@ class FeaturesBenchmark(Benchmark):
         with SOURCES.build("twin", {"speed": 0.0, "seed": 1}).open() as stream:
             rate = stream.signal.sample_rate
             size, hop = round(self.window * rate), round(2.0 * HOP * rate)
-            heard = windows(stream, size=size, hop=hop, sample_rate=rate)
-            return np.stack([window.samples for window in islice(heard, SETTLE + self.count)]), rate
+            stream_windows = windows(stream, size=size, hop=hop, sample_rate=rate)
+            return np.stack([window.samples for window in islice(stream_windows, WARM_UP + self.count)]), rate
 
 
 def _duration(work: Callable[[Audio], object], sound: Audio) -> Seconds:

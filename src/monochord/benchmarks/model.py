@@ -23,7 +23,7 @@ from monochord.perception.model.definition import FeatureRecord, HeadRecord, Ref
 from monochord.perception.model.probe import probed
 from monochord.physics.sensors import load_sensor
 
-SETTLE = 20
+WARM_UP = 20
 """Windows before the clock starts."""
 HOP: Seconds = 0.02
 BASELINE = "closed form"
@@ -69,12 +69,12 @@ class ModelBenchmark(Benchmark):
             }
             times: dict[str, list[tuple[Seconds, Seconds]]] = {name: [] for name in ways}
             hop = round(HOP * signal.sample_rate)
-            heard = windows(stream, size=size, hop=hop, sample_rate=signal.sample_rate)
-            for window in islice(heard, SETTLE + self.count):
+            stream_windows = windows(stream, size=size, hop=hop, sample_rate=signal.sample_rate)
+            for window in islice(stream_windows, WARM_UP + self.count):
                 for name, estimate in ways.items():
                     times[name].append(_duration(estimate, window))
         for clock, kind in enumerate(("", " of processor time")):
-            taken, baseline = (np.array(times[name][SETTLE:])[:, clock] for name in ("model", BASELINE))
+            taken, baseline = (np.array(times[name][WARM_UP:])[:, clock] for name in ("model", BASELINE))
             for what, share in (("median", 0.5), ("p99", 0.99), ("largest", 1.0)):
                 yield Row(
                     name=f"model, {what}{kind}",
