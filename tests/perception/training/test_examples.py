@@ -26,6 +26,7 @@ from monochord.perception.training.examples import (
     scaled_heads,
     scaling,
     stream_of,
+    touches_of,
     training_data,
     with_objects,
 )
@@ -232,3 +233,14 @@ def test_a_feature_without_compliance_augmentation_is_refused(lesson: dict[str, 
     with pytest.raises(InputError, match=r"'bands' .* set objects.copies = 0"):
         with_objects(source, examples, settings)
     assert with_objects(source, examples, Settings.read(lesson)) is examples
+
+
+def test_a_touch_is_a_run_of_windows_in_one_session(dataset: Dataset) -> None:
+    touch, contact = touches_of(dataset), dataset.label("contact")
+    for number in np.unique(touch):
+        rows = np.flatnonzero(touch == number)
+        assert len(np.unique(dataset.session[rows])) == 1
+        on = contact[rows] != 0.0
+        assert np.count_nonzero(np.diff(on.astype(int)) == 1) <= 1
+    always = touches_of(with_label(dataset, "contact", np.ones(len(dataset))))
+    np.testing.assert_array_equal(always - always[0], dataset.session - dataset.session[0])
