@@ -26,13 +26,22 @@ settings.register_profile("monochord", deadline=None)
 settings.load_profile("monochord")
 
 REAL_TIME = (
-    "benchmarks", "capture", "e2e", "live",
-    "cli/test_bench.py", "cli/test_collect.py", "cli/test_demo.py", "cli/test_interrupted.py",
-    "cli/test_live.py", "cli/test_locate.py", "cli/test_record.py", "core/test_interruption.py",
-    "core/test_timing.py", "lab/test_workers.py", "lab/test_net_ft_device.py", "lab/test_player.py",
-    "lab/test_pose_publisher.py", "lab/test_real_time.py", "sessions/sync/test_arrival.py",
+    "benchmarks/test_live.py", "benchmarks/test_recording.py",
+    "capture/dds", "capture/instruments/test_arrivals.py", "capture/instruments/test_net_ft.py",
+    "capture/instruments/test_opening.py", "capture/instruments/test_pose_dds.py",
+    "capture/instruments/test_pose_udp.py", "capture/jack/test_arena.py", "capture/jack/test_client.py",
+    "capture/recording/test_loop.py", "capture/recording/test_opening.py",
+    "capture/recording/test_pumps.py", "capture/recording/test_view.py", "capture/sources/test_jack.py",
+    "capture/sources/test_soundcard.py", "e2e/test_jack.py", "e2e/test_live_jack.py",
+    "e2e/test_live_model.py", "e2e/test_record_hazards.py", "e2e/test_record_jack.py", "e2e/test_ros.py",
+    "e2e/test_soak.py", "lab/test_net_ft_device.py", "lab/test_player.py", "lab/test_pose_publisher.py",
+    "lab/test_real_time.py", "sessions/sync/test_arrival.py",
 )  # fmt: skip
-"""Tests that look at the clock, play or record: they run one at a time, with nothing beside them."""
+"""Files and folders whose tests compare with the clock or need every frame of a real JACK server.
+
+They run one at a time, with nothing beside them. A single test of another file that does so has the marker
+``real_time`` itself; a test that merely waits, or starts a process, needs none.
+"""
 
 RATE = 44100
 SERVERS = 4  # JACK's registry has room for eight on a machine

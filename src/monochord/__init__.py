@@ -1,7 +1,7 @@
 """Monochord: acoustic tactile sensing with a driven string.
 
-A steel string is kept ringing by two electromagnetic drivers and heard by two contact microphones.
-A touch splits it, and its spectrum tells contact, position, normal force and slip.
+Two electromagnetic drivers keep a steel string ringing, and two contact microphones record it. A touch splits
+the string; its sound shows contact, position, normal force and slip.
 
 What a program needs first stands here and is loaded when it is used, so that the import is quick::
 

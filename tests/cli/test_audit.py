@@ -17,8 +17,8 @@ from monochord.sessions import Description, SessionClock, SessionWriter
 def _dataset(tmp_path: Path) -> Path:
     path = tmp_path / "take.mcap"
     noise = np.random.default_rng(0).normal(size=(2, 80000)).astype(np.float32)
-    told = Description(name="take", sample_rate=8000)
-    with SessionWriter(path, told, SessionClock(epoch_ns=10**18)) as writer:
+    description = Description(name="take", sample_rate=8000)
+    with SessionWriter(path, description, SessionClock(epoch_ns=10**18)) as writer:
         writer.audio(Block(samples=noise, start=0, adc_time=0.0))
         writer.labels(np.arange(100) / 10, {"contact": np.zeros(100)})
     dataset = build_dataset([path], tmp_path / "dataset")
@@ -37,13 +37,13 @@ def test_a_leak(dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str
     parts = {"train": np.arange(50), "validation": np.arange(0), "test": np.arange(49, 100)}
     Split(by="session", parts=parts).write(tmp_path / "mine.json")
     assert run(["audit", str(dataset), "--split", str(tmp_path / "mine.json")]) == 2
-    told = capsys.readouterr()
-    assert told.out.splitlines() == [
+    captured = capsys.readouterr()
+    assert captured.out.splitlines() == [
         "leak: shared window: train and test, 1 window (row 49)",
         "leak: shared session: train and test, 50 windows (session take)",
         "2 leaks",
     ]
-    assert told.err.count("\n") == 1
+    assert captured.err.count("\n") == 1
     assert run(["audit", str(dataset), "--split", str(tmp_path / "mine.json"), "--json"]) == 2
     leaks = json.loads(capsys.readouterr().out)["leaks"]
     assert [(leak["kind"], leak["many"]) for leak in leaks] == [("shared window", 1), ("shared session", 50)]

@@ -76,20 +76,19 @@ ABSTAINED: dict[str, Callable[[Path], Path]] = {
 }
 
 
-@pytest.mark.parametrize("verb", ["locate", "live"])
+@pytest.mark.parametrize("command", ["locate", "live"])
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_file_that_cannot_be_used_is_refused_in_one_line(
-    case: str, verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    case: str, command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    make, told = REFUSED[case]
+    make, words = REFUSED[case]
     path = str(make(tmp_path))
-    source = ["--source", "wav"] if verb == "live" else []
-    assert run([verb, path, *source, *STRING, "--json"]) == 2
+    assert run([command, path, *STRING, "--json"]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.count("\n") == 1
     assert captured.err.startswith("monochord: ")
-    assert any(part in captured.err for part in told.split("|"))
+    assert any(part in captured.err for part in words.split("|"))
     assert "allowed is" in captured.err
 
 
@@ -156,50 +155,48 @@ WRONG: dict[str, tuple[list[str], str]] = {
     "calibration beyond the bridge": (["locate", "{file}", *STRING, "--calibrate", "{file}:0.9"], "0.65|0.9"),
     "estimator misspelt": (["locate", "{file}", *STRING, "--estimator", "closed-from"], "closed_form"),
     "source misspelt": (["live", "{file}", "--source", "wave", *STRING], "did you mean 'wav'"),
-    "sink misspelt": (["live", "{file}", "--source", "wav", *STRING, "--sink", "terminl"], "'terminal'"),
+    "sink misspelt": (["live", "{file}", *STRING, "--sink", "terminl"], "'terminal'"),
     "sink that cannot write": (
-        ["live", "{file}", "--source", "wav", *STRING, "--sink", "jsonl=/no/such/file"],
+        ["live", "{file}", *STRING, "--sink", "jsonl=/no/such/file"],
         "/no/such/file",
     ),
     "sink that is full": (
-        ["live", "{file}", "--source", "wav", *STRING, "--sink", "jsonl=/dev/full"],
+        ["live", "{file}", *STRING, "--sink", "jsonl=/dev/full"],
         "space",
     ),
-    "setting misspelt": (["live", "{file}", "--source", "wav", *STRING, "--set", "window.hp=1"], "'hop'"),
-    "setting without value": (["live", "{file}", "--source", "wav", *STRING, "--set", "window"], "VALUE"),
+    "setting misspelt": (["live", "{file}", *STRING, "--set", "window.hp=1"], "'hop'"),
+    "setting without value": (["live", "{file}", *STRING, "--set", "window"], "VALUE"),
     "setting of a plug-in misspelt": (
-        ["live", "{file}", "--source", "wav", *STRING, "--set", "source.blok=1"],
+        ["live", "{file}", *STRING, "--set", "source.blok=1"],
         "'block'",
     ),
     "configuration missing": (["live", "--config", "no.toml"], "no.toml"),
     "configuration that is no TOML": (["live", "--config", "{file}"], "TOML"),
     "configuration saved nowhere": (
-        ["live", "{file}", "--source", "wav", *STRING, "--save-config", "/no/such/file"],
+        ["live", "{file}", *STRING, "--save-config", "/no/such/file"],
         "/no/such/file",
     ),
-    "unknown string": (["live", "{file}", "--source", "wav", "--string", "apendix"], "'appendix'"),
+    "unknown string": (["live", "{file}", "--string", "apendix"], "'appendix'"),
     "no input": (["live", "--source", "wav", *STRING], "path"),
-    "no time": (["live", "{file}", "--source", "wav", *STRING, "--seconds", "-1"], "above 0"),
+    "no time": (["live", "{file}", *STRING, "--seconds", "-1"], "above 0"),
     "no sound card": (["live", "--source", "soundcard", *STRING, "--seconds", "1"], "PortAudio|sound|device"),
     "no file": (["locate", *STRING], "FILE"),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_argument_is_told_in_one_line(
-    case: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    arguments, told = WRONG[case]
+def test_a_wrong_argument_is_one_line(case: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    arguments, words = WRONG[case]
     file, silence = sound(TONE)(tmp_path), sound(np.zeros(RATE), name="silence.wav")(tmp_path)
     assert run([a.format(file=file, silence=silence) for a in arguments]) == 2
     captured = capfd.readouterr()
     assert captured.out == ""
     assert captured.err.count("\n") == 1
     assert captured.err.startswith("monochord: ")
-    assert any(part in captured.err for part in told.split("|"))
+    assert any(part in captured.err for part in words.split("|"))
 
 
-def test_no_jack_server_is_told_in_one_line(
+def test_no_jack_server_is_one_line(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("JACK_DEFAULT_SERVER", "monochord-test-no-such-server")

@@ -61,7 +61,7 @@ def weights(change: Callable[[bytes], bytes]) -> Damage:
     return damage
 
 
-def told(**values: Any) -> Damage:
+def changed_text(**values: Any) -> Damage:
     """Change what the text says, weights and their sum as they were."""
 
     def damage(folder: Path) -> None:
@@ -74,7 +74,7 @@ def told(**values: Any) -> Damage:
 def columns(change: Callable[[list[str]], list[str]]) -> Damage:
     def damage(folder: Path) -> None:
         feature = json.loads((folder / "model.json").read_text(encoding="utf-8"))["feature"]
-        told(feature=feature | {"columns": change(feature["columns"])})(folder)
+        changed_text(feature=feature | {"columns": change(feature["columns"])})(folder)
 
     return damage
 
@@ -84,14 +84,14 @@ def not_numbers(folder: Path) -> None:
     arrays = {name: array.copy() for name, array in unpacked(file.read_bytes()).items()}
     arrays["force.0.bias"][:] = np.nan
     file.write_bytes(packed(arrays))
-    told(weights=hashlib.sha256(file.read_bytes()).hexdigest())(folder)
+    changed_text(weights=hashlib.sha256(file.read_bytes()).hexdigest())(folder)
 
 
 def of_half_precision(folder: Path) -> None:
     file = folder / "weights.safetensors"
     arrays = unpacked(file.read_bytes())
     file.write_bytes(packed(arrays | {"force.0.bias": arrays["force.0.bias"].astype(np.float16)}))
-    told(weights=hashlib.sha256(file.read_bytes()).hexdigest())(folder)
+    changed_text(weights=hashlib.sha256(file.read_bytes()).hexdigest())(folder)
 
 
 def nested(folder: Path) -> None:
@@ -106,19 +106,22 @@ RUNS: dict[str, tuple[Damage, str]] = {
     "weights cut off": (weights(lambda blob: blob[:-1000]), "weights.safetensors with sha256"),
     "no bytes": (weights(lambda _: b""), "weights.safetensors with sha256"),
     "a bit flipped": (weights(lambda blob: blob[:9000] + bytes([blob[9000] ^ 1]) + blob[9001:]), "sha256"),
-    "another sum": (told(weights="0" * 64), "allowed is 000000000000..., as model.json says"),
+    "another sum": (changed_text(weights="0" * 64), "allowed is 000000000000..., as model.json says"),
     "no numbers": (not_numbers, "force.0.bias is not finite"),
     "fewer columns": (columns(lambda names: names[:-1]), "scaler.mean is float32 (300,): allowed is"),
     "another column": (columns(lambda names: ["hue", *names[1:]]), "'hue' where there is"),
-    "another feature": (told(feature={"name": "fft", "options": {}, "columns": []}), "fft, which has none"),
-    "another rate": (told(sample_rate=48000), "sound at 44100 Hz for a model: allowed is 48000 Hz"),
-    "another format": (told(format=99), "of another format: allowed is format 1"),
-    "huge window": (told(window=1 << 50), "window 1125899906842624 of a model"),
-    "wrong type": (told(heads=[1]), "model.json.heads"),
+    "another feature": (
+        changed_text(feature={"name": "fft", "options": {}, "columns": []}),
+        "fft, which has none",
+    ),
+    "another rate": (changed_text(sample_rate=48000), "sound at 44100 Hz for a model: allowed is 48000 Hz"),
+    "another format": (changed_text(format=99), "of another format: allowed is format 1"),
+    "huge window": (changed_text(window=1 << 50), "window 1125899906842624 of a model"),
+    "wrong type": (changed_text(heads=[1]), "model.json.heads"),
     "nested deep": (nested, "model.json ("),
     "too many weights": (weights(lambda blob: blob + bytes(1 << 21)), "bytes at most"),
     "another dtype": (of_half_precision, "force.0.bias is float16"),
-    "no heads": (told(heads={}), "heads (none): allowed is one that learns the label contact"),
+    "no heads": (changed_text(heads={}), "heads (none): allowed is one that learns the label contact"),
     "no text": (without("model.json"), "there is no model.json in it"),
     "no weights": (without("weights.safetensors"), "weights.safetensors (No such file"),
 }
@@ -134,10 +137,12 @@ def one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str
     assert words in captured.err
 
 
-@pytest.mark.parametrize("verb", ["live", "evaluate"])
-@pytest.mark.parametrize("case", RUNS)
-def test_a_damaged_run_is_refused(
-    case: str, verb: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("case", "command"),
+    [*((case, "live") for case in RUNS), ("weights cut off", "evaluate"), ("no text", "locate")],
+)
+def test_a_damaged_model_is_refused(
+    case: str, command: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     damage, words = RUNS[case]
     bundled = bundled_folder("demo")
@@ -146,21 +151,22 @@ def test_a_damaged_run_is_refused(
     damage(tmp_path / "run" / "model")
     session, out = str(home / "44100.mcap"), tmp_path / "out"
     more = {
-        "live": [session, "--source", "session", "--sink", f"jsonl={out}"],
+        "live": [session, "--sink", f"jsonl={out}"],
+        "locate": [session],
         "evaluate": ["--sessions", session, "--out", str(out)],
     }
-    one_line([verb, str(tmp_path / "run"), *more[verb]], words, capsys)
+    one_line([command, str(tmp_path / "run"), *more[command]], words, capsys)
     assert not out.exists()
 
 
-@pytest.mark.parametrize("verb", ["live", "evaluate"])
+@pytest.mark.parametrize("command", ["live", "evaluate"])
 def test_a_session_at_another_rate_is_refused_by_its_rate(
-    verb: str, home: Path, capsys: pytest.CaptureFixture[str]
+    command: str, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     session = str(home / "48000.mcap")
     more = {"live": [session, "--source", "session"], "evaluate": ["--sessions", session]}
     words = "sound at 48000 Hz for a model: allowed is 44100 Hz, as it was trained"
-    one_line([verb, "demo", *more[verb]], words, capsys)
+    one_line([command, "demo", *more[command]], words, capsys)
 
 
 def emptied(part: str) -> Damage:
@@ -211,7 +217,7 @@ DATASETS: dict[str, tuple[Damage, str]] = {
 
 
 @pytest.mark.parametrize("case", DATASETS)
-def test_data_that_cannot_teach_is_refused_before_anything_is_written(
+def test_data_that_nothing_can_be_learned_from_is_refused_before_anything_is_written(
     case: str, home: Path, tmp_path: Path, reseal: Damage, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("torch")
@@ -219,8 +225,8 @@ def test_data_that_cannot_teach_is_refused_before_anything_is_written(
     shutil.copytree(home / "dataset", tmp_path / "dataset")
     damage(tmp_path / "dataset")
     reseal(tmp_path / "dataset")
-    asked = ["train", "paper", "--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "run")]
-    one_line(asked, words, capsys)
+    arguments = ["train", "paper", "--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "run")]
+    one_line(arguments, words, capsys)
     assert not (tmp_path / "run").exists()
 
 
@@ -258,10 +264,12 @@ DAMAGED: dict[str, tuple[Damage, str]] = {
 }
 
 
-@pytest.mark.parametrize("verb", ["train", "audit", "evaluate"])
-@pytest.mark.parametrize("case", DAMAGED)
+@pytest.mark.parametrize(
+    ("case", "command"),
+    [*((case, "audit") for case in DAMAGED), ("sound", "train"), ("sound", "evaluate"), ("labels", "train")],
+)
 def test_a_damaged_dataset_is_one_line_that_names_the_file(
-    case: str, verb: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    case: str, command: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("torch")
     damage, words = DAMAGED[case]
@@ -273,7 +281,7 @@ def test_a_damaged_dataset_is_one_line_that_names_the_file(
         "audit": [dataset],
         "evaluate": ["demo", "--dataset", dataset],
     }
-    one_line([verb, *more[verb]], words, capsys)
+    one_line([command, *more[command]], words, capsys)
     assert not (tmp_path / "run").exists()
 
 
@@ -304,13 +312,13 @@ def test_data_that_cannot_test_is_refused(
 
 
 @pytest.mark.parametrize("out", ["{session}", "{session}/below"])
-@pytest.mark.parametrize("verb", ["train", "evaluate"])
+@pytest.mark.parametrize("command", ["train", "evaluate"])
 def test_a_folder_that_cannot_be_made_is_one_line(
-    verb: str, out: str, home: Path, capsys: pytest.CaptureFixture[str]
+    command: str, out: str, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("torch")
     session = home / "44100.mcap"
     size = session.stat().st_size
     more = {"train": ["paper", "--dataset", str(home / "dataset")], "evaluate": ["--sessions", str(session)]}
-    one_line([verb, *more[verb], "--out", out.format(session=session)], "44100.mcap", capsys)
+    one_line([command, *more[command], "--out", out.format(session=session)], "44100.mcap", capsys)
     assert session.stat().st_size == size

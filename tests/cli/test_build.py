@@ -25,9 +25,10 @@ def _sessions(tmp_path: Path) -> Path:
     touched = (time % 2.0 >= 1.0).astype(float)
     for number in range(4):
         body = "wood" if number == 3 else "steel"
-        told = Description(name=f"take{number}", sample_rate=RATE, object=body, simulated=True)
+        description = Description(name=f"take{number}", sample_rate=RATE, object=body, simulated=True)
         noise = 0.1 * np.random.default_rng(number).normal(size=(2, 8 * RATE)).astype(np.float32)
-        with SessionWriter(folder / f"take{number}.mcap", told, SessionClock(epoch_ns=10**18)) as writer:
+        path = folder / f"take{number}.mcap"
+        with SessionWriter(path, description, SessionClock(epoch_ns=10**18)) as writer:
             writer.audio(Block(samples=noise, start=0, adc_time=0.0))
             writer.labels(time, {"contact": touched, "slip": np.zeros(800)})
     return folder
@@ -37,23 +38,8 @@ def test_a_table_by_part_and_object(
     sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert (
-        run(
-            [
-                "build",
-                str(sessions),
-                "--out",
-                str(out),
-                "--split",
-                "object",
-                "--held-out",
-                "wood",
-                "--seed",
-                "2",
-            ]
-        )
-        == 0
-    )
+    options = ["--split", "object", "--held-out", "wood", "--seed", "2"]
+    assert run(["build", str(sessions), "--out", str(out), *options]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == f"{out}, simulated: 320 windows of 4 sessions, labels recorded, 0 windows clipped"
     assert lines[1] == "split by object, seed 2, 0 windows in guard gaps"
@@ -76,19 +62,19 @@ def test_sessions_are_held_out_by_a_pattern(
 def test_json_is_one_object(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pattern = str(sessions / "take[012].mcap")
     assert run(["build", pattern, "--out", str(tmp_path / "out"), "--hop", "0.05", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["sessions"], told["windows"], told["split"], told["simulated"]) == (
+    result = json.loads(capsys.readouterr().out)
+    assert (result["sessions"], result["windows"], result["split"], result["simulated"]) == (
         3,
         3 * 159,
         "session",
         True,
     )
-    assert told["labels"] == {f"take{number}": "recorded" for number in range(3)}
+    assert result["labels"] == {f"take{number}": "recorded" for number in range(3)}
     assert (
-        sum(counts["static"] for part in told["parts"].values() for counts in part.values())
-        == told["counts"]["static"]
+        sum(counts["static"] for part in result["parts"].values() for counts in part.values())
+        == result["counts"]["static"]
     )
-    assert told["leaks"] == []
+    assert result["leaks"] == []
 
 
 def test_a_single_session_is_split_by_time(
@@ -101,12 +87,12 @@ def test_a_single_session_is_split_by_time(
 def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copy(sessions / "take1.mcap", sessions / "take9.mcap")
     assert run(["build", str(sessions), "--out", str(tmp_path / "out"), "--split", "time"]) == 2
-    told = capsys.readouterr()
+    captured = capsys.readouterr()
     assert re.search(
-        r"leak: same checksum: train and validation and test, \d+ windows \(take1 and take9\)", told.out
+        r"leak: same checksum: train and validation and test, \d+ windows \(take1 and take9\)", captured.out
     )
-    assert told.err.count("\n") == 1
-    assert "leave copies out" in told.err
+    assert captured.err.count("\n") == 1
+    assert "leave copies out" in captured.err
     assert run(["audit", str(tmp_path / "out")]) == 2
 
 
@@ -119,9 +105,9 @@ def test_a_session_that_cannot_be_used_is_told_in_one_line(
     assert "other.mcap" in capsys.readouterr().err
     assert not out.exists()
     assert run(["build", str(sessions), "--out", str(out), "--skip"]) == 0
-    told = capsys.readouterr()
-    assert told.err.startswith("left out: ")
-    assert "of 4 sessions" in told.out
+    captured = capsys.readouterr()
+    assert captured.err.startswith("left out: ")
+    assert "of 4 sessions" in captured.out
 
 
 @pytest.mark.parametrize(

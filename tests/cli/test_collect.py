@@ -1,4 +1,4 @@
-"""The verb `collect`."""
+"""The command `collect`."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def test_the_small_plan_and_once_more(tmp_path: Path, capsys: pytest.CaptureFixt
     assert cli.run(arguments) == 0
     text = capsys.readouterr().out
     assert "2 sessions (2 kept)" in text
-    assert result["checksum"] in text
+    assert result["sha256"] in text
     assert text.count("kept\n") == 2
 
 
@@ -43,12 +43,12 @@ def test_a_plan_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_the_same_plan_with_one_driver(tmp_path: Path) -> None:
-    asked = ["collect", "small", "--only", "hold", "--out", str(tmp_path), "--workers", "1"]
-    assert cli.run([*asked, "--set", "sensor=prototype_one_driver"]) == 0
+    arguments = ["collect", "small", "--only", "hold", "--out", str(tmp_path), "--workers", "1"]
+    assert cli.run([*arguments, "--set", "sensor=prototype_one_driver"]) == 0
     told = read_session(tmp_path / "hold_000.mcap").description
     assert told.sensor["name"] == "prototype_one_driver"
     assert told.sensor["drivers"][1]["limit"] == 0.0
-    assert cli.run(asked) == 2  # not this session of this plan
+    assert cli.run(arguments) == 2  # not this session of this plan
 
 
 @pytest.mark.parametrize(
@@ -122,6 +122,7 @@ def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit
 @pytest.mark.jack
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("sign", ["temporary/monochord-scratch-*/player.npz", "out/hold_000.mcap.part"])
+@pytest.mark.real_time
 def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
     number: signal.Signals, sign: str, jack_server: JackServer, tmp_path: Path
 ) -> None:
@@ -155,8 +156,8 @@ def test_a_plan_is_played_in_real_time(
     plan.write_text('[[groups]]\nname = "hold"\ngrid = [1, 1]\nhold = 0.3\n')
     command = ["collect", str(plan), "--out", str(tmp_path), "--real-time", "--server", jack_server.name]
     assert cli.run([*command, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    result = json.loads(capsys.readouterr().out)
     assert check(tmp_path / "hold_000.mcap").sound
     assert {file.name for file in tmp_path.iterdir()} == {"tiny.toml", "hold_000.mcap"}
     assert cli.run([*command, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["checksum"] == told["checksum"]
+    assert json.loads(capsys.readouterr().out)["sha256"] == result["sha256"]

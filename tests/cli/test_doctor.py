@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from monochord.capture.jack.machine import Check
-from monochord.cli import doctor as verb
+from monochord.cli import doctor as command
 from monochord.cli import run
 
 
@@ -39,5 +39,5 @@ def test_it_fails_only_for_what_is_required(
     def lacking() -> list[Check]:
         return [Check(name="x", state="missing", found="none", remedy="get one", required=required)]
 
-    monkeypatch.setattr(verb, "checks", lacking)
+    monkeypatch.setattr(command, "checks", lacking)
     assert run(["doctor"]) == status

@@ -19,7 +19,7 @@ from monochord.evaluation.results import read_results
 from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
-from monochord.live import Session as LiveSession
+from monochord.live import LiveRun
 from monochord.live import run as live
 from monochord.live.settings import WindowSettings
 from monochord.live.sinks.base import Listener, Moment
@@ -132,7 +132,7 @@ def assert_live_gives_the_same(folder: Path, learnable: Path, file: Path) -> Non
     name = results.trials[0].session
     source = SessionSource(path=learnable.parent / f"{name}.mcap", block=700)
     window = WindowSettings(length=results.window, hop=results.hop)
-    live(LiveSession(source=source, estimator=ModelEstimator(path=folder), sinks=(collector,), window=window))
+    live(LiveRun(source=source, estimator=ModelEstimator(path=folder), sinks=(collector,), window=window))
     part = results.where(results.trial == 0)
     assert len(collector.estimates) == len(part)
     for estimate in ("contact", "slip", "position", "force"):

@@ -1,16 +1,18 @@
-"""The command line as a whole; each verb's own behaviour is tested beside it."""
+"""The command line as a whole; each command's own behaviour is tested beside it."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from click.shell_completion import BashComplete
 
 from monochord import __version__, cli
 
-VERB = '''
-"""A verb that does what its argument says."""
+COMMAND = '''
+"""A command that does what its argument says."""
 
 import click
 
@@ -35,7 +37,7 @@ FAULTS = {
 def pluck(fault: str, length: float, status: int | None) -> int | None:
     """Pluck the string.
 
-    What follows the first line stands in the verb's own help only.
+    What follows the first line stands in the command's own help only.
     """
     if fault == "kernel":
         raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
@@ -51,35 +53,58 @@ def pluck(fault: str, length: float, status: int | None) -> int | None:
 
 @pytest.fixture(autouse=True)
 def pluck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A verb added as any verb is: one file in the folder, nothing else edited."""
-    (tmp_path / "pluck.py").write_text(VERB, encoding="utf-8")
+    """A command added as any command is: one file in the folder, nothing else edited."""
+    (tmp_path / "pluck.py").write_text(COMMAND, encoding="utf-8")
     monkeypatch.setattr(cli, "__path__", [*cli.__path__, str(tmp_path)])
     yield
     sys.modules.pop("monochord.cli.pluck", None)
 
 
-def test_a_new_file_is_a_new_verb(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_file_is_a_new_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["pluck", "gently", "--length", "0.65"]) == 0
     assert capsys.readouterr().out == "gently 0.65\n"
 
 
-def test_help_lists_every_verb_without_loading_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_lists_every_command_without_loading_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["--help"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.split() == ["pluck", "Pluck", "the", "string."] for line in lines)
     assert "monochord.cli.pluck" not in sys.modules
 
 
-def test_every_real_verb_tells_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_stands_in_one_group_with_a_summary(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["--help"]) == 0
-    table = capsys.readouterr().out.partition("Verbs:\n")[2].splitlines()
-    assert table
-    assert not [line for line in table if len(line.split()) < 2]
+    groups, ungrouped = capsys.readouterr().out.split("More commands:\n")
+    assert ungrouped.split() == ["pluck", "Pluck", "the", "string."]
+    for name in [name for group in cli.GROUPS.values() for name in group]:
+        assert len(re.findall(rf"(?m)^  {name} +[A-Z]", groups)) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        ("monochord l", ["list", "live", "locate"]),
+        ("monochord live --sou", ["--source"]),
+        ("monochord live --source s", ["session", "soundcard", "split_string"]),
+        ("monochord live d", ["demo"]),
+        ("monochord locate --estimator c", ["closed_form"]),
+        ("monochord figure tr", ["trends"]),
+        ("monochord record x.mcap --sensor proto", ["prototype", "prototype_one_driver"]),
+        ("monochord bench l", ["live"]),
+        ("monochord list sou", ["sources"]),
+        ("monochord weights get y", ["yamnet"]),
+    ],
+)
+def test_the_shell_completes_names(words: str, values: list[str]) -> None:
+    complete = BashComplete(cli.monochord, {}, "monochord", "_MONOCHORD_COMPLETE")
+    _, *arguments, incomplete = words.split()
+    completed = complete.get_completions(arguments, incomplete)
+    assert [item.value for item in completed if item.type == "plain"] == values
 
 
 def test_no_argument_shows_the_help_and_does_no_work(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run([]) == 2
-    assert "Verbs:" in capsys.readouterr().err
+    assert "First steps:" in capsys.readouterr().err
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -90,7 +115,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (["pluk"], 2, ["verb 'pluk'", "allowed is", "did you mean 'pluck'?"]),
+        (["pluk"], 2, ["command 'pluk'", "allowed is", "did you mean 'pluck'?"]),
         (["pluck"], 2, ["Missing argument 'FAULT'", "see 'monochord pluck --help'"]),
         (["pluck", "it", "--lenght", "1"], 2, ["No such option '--lenght'", "Did you mean '--length'?"]),
         (["pluck", "it", "--length", "long"], 2, ["--length", "'long' is not a valid float"]),
@@ -115,7 +140,7 @@ def test_an_error_is_one_line_and_a_status(
         assert word in err
 
 
-def test_a_verb_may_return_its_own_status() -> None:
+def test_a_command_may_return_its_own_status() -> None:
     assert cli.run(["pluck", "it", "--status", "3"]) == 3
 
 
@@ -125,7 +150,7 @@ def test_interrupted_is_130() -> None:
 
 
 @pytest.mark.timeout(30)
-def test_errors_that_are_each_others_cause_are_told() -> None:
+def test_errors_that_are_each_others_cause_end_it() -> None:
     assert cli.run(["pluck", "circle"]) == 2
 
 

@@ -17,7 +17,7 @@ from monochord import cli
 from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 
-VERBS = {
+COMMANDS = {
     "build": ["build", "{home}/hold_000.mcap", "--out", "{out}"],
     "collect": ["collect", "small", "--out", "{out}", "--workers", "2"],
     "evaluate": ["evaluate", "demo", "--sessions", "{home}/hold_000.mcap", "--suite", "--out", "{out}"],
@@ -45,12 +45,12 @@ def group_of(process: psutil.Process) -> int | None:
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_it_ends_the_same_way_whenever_it_comes(
-    verb: str, number: signal.Signals, learnable: Path, tmp_path: Path
+    command: str, number: signal.Signals, learnable: Path, tmp_path: Path
 ) -> None:
     home, out = make(assignments(tiny())[0], tmp_path).path.parent, tmp_path / "out"
-    words = [word.format(home=home, out=out, learnable=learnable) for word in VERBS[verb]]
+    words = [word.format(home=home, out=out, learnable=learnable) for word in COMMANDS[command]]
     ended: list[float] = []
     for moment in MOMENTS:
         temporary = tmp_path / f"temporary {moment}"
@@ -71,9 +71,9 @@ def test_it_ends_the_same_way_whenever_it_comes(
         ended.append(moment)
         assert (process.returncode, error, printed) == (cli.INTERRUPTED, "monochord: interrupted\n", "")
         assert not list(tmp_path.glob("out.wav"))
-        if verb == "build":
+        if command == "build":
             assert not [path for path in tmp_path.iterdir() if "out" in path.name]
-        if verb == "collect":
+        if command == "collect":
             assert not list(out.glob("*"))
         deadline = time.monotonic() + 10.0
         while [each for each in psutil.process_iter() if group_of(each) == process.pid]:

@@ -14,14 +14,14 @@ from monochord.physics.strings import string_names
 
 def test_json_lists_every_plugin_and_preset(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["list", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert {"benchmarks", "estimators", "figures", "simulators", "sinks", "sources", "strings"} <= set(found)
-    assert [entry["name"] for entry in found["figures"]] == FIGURES.names()
-    assert [entry["name"] for entry in found["sources"]] == SOURCES.names()
-    assert [entry["name"] for entry in found["strings"]] == string_names()
-    assert [entry["name"] for entry in found["sensors"]] == sensor_names()
-    assert [entry["name"] for entry in found["materials"]] == material_names()
-    for entry in (entry for shelf in found.values() for entry in shelf):
+    result = json.loads(capsys.readouterr().out)
+    assert {"benchmarks", "estimators", "figures", "simulators", "sinks", "sources", "strings"} <= set(result)
+    assert [entry["name"] for entry in result["figures"]] == FIGURES.names()
+    assert [entry["name"] for entry in result["sources"]] == SOURCES.names()
+    assert [entry["name"] for entry in result["strings"]] == string_names()
+    assert [entry["name"] for entry in result["sensors"]] == sensor_names()
+    assert [entry["name"] for entry in result["materials"]] == material_names()
+    for entry in (entry for shelf in result.values() for entry in shelf):
         assert entry["summary"].endswith(".") or "source" in entry
 
 
@@ -67,3 +67,27 @@ def test_text_shows_names_and_defaults(capsys: pytest.CaptureFixture[str]) -> No
 def test_unknown_kind_is_refused_with_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["list", "sorces"]) == 2
     assert "did you mean 'sources'" in capsys.readouterr().err
+
+
+def test_settings_are_listed_by_the_names_that_set_takes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["list", "settings", "live", "--json"]) == 0
+    (live,) = json.loads(capsys.readouterr().out)["settings"]
+    options = {option["name"]: option for option in live["options"]}
+    assert options["window.hop"] == {**options["window.hop"], "default": 0.01, "allowed": "a number"}
+    assert options["seconds"]["default"] == "inf"
+    assert run(["list", "settings", "simulate", "--json"]) == 0
+    setups = json.loads(capsys.readouterr().out)["settings"]
+    assert {"simulate_split_string", "simulate_twin"} <= {setup["name"] for setup in setups}
+
+
+def test_devices_and_models_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["list", "devices", "--json"]) == 0
+    devices = json.loads(capsys.readouterr().out)["devices"]
+    assert {device["source"] for device in devices} <= {"jack", "soundcard"}
+    assert run(["list", "models", "demo", "--json"]) == 0
+    assert [model["name"] for model in json.loads(capsys.readouterr().out)["models"]] == ["demo"]
+
+
+def test_an_unknown_name_of_a_kind_is_refused_with_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["list", "sources", "jakc"]) == 2
+    assert "source 'jakc': allowed is" in capsys.readouterr().err

@@ -1,16 +1,20 @@
-"""The live verb with a file for a source: the same numbers as offline, settings in order, a clean end."""
+"""`live` and `locate`: the same numbers from a recording, settings in order, a clean end."""
 
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import soundfile
 
 from monochord.cli import run
 from monochord.evaluation import realstrings
@@ -23,21 +27,44 @@ MONOCHORD = str(Path(sys.executable).with_name("monochord"))
 
 def lines(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
     capsys.readouterr()
-    assert run(list(arguments)) == 0
+    assert run([*arguments, "--json"]) == 0
     return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
-def core(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def common(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{key: record[key] for key in KEYS} for record in records]
 
 
-@pytest.mark.parametrize("block", [1, 77, 441, 5000, 100_000])
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    capsys.readouterr()
+    assert run([*arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+@pytest.mark.parametrize(("position", "rate"), [(0.05, 44100), (0.2, 48000), (0.36, 16000)])
+def test_every_window_has_its_position(
+    take: Take, capsys: pytest.CaptureFixture[str], position: float, rate: int
+) -> None:
+    located = lines(capsys, "locate", str(take(position, rate=rate)), *STRING)
+    assert len(located) == 51
+    for k, line in enumerate(located):
+        assert list(line) == KEYS
+        assert line["time"] == pytest.approx(k * 0.01, abs=1e-9)
+        assert line["valid"] is True
+        assert line["position"] == pytest.approx(position, abs=1e-3)
+        assert line["frequency"] == pytest.approx(110 * 0.65 / (0.65 - position), rel=2e-3)
+        assert 0.0 < line["position_std"] < 0.01
+
+
+@pytest.mark.parametrize("block", [77, 100_000])
 def test_streaming_equals_offline(take: Take, capsys: pytest.CaptureFixture[str], block: int) -> None:
     path = str(take(0.2))
-    offline = lines(capsys, "locate", path, *STRING, "--json")
-    settings = ["--set", f"source.block={block}"]
-    live = lines(capsys, "live", path, "--source", "wav", *STRING, "--json", *settings)
-    assert core(live) == offline
+    offline = lines(capsys, "locate", path, *STRING)
+    live = lines(capsys, "live", path, *STRING, "--set", f"source.block={block}")
+    assert common(live) == offline
     assert len(offline) == 51
 
 
@@ -45,17 +72,70 @@ def test_streaming_equals_offline_on_real_recordings(capsys: pytest.CaptureFixtu
     folder = realstrings.folder()
     if folder is None:
         pytest.skip("no real recordings (MONOCHORD_REALSTRINGS)")
-    for path in sorted(folder.glob("*plucked*/*.flac"))[::40]:
-        offline = lines(capsys, "locate", str(path), *STRING, "--json")
-        for block in (64, 1000):
-            settings = ["--set", f"source.block={block}"]
-            live = lines(capsys, "live", str(path), "--source", "wav", *STRING, "--json", *settings)
-            assert core(live) == offline
+    for path in sorted(folder.glob("*plucked*/*.flac"))[::80]:
+        offline = lines(capsys, "locate", str(path), *STRING)
+        assert common(lines(capsys, "live", str(path), *STRING, "--set", "source.block=64")) == offline
 
 
-def test_settings_come_from_the_file_then_the_options_then_set(
-    take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_window_and_the_hop(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    located = lines(capsys, "locate", str(take(0.2)), *STRING, "--window", "0.2", "--hop", "0.05")
+    assert [line["time"] for line in located] == pytest.approx([0.05 * k for k in range(9)])
+
+
+def test_calibration_takes_out_what_pressing_sharpens(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    sharpened, other, note = take(0.2, sharp=1.01), take(0.3, sharp=1.01), take(0.0)
+    known = ["--calibrate", f"{other}:0.3", "--calibrate", f"{note}:0"]
+    before = lines(capsys, "locate", str(sharpened), *STRING)
+    after = lines(capsys, "locate", str(sharpened), *STRING, *known)
+    assert abs(before[0]["position"] - 0.2) > 3e-3
+    assert abs(after[0]["position"] - 0.2) < abs(before[0]["position"] - 0.2) / 2
+    assert common(lines(capsys, "live", str(sharpened), *STRING, *known)) == after
+
+
+def test_a_sensor_of_a_known_string_is_located_from_both_sides(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    path = tmp_path / "touch.wav"
+    touch = ["--at", "0.2275", "--force", "0.8", "--seconds", "0.6", "--out", str(path)]
+    assert run(["simulate", "appendix", "--model", "split_string", *touch, "--json"]) == 0
+    located = lines(capsys, "locate", str(path), "--string", "appendix")
+    assert [line["position"] for line in located[10:]] == pytest.approx([0.2275] * 41, abs=1e-3)
+    assert run(["locate", str(path), "--string", "appendix"]) == 0
+    assert "mm from pickup 1 (median)" in capsys.readouterr().out
+
+
+def test_a_summary_to_read(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    path = take(0.2)
+    assert run(["locate", str(path), *STRING]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[0] == str(path)
+    assert "51 of 51 (100.0 %)" in out
+    assert " mm from the nut (median)" in out
+
+
+def test_silence_has_no_position(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "silence.wav"
+    soundfile.write(path, np.zeros(22050), 44100)
+    for line in lines(capsys, "locate", str(path), *STRING):
+        assert line["valid"] is False
+        assert line["why_not"]
+        assert line["position"] is line["position_std"] is line["frequency"] is None
+    assert run(["locate", str(path), *STRING]) == 0
+    assert "0 of 41 (0.0 %)" in capsys.readouterr().out
+
+
+def test_a_cut_file_is_read_as_the_refusal_says(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    path = take(0.2)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    line = refusal(capsys, "locate", str(path), *STRING)
+    assert "locate --allow-truncated, live --set source.allow_truncated=true" in line
+    rest = lines(capsys, "locate", str(path), *STRING, "--allow-truncated")
+    assert 15 < len(rest) < 25
+    assert rest[0]["position"] == pytest.approx(0.2, abs=1e-3)
+    assert common(lines(capsys, "live", str(path), "--set", "source.allow_truncated=true", *STRING)) == rest
+
+
+def test_settings_come_from_the_file_then_the_options_then_set(take: Take, tmp_path: Path) -> None:
     config, saved = tmp_path / "run.toml", tmp_path / "saved.toml"
     config.write_text(
         f"""
@@ -83,88 +163,107 @@ def test_settings_come_from_the_file_then_the_options_then_set(
     resolved = tomllib.loads(saved.read_text(encoding="utf-8"))
     assert resolved["window"] == {"length": 0.2, "hop": 0.1}
     assert resolved["source"]["block"] == 7
-    assert resolved["estimator"]["length"] == 0.6
-    assert resolved["estimator"]["open_frequency"] == 110.0
-    before = (tmp_path / "out.jsonl").read_bytes()
+    assert resolved["estimator"] == {**resolved["estimator"], "length": 0.6, "open_frequency": 110.0}
+    before = common([json.loads(line) for line in written])
     assert run(["live", "--config", str(saved)]) == 0
-    after = (tmp_path / "out.jsonl").read_bytes()
-    stable = [core([json.loads(line) for line in text.splitlines()]) for text in (before, after)]
-    assert stable[0] == stable[1]
+    again = (tmp_path / "out.jsonl").read_text(encoding="utf-8").splitlines()
+    assert common([json.loads(line) for line in again]) == before
 
 
-def test_another_source_leaves_the_options_of_the_files_behind(
+def test_a_recording_replaces_the_source_of_the_configuration(
     take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = tmp_path / "run.toml"
     config.write_text('[source]\nname = "jack"\nclient_name = "other"\n', encoding="utf-8")
-    arguments = ["live", str(take(0.2)), "--config", str(config), "--source", "wav", *STRING, "--json"]
-    assert len(lines(capsys, *arguments)) == 51
+    assert len(lines(capsys, "live", str(take(0.2)), "--config", str(config), *STRING)) == 51
 
 
 def test_several_sinks_at_once(take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out.jsonl"
-    sinks = ["--sink", "terminal", "--sink", f"jsonl={out}"]
-    assert run(["live", str(take(0.2)), "--source", "wav", *STRING, *sinks]) == 0
+    assert run(["live", str(take(0.2)), *STRING, "--sink", "terminal", "--sink", f"jsonl={out}"]) == 0
     text = capsys.readouterr().out
     assert "position 200." in text or "position 199." in text
     assert "windows 51  with a position 51  skipped 0" in text
-    assert "latency" in text
     assert len(out.read_text(encoding="utf-8").splitlines()) == 51
 
 
-def test_json_keeps_the_summary_off_standard_output(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["live", str(take(0.2)), "--source", "wav", *STRING, "--json", "--seconds", "0.3"]) == 0
+def test_beside_json_view_and_summary_go_to_standard_error(
+    take: Take, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--json", "--sink", "terminal", "--seconds", "0.3"]
+    assert run(["live", str(take(0.2)), *STRING, *options]) == 0
     captured = capsys.readouterr()
-    assert len(captured.out.splitlines()) == 21
-    assert all(line.startswith("{") for line in captured.out.splitlines())
+    assert len([json.loads(line) for line in captured.out.splitlines()]) == 21
+    assert "s  position" in captured.err
     assert "windows 21" in captured.err
 
 
-def test_beside_json_the_view_goes_to_standard_error(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["live", str(take(0.2)), "--source", "wav", *STRING, "--json", "--sink", "terminal"]
-    assert run(arguments) == 0
-    captured = capsys.readouterr()
-    assert len([json.loads(line) for line in captured.out.splitlines()]) == 51
-    assert "0.50 s  position" in captured.err
+def test_a_trained_model_estimates_the_twin(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--source", "twin", "--set", "source.speed=0", "--set", "source.build=1", "--seconds", "3"]
+    records = lines(capsys, "live", "demo", *options, "--hop", "0.05")
+    both = [line for line in records if line["valid"] and line.get("true_contact")]
+    assert len(both) > 10
+    for line in both:
+        assert abs(line["position"] - line["true_position"]) < 5e-3
+        assert line["force_std"] > 0.0
+        assert 0.0 <= line["slip"] <= 1.0
 
 
-def test_calibration_reaches_the_estimator(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
-    sharpened, other, note = take(0.2, sharp=1.01), take(0.3, sharp=1.01), take(0.0)
-    known = ["--calibrate", f"{other}:0.3", "--calibrate", f"{note}:0"]
-    offline = lines(capsys, "locate", str(sharpened), *STRING, *known, "--json")
-    live = lines(capsys, "live", str(sharpened), "--source", "wav", *STRING, *known, "--json")
-    assert core(live) == offline
-    assert abs(offline[0]["position"] - 0.2) < 2e-3
+def test_a_trained_model_locates_too(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(take(0.1, channels=2))
+    located = lines(capsys, "locate", "demo", path)
+    assert len(located) == 51
+    assert located == common(lines(capsys, "live", "demo", path))
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_control_c_ends_with_the_summary(take: Take, sent: signal.Signals) -> None:
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("live demmo prototype --source twin", "model demmo (not there): allowed is a folder that monochord"),
+        ("locate demmo take.wav", "did you mean 'demo'"),
+        ("live demo demo", "inputs demo, demo: allowed is one MODEL at most"),
+        ("locate demo", "model demo alone: allowed is a FILE beside it"),
+        ("live demo long --source twin", "a string of 0.65 m for a model: allowed is 0.2 m"),
+        ("live demo --source twin --window 0.2", "windows of 8820 frames for a model"),
+        ("live take.wav --device card", "take.wav beside --device card: allowed is one of both"),
+        ("live --source jack --rate 48000", "--rate 48000 with the source jack: allowed is a source whose"),
+        ("live --rate 8000 --device card", "8000"),
+        ("live --source twin --set source.sped=1", "option 'source.sped'"),
+        ("live --source twin --set sinks.terminal.with=1", "option 'sinks.terminal.with'"),
+        ("figure trends --set stps=1", "option 'stps'"),
+        ("bench bound --set size=1", "option 'size'"),
+    ],
+)
+def test_what_cannot_be_is_refused_as_it_was_typed(
+    words: str, line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert line in refusal(capsys, *words.split())
+
+
+def test_control_c_ends_live_with_its_summary(take: Take) -> None:
     endless = ["--set", "source.repeat=0", "--set", "source.speed=1"]
     process = subprocess.Popen(
-        [MONOCHORD, "live", str(take(0.2)), "--source", "wav", *STRING, *endless, "--json"],
+        [MONOCHORD, "live", str(take(0.2)), *STRING, *endless, "--json"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
     assert process.stdout is not None
     first = [process.stdout.readline() for _ in range(20)]
-    process.send_signal(sent)
+    process.send_signal(signal.SIGTERM)
     out, err = process.communicate(timeout=20)
     assert process.returncode == 0, err
-    assert json.loads(first[0])["valid"]
-    assert len([json.loads(line) for line in first]) == 20
+    assert all(json.loads(line)["valid"] for line in first)
     assert all(json.loads(line) for line in out.splitlines())
     assert "skipped" in err
     assert "Traceback" not in err
 
 
 def test_a_reader_that_leaves_ends_it_quietly(take: Take) -> None:
-    endless = ["--set", "source.repeat=0"]
     process = subprocess.Popen(
-        [MONOCHORD, "live", str(take(0.2)), "--source", "wav", *STRING, *endless, "--json"],
+        [MONOCHORD, "live", str(take(0.2)), *STRING, "--set", "source.repeat=0", "--json"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        env={**os.environ},
     )
     assert process.stdout is not None
     assert process.stdout.readline()
@@ -176,36 +275,20 @@ def test_a_reader_that_leaves_ends_it_quietly(take: Take) -> None:
     assert b"Traceback" not in err
 
 
-def test_what_was_learned_hears_the_twin_beside_the_truth(capsys: pytest.CaptureFixture[str]) -> None:
-    options = ["--source", "twin", "--set", "source.speed=0", "--set", "source.build=1", "--seconds", "3"]
-    assert run(["live", "demo", *options, "--hop", "0.05", "--json"]) == 0
-    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    both = [line for line in lines if line["valid"] and line.get("true_contact")]
-    assert len(both) > 10
-    for line in both:
-        assert abs(line["position"] - line["true_position"]) < 5e-3
-        assert line["force_std"] > 0.0
-        assert 0.0 <= line["slip"] <= 1.0
+def test_an_interrupted_locate_sums_up_what_it_has(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    usual = signal.getsignal(signal.SIGINT)
 
+    def interrupt() -> None:
+        while signal.getsignal(signal.SIGINT) is usual:
+            time.sleep(0.01)
+        time.sleep(0.3)
+        os.kill(os.getpid(), signal.SIGINT)
 
-@pytest.mark.parametrize(
-    ("inputs", "words"),
-    [
-        (
-            ["demmo", "prototype"],
-            "model demmo (not there): allowed is a folder that monochord train made",
-        ),
-        (["demmo", "prototype"], "did you mean 'demo'"),
-        (["demo", "demo"], "inputs demo, demo: allowed is one RUN at most"),
-        (["demo", "long"], "a string of 0.65 m for a model: allowed is 0.2 m"),
-        (["demo", "--window", "0.2"], "windows of 8820 frames for a model"),
-    ],
-)
-def test_what_was_not_learned_is_one_line(
-    inputs: list[str], words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["live", *inputs, "--source", "twin"]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.count("\n") == 1
-    assert words in captured.err
+    path = str(take(0.2, seconds=60))
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    assert run(["locate", path, *STRING, "--json"]) == 130
+    thread.join()
+    records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert 1 <= len(records) < 5991
+    assert signal.getsignal(signal.SIGINT) is usual

@@ -15,17 +15,17 @@ STRING = "--length 0.65 --open-frequency 110"
 SAVED = "--sink jsonl={out} --save-config {out}.toml"
 TABLE = {
     # live and locate
-    f"live {{two}} --source wav --string appendix --calibrate {{one}}:0.2 {SAVED}": "calibration",
-    f"live {{two}} --source wav --string appendix --length 0.5 {SAVED}": "length",
-    f"live {{one}} --source wav --string appendix --calibrate {{one}}:99 {SAVED}": "position",
-    f"live {{one}} --source wav {STRING} --set estimator.tension_law=geometric {SAVED}": "tension_law",
-    f"live {{two}} --source wav --string appendix --set estimator.reach=0.5 {SAVED}": "reach",
-    f"live {{one}} --source wav --string appendix {STRING} {SAVED}": "--string",
-    f"live {{one}} --source wav {STRING} {SAVED} --json": "--json",
-    f"live {{one}} --source wav {STRING} {SAVED} --sink jsonl={{out}}2": "twice",
-    f"live demo {{session}} --source session --estimator closed-form {SAVED}": "--estimator",
-    f"live demo {{session}} --source session --calibrate {{one}}:0.1 {SAVED}": "{one}",
-    f"live demo {{session}} --source session --length 0.2 {SAVED}": "length",
+    f"live {{two}} --string appendix --calibrate {{one}}:0.2 {SAVED}": "calibration",
+    f"live {{two}} --string appendix --length 0.5 {SAVED}": "length",
+    f"live {{one}} --string appendix --calibrate {{one}}:99 {SAVED}": "position",
+    f"live {{one}} {STRING} --set estimator.tension_law=geometric {SAVED}": "tension_law",
+    f"live {{two}} --string appendix --set estimator.reach=0.5 {SAVED}": "reach",
+    f"live {{one}} --string appendix {STRING} {SAVED}": "--string",
+    f"live {{one}} {STRING} {SAVED} --json": "--json",
+    f"live {{one}} {STRING} {SAVED} --sink jsonl={{out}}2": "twice",
+    f"live demo {{session}} --estimator closed-form {SAVED}": "--estimator",
+    f"live demo {{session}} --calibrate {{one}}:0.1 {SAVED}": "{one}",
+    f"live demo {{session}} --length 0.2 {SAVED}": "length",
     "locate {two} --string appendix --calibrate {one}:0.2": "calibration",
     "locate {two} --string appendix --length 0.5": "length",
     f"locate {{one}} --string appendix {STRING}": "--string",
@@ -84,8 +84,8 @@ def material(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     soundfile.write(folder / "one.wav", tone, 44100, subtype="FLOAT")
     soundfile.write(folder / "two.wav", np.stack([tone, tone], axis=1), 44100, subtype="FLOAT")
     string = load_string("prototype").string
-    told = Description(name="session", sample_rate=44100, simulated=True, string=string)
-    with SessionWriter(folder / "session.mcap", told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+    about = Description(name="session", sample_rate=44100, simulated=True, string=string)
+    with SessionWriter(folder / "session.mcap", about, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
         writer.audio(Block(samples=np.stack([tone, tone]).astype(np.float32), start=0, adc_time=0.0))
     found = {name: folder / f"{name}.wav" for name in ("one", "two")}
     return found | {"session": folder / "session.mcap", "folder": folder}

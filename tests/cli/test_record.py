@@ -1,4 +1,4 @@
-"""The verb `record`, in this process and in one of its own."""
+"""The command `record`, in this process and in one of its own."""
 
 import json
 import signal
@@ -35,8 +35,8 @@ def words(out: Path, sound: Path, *more: str) -> list[str]:
 
 def test_it_records_and_says_what(tmp_path: Path, sound: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "take.mcap"
-    told = ["--object", "plastic", "--sensor", "prototype", "--note", "first try", "--radius", "0.004"]
-    assert run(words(out, sound, *told)) == 0
+    arguments = ["--object", "plastic", "--sensor", "prototype", "--notes", "first try", "--radius", "0.004"]
+    assert run(words(out, sound, *arguments)) == 0
     captured = capsys.readouterr()
     assert "frames 44100  dropped 0" in captured.out
     assert "the source ended" in captured.out
@@ -151,8 +151,17 @@ def test_settings_come_from_a_file_then_options_then_set(
         '[about]\nobject = "wood"\nnote = "of the file"\nmaterial = "oak"\n',
         encoding="utf-8",
     )
-    asked = ["--config", str(config), "--object", "metal", "--set", "about.material=steel", "--seconds", "9"]
-    assert run(["record", str(out), *asked]) == 0
+    arguments = [
+        "--config",
+        str(config),
+        "--object",
+        "metal",
+        "--set",
+        "about.material=steel",
+        "--seconds",
+        "9",
+    ]
+    assert run(["record", str(out), *arguments]) == 0
     description = read_session(out).description
     assert (description.object, description.notes, description.material) == ("metal", "of the file", "steel")
     assert read_session(out).audio.samples.shape[1] == 44100
@@ -185,14 +194,14 @@ def test_what_cannot_be_done_is_refused_in_a_line(
 @pytest.mark.parametrize(
     "text", ["source = 5", "instruments = 5", 'about = "x"', "[instruments]\npose_udp = [1]"], ids=ascii
 )
-@pytest.mark.parametrize("verb", ["record", "live"])
+@pytest.mark.parametrize("command", ["record", "live"])
 def test_settings_that_are_no_table_are_one_line(
-    tmp_path: Path, verb: str, text: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, command: str, text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config, out = tmp_path / "settings.toml", tmp_path / "take.mcap"
     config.write_text(text, encoding="utf-8")
-    given = [str(out), "--instrument", "pose_udp", "--object", "key"] if verb == "record" else []
-    assert run([verb, *given, "--config", str(config)]) == 2
+    given = [str(out), "--instrument", "pose_udp", "--object", "key"] if command == "record" else []
+    assert run([command, *given, "--config", str(config)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not out.exists()
 

@@ -1,4 +1,4 @@
-"""The verb `simulate`."""
+"""The command `simulate`."""
 
 import json
 from pathlib import Path

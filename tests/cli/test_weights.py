@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from monochord.cli import run
-from monochord.cli import weights as verb
+from monochord.cli import weights as command
 from monochord.perception.encoders.ast.network import Sizes, Weights, network_of
 from monochord.perception.encoders.weights import load_known
 
@@ -31,7 +31,7 @@ def address(published: Path) -> str:
 
 
 def from_address(monkeypatch: pytest.MonkeyPatch, address: str) -> None:
-    monkeypatch.setattr(verb, "load_known", lambda name: replace(load_known(name), url=address))
+    monkeypatch.setattr(command, "load_known", lambda name: replace(load_known(name), url=address))
 
 
 def test_get_fetches_checks_and_tells(
@@ -45,13 +45,13 @@ def test_get_fetches_checks_and_tells(
     monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path / "weights"))
     monkeypatch.delenv("MONOCHORD_AST", raising=False)
     assert run(["weights", "get", "ast", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["path"] == str(tmp_path / "weights" / "ast" / FILE)
-    assert told["sha256"] == sha256(published.read_bytes()).hexdigest()
-    assert told["bytes"] == published.stat().st_size
-    assert "depth 1, width 64" in told["holds"]
+    result = json.loads(capsys.readouterr().out)
+    assert result["path"] == str(tmp_path / "weights" / "ast" / FILE)
+    assert result["sha256"] == sha256(published.read_bytes()).hexdigest()
+    assert result["bytes"] == published.stat().st_size
+    assert "depth 1, width 64" in result["holds"]
     assert run(["weights", "check", "ast"]) == 0
-    assert told["sha256"] in capsys.readouterr().out
+    assert result["sha256"] in capsys.readouterr().out
 
 
 def test_get_puts_them_where_it_is_told(
@@ -108,9 +108,9 @@ def test_export_writes_an_onnx_file_and_says_of_which_weights(
     pytest.importorskip("onnxscript", reason="onnxscript is not installed")
     out = tmp_path / "ast.onnx"
     assert run(["weights", "export", "ast", "--path", str(published), "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["sha256"] == sha256(published.read_bytes()).hexdigest()
-    assert told["bytes"] == out.stat().st_size > 0.9 * published.stat().st_size
+    result = json.loads(capsys.readouterr().out)
+    assert result["sha256"] == sha256(published.read_bytes()).hexdigest()
+    assert result["bytes"] == out.stat().st_size > 0.9 * published.stat().st_size
 
 
 @pytest.mark.parametrize(

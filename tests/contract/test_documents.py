@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 import pytest
 
-from monochord.cli import monochord as verbs
+from monochord.cli import monochord as commands
 from monochord.cli import run
 from monochord.physics.materials import material_names
 from monochord.physics.sensors import sensor_names
@@ -42,10 +42,10 @@ def test_there_are_commands_to_check() -> None:
 @pytest.mark.parametrize(("page", "line"), COMMANDS)
 def test_a_command_line_in_a_document_can_be_parsed(page: str, line: str) -> None:
     name, *arguments = shlex.split(line, comments=True)[1:]
-    parent = click.Context(verbs, info_name="monochord", **verbs.context_settings)
-    verb = verbs.get_command(parent, name)
-    assert verb is not None, page
-    verb.make_parser(click.Context(verb, info_name=name, parent=parent)).parse_args(arguments)
+    parent = click.Context(commands, info_name="monochord", **commands.context_settings)
+    command = commands.get_command(parent, name)
+    assert command is not None, page
+    command.make_parser(click.Context(command, info_name=name, parent=parent)).parse_args(arguments)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import pytest
 from monochord import cli
 from monochord.core.errors import InputError
 from monochord.core.registry import Registry
+from monochord.physics.sensors import load_sensor, sensor_names
 
 SRC = Path(__file__).parents[2] / "src" / "monochord"
 FOLDERS = sorted(".".join(base.relative_to(SRC.parent).parent.parts) for base in SRC.rglob("base.py"))
@@ -134,6 +135,36 @@ def test_a_clash_or_a_broken_entry_point_is_refused_in_one_line(
         sinks.load(name)
     assert "carillon" in str(caught.value)
     assert sinks.load("jsonl").__name__ == "Jsonl"  # the others stay as they are
+
+
+@pytest.fixture
+def preset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str, str], None]:
+    """Return what installs a package with one preset: its folder, its name, and the text of its file."""
+
+    def install(folder: str, name: str, text: str) -> None:
+        home = tmp_path / "presets"
+        (home / "bellfoundry_presets").mkdir(parents=True)
+        (home / "bellfoundry_presets" / "__init__.py").touch()
+        (home / "bellfoundry_presets" / f"{name}.toml").write_text(text, encoding="utf-8")
+        write_distribution(home, "presets", [f"[monochord.{folder}]", f"{name} = bellfoundry_presets"])
+        monkeypatch.syspath_prepend(home)
+
+    return install
+
+
+def test_an_installed_package_adds_a_sensor(preset: Any) -> None:
+    own = (SRC / "physics" / "sensors" / "prototype.toml").read_text(encoding="utf-8")
+    preset("sensors", "bell_rope", own)
+    assert "bell_rope" in sensor_names()
+    assert load_sensor("bell-rope").string == load_sensor("prototype").string
+    assert load_sensor("bell-rope").name == "bell_rope"
+
+
+def test_a_preset_of_one_of_our_names_is_refused(preset: Any) -> None:
+    preset("sensors", "prototype", "")
+    with pytest.raises(InputError, match=r"'prototype' \(of Monochord and of presets\)"):
+        load_sensor("prototype")
+    assert load_sensor("long").name == "long"
 
 
 def test_names_are_listed_without_importing_a_package(package: Path) -> None:

@@ -76,13 +76,13 @@ def test_an_apt_that_fails_is_one_line_more(machine: Path) -> None:
     assert "apt-get could not install them" in run.stderr
 
 
-def test_where_python_is_missing_it_is_asked_for_too(machine: Path) -> None:
+def test_where_python_is_missing_it_is_installed_too(machine: Path) -> None:
     (machine / "python3").unlink()
     assert "python3 python3-venv" in set_up(machine).stderr
 
 
 @pytest.mark.skipif(not shutil.which("jackd"), reason="jackd is not installed")
-def test_where_all_is_there_nothing_is_said_or_asked(machine: Path) -> None:
+def test_where_all_is_there_nothing_is_printed_or_installed(machine: Path) -> None:
     place(machine, "jackd", "")
     place(machine, "apt-get", "echo called >&2")
     run = set_up(machine)

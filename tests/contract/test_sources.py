@@ -19,7 +19,7 @@ from monochord.core.types import Block
 from monochord.sessions import Description, SessionWriter
 
 RATE = 44100
-DEVICES = {"jack", "soundcard"}  # what they hear is never the same twice
+DEVICES = {"jack", "soundcard"}  # their sound is never the same twice
 MAY_BE_ABSENT = {"soundcard"}  # a JACK server is started; a card cannot be
 Open = Callable[..., Any]
 
@@ -102,9 +102,9 @@ def test_a_block_keeps_its_samples_when_the_next_one_comes(name: str, opened: Op
     with opened(name) as stream:
         reader = iter(stream)
         first = next(reader)
-        kept = first.samples.copy()
+        copy = first.samples.copy()
         list(islice(reader, 30))
-        assert np.array_equal(first.samples, kept)
+        assert np.array_equal(first.samples, copy)
 
 
 @pytest.mark.parametrize("name", sorted(set(SOURCES.names()) - DEVICES))

@@ -35,10 +35,10 @@ def test_the_offsets_lead_from_one_clock_to_another() -> None:
 def test_a_wait_between_two_clocks_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     usual, real, calls = clock_offsets()["realtime"], time.clock_gettime_ns, count()
 
-    def held_up(clock: int) -> int:
+    def delayed(clock: int) -> int:
         if next(calls) % 3 != 1:
             time.sleep(0.02)
         return real(clock)
 
-    monkeypatch.setattr(time, "clock_gettime_ns", held_up)
+    monkeypatch.setattr(time, "clock_gettime_ns", delayed)
     assert clock_offsets()["realtime"] == pytest.approx(usual, abs=2e-3)

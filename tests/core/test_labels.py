@@ -12,10 +12,10 @@ def labels_of(
 ) -> dict[str, float]:
     """Labels of the window from 0 to 0.1 s."""
     time = np.arange(len(columns["contact"])) / rate
-    found = window_labels(
+    labels = window_labels(
         LabelTrack(time=time, columns=columns), np.array([0.0]), np.array([0.1]), rules or Rules()
     )
-    return {name: float(values[0]) for name, values in found.items()}
+    return {name: float(values[0]) for name, values in labels.items()}
 
 
 def touched(share: float, count: int = 200) -> np.ndarray:
@@ -36,18 +36,18 @@ def touched(share: float, count: int = 200) -> np.ndarray:
 def test_a_window_is_touched_untouched_or_a_transition(
     share: float, contact: float, transition: float
 ) -> None:
-    found = labels_of({"contact": touched(share)})
-    assert found["contact"] == pytest.approx(contact, nan_ok=True)
-    assert found["transition"] == transition
+    labels = labels_of({"contact": touched(share)})
+    assert labels["contact"] == pytest.approx(contact, nan_ok=True)
+    assert labels["transition"] == transition
 
 
 def test_means_are_over_the_touched_part_alone_and_valid_in_contact_only() -> None:
     on = touched(0.95)
     columns = {"contact": on, "position": np.where(on > 0, 0.07, np.nan), "force": np.where(on > 0, 1.5, 0.0)}
-    found = labels_of(columns)
-    assert found["position"] == pytest.approx(0.07)
-    assert found["force"] == pytest.approx(1.5)
-    assert found["force_std"] == pytest.approx(0.0, abs=1e-7)
+    labels = labels_of(columns)
+    assert labels["position"] == pytest.approx(0.07)
+    assert labels["force"] == pytest.approx(1.5)
+    assert labels["force_std"] == pytest.approx(0.0, abs=1e-7)
     for share in (0.5, 0.0):
         masked = labels_of({"contact": touched(share), "position": np.full(200, 0.07), "force": np.ones(200)})
         assert np.isnan([masked[name] for name in ("position", "force", "force_std", "slip")]).all()
@@ -55,17 +55,17 @@ def test_means_are_over_the_touched_part_alone_and_valid_in_contact_only() -> No
 
 def test_the_deviation_of_the_force_is_that_within_the_window() -> None:
     ramp = np.arange(200) / 100.0 + 5.0
-    found = labels_of({"contact": np.ones(200), "force": ramp})
-    assert found["force"] == pytest.approx(ramp[:100].mean())
-    assert found["force_std"] == pytest.approx(ramp[:100].std())
+    labels = labels_of({"contact": np.ones(200), "force": ramp})
+    assert labels["force"] == pytest.approx(ramp[:100].mean())
+    assert labels["force_std"] == pytest.approx(ramp[:100].std())
 
 
 @pytest.mark.parametrize(
     ("share", "slip"), [(1.0, 1.0), (0.5, 1.0), (0.49, np.nan), (0.11, np.nan), (0.1, 0.0), (0.0, 0.0)]
 )
 def test_sliding_for_half_of_a_touch_is_slip(share: float, slip: float) -> None:
-    found = labels_of({"contact": np.ones(200), "slip": touched(share)})
-    assert found["slip"] == pytest.approx(slip, nan_ok=True)
+    labels = labels_of({"contact": np.ones(200), "slip": touched(share)})
+    assert labels["slip"] == pytest.approx(slip, nan_ok=True)
 
 
 @pytest.mark.parametrize("rate", [37.0, 100.0, 999.0, 7000.0])
@@ -75,14 +75,14 @@ def test_shares_are_of_time_whatever_the_rate_of_the_labels(rate: float) -> None
     track = LabelTrack(
         time=time, columns={"contact": np.ones(time.size), "other": (time >= 0.05).astype(float)}
     )
-    found = window_labels(track, np.array([0.0]), np.array([0.1]))
-    assert found["other"][0] == pytest.approx(0.5)
+    labels = window_labels(track, np.array([0.0]), np.array([0.1]))
+    assert labels["other"][0] == pytest.approx(0.5)
 
 
 def test_what_is_not_known_is_not_made_up() -> None:
     unknown = np.where(np.arange(200) < 11, np.nan, 1.0)
-    found = labels_of({"contact": unknown, "force": np.ones(200)})
-    assert np.isnan(list(found.values())).all()
+    labels = labels_of({"contact": unknown, "force": np.ones(200)})
+    assert np.isnan(list(labels.values())).all()
     few = np.where(np.arange(200) < 9, np.nan, 1.0)
     assert labels_of({"contact": few, "force": np.ones(200)})["contact"] == 1.0
     holed = labels_of({"contact": np.ones(200), "force": unknown})
@@ -93,14 +93,14 @@ def test_what_is_not_known_is_not_made_up() -> None:
 def test_a_label_holds_for_a_while_only() -> None:
     track = LabelTrack(time=np.array([0.0, 10.0]), columns={"contact": np.ones(2)})
     begin = np.array([0.0, 0.15, 5.0, 10.0, 11.0])
-    found = window_labels(track, begin, begin + 0.1)["contact"]
-    assert found == pytest.approx([1.0, np.nan, np.nan, 1.0, np.nan], nan_ok=True)
+    labels = window_labels(track, begin, begin + 0.1)["contact"]
+    assert labels == pytest.approx([1.0, np.nan, np.nan, 1.0, np.nan], nan_ok=True)
 
 
 def test_no_labels_at_all_leave_everything_unknown() -> None:
     nothing = LabelTrack(time=np.zeros(0), columns={"contact": np.zeros(0), "force": np.zeros(0)})
-    found = window_labels(nothing, np.array([0.0]), np.array([0.1]))
-    assert all(np.isnan(values).all() for values in found.values())
+    labels = window_labels(nothing, np.array([0.0]), np.array([0.1]))
+    assert all(np.isnan(values).all() for values in labels.values())
 
 
 def test_other_columns_are_means_whether_touched_or_not() -> None:

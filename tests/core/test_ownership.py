@@ -28,7 +28,7 @@ with getattr(ownership, sys.argv[1])(*map(Path, sys.argv[2:])) as folder:
 
 @contextmanager
 def holding(name: str, *arguments: Path) -> Generator["tuple[subprocess.Popen[str], str]"]:
-    """Run a process that holds one of them, and give it with what it holds; kill it at the end."""
+    """Run a process that owns a folder, and yield it with that folder; kill it at the end."""
     command = [sys.executable, "-c", HOLDER, name, *map(str, arguments)]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
@@ -67,17 +67,17 @@ def test_a_scratch_folder_goes_at_the_next_start_once_its_process_was_killed(
 ) -> None:
     mine = temporary / "monochord-scratch-recorded"
     mine.mkdir()
-    with holding("scratch_folder") as (_, held):
+    with holding("scratch_folder") as (_, folder):
         with scratch_folder() as own:
-            assert {path.name for path in temporary.iterdir()} == {mine.name, own.name, Path(held).name}
+            assert {path.name for path in temporary.iterdir()} == {mine.name, own.name, Path(folder).name}
         assert not caplog.records
-    assert (Path(held) / "data").exists()
+    assert (Path(folder) / "data").exists()
     with scratch_folder():
         pass
     assert list(temporary.iterdir()) == [mine]
     (record,) = caplog.records
     assert record.levelno == logging.WARNING
-    assert held in record.getMessage()
+    assert folder in record.getMessage()
 
 
 def test_a_part_goes_at_the_next_start_once_its_process_was_killed(
@@ -88,12 +88,15 @@ def test_a_part_goes_at_the_next_start_once_its_process_was_killed(
         other.mkdir()
     older = tmp_path / f".data[1].part-{os.getpid()}"  # of a process that had our number
     older.mkdir()
-    with holding("part_folder", tmp_path / "data[1]") as (_, held), part_folder(tmp_path / "data[1]") as own:
-        assert {*tmp_path.iterdir()} == {*others, own, Path(held)}
+    with (
+        holding("part_folder", tmp_path / "data[1]") as (_, folder),
+        part_folder(tmp_path / "data[1]") as own,
+    ):
+        assert {*tmp_path.iterdir()} == {*others, own, Path(folder)}
     with part_folder(tmp_path / "data[1]"):
         pass
     assert {*tmp_path.iterdir()} == {*others}
-    assert held in caplog.text
+    assert folder in caplog.text
 
 
 def test_a_part_that_was_renamed_stays(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Pictures over pictures: what a terminal is told."""
+"""Pictures over pictures: what is written to a terminal."""
 
 import pytest
 from rich.console import Console
@@ -23,7 +23,7 @@ def test_a_picture_taller_than_before_starts_anew(
     assert "\x1b[1mdeux\x1b[0m" in drawn  # bold, but NO_COLOR holds
     assert "x" * 20 in drawn
     assert "x" * 21 not in drawn
-    assert drawn.count("more") == 6  # of ten rows, one is kept free
+    assert drawn.count("more") == 6  # of ten rows, one stays free
     # Cleared before each of the three, for none is as tall as the one before.
     assert drawn.count("\x1b[J") == 3
     assert drawn.endswith("\x1b[8A\x1b[?25l\x1b[Jone\x1b[K\nten\x1b[K\n\x1b[?25h")

@@ -13,7 +13,7 @@ from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
 from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import Selection, replay
-from monochord.live import Session, run
+from monochord.live import LiveRun, run
 from monochord.live.settings import WindowSettings
 from monochord.live.sinks.base import Listener, Moment
 from monochord.perception.estimators.base import Estimator
@@ -61,7 +61,7 @@ def test_it_equals_live_inference_to_the_bit(dataset: Dataset, sessions: tuple[P
     for path in sessions:
         collector = Collector()
         hop = WindowSettings(length=0.1, hop=0.1)
-        run(Session(source=SessionSource(path=path), estimator=PHYSICS, sinks=(collector,), window=hop))
+        run(LiveRun(source=SessionSource(path=path), estimator=PHYSICS, sinks=(collector,), window=hop))
         live_estimates += collector.estimates
     assert len(live_estimates) == len(results)
     for name in ("position", "force", "contact", "frequency_1"):

@@ -8,7 +8,7 @@ import pytest
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
 from monochord.core.types import Block, Estimate, Prepared, Signal, Window
-from monochord.live import Session, WindowSettings
+from monochord.live import LiveRun, WindowSettings
 from monochord.live.calibration import medians
 from monochord.perception.estimators.base import Estimator
 
@@ -46,9 +46,9 @@ class Level(Estimator):
         return estimate
 
 
-def take(*levels: float) -> Session:
+def take(*levels: float) -> LiveRun:
     window = WindowSettings(length=0.01, hop=0.01)
-    return Session(source=Levels(*levels), estimator=Level(), window=window)
+    return LiveRun(source=Levels(*levels), estimator=Level(), window=window)
 
 
 def test_the_median_over_the_windows_that_have_a_frequency() -> None:
@@ -75,6 +75,6 @@ class Deaf(Estimator):
 
 
 def test_an_estimator_that_tells_no_frequency_cannot_be_calibrated() -> None:
-    deaf = Session(source=Levels(1.0), estimator=Deaf(), window=WindowSettings(length=0.01, hop=0.01))
+    deaf = LiveRun(source=Levels(1.0), estimator=Deaf(), window=WindowSettings(length=0.01, hop=0.01))
     with pytest.raises(InputError, match=r"no window of it has a frequency \(not estimated\)"):
         medians(deaf)

@@ -16,7 +16,7 @@ from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, StreamHealth, Truth, Window
-from monochord.live import Session, WindowSettings, run
+from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.sinks.base import Moment, Sink, Writer
 from monochord.perception.estimators.base import Estimator
 
@@ -104,8 +104,8 @@ class Keep(Sink, Writer):
             self.then(len(self.seen))
 
 
-def session(source: Source, keep: Keep, *, pause: float = 0.0, seconds: float = math.inf) -> Session:
-    return Session(
+def session(source: Source, keep: Keep, *, pause: float = 0.0, seconds: float = math.inf) -> LiveRun:
+    return LiveRun(
         source=source,
         estimator=Mean(pause=pause),
         sinks=(keep,),
@@ -165,6 +165,7 @@ def test_a_gap_reaches_the_estimator_and_the_pace_is_kept() -> None:
     assert summary.windows - summary.valid == len(touched)
 
 
+@pytest.mark.real_time
 def test_latency_counts_from_the_converter_where_the_source_knows_it() -> None:
     now = time.monotonic()
     block = Block(samples=NOISE[:, :100], start=0, adc_time=now - 5.1)
@@ -175,6 +176,7 @@ def test_latency_counts_from_the_converter_where_the_source_knows_it() -> None:
     assert summary.deadline_misses == 1
 
 
+@pytest.mark.real_time
 def test_latency_counts_from_arrival_otherwise() -> None:
     keep = Keep()
     summary = run(session(Script(cut(NOISE[:, :100], 100)), keep, pause=0.03))
@@ -208,7 +210,7 @@ def test_a_signal_ends_it_after_the_window_at_hand(sent: signal.Signals) -> None
     assert signal.getsignal(sent) is usual
 
 
-def test_a_device_that_goes_away_for_good_closes_everything_and_is_told() -> None:
+def test_a_device_that_goes_away_for_good_closes_everything_and_is_raised() -> None:
     def fail(count: int) -> None:
         raise DeviceError("the server is gone")
 
@@ -235,13 +237,13 @@ def test_seconds_of_the_stream_are_looked_at() -> None:
     ],
 )
 def test_a_string_is_refused_beside_a_source_that_knows_its_own(preset: str, line: str) -> None:
-    known = Session(source=SOURCES.build("split_string"), estimator=Mean(), string=preset)
+    known = LiveRun(source=SOURCES.build("split_string"), estimator=Mean(), string=preset)
     with pytest.raises(InputError, match=line):
         run(known)
 
 
 def test_an_unknown_string_preset_is_refused() -> None:
     settings = session(Script(cut(NOISE, 100)), Keep())
-    unknown = Session(source=settings.source, estimator=settings.estimator, string="apendix")
+    unknown = LiveRun(source=settings.source, estimator=settings.estimator, string="apendix")
     with pytest.raises(InputError, match="did you mean 'appendix'"):
         run(unknown)

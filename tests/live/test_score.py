@@ -12,12 +12,14 @@ WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44
 UNITS = {"position": "m", "force": "N"}
 
 
-def moment(told: dict[str, tuple[float, float] | None], truth: dict[str, float], time: float = 0.0) -> Moment:
+def moment(
+    given: dict[str, tuple[float, float] | None], truth: dict[str, float], time: float = 0.0
+) -> Moment:
     estimates = {
         name: Estimate.abstain(UNITS.get(name, ""), "silence")
         if pair is None
         else Estimate(value=pair[0], std=pair[1], unit=UNITS.get(name, ""))
-        for name, pair in told.items()
+        for name, pair in given.items()
     }
     return Moment(
         prediction=Prediction(start=0, time=time, estimates=estimates),
@@ -60,7 +62,7 @@ def test_nothing_to_score() -> None:
     assert Score().lines() == ["settled windows with a touch: 0 answered, 0 abstained"]
 
 
-def told(truth: dict[str, float], **wrong: Any) -> dict[str, tuple[float, float] | None]:
+def estimates_of(truth: dict[str, float], **wrong: Any) -> dict[str, tuple[float, float] | None]:
     """Return estimates that are the truth, but for some."""
     perfect: dict[str, tuple[float, float] | None] = {"contact": (truth["contact"], 0.0)}
     for name in ("position", "force", "slip"):
@@ -77,7 +79,7 @@ def session(score: Score, **wrong: Any) -> Score:
         truth = {"contact": float(k >= 20), "settled": 1.0}
         if k >= 20:
             truth |= {"position": 0.1, "force": 1.0, "slip": float(k >= 40)}
-        estimates = told(truth, **(wrong if k >= 20 else {}))
+        estimates = estimates_of(truth, **(wrong if k >= 20 else {}))
         for name in {20: truth, 21: truth, 40: ["slip"]}.get(k, ()):
             truth = {label: value for label, value in truth.items() if label != name}
         score.write(moment(estimates, truth, 0.05 * k))
@@ -94,7 +96,7 @@ def test_a_perfect_estimator_has_a_perfect_score() -> None:
     assert (tree["position_mae"], tree["force_mae"]) == (0.0, 0.0)
 
 
-def test_errors_and_abstentions_are_told() -> None:
+def test_errors_and_abstentions_are_scored() -> None:
     score = session(Score(), position=(0.106, 0.002), force=None, slip=(0.9, 0.3), contact=(0.4, 0.5))
     lines = score.lines()
     silent = "0.0 % of 38 windows abstained"

@@ -5,7 +5,7 @@ import pytest
 
 from monochord.core.config import dump_toml, load_toml
 from monochord.core.errors import InputError
-from monochord.live import Settings, WindowSettings
+from monochord.live import LiveSettings, WindowSettings
 
 TREE = {
     "source": {"name": "wav", "path": "take.wav"},
@@ -32,7 +32,7 @@ def test_impossible_windows_are_refused(span: float) -> None:
 
 
 def test_a_tree_becomes_plug_ins() -> None:
-    session = Settings.read(TREE).session()
+    session = LiveSettings.read(TREE).build()
     assert type(session.source).__name__ == "Wav"
     assert session.window == WindowSettings(length=0.1, hop=0.02)
     assert [type(sink).__name__ for sink in session.sinks] == ["Jsonl", "Terminal"]
@@ -40,18 +40,18 @@ def test_a_tree_becomes_plug_ins() -> None:
 
 
 def test_a_sink_that_draws_to_scale_takes_the_estimators_length() -> None:
-    lengths = [getattr(sink, "length", None) for sink in Settings.read(TREE).session().sinks]
+    lengths = [getattr(sink, "length", None) for sink in LiveSettings.read(TREE).build().sinks]
     assert lengths == [None, 0.65]
     own = {**TREE, "sinks": {"terminal": {"length": 0.3}}}
-    assert getattr(Settings.read(own).session().sinks[0], "length", None) == 0.3
+    assert getattr(LiveSettings.read(own).build().sinks[0], "length", None) == 0.3
 
 
 def test_the_resolved_tree_is_complete_and_means_the_same(tmp_path: Path) -> None:
-    settings = Settings.read(TREE)
+    settings = LiveSettings.read(TREE)
     saved = tmp_path / "run.toml"
     saved.write_text(dump_toml(settings.resolved()), encoding="utf-8")
-    again = Settings.read(load_toml(saved))
-    assert again.session() == settings.session()
+    again = LiveSettings.read(load_toml(saved))
+    assert again.build() == settings.build()
     assert again.resolved() == settings.resolved()
     assert load_toml(saved)["window"] == {"length": 0.1, "hop": 0.02}
     assert load_toml(saved)["source"]["name"] == "wav"
@@ -74,4 +74,4 @@ def test_the_resolved_tree_is_complete_and_means_the_same(tmp_path: Path) -> Non
 )
 def test_what_is_wrong_is_said(change: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Settings.read({**TREE, **change}).session()
+        LiveSettings.read({**TREE, **change}).build()

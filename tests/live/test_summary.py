@@ -12,8 +12,8 @@ def prediction(*, valid: bool, latency: float) -> Prediction:
 def metered() -> Meter:
     meter = Meter(deadline=0.01)
     for k in range(10):
-        found = prediction(valid=k < 7, latency=0.02 if k < 2 else 0.001)
-        meter.add(found, read=1e-4, estimate=1e-3, sinks=2e-4)
+        estimated = prediction(valid=k < 7, latency=0.02 if k < 2 else 0.001)
+        meter.add(estimated, read=1e-4, estimate=1e-3, sinks=2e-4)
     meter.skip()
     meter.add_capture(None, 5.0)
     meter.add_capture(4.5, 5.0)
@@ -56,7 +56,7 @@ def test_the_tree_is_plain_json() -> None:
     assert tree["stages"]["latency"]["longest"] == 0.02
 
 
-def test_clocks_are_told_where_the_stream_knows_them() -> None:
+def test_clocks_are_listed_where_the_stream_knows_them() -> None:
     known = StreamHealth(clock_offsets={"realtime": 1.2, "monotonic_raw": -0.25, "jack": 0.001})
     last = metered().summary(441, known).lines()[-1]
     assert last.split()[:3] == ["clocks", "realtime", "+1.200000"]

@@ -17,7 +17,7 @@ from monochord.core.config import Tree
 from monochord.core.errors import InputError
 from monochord.core.timing import Histogram
 from monochord.core.units import Seconds
-from monochord.live import Session, Settings, Summary, run
+from monochord.live import LiveRun, LiveSettings, Summary, run
 from monochord.live.sinks.base import Listener, Moment
 from monochord.physics.strings import load_string
 
@@ -111,9 +111,9 @@ class Live(Benchmark):
             },
         }
 
-    def _session(self, tree: Tree, seconds: Seconds, sink: Listener) -> Session:
-        settings = Settings.read({**tree, "window": {"hop": self.hop}, "sinks": {}, "seconds": seconds})
-        return dataclasses.replace(settings.session(), sinks=(sink,))
+    def _session(self, tree: Tree, seconds: Seconds, sink: Listener) -> LiveRun:
+        settings = LiveSettings.read({**tree, "window": {"hop": self.hop}, "sinks": {}, "seconds": seconds})
+        return dataclasses.replace(settings.build(), sinks=(sink,))
 
 
 class _Autocorrelation(Listener):

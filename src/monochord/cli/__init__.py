@@ -1,9 +1,9 @@
-"""The command line: one file a verb, found by its name; arguments and printing only.
+"""The command line: one file a command, found by its name; arguments and printing only.
 
-Every verb ends with status 0 only if its work was done, and with 2 and one line on stderr for a bad
-argument or input. Control-C, SIGTERM or SIGHUP end it with one line and with status 130 wherever it is, but
-for the verbs that run until somebody ends them: those print what they did, and end with status 0. Importing
-this module is cheap, and so is asking for help: a verb's file loads when the verb is used.
+A command ends with status 0 only if its work was done, and with 2 and one line on stderr for a bad argument
+or input. Control-C, SIGTERM or SIGHUP end it with one line and with status 130, except for commands that run
+until somebody ends them: those print their summary, and end with status 0. Importing this module is cheap,
+and so is asking for help: a command's file loads when the command is used.
 """
 
 import ast
@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 from _thread import interrupt_main
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
@@ -23,32 +23,47 @@ from types import FrameType
 from typing import Any, NoReturn
 
 import click
+from click.shell_completion import CompletionItem
 
 from monochord.cli._output import echo
 from monochord.core.errors import DeviceError, InputError, MonochordError, did_you_mean
 
 INTERRUPTED = 130
-"""Exit status of a verb that Control-C, SIGTERM or SIGHUP cut off."""
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-AGAIN = 0.02
+"""Exit status of a command that Control-C, SIGTERM or SIGHUP cut off."""
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "First steps": ("demo", "doctor", "list"),
+    "Estimate touches": ("live", "locate"),
+    "Collect data": ("record", "collect", "sessions"),
+    "Train and evaluate": ("build", "audit", "train", "evaluate", "ablate", "weights"),
+    "Simulate, draw, measure": ("simulate", "figure", "bench"),
+}
+"""Commands as the help shows them; a command that is in no group comes last."""
+UNGROUPED = "More commands"
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+RERAISE_AFTER = 0.02
 """Seconds until an interruption that got lost in a callback is raised once more."""
 _LINE = "monochord: interrupted"
-_ROOM = "make room there, or write elsewhere"
+_REMEDY_FULL = "free space there, or write elsewhere"
 _NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
-class _Verbs(click.Group):
-    """The verbs of this folder: each file holds one command of the file's name."""
+class _Commands(click.Group):
+    """The commands of this folder: each file holds one command of the file's name."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        found = (module.name for module in iter_modules(__path__))
-        return sorted(name for name in found if not name.startswith("_"))
+        names = (module.name for module in iter_modules(__path__))
+        return sorted(name for name in names if not name.startswith("_"))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        verbs = self.list_commands(ctx)
-        if cmd_name not in verbs:
-            raise InputError(f"verb '{cmd_name}'", ", ".join(verbs), did_you_mean(cmd_name, verbs))
+        names = self.list_commands(ctx)
+        if cmd_name not in names:
+            raise InputError(f"command '{cmd_name}'", ", ".join(names), did_you_mean(cmd_name, names))
         return getattr(import_module(f"{__name__}.{cmd_name}"), cmd_name)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        names = [name for name in self.list_commands(ctx) if name.startswith(incomplete)]
+        own = [] if names else click.Command.shell_complete(self, ctx, incomplete)
+        return [CompletionItem(name, help=_summary(name)) for name in names] + own
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -57,20 +72,30 @@ class _Verbs(click.Group):
             raise click.Abort from error
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Verbs"):
-            formatter.write_dl([(verb, _summary(verb)) for verb in self.list_commands(ctx)])
+        names = self.list_commands(ctx)
+        grouped = {name for group in GROUPS.values() for name in group}
+        groups = {**GROUPS, UNGROUPED: tuple(name for name in names if name not in grouped)}
+        width = max(map(len, names))
+        for title, members in groups.items():
+            rows = [(name.ljust(width), _summary(name)) for name in members if name in names]
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
 
 
 @click.group(
-    cls=_Verbs,
-    subcommand_metavar="VERB [ARGS]...",
+    cls=_Commands,
+    subcommand_metavar="COMMAND [ARGS]...",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(package_name="monochord")
 @click.pass_obj
 def monochord(begin: Callable[[], None] | None) -> None:
-    """Monochord: acoustic tactile sensing with a driven string."""
-    if begin:  # the verb's file is loaded, and its work comes next
+    """Monochord: acoustic tactile sensing with a driven string.
+
+    'monochord COMMAND --help' explains a command, and 'monochord list' shows every name that options take.
+    """
+    if begin:  # the command's file is loaded, and its work comes next
         begin()
 
 
@@ -89,10 +114,10 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str], begin: Callable[[], None] | None = None) -> int:
     """Run the command line and return its exit status, printing any error as one line on stderr.
 
-    `begin` is called once the verb is loaded, before it does anything.
+    `begin` is called once the command is loaded, before it does anything.
     """
     try:
-        return _answered(arguments, begin)
+        return _status_of(arguments, begin)
     except BaseException as error:
         if not _is_interruption(error):
             raise
@@ -113,8 +138,8 @@ def _is_interruption(error: BaseException | None) -> bool:
 
 
 def _take_signals(handler: Callable[[int, FrameType | None], NoReturn]) -> None:
-    """Have a handler take what asks for the end, unless that is ignored, as under `nohup`."""
-    for number in ENDING:
+    """Have a handler take the signals that request the end, unless they are ignored, as under `nohup`."""
+    for number in ENDING_SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, handler)
 
@@ -132,13 +157,13 @@ def _end_at_once(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG
 def _unraisable(lost: "sys.UnraisableHookArgs") -> None:
     """Raise an interruption once more that came inside a callback, where Python drops what is raised."""
     if lost.exc_type is KeyboardInterrupt:
-        threading.Timer(AGAIN, interrupt_main).start()
+        threading.Timer(RERAISE_AFTER, interrupt_main).start()
     else:
         sys.__unraisablehook__(lost)
 
 
-def _answered(arguments: list[str], begin: Callable[[], None] | None) -> int:
-    """Run the command line with every error but an interruption told."""
+def _status_of(arguments: list[str], begin: Callable[[], None] | None) -> int:
+    """Run the command line, printing every error except an interruption."""
     try:
         result = monochord.main(arguments, prog_name="monochord", standalone_mode=False, obj=begin)
         _flush()
@@ -155,7 +180,7 @@ def _answered(arguments: list[str], begin: Callable[[], None] | None) -> int:
         _forget_output()
         echo("monochord: " + " ".join(line.split()), err=True)
         return status
-    except SystemExit as stop:  # click's answer to a reader that went away
+    except SystemExit as stop:  # click's answer to a reader that went away, and after a completion
         return stop.code if isinstance(stop.code, int) else 1
     return result if isinstance(result, int) else 0
 
@@ -165,13 +190,13 @@ def _verdict(error: click.ClickException | MonochordError | OSError, arguments: 
     match error:
         case click.UsageError():
             named = [word for word in arguments[:1] if not word.startswith("-")]
-            verb = error.ctx.command_path if error.ctx else " ".join(["monochord", *named])
-            return f"{error.format_message()} (see '{verb} --help')", 2
+            command = error.ctx.command_path if error.ctx else " ".join(["monochord", *named])
+            return f"{error.format_message()} (see '{command} --help')", 2
         case InputError() | DeviceError():
             return str(error), 2
         case OSError() if error.errno in _NOT_WRITTEN:
-            what = error.filename or "output"
-            return str(InputError(f"{what} ({error.strerror})", "a place that takes all of it", _ROOM)), 2
+            given = f"{error.filename or 'output'} ({error.strerror})"
+            return str(InputError(given, "a place that takes all of it", _REMEDY_FULL)), 2
         case OSError(filename=None):
             raise error
         case OSError():
@@ -196,12 +221,12 @@ def _forget_output() -> None:
             os.close(null)
 
 
-def _summary(verb: str) -> str:
-    """First line of a verb's docstring, read from its text: help must not import what the verbs need."""
-    spec = find_spec(f"{__name__}.{verb}")
+def _summary(command: str) -> str:
+    """First line of a command's docstring, read from its text: help must not import what commands need."""
+    spec = find_spec(f"{__name__}.{command}")
     if spec is None or spec.origin is None:
         return ""
     for node in ast.parse(Path(spec.origin).read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.FunctionDef) and node.name == verb:
+        if isinstance(node, ast.FunctionDef) and node.name == command:
             return (ast.get_docstring(node) or "").partition("\n")[0]
     return ""

@@ -1,4 +1,4 @@
-"""Options that several verbs share, and the settings tree that they fill."""
+"""Options that several commands share, and the settings tree that they fill."""
 
 import dataclasses
 import math
@@ -8,20 +8,26 @@ from typing import Any, TypeVar
 
 import click
 from click.core import ParameterSource
+from click.shell_completion import CompletionItem
 
 from monochord.capture.sources import SOURCES
-from monochord.core.config import Tree
-from monochord.core.config import table as table_of
+from monochord.core.config import Tree, table
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.registry import Registry
 from monochord.core.units import Metres
-from monochord.live import Session, Settings, Summary
+from monochord.live import LiveRun, LiveSettings, Summary
 from monochord.live.calibration import medians
+from monochord.live.settings import MODEL, recording_source
+from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.model import folder_of, load
+from monochord.perception.model.bundled import bundled_names
+from monochord.physics.strings import string_names
 
 F = TypeVar("F", bound=Callable[..., Any])
-FILES, SESSIONS = "wav", "session"  # the sources that read recordings
-USUAL_ESTIMATOR = "closed-form"
-WIDEST: Metres = 1.0
+DEFAULT_SOURCE, DEFAULT_ESTIMATOR = "jack", "closed_form"
+DEVICE_SOURCE = "soundcard"
+"""The source that --device opens where no source is named."""
+MAX_RADIUS: Metres = 1.0
 """Radius of the largest object that touches a string."""
 
 
@@ -39,22 +45,12 @@ def amount(text: str) -> float:
 def radius(text: str) -> float:
     """Return the radius of what touches a string, in metres; anything else is a usage error."""
     number = amount(text)
-    if number > WIDEST:
-        raise click.BadParameter(f"'{text}': allowed is up to {WIDEST:g} m")
+    if number > MAX_RADIUS:
+        raise click.BadParameter(f"'{text}': allowed is up to {MAX_RADIUS:g} m")
     return number
 
 
-def refuse_without(options: str, effect: str, *names: str) -> None:
-    """Refuse parameters of the command at hand that were given on the command line and have no effect.
-
-    `options` are the options in words and `effect` says when they have one: both for the line.
-    """
-    context = click.get_current_context()
-    if any(context.get_parameter_source(name) is ParameterSource.COMMANDLINE for name in names):
-        raise InputError(options, effect, "leave it out")
-
-
-def take(text: str) -> tuple[str, float]:
+def known_take(text: str) -> tuple[str, float]:
     """Return path and touch position of FILE:POSITION; anything else is a usage error."""
     path, colon, number = text.rpartition(":")
     try:
@@ -66,20 +62,71 @@ def take(text: str) -> tuple[str, float]:
     return path, position
 
 
+def completes(*names: Callable[[], Iterable[str]]) -> dict[str, Any]:
+    """Return the keyword of a parameter that has the shell complete names, and files beside them."""
+
+    def complete(context: click.Context, parameter: click.Parameter, word: str) -> list[CompletionItem]:  # noqa: ARG001
+        values = [name for group in names for name in group() if name.startswith(word)]
+        return [*map(CompletionItem, values), CompletionItem(word, type="file")]
+
+    return {"shell_complete": complete}
+
+
+def set_option(listing: str) -> Callable[[F], F]:
+    """Add ``--set NAME=VALUE``; `listing` is the command that lists the names."""
+    return click.option(
+        "--set",
+        "assignments",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help=f"Override a setting; repeatable. '{listing}' shows the names.",
+    )
+
+
+def source_options(command: F) -> F:
+    """Add what names a source and sets it up."""
+    for option in (
+        click.option("--rate", type=amount, metavar="HZ", help="Sample rate, where the source has a choice."),
+        click.option(
+            "--device",
+            metavar="NAME",
+            help="Input device or ports to open: 'monochord list devices'. Without --source, a sound card's.",
+        ),
+        click.option(
+            "--source",
+            metavar="NAME",
+            help=f"Where audio comes from.  [default: by the file; else {DEFAULT_SOURCE}]",
+            **completes(SOURCES.names),
+        ),
+    ):
+        command = option(command)
+    return command
+
+
 def string_options(command: F) -> F:
     """Add what a person knows of the string: a preset, or length and open note; takes of known position."""
     for option in (
         click.option(
             "--calibrate",
-            type=take,
+            type=known_take,
             multiple=True,
             metavar="FILE:POSITION",
-            help="A take touched at POSITION metres; repeatable.",
+            help="A take (a recording) touched at POSITION metres from the nut; repeatable.",
         ),
-        click.option("--string", metavar="PRESET", help="A string of the catalogue, or FILE.toml."),
+        click.option(
+            "--string",
+            metavar="PRESET",
+            help="A string of 'monochord list strings', or FILE.toml.",
+            **completes(string_names),
+        ),
         click.option("--open-frequency", type=amount, metavar="HZ", help="Frequency of the open string."),
-        click.option("--length", type=amount, metavar="METRES", help="Length of the string, nut to bridge."),
-        click.option("--estimator", metavar="NAME", help=f"What estimates.  [default: {USUAL_ESTIMATOR}]"),
+        click.option("--length", type=amount, metavar="M", help="Length of the string, from nut to bridge."),
+        click.option(
+            "--estimator",
+            metavar="NAME",
+            help=f"What turns windows of sound into estimates.  [default: {DEFAULT_ESTIMATOR}]",
+            **completes(ESTIMATORS.names),
+        ),
     ):
         command = option(command)
     return command
@@ -88,11 +135,28 @@ def string_options(command: F) -> F:
 def window_options(command: F) -> F:
     """Add the window's length and hop."""
     for option in (
-        click.option("--hop", type=amount, metavar="S", help="Distance of windows.  [default: 0.01]"),
-        click.option("--window", type=amount, metavar="S", help="Length of a window.  [default: 0.1]"),
+        click.option(
+            "--hop", type=amount, metavar="S", help="Time between starts of windows.  [default: 0.01]"
+        ),
+        click.option(
+            "--window",
+            type=amount,
+            metavar="S",
+            help="Length of a window, the stretch of sound that is estimated at once.  [default: 0.1]",
+        ),
     ):
         command = option(command)
     return command
+
+
+def refuse_without(options: str, effect: str, *names: str) -> None:
+    """Refuse parameters of the running command that were given on the command line and have no effect.
+
+    `options` are the options in words and `effect` says when they have one: both for the line.
+    """
+    context = click.get_current_context()
+    if any(context.get_parameter_source(name) is ParameterSource.COMMANDLINE for name in names):
+        raise InputError(options, effect, "leave it out")
 
 
 def refuse_string_twice(string: str | None, length: float | None, open_frequency: float | None) -> None:
@@ -102,41 +166,101 @@ def refuse_string_twice(string: str | None, length: float | None, open_frequency
         raise InputError(given, "a preset, or both numbers", "leave one or the other out")
 
 
-def put(tree: Tree, table: str, **values: Any) -> None:
-    """Lay the options that were given (those that are not None) into a table of the tree."""
-    given = {name: value for name, value in values.items() if value is not None}
+def model_and_input(inputs: tuple[str, ...]) -> tuple[str | None, str | None]:
+    """Return the model and the input among the arguments ``[MODEL] [INPUT]``, None for one not given.
+
+    A model is a folder that ``monochord train`` made, or a bundled name.
+    """
+    models = [text for text in inputs if folder_of(Path(text))]
+    others = [text for text in inputs if text not in models]
+    if len(inputs) == 2 and not models:
+        load(inputs[0])  # says why it is no model
+    if len(models) > 1 or len(others) > 1:
+        remedy = f"a MODEL is a folder that monochord train made, or {', '.join(bundled_names())}"
+        raise InputError(f"inputs {', '.join(inputs)}", "one MODEL at most, and one INPUT at most", remedy)
+    return next(iter(models), None), next(iter(others), None)
+
+
+def put(tree: Tree, name: str, /, **values: Any) -> None:
+    """Lay the options that were given (those that are not None) into the table `name` of the tree."""
+    given = {key: value for key, value in values.items() if value is not None}
     if given:
-        tree[table] = {**table_of(tree, table), **given}
+        tree[name] = {**table(tree, name), **given}
+
+
+def put_source(tree: Tree, options: dict[str, Any], opened: str | None = None) -> None:
+    """Lay the source into the tree: `opened` is INPUT, and `options` those of `source_options`."""
+    if opened is not None and options["device"] is not None:
+        raise InputError(f"{opened} beside --device {options['device']}", "one of both")
+    before = table(tree, "source")
+    inferred = recording_source(opened) if opened is not None else None
+    if options["device"] is not None and "name" not in before:
+        inferred = DEVICE_SOURCE
+    name = options["source"] or inferred or before.get("name", DEFAULT_SOURCE)
+    # Another source than the file's does not take over the options of the file's.
+    tree["source"] = {**(before if before.get("name") == name else {}), "name": name}
+    opened = opened if opened is not None else options["device"]
+    if opened is not None:
+        put(tree, "source", **{first_field(SOURCES, name): opened})
+    if options["rate"] is not None:
+        if "sample_rate" not in fields_of(SOURCES, name):
+            given = f"--rate {options['rate']:g} with the source {name}"
+            raise InputError(
+                given, "a source whose rate can be chosen", f"leave it out, or use {DEVICE_SOURCE}"
+            )
+        put(tree, "source", sample_rate=options["rate"])
+
+
+def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> None:
+    """Lay the estimator and the window into the tree: `model` is MODEL, and `options` those of the string."""
+    if model is not None and options["estimator"]:
+        raise InputError(f"model {model} beside --estimator {options['estimator']}", "one of both")
+    if model is not None:
+        definition = load(model).definition
+        tree["estimator"] = {"name": MODEL, first_field(ESTIMATORS, MODEL): model}
+        if "length" not in table(tree, "window"):
+            put(tree, "window", length=definition.window / definition.sample_rate)
+    put(tree, "estimator", **{key: options[key] for key in ("length", "open_frequency")})
+    name = table(tree, "estimator").get("name", DEFAULT_ESTIMATOR)
+    put(tree, "estimator", name=options["estimator"] or name)
+    put(tree, "window", length=options["window"], hop=options["hop"])
+    if options["string"] is not None:
+        tree["string"] = options["string"]
+
+
+def fields_of(registry: Registry[Any], name: str) -> list[str]:
+    """Return the names of a plug-in's options; the first says what it opens."""
+    return [field.name for field in dataclasses.fields(registry.load(name)) if field.init]
 
 
 def first_field(registry: Registry[Any], name: str) -> str:
-    """Return the name of the field that says what a plug-in opens."""
-    return dataclasses.fields(registry.load(name))[0].name
+    """Return the name of the option that says what a plug-in opens."""
+    return fields_of(registry, name)[0]
 
 
 def recording(path: str) -> Tree:
     """Return the source table that reads a recording."""
-    name = SESSIONS if Path(path).suffix.lower() == ".mcap" else FILES
+    name = recording_source(path) or "wav"
     return {"name": name, first_field(SOURCES, name): path}
 
 
 def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
-    """Return the tree with what the takes tell (frequency, position, inharmonicity) as calibration."""
-    told: list[list[float]] = []
+    """Return the tree with the medians of takes (frequency, position, inharmonicity) as calibration."""
+    rows: list[list[float]] = []
     for path, position in takes:
-        settings = Settings.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})
+        settings = LiveSettings.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})
         try:
-            heard = medians(settings.session())
-            note = [heard["frequency"], position]
-            told.append([*note, heard["inharmonicity"]] if "inharmonicity" in heard else note)
+            median = medians(settings.build())
         except InputError as error:
             if Path(path).name in error.given:
                 raise
             raise InputError(f"{path}, {error.given}", error.allowed, error.remedy) from error
-    if not told:
+        inharmonicity = [median["inharmonicity"]] if "inharmonicity" in median else []
+        rows.append([median["frequency"], position, *inharmonicity])
+    if not rows:
         return tree
-    estimator = dict(tree.get("estimator", {}))
-    return {**tree, "estimator": {**estimator, "calibration": [*estimator.get("calibration", []), *told]}}
+    estimator = table(tree, "estimator")
+    return {**tree, "estimator": {**estimator, "calibration": [*estimator.get("calibration", []), *rows]}}
 
 
 def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:
@@ -149,8 +273,8 @@ def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:
         raise InputError(f"file '{path}'", "a file in a folder that exists", f"make '{path.parent}' first")
 
 
-def refuse_short(given: str, session: Session, summary: Summary) -> None:
+def refuse_short(given: str, setup: LiveRun, summary: Summary) -> None:
     """Raise `InputError` where a source ended before its first whole window."""
     if not (summary.windows or summary.skipped or summary.interrupted):
-        allowed = f"{min(session.window.length, session.seconds):g} s or more"
+        allowed = f"{min(setup.window.length, setup.seconds):g} s or more"
         raise InputError(f"{given} (shorter than a window)", allowed, "use a shorter --window")

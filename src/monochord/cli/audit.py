@@ -1,4 +1,4 @@
-"""The verb `audit`: whether anything leaks between the parts of a dataset's split."""
+"""The command `audit`: whether anything leaks between the parts of a dataset's split."""
 
 import dataclasses
 import json
@@ -22,17 +22,17 @@ from monochord.datasets.store import open_dataset
 def audit(dataset: Path, *, file: Path | None, as_json: bool) -> None:
     """Look for leaks between training, validation and test of DATASET; fails if there is one.
 
-    Shared windows, samples, sessions, days and objects, guard gaps that are too small, and recordings that
-    are there twice, be it under another name, shifted, scaled or with noise added.
+    A leak is a window, a sample, a session, a day or an object that two parts share, a guard gap that is too
+    small, or a recording that is there twice: under another name, shifted, scaled or with noise added.
 
     \b
     monochord audit dataset --json
     """  # noqa: D301
-    found = audit_split(open_dataset(dataset), Split.read(file or dataset / SPLIT_FILE))
+    report = audit_split(open_dataset(dataset), Split.read(file or dataset / SPLIT_FILE))
     if as_json:
-        leaks = [dataclasses.asdict(leak) for leak in found.leaks]
-        echo(json.dumps({"clean": found.clean, "leaks": leaks, "notes": list(found.notes)}))
+        leaks = [dataclasses.asdict(leak) for leak in report.leaks]
+        echo(json.dumps({"clean": report.clean, "leaks": leaks, "notes": list(report.notes)}))
     else:
-        lines = [*(f"leak: {leak}" for leak in found.leaks), *(f"note: {note}" for note in found.notes)]
-        echo(*lines, f"{len(found.leaks) or 'no'} leak{'' if len(found.leaks) < 2 else 's'}")
-    found.refuse_leaks()
+        lines = [*(f"leak: {leak}" for leak in report.leaks), *(f"note: {note}" for note in report.notes)]
+        echo(*lines, f"{len(report.leaks) or 'no'} leak{'' if len(report.leaks) < 2 else 's'}")
+    report.refuse_leaks()

@@ -11,22 +11,23 @@ import numpy as np
 
 from monochord.benchmarks import BENCHMARKS
 from monochord.benchmarks.base import Row
+from monochord.cli._options import completes, set_option
 from monochord.cli._output import echo
 from monochord.core.config import override
 from monochord.core.errors import InputError, MonochordError
 
 
 @click.command()
-@click.argument("name", required=False)
+@click.argument("name", required=False, **completes(BENCHMARKS.names))
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object a row.")
-@click.option("--set", "assignments", multiple=True, metavar="OPTION=VALUE", help="Options of NAME.")
+@set_option("monochord list benchmarks")
 def bench(name: str | None, as_json: bool, assignments: tuple[str, ...]) -> None:  # noqa: FBT001
     """Run the benchmark NAME, or all of them, and print each figure with its baseline."""
     if assignments and not name:
         raise InputError(f"--set {assignments[0]} for all benchmarks", "one NAME with --set")
     # Whatever is refused is refused before anything is measured.
     chosen = {
-        each: BENCHMARKS.build(each, override({}, assignments))
+        each: BENCHMARKS.build(each, override({}, assignments), where="")
         for each in ([name] if name else BENCHMARKS.names())
     }
     echo(_machine(), err=as_json)

@@ -1,4 +1,4 @@
-"""The verb `build`: sessions into a dataset with labels, split and audited."""
+"""The command `build`: sessions into a dataset with labels, split and audited."""
 
 import json
 from collections.abc import Sequence
@@ -8,9 +8,8 @@ from typing import Any
 
 import click
 
-from monochord.cli._bar import bar_of_sessions
-from monochord.cli._options import amount
-from monochord.cli._output import echo
+from monochord.cli._options import amount, completes
+from monochord.cli._output import echo, progress_bar
 from monochord.core.errors import InputError
 from monochord.datasets.audit import audit as audit_split
 from monochord.datasets.build import (
@@ -37,7 +36,9 @@ SPLIT_FILE = "split.json"
 @click.option(
     "--window", type=amount, default=0.1, show_default=True, metavar="S", help="Length of a window."
 )
-@click.option("--hop", type=amount, default=0.1, show_default=True, metavar="S", help="Distance of windows.")
+@click.option(
+    "--hop", type=amount, default=0.1, show_default=True, metavar="S", help="Time between starts of windows."
+)
 @click.option(
     "--labels",
     type=click.Choice(["recorded", "measured"]),
@@ -46,17 +47,18 @@ SPLIT_FILE = "split.json"
 @click.option(
     "--split",
     "by",
-    metavar="WAY",
+    metavar="BY",
     help="By session, object, time or day.  [default: session; time with fewer than 3 sessions]",
+    **completes(lambda: ("session", "object", "time", "day")),
 )
 @click.option(
     "--held-out",
     multiple=True,
     metavar="NAME",
-    help="For the test alone: an object, or sessions by a pattern such as 'music*'; repeatable.",
+    help="Held out for the test: an object, or sessions by a pattern such as 'music*'; repeatable.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the split.")
-@click.option("--force", is_flag=True, help="Take sessions whose streams are not on one clock too.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
+@click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
 @click.option("--skip", is_flag=True, help="Leave out sessions that cannot be used.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def build(
@@ -75,60 +77,61 @@ def build(
 ) -> None:
     """Build a dataset of SESSIONS: files, folders or patterns.
 
-    Windows with labels, a split, and an audit of it, which fails where anything leaks from one part to
-    another.
+    Cut them into windows with labels, split these into training, validation and test, and audit the split:
+    the command fails where anything leaks from one part to another.
 
     \b
     monochord build sessions --out dataset --held-out wood --held-out 'music*'
     """  # noqa: D301
     files = find_sessions(sessions)
-    _refuse_split(by or _usual(len(files)), files, held_out)
+    _refuse_split(by or _default_split(len(files)), files, held_out)
     options = Options(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
-    with bar_of_sessions() as progress:
+    with progress_bar() as progress:
         dataset = build_dataset(files, out, options, progress)
     for line in dataset.manifest.refused.values():
         echo(f"left out: {line}", err=True)
-    by = by or _usual(len(dataset.manifest.parts))
+    by = by or _default_split(len(dataset.manifest.parts))
     try:
         split = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
     except InputError as error:
         remedy = f"{error.remedy}; {out} stands without a split".removeprefix("; ")
         raise InputError(error.given, error.allowed, remedy) from error
     split.write(out / SPLIT_FILE)
-    found = audit_split(dataset, split)
+    audit = audit_split(dataset, split)
     result = _result(dataset, split, out)
-    result |= {"leaks": [str(leak) for leak in found.leaks], "notes": list(found.notes)}
+    result |= {"leaks": [str(leak) for leak in audit.leaks], "notes": list(audit.notes)}
     echo(*([json.dumps(result)] if as_json else _lines(result)))
-    found.refuse_leaks()
+    audit.refuse_leaks()
 
 
-def _usual(count: int) -> str:
-    """Return how so many sessions are split if nobody says."""
+def _default_split(count: int) -> str:
+    """Return how so many sessions are split by default."""
     return "session" if count >= len(PARTS) else "time"
 
 
 def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> None:
-    """Refuse a split that cannot be, before all is built in vain."""
+    """Refuse an impossible split before anything is built."""
     refuse_impossible(by, held_out=held_out)
-    told: dict[str, Description] = {}
+    descriptions: dict[str, Description] = {}
     for name, file in named_sessions(files).items():
-        with suppress(InputError):  # told of when it is built
-            told[name] = read_session(file).description
-    if told:
-        objects = [one.material or one.object for one in told.values()]
-        refuse_too_few(by, objects, [one.day for one in told.values()], held_out, list(told))
+        with suppress(InputError):  # refused when it is built
+            descriptions[name] = read_session(file).description
+    if descriptions:
+        objects = [one.material or one.object for one in descriptions.values()]
+        days = [one.day for one in descriptions.values()]
+        refuse_too_few(by, objects, days, held_out, list(descriptions))
 
 
 def _result(dataset: Dataset, split: Split, out: Path) -> dict[str, Any]:
-    told = dataset.manifest
+    manifest = dataset.manifest
     return {
         "path": str(out),
-        "sessions": len(told.parts),
-        "refused": told.refused,
-        "simulated": told.simulated,
-        "labels": {part.name: part.labels for part in told.parts},
-        "windows": told.windows,
-        "counts": told.counts,
+        "sessions": len(manifest.parts),
+        "refused": manifest.refused,
+        "simulated": manifest.simulated,
+        "labels": {part.name: part.labels for part in manifest.parts},
+        "windows": manifest.windows,
+        "counts": manifest.counts,
         "split": split.by,
         "seed": split.seed,
         "left_out": split.left_out,
@@ -139,7 +142,7 @@ def _result(dataset: Dataset, split: Split, out: Path) -> dict[str, Any]:
 def _lines(result: dict[str, Any]) -> list[str]:
     kind = ", simulated" if result["simulated"] else ""
     sources = sorted(set(result["labels"].values()))
-    wide = max(len(name) for held in result["parts"].values() for name in [*held, "object"])
+    wide = max(len(name) for counts in result["parts"].values() for name in [*counts, "object"])
     heads = "".join(f"{name:>12}" for name in KINDS)
     count = f"{result['sessions']} session{'' if result['sessions'] == 1 else 's'}"
     origin = f"{result['windows']} windows of {count}, labels {' and '.join(sources)}"
@@ -148,8 +151,8 @@ def _lines(result: dict[str, Any]) -> list[str]:
         f"split by {result['split']}, seed {result['seed']}, {result['left_out']} windows in guard gaps",
         f"  {'':<10}  {'object':<{wide}}{heads}",
     ]
-    for part, held in result["parts"].items():
-        for name, counts in held.items():
+    for part, objects in result["parts"].items():
+        for name, counts in objects.items():
             numbers = "".join(f"{counts[kind]:>12}" for kind in KINDS)
             lines.append(f"  {part:<10}  {name or '(none)':<{wide}}{numbers}")
     lines += [f"leak: {leak}" for leak in result["leaks"]] or ["audit: no leak"]

@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from monochord.cli._options import completes, set_option
 from monochord.cli._output import echo
 from monochord.core.errors import InputError
 from monochord.core.ownership import sole_use
@@ -18,12 +19,12 @@ from monochord.lab.collection import checksum, chosen, made_folder
 from monochord.lab.collection import collect as carry_out
 from monochord.lab.offline import CollectedSession, WindowCounts
 from monochord.lab.plan import Assignment
-from monochord.lab.plans import load_plan
+from monochord.lab.plans import load_plan, plan_names
 from monochord.lab.schedule import schedule
 
 
 @click.command()
-@click.argument("plan")
+@click.argument("plan", **completes(plan_names))
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -35,7 +36,7 @@ from monochord.lab.schedule import schedule
 )
 @click.option("--cluster", default="", metavar="ADDRESS", help="Address of a running dask scheduler.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
-@click.option("--set", "assignments", multiple=True, metavar="A=B", help="Override a setting of the plan.")
+@set_option("monochord list settings collect")
 @click.option("--only", default="", metavar="NAME", help="Collect one session or one group of the plan.")
 @click.option("--real-time", is_flag=True, help="Play and record through JACK, UDP and DDS.")
 @click.option("--server", default="", metavar="NAME", help="Name of the JACK server, with --real-time.")
@@ -131,12 +132,13 @@ def _totals(collected: Sequence[CollectedSession]) -> dict[str, Any]:
         "seconds": sum(one.seconds for one in collected),
         "windows": asdict(windows),
         "size": sum(one.size for one in collected),
-        "checksum": checksum(collected),
+        "sha256": checksum(collected),
     }
 
 
 def _entry(one: CollectedSession) -> dict[str, Any]:
-    return {**asdict(one), "path": str(one.path)}
+    entry = {**asdict(one), "path": str(one.path)}
+    return {**entry, "sha256": entry.pop("checksum")}
 
 
 def _line(one: CollectedSession) -> str:
@@ -159,6 +161,6 @@ def _summary(result: dict[str, Any]) -> list[str]:
     return [
         f"{result['plan']}, simulated: {count}, {minutes} min, {size:.3f} GB in {result['out']}",
         f"windows of 0.1 s: {kinds}",
-        f"checksum {result['checksum']}",
+        f"SHA-256 of all files {result['sha256']}",
         f"made in {result['wall']:.0f} s, {pace:.0f} times real time",
     ]

@@ -1,4 +1,4 @@
-"""The verb `doctor`: what this machine has for live audio, and what to do about what it has not."""
+"""The command `doctor`: what live audio needs, what of it this machine has, and what to do about the rest."""
 
 import dataclasses
 import json
@@ -15,16 +15,16 @@ MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def doctor(*, as_json: bool) -> int:
-    """Check what live audio needs; fails only if something is missing that nothing works without."""
-    found = [*checks(), _recordings()]
+    """Check what live audio needs on this machine; fails only if a required part is missing."""
+    results = [*checks(), _recordings()]
     if as_json:
-        echo(json.dumps({"checks": [dataclasses.asdict(check) for check in found]}))
+        echo(json.dumps({"checks": [dataclasses.asdict(check) for check in results]}))
     else:
-        for check in found:
+        for check in results:
             echo(f"{MARKS[check.state]}  {check.name:<18}  {check.found}")
             if check.remedy:
                 echo(f"{'':<9}{'':<20}-> {check.remedy}")
-    return int(any(check.required and check.state == MISSING for check in found))
+    return int(any(check.required and check.state == MISSING for check in results))
 
 
 def _recordings() -> Check:

@@ -6,16 +6,16 @@ from typing import Any
 
 import click
 
-from monochord.cli._bar import bar_of_sessions
 from monochord.cli._drawings import drawings
-from monochord.cli._options import refuse_without
-from monochord.cli._output import echo
+from monochord.cli._options import completes, refuse_without, set_option
+from monochord.cli._output import echo, progress_bar
 from monochord.core.config import override
 from monochord.core.errors import InputError
 from monochord.evaluation import evaluate as evaluation
 from monochord.evaluation.paper import keep_rows, paper_rows
 from monochord.evaluation.scorecard import Scorecard, ScoreTable
 from monochord.evaluation.scores import Detection, Regression
+from monochord.perception.model.bundled import bundled_names
 
 PARTS = ("test", "validation")
 DEFAULT_ESTIMATOR = "closed_form"
@@ -25,7 +25,7 @@ WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
 
 
 @click.command()
-@click.argument("model", required=False)
+@click.argument("model", required=False, **completes(bundled_names))
 @click.option("--dataset", type=click.Path(path_type=Path), metavar="DIR", help="[default: that of MODEL]")
 @click.option(
     "--split", type=click.Path(path_type=Path), metavar="FILE", help="[default: that of MODEL, or of DIR]"
@@ -37,9 +37,7 @@ WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
 @click.option(
     "--estimator", metavar="NAME", help=f"An estimator instead of MODEL.  [default: {DEFAULT_ESTIMATOR}]"
 )
-@click.option(
-    "--set", "assignments", multiple=True, metavar="A=B", help="Override an option of the estimator."
-)
+@set_option("monochord list estimators")
 @click.option("--sensor", metavar="PRESET", help="Sensor whose string the estimator is given.")
 @click.option("--noise", "noises", multiple=True, metavar="KIND:DB", help="Also test with noise; repeatable.")
 @click.option("--suite", is_flag=True, help="Also test with every kind of noise, at 0 to 25 dB.")
@@ -76,7 +74,7 @@ def evaluate(
     \b
     monochord evaluate run --out report --noise music:10
     monochord evaluate demo --sessions monday/*.mcap
-    monochord evaluate --estimator closed-form --dataset dataset --sensor prototype --suite
+    monochord evaluate --estimator closed_form --dataset dataset --sensor prototype --suite
     """  # noqa: D301
     if model is not None and estimator is not None:
         raise InputError(f"model {model} beside --estimator {estimator}", "one of both")
@@ -91,7 +89,7 @@ def evaluate(
     )
     if out is not None:
         evaluation.refuse_unwritable(out)
-    with bar_of_sessions() as progress:
+    with progress_bar() as progress:
         outcome = evaluation.evaluate(settings, music=music, progress=progress)
     if out is not None:
         evaluation.write(out, outcome, drawings)

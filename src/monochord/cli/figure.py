@@ -1,44 +1,48 @@
-"""The command `figure`: draw a figure into a file."""
+"""The command `figure`: draw one of the figures into a file."""
 
 import json
 from pathlib import Path
 
 import click
 
-from monochord.cli._options import refuse_unwritable
+from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
 from monochord.core.config import override, to_tree
 from monochord.core.errors import InputError
 from monochord.figures import FIGURES
 from monochord.figures.base import Measured, require_matplotlib
+from monochord.physics.simulators import SIMULATORS
 
 SUFFIXES = (".png", ".pdf", ".svg")
 
 
 @click.command()
-@click.argument("name")
+@click.argument("name", **completes(FIGURES.names))
 @click.option("--out", type=click.Path(path_type=Path), help="File to write: .png, .pdf or .svg [NAME.png].")
 @click.option(
-    "--model", help="Simulated string to draw, for figures that have one: the same as --set model=."
+    "--model",
+    metavar="NAME",
+    help="Simulator that is drawn, in figures that have one: the same as --set model=NAME.",
+    **completes(SIMULATORS.names),
 )
-@click.option("--set", "assignments", multiple=True, metavar="A=B", help="Set an option of the figure.")
+@set_option("monochord list figures")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def figure(
     name: str, *, out: Path | None, model: str | None, assignments: tuple[str, ...], as_json: bool
 ) -> None:
-    """Draw the figure NAME into a file; `monochord list figures` shows which there are."""
+    """Draw the figure NAME into a file; 'monochord list figures' shows the names."""
     require_matplotlib()
     path = out or Path(f"{name}.png")
     refuse_unwritable(path, SUFFIXES)
     if model is not None and any(text.partition("=")[0].strip() == "model" for text in assignments):
         raise InputError("--model beside --set model=", "one of both")
     chosen = override({} if model is None else {"model": model}, assignments)
-    drawing = FIGURES.build(name, chosen)
+    drawing = FIGURES.build(name, chosen, where="")
     drawing.draw().savefig(path)
     if as_json:
-        record = {"figure": name, "path": str(path), "options": to_tree(drawing)}
+        result = {"figure": name, "path": str(path), "options": to_tree(drawing)}
         if isinstance(drawing, Measured):
-            record["numbers"] = drawing.numbers()
-        echo(json.dumps(record))
+            result["numbers"] = drawing.numbers()
+        echo(json.dumps(result))
     else:
         echo(str(path))

@@ -1,9 +1,9 @@
-"""The verb `list`: what there is to choose from, folder by folder."""
+"""The command `list`: the names that options take, and the settings that ``--set`` overrides."""
 
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -11,38 +11,82 @@ from typing import Any, TypeAlias
 import click
 
 import monochord
+from monochord.capture import recording
+from monochord.capture.devices import devices
+from monochord.cli._options import completes
 from monochord.cli._output import echo
-from monochord.core.config import to_tree
+from monochord.core.config import settings_of, to_tree
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.registry import Registry
+from monochord.evaluation.grids import Grid
+from monochord.lab.plan import Plan
 from monochord.lab.plans import load_plan, plan_names
+from monochord.live import LiveSettings
+from monochord.perception.model import load
+from monochord.perception.model.bundled import bundled_names
+from monochord.perception.training.settings import Settings as TrainingSettings
 from monochord.physics.materials import load_material, material_names
 from monochord.physics.sensors import load_sensor, sensor_names
+from monochord.physics.simulators import SIMULATORS
 from monochord.physics.strings import load_string, string_names
 
 Entry: TypeAlias = dict[str, Any]
+SETTINGS: Mapping[str, tuple[str, type]] = {
+    "live": ("A run of 'monochord live', also its --config.", LiveSettings),
+    "record": ("A run of 'monochord record', also its --config.", recording.Settings),
+    "collect": ("A plan of 'monochord collect'.", Plan),
+    "train": ("A run of 'monochord train', also its CONFIG.", TrainingSettings),
+    "ablate": ("A grid of 'monochord ablate'.", Grid),
+}
+"""By name what a set of settings is for, and the dataclass that defines it."""
 
 
 @click.command()
-@click.argument("kind", required=False)
+@click.argument("kind", required=False, **completes(lambda: _shelves().keys()))
+@click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def list(kind: str | None, *, as_json: bool) -> None:  # noqa: A001
-    """Show all plug-ins and presets, or those of one KIND, with options and defaults."""
+def list(kind: str | None, name: str | None, *, as_json: bool) -> None:  # noqa: A001
+    """Show all names that options take, or those of one KIND, or NAME alone.
+
+    Plug-ins come with their options and defaults. KIND 'settings' shows what --set overrides, and 'devices'
+    the inputs of this machine.
+
+    \b
+    monochord list sources
+    monochord list settings live
+    monochord list devices
+    """  # noqa: D301
     shelves = _shelves()
     if kind is not None:
         wanted = kind if kind in shelves else f"{kind}s"
         if wanted not in shelves:
             raise InputError(f"kind '{kind}'", ", ".join(shelves), did_you_mean(kind, shelves))
         shelves = {wanted: shelves[wanted]}
-    found = {name: [*entries()] for name, entries in shelves.items()}
+    entries = {shelf: [*of()] for shelf, of in shelves.items() if kind or shelf not in ON_REQUEST}
+    if name is not None:
+        entries = {shelf: _named(name, shelf, rows) for shelf, rows in entries.items()}
     if as_json:
-        echo(json.dumps(found))
+        echo(json.dumps(entries))
     else:
-        echo(*"\n\n".join(_text(*shelf) for shelf in found.items()).split("\n"))
+        echo(*"\n\n".join(_text(*shelf) for shelf in entries.items()).split("\n"))
+
+
+ON_REQUEST = ("devices", "settings")
+"""Kinds that are shown only by their name: one looks at hardware, the other is long."""
+
+
+def _named(name: str, shelf: str, entries: Iterable[Entry]) -> Sequence[Entry]:
+    rows = [*entries]
+    key = name.replace("-", "_")
+    names = [row["name"] for row in rows]
+    chosen = [row for row in rows if row["name"] == key or row["name"].startswith(f"{key}_")]
+    if not chosen:
+        raise InputError(f"{shelf.removesuffix('s')} '{name}'", ", ".join(names), did_you_mean(key, names))
+    return [row for row in chosen if row["name"] == key] or chosen
 
 
 def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
-    """Return what can be listed: every folder with a registry, found by its ``base.py``, and the presets."""
+    """Return what can be listed: every folder with a registry, found by its ``base.py``, presets and more."""
     shelves: dict[str, Callable[[], Iterable[Entry]]] = {}
     root = Path(monochord.__path__[0])
     for contract in root.rglob("base.py"):
@@ -52,6 +96,7 @@ def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
         ):
             shelves[contract.parent.name] = lambda registry=registry: _plugins(registry)
     shelves |= {"strings": _strings, "sensors": _sensors, "materials": _materials, "plans": _plans}
+    shelves |= {"models": _models, "devices": _devices, "settings": _settings}
     return dict(sorted(shelves.items()))
 
 
@@ -59,19 +104,56 @@ def _plugins(registry: Registry[Any]) -> Iterable[Entry]:
     for name in registry.names():
         kind = registry.load(name)
         summary = (kind.__doc__ or "").strip().partition("\n")[0]
-        yield {"name": name, "summary": summary, "options": [_option(f) for f in dataclasses.fields(kind)]}
+        yield {"name": name, "summary": summary, "options": _options(kind)}
 
 
-def _option(field: dataclasses.Field[Any]) -> Entry:
-    if field.default_factory is not dataclasses.MISSING:
-        default = field.default_factory()
-    else:
-        default = None if field.default is dataclasses.MISSING else field.default
-    required = field.default is field.default_factory is dataclasses.MISSING
-    plain = to_tree({"default": default}).get("default")
-    if isinstance(plain, float) and not math.isfinite(plain):
-        plain = str(plain)  # JSON has no infinity
-    return {"name": field.name, "required": required, "default": plain}
+def _options(kind: type) -> Sequence[Entry]:
+    """Return the settings of a dataclass as values that JSON can hold."""
+    return [
+        {
+            "name": each.name,
+            "required": each.required,
+            "default": _plain(each.default),
+            "allowed": each.allowed,
+        }
+        for each in settings_of(kind)
+    ]
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of a configuration as JSON can hold it, which has no infinity."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_plain(each) for each in value]
+    return value
+
+
+def _settings() -> Iterable[Entry]:
+    for name, (summary, kind) in SETTINGS.items():
+        yield {"name": name, "summary": summary, "options": _options(kind)}
+    for name in SIMULATORS.names():
+        summary = f"The setup of 'monochord simulate' with --model {name}."
+        yield {
+            "name": f"simulate_{name}",
+            "summary": summary,
+            "options": _options(SIMULATORS.load(name).setup()),
+        }
+
+
+def _devices() -> Iterable[Entry]:
+    for device in devices():
+        yield {**dataclasses.asdict(device), "summary": f"{device.source}: {device.summary}"}
+
+
+def _models() -> Iterable[Entry]:
+    for name in bundled_names():
+        definition = load(name).definition
+        simulated = "simulated sound" if definition.simulated else "recorded sound"
+        summary = f"Estimates {', '.join(definition.heads)}; trained on {simulated}."
+        yield {"name": name, "summary": summary, "feature": definition.feature.name}
 
 
 def _strings() -> Iterable[Entry]:
@@ -97,7 +179,7 @@ def _plans() -> Iterable[Entry]:
 
 
 def _preset(name: str, tree: Entry, kind: str) -> Entry:
-    """Return a preset as an entry: what is said of it beside what it is, by its kind."""
+    """Return a preset as an entry: its title, source and notes beside its values, under its kind."""
     facts = {"summary": tree.pop("title"), "source": tree.pop("source"), "notes": tree.pop("notes")}
     return {"name": name, **facts, kind: {key: value for key, value in tree.items() if key != "name"}}
 
@@ -108,7 +190,9 @@ def _text(shelf: str, entries: Iterable[Entry]) -> str:
         lines.append(f"  {entry['name']:<16} {entry['summary']}")
         for option in entry.get("options", []):
             default = "(required)" if option["required"] else f"[{_shown(option['default'])}]"
-            lines.append(f"  {'':<18} {option['name']} {default}")
+            shelf = f"{option['name'].removesuffix('s')}s"
+            more = f"; options: 'monochord list {shelf}'" if isinstance(option["default"], dict) else ""
+            lines.append(f"  {'':<18} {option['name']} {default}{more}")
     return "\n".join(lines)
 
 

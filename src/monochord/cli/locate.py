@@ -3,15 +3,19 @@
 import dataclasses
 from array import array
 from collections import Counter
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import Any
 
 import click
 import numpy as np
 
 from monochord.cli import INTERRUPTED
 from monochord.cli._options import (
-    USUAL_ESTIMATOR,
     calibrated,
-    put,
+    completes,
+    model_and_input,
+    put_estimator,
     recording,
     refuse_short,
     refuse_string_twice,
@@ -20,60 +24,64 @@ from monochord.cli._options import (
 )
 from monochord.cli._output import echo
 from monochord.core.config import Tree
-from monochord.live import Settings, run
-from monochord.live.sinks.base import Listener, Moment
+from monochord.core.errors import InputError
+from monochord.core.types import Signal
+from monochord.live import LiveSettings, run
+from monochord.live.sinks.base import Listener, Moment, Writer
+from monochord.perception.model.bundled import bundled_names
 
 
 @click.command()
-@click.argument("file")
+@click.argument("inputs", metavar="[MODEL] FILE", nargs=-1, required=True, **completes(bundled_names))
 @string_options
 @window_options
 @click.option("--allow-truncated", is_flag=True, help="Read what is there of a file that was cut short.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object a window.")
-def locate(
-    file: str,
-    estimator: str | None,
-    length: float | None,
-    open_frequency: float | None,
-    string: str | None,
-    calibrate: tuple[tuple[str, float], ...],
-    window: float | None,
-    hop: float | None,
-    allow_truncated: bool,  # noqa: FBT001
-    as_json: bool,  # noqa: FBT001
-) -> int:
-    """Locate the touch in a recording: position in metres from the nut, for every window.
+def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **options: Any) -> int:
+    """Locate the touch in a recording, for every window.
 
-    Control-C ends it with what it has so far, and with status 130.
+    FILE is a .wav, .flac or a session's .mcap. MODEL, a folder that monochord train made or a bundled name
+    such as demo, estimates in place of the closed form. Positions are in metres from pickup 1, and from the
+    nut for a stopped string with one microphone, as on a guitar. Control-C ends it with what it has so far,
+    and with status 130.
 
     \b
     monochord locate take.wav --length 0.65 --open-frequency 110 --json
     monochord locate two_microphones.wav --string prototype
-    monochord locate session.mcap
+    monochord locate demo session.mcap
     """  # noqa: D301
+    refuse_string_twice(options["string"], options["length"], options["open_frequency"])
+    model, file = model_and_input(inputs)
+    if file is None:
+        raise InputError(f"model {model} alone", "a FILE beside it")
     source = {**recording(file), **({"allow_truncated": True} if allow_truncated else {})}
     tree: Tree = {"source": source, "sinks": {"jsonl": {"everything": False}} if as_json else {}}
-    refuse_string_twice(string, length, open_frequency)
-    put(tree, "estimator", name=estimator or USUAL_ESTIMATOR, length=length, open_frequency=open_frequency)
-    put(tree, "window", length=window, hop=hop)
-    tree = calibrated({**tree, "string": string or ""}, calibrate)
-    table = _Table()
-    session = Settings.read(tree).session()
-    summary = run(session if as_json else dataclasses.replace(session, sinks=(table,)))
-    refuse_short(file, session, summary)
+    put_estimator(tree, options, model)
+    setup = LiveSettings.read(calibrated(tree, options["calibrate"])).build()
+    table = _Table(stopped=options["open_frequency"] is not None)
+    summary = run(setup if as_json else dataclasses.replace(setup, sinks=(table,)))
+    refuse_short(file, setup, summary)
     if not as_json:
         echo(file, *table.lines())
     return INTERRUPTED if summary.interrupted else 0
 
 
 class _Table(Listener):
-    """Keeps what a summary needs, 24 bytes a window, and says what the windows have in common."""
+    """Collects 24 bytes a window, and summarises them as lines."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, stopped: bool) -> None:
+        self._origin = "the nut" if stopped else "pickup 1"
         self._positions, self._stds, self._frequencies = array("d"), array("d"), array("d")
         self._reasons: Counter[str] = Counter()
 
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:
+        if signal.channels == 1:
+            self._origin = "the nut"
+        yield self
+
     def write(self, moment: Moment) -> None:
+        """Count one window."""
         position, frequency = (moment.prediction.estimate(name) for name in ("position", "frequency"))
         if not position.valid:
             self._reasons[position.why_not] += 1
@@ -83,15 +91,18 @@ class _Table(Listener):
         self._frequencies.append(frequency.value)
 
     def lines(self) -> list[str]:
+        """Return the medians as lines of text."""
         valid, total = len(self._positions), len(self._positions) + self._reasons.total()
         lines = [f"  windows with a position  {valid} of {total} ({100 * valid / max(total, 1):.1f} %)"]
         if valid:
             low, high = np.quantile(self._positions, [0.1, 0.9])
+            median = 1e3 * np.median(self._positions)
             lines += [
-                f"  position                 {1e3 * np.median(self._positions):.2f} mm from the nut (median)",
+                f"  position                 {median:.2f} mm from {self._origin} (median)",
                 f"  standard error           {1e3 * np.median(self._stds):.2f} mm (median)",
                 f"  middle four fifths       {1e3 * low:.2f} to {1e3 * high:.2f} mm",
-                f"  frequency                {np.median(self._frequencies):.3f} Hz (median)",
             ]
+        if np.isfinite(self._frequencies).any():
+            lines.append(f"  frequency                {np.nanmedian(self._frequencies):.3f} Hz (median)")
         reasons = self._reasons.most_common()
         return lines + [f"  no position              {count} windows: {why}" for why, count in reasons]

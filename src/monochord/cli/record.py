@@ -17,41 +17,57 @@ from monochord.capture.recording import record as run
 from monochord.capture.recording.settings import kind_of
 from monochord.capture.recording.streams import free_name
 from monochord.capture.recording.view import viewed
-from monochord.cli._options import amount, first_field, put, radius
+from monochord.cli._options import (
+    amount,
+    completes,
+    first_field,
+    put,
+    put_source,
+    radius,
+    set_option,
+    source_options,
+)
 from monochord.cli._output import echo
 from monochord.core.config import Tree, load_toml, override, table
 from monochord.core.errors import DeviceError, InputError
+from monochord.physics.sensors import sensor_names
 
-NAMES = tuple(field.name for field in fields(Settings))
+RESERVED = tuple(field.name for field in fields(Settings))
 """Tables that --set reaches by their first word, and so no instrument's name."""
 
 
 @click.command()
 @click.argument("out", metavar="OUT.mcap", type=click.Path(path_type=Path))
-@click.option("--source", metavar="NAME", help="Where audio comes from.  [default: jack]")
+@source_options
 @click.option(
     "--instrument",
     "instruments",
     multiple=True,
     metavar="[STREAM:]NAME[=WHERE]",
-    help="What to record beside it; repeatable.",
+    help="A force sensor, robot or other stream to record beside it; repeatable.",
+    **completes(INSTRUMENTS.names),
 )
 @click.option("--seconds", type=amount, metavar="S", help="How long; else until Control-C.")
 @click.option("--object", "object_", metavar="TEXT", help="What touches the string.")
 @click.option("--material", metavar="TEXT", help="What that is made of.")
-@click.option("--radius", type=radius, metavar="M", help="Its radius where it touches.")
-@click.option("--sensor", metavar="PRESET", help="The sensor, of the catalogue or FILE.toml.")
-@click.option("--note", metavar="TEXT", help="Whatever else should be known.")
+@click.option("--radius", type=radius, metavar="M", help="Its radius at the touch.")
+@click.option(
+    "--sensor",
+    metavar="PRESET",
+    help="A sensor of 'monochord list sensors', or FILE.toml.",
+    **completes(sensor_names),
+)
+@click.option("--notes", metavar="TEXT", help="Whatever else should be known.")
 @click.option("--simulated", is_flag=True, default=None, help="Mark the session as no real one.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object.")
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Settings from a TOML file.")
-@click.option("--set", "assignments", multiple=True, metavar="A.B=C", help="Any setting; the last word.")
+@set_option("monochord list settings record")
 def record(out: Path, **options: Any) -> None:
     """Record audio, force and pose into the session OUT.mcap.
 
     Settings come from --config, then from the options, then from --set, where an instrument's options go by
-    its name: the STREAM that it was given, else NAME, and NAME_2 for the second of a kind. Control-C, SIGTERM
-    or SIGHUP ends the recording; what was recorded is saved at every moment.
+    its name: its STREAM where one was given, else NAME, and NAME_2 for the second of a kind. Control-C,
+    SIGTERM or SIGHUP ends the recording; what was recorded is saved at every moment.
 
     \b
     monochord record take.mcap --object plastic --seconds 60
@@ -69,26 +85,24 @@ def record(out: Path, **options: Any) -> None:
 
 def _tree(options: dict[str, Any]) -> Tree:
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
-    before = table(tree, "source")
-    name = options["source"] or before.get("name", "jack")
-    # Another source than the file's does not take over the options of the file's.
-    tree["source"] = {**(before if before.get("name") == name else {}), "name": name}
+    put_source(tree, options)
     instruments = _instruments(table(tree, "instruments"), options["instruments"])
     put(tree, "about", object=options["object_"], simulated=options["simulated"])
-    put(tree, "about", **{key: options[key] for key in ("material", "radius", "sensor", "note")})
+    about = {key: options[key] for key in ("material", "radius", "sensor")}
+    put(tree, "about", **about, note=options["notes"])
     put(tree, "instruments", **instruments)
     if options["seconds"] is not None:
         tree["seconds"] = options["seconds"]
     return override(tree, _in_full(options["assignments"], instruments))
 
 
-def _instruments(configured: Tree, asked: Sequence[str]) -> Tree:
-    """Return the tables of instruments: those of the configuration, and those asked for laid over them."""
+def _instruments(configured: Tree, named: Sequence[str]) -> Tree:
+    """Return the tables of instruments: those of the configuration, with those of --instrument over them."""
     tables: Tree = {name.replace("-", "_"): table(configured, name) for name in configured}
     if len(tables) < len(configured):
         raise InputError(f"instruments {', '.join(configured)}", "names that differ by more than - and _")
     given: set[str] = set()
-    for text in asked:
+    for text in named:
         head, equals, where = text.partition("=")
         stream, _, kind = (part.replace("-", "_") for part in head.rpartition(":"))
         if (
@@ -98,8 +112,10 @@ def _instruments(configured: Tree, asked: Sequence[str]) -> Tree:
         if head.count(":") and not re.fullmatch("[a-z][a-z0-9_]*", stream):
             raise InputError(f"stream '{stream}'", "small letters, digits and _, a letter first")
         name = stream or free_name(kind, given)
-        if name in given or name in NAMES:
-            allowed = "a name of its own for each" if name in given else f"a name but {', '.join(NAMES)}"
+        if name in given or name in RESERVED:
+            allowed = (
+                "a name of its own for each" if name in given else f"a name other than {', '.join(RESERVED)}"
+            )
             raise InputError(f"--instrument {text} called '{name}'", allowed, "name it: STREAM:NAME=WHERE")
         given.add(name)
         known = tables.get(name, {})
@@ -114,14 +130,14 @@ def _instruments(configured: Tree, asked: Sequence[str]) -> Tree:
 def _in_full(assignments: Sequence[str], instruments: Iterable[str]) -> list[str]:
     """Return assignments, those that begin with an instrument's name put into the table of them."""
     names = set(instruments)
-    found: list[str] = []
+    full: list[str] = []
     for text in assignments:
         head, dot, rest = text.removeprefix("instruments.").partition(".")
         name = head.replace("-", "_")
         if text.startswith("instruments.") or (dot and name in names):
-            found.append(f"instruments.{name}{dot}{rest}")
+            full.append(f"instruments.{name}{dot}{rest}")
             continue
         if name in INSTRUMENTS.names():
             raise InputError(f"--set {text}", f"options of what is recorded; add --instrument {name}")
-        found.append(text)
-    return found
+        full.append(text)
+    return full

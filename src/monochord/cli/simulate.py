@@ -7,29 +7,37 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import refuse_unwritable
+from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
 from monochord.core.compilation import compilation_shown
 from monochord.core.errors import InputError
 from monochord.core.types import Contact
+from monochord.physics.sensors import sensor_names
 from monochord.physics.simulators import SIMULATORS, Case, Sound
-from monochord.physics.strings import StringPreset, load_string
+from monochord.physics.strings import StringPreset, load_string, string_names
 
 SUBTYPES = {".wav": "FLOAT", ".flac": "PCM_24"}
 
 
 @click.command()
-@click.argument("preset")
-@click.option("--model", default="split_string", show_default=True, help="How to simulate it.")
+@click.argument("preset", **completes(string_names, sensor_names))
+@click.option(
+    "--model",
+    default="split_string",
+    show_default=True,
+    metavar="NAME",
+    help="Simulator: 'monochord list simulators'.",
+    **completes(SIMULATORS.names),
+)
 @click.option("--at", type=float, metavar="M", help="Position of the touch from pickup 1 [the preset's].")
 @click.option("--force", type=float, metavar="N", help="Normal force of the touch [the preset's].")
 @click.option("--untouched", is_flag=True, help="Leave the string alone.")
 @click.option("--seconds", type=float, default=0.4, show_default=True, metavar="S", help="How long.")
-@click.option("--route", help="Way through the model, where it has several: fdtd, modal, reference.")
-@click.option("--out", type=click.Path(path_type=Path), help="Sound to write: .wav or .flac.")
 @click.option(
-    "--set", "assignments", multiple=True, metavar="A.B=C", help="Set a value of the model's setup."
+    "--route", metavar="NAME", help="Numerical method, where there are several: fdtd, modal, reference."
 )
+@click.option("--out", type=click.Path(path_type=Path), help="Sound to write: .wav or .flac.")
+@set_option("monochord list settings simulate")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def simulate(
     preset: str,
@@ -71,7 +79,7 @@ def simulate(
 def _contact(
     string: StringPreset, at: float | None, force: float | None, *, untouched: bool
 ) -> Contact | None:
-    """Return the touch asked for; what is left out is the preset's."""
+    """Return the touch; what is left out is the preset's."""
     if untouched:
         if at is not None or force is not None:
             raise InputError("--untouched with --at or --force", "one of them")
@@ -102,18 +110,18 @@ def _lines(result: dict[str, Any]) -> list[str]:
         touch = f"touched at {1e3 * result['position']:.1f} mm with {result['force']:g} N"
     lines = [f"{result['preset']}, {touch} ({result['model']}, {result['seconds']:g} s, simulated)"]
     for side, (peak, expected) in enumerate(zip(result["peaks"], result["theory"], strict=True), start=1):
-        found = "silent" if peak is None else f"{peak:.2f} Hz"
-        lines.append(f"  peak {side}   {found:>12}   theory {expected:.2f} Hz")
+        measured = "silent" if peak is None else f"{peak:.2f} Hz"
+        lines.append(f"  peak {side}   {measured:>12}   theory {expected:.2f} Hz")
     if "settled" in result:
-        lines.append(f"  {_felt(result)}")
+        lines.append(f"  {_labels(result)}")
     if "out" in result:
         quieter = "" if result["gain"] == 1.0 else f", {result['gain']:.3g} times as loud so as not to clip"
         lines.append(f"  written to {result['out']}{quieter}")
     return lines
 
 
-def _felt(result: dict[str, Any]) -> str:
-    """Return what a model with labels says of the time after the transient."""
+def _labels(result: dict[str, Any]) -> str:
+    """Return the labels of the time after the transient, for a simulator that has any."""
     calm = "settled" if result["settled"] else "not settled"
     if result["felt"] is None:
         return calm

@@ -1,4 +1,4 @@
-"""The verb `weights`: networks that others trained, fetched on request and checked."""
+"""The command `weights`: networks that others trained, fetched on request and checked."""
 
 import json
 import sys
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from monochord.cli._options import refuse_unwritable
+from monochord.cli._options import completes, refuse_unwritable
 from monochord.cli._output import echo
 from monochord.core.errors import InputError
 from monochord.perception.encoders.weights import checked_sum, find_weights, load_known, weight_names
@@ -20,15 +20,20 @@ json_object = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 @click.group()
 def weights() -> None:
-    """Fetch, check and convert the weights of frozen networks."""
+    """Fetch, check and convert the weights of pretrained networks."""
 
 
 @weights.command()
-@click.argument("name")
+@click.argument("name", **completes(weight_names))
 @click.option(
     "--folder", type=DIR, metavar="DIR", help="Where to put them.  [default: the user's data folder]"
 )
-@click.option("--sha256", default="", metavar="SUM", help="Take no other file.  [default: the known sum]")
+@click.option(
+    "--sha256",
+    default="",
+    metavar="SUM",
+    help="The file's checksum.  [default: the published one]",
+)
 @json_object
 def get(name: str, *, folder: Path | None, sha256: str, as_json: bool) -> None:
     """Fetch the weights NAME from where they are published, and check them.
@@ -41,11 +46,11 @@ def get(name: str, *, folder: Path | None, sha256: str, as_json: bool) -> None:
     path = known.usual_path if folder is None else folder / known.file
     with click.progressbar(length=1000, label=known.file, file=sys.stderr, show_pos=False) as bar:
         own = fetch(known, path, lambda done, due: bar.update(1000 * done // due - bar.pos if due else 0))
-    _tell(path, own, describe(known, path), as_json=as_json)
+    _print(path, own, describe(known, path), as_json=as_json)
 
 
 @weights.command()
-@click.argument("name")
+@click.argument("name", **completes(weight_names))
 @click.option(
     "--path", type=click.Path(), default="", metavar="PATH", help="The file, or the folder it is in."
 )
@@ -58,11 +63,11 @@ def check(name: str, *, path: str, as_json: bool) -> None:
     """  # noqa: D301
     known = load_known(name)
     file = find_weights(known, path)
-    _tell(file, checked_sum(known, file), describe(known, file), as_json=as_json)
+    _print(file, checked_sum(known, file), describe(known, file), as_json=as_json)
 
 
 @weights.command()
-@click.argument("name")
+@click.argument("name", **completes(weight_names))
 @click.option(
     "--path", type=click.Path(), default="", metavar="PATH", help="The file, or the folder it is in."
 )
@@ -85,10 +90,10 @@ def export(name: str, *, path: str, out: Path, frames: int, int8: bool, as_json:
     refuse_unwritable(out, (".onnx",))
     file = find_weights(known, path)
     import_module(known.exporter).export(str(file), out, frames=frames, int8=int8)
-    _tell(out, checked_sum(known, file), f"{known.title}, {'int8' if int8 else 'float32'}", as_json=as_json)
+    _print(out, checked_sum(known, file), f"{known.title}, {'int8' if int8 else 'float32'}", as_json=as_json)
 
 
-def _tell(path: Path, own: str, what: str, *, as_json: bool) -> None:
-    told = {"path": str(path), "sha256": own, "bytes": path.stat().st_size, "holds": what}
-    lines = [f"{path}: {what}", f"SHA-256 {own}, {told['bytes']} bytes"]
-    echo(*([json.dumps(told)] if as_json else lines))
+def _print(path: Path, own: str, what: str, *, as_json: bool) -> None:
+    result = {"path": str(path), "sha256": own, "bytes": path.stat().st_size, "holds": what}
+    lines = [f"{path}: {what}", f"SHA-256 {own}, {result['bytes']} bytes"]
+    echo(*([json.dumps(result)] if as_json else lines))

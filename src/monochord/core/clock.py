@@ -43,13 +43,13 @@ def clock_offsets() -> dict[str, Seconds]:
     """
 
     def offset(clock: int) -> Seconds:
-        found: list[tuple[int, float]] = []
+        readings: list[tuple[int, float]] = []
         for _ in range(3):
             before = time.monotonic_ns()
             there = time.clock_gettime_ns(clock)
             after = time.monotonic_ns()
-            found.append((after - before, there - (before + after) / 2))
-        return min(found)[1] * 1e-9
+            readings.append((after - before, there - (before + after) / 2))
+        return min(readings)[1] * 1e-9
 
     return {
         "realtime": offset(time.CLOCK_REALTIME),

@@ -135,6 +135,44 @@ def dump_toml(tree: Tree) -> str:
     return tomli_w.dumps(_plain(tree))
 
 
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """One value of a configuration: its path, what it may be, and its default, None where there is none."""
+
+    name: str
+    allowed: str
+    default: Any
+    required: bool
+
+
+def settings_of(cls: type, where: str = "") -> list[Setting]:
+    """Return every value that a configuration of the dataclass `cls` holds, in order, by dotted path.
+
+    A table of options whose names the class does not know stands as one value.
+
+    Examples
+    --------
+    >>> from monochord.live import WindowSettings
+    >>> [setting.name for setting in settings_of(WindowSettings, "window")]
+    ['window.length', 'window.hop']
+    """
+    settings: list[Setting] = []
+    types = _fields(cls) or {}
+    for field in dataclasses.fields(cls):
+        if not field.init:
+            continue
+        name, kind = _joined(where, field.name), types[field.name]
+        if _fields(kind) is not None:
+            settings += settings_of(kind, name)
+            continue
+        has_factory = field.default_factory is not dataclasses.MISSING
+        default = field.default_factory() if has_factory else field.default  # pyright: ignore[reportCallIssue]
+        required = default is dataclasses.MISSING
+        plain = None if required else _plain(default)
+        settings.append(Setting(name=name, allowed=describe_type(kind), default=plain, required=required))
+    return settings
+
+
 def describe_type(kind: Any) -> str:
     """Return what a type annotation allows, in plain words.
 

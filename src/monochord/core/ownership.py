@@ -71,7 +71,7 @@ def _locked(file: Path, folder: Path) -> int:
 
 @contextmanager
 def part_folder(out: Path) -> Generator[Path]:
-    """Give a new folder beside `out` to fill and then rename; what is still there at the end is removed.
+    """Yield a new folder beside `out` to fill and then rename; what is still there at the end is removed.
 
     What processes that ended left of the same `out` is removed first, with a warning in the log.
     """
@@ -97,7 +97,7 @@ def part_folder(out: Path) -> Generator[Path]:
 
 @contextmanager
 def scratch_folder() -> Generator[Path]:
-    """Give a new temporary folder; it is removed at the end.
+    """Yield a new temporary folder; it is removed at the end.
 
     What processes of this user that ended left of their own is removed first, with a warning in the log.
     """

@@ -1,4 +1,8 @@
-"""Presets as data: one TOML file each in a folder, found by its name."""
+"""Presets as data: one TOML file each in a folder, found by its name.
+
+Another distribution adds presets by entry points of the group ``monochord.FOLDER``, such as
+``monochord.sensors``: the entry's name is the preset's, its value the package that holds ``NAME.toml``.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,6 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from monochord.core.config import load_toml, override
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.registry import installed, refuse_clash
 
 Preset = TypeVar("Preset")
 
@@ -70,15 +75,14 @@ class Presets(Generic[Preset]):
 
 
 def preset_names(package: str) -> list[str]:
-    """Return the names of the presets in a package's folder, sorted.
+    """Return the names of the presets in a package's folder and of those that were installed, sorted.
 
     Examples
     --------
     >>> "wood" in preset_names("monochord.physics.materials")
     True
     """
-    paths = (Path(entry.name) for entry in files(package).iterdir())
-    return sorted(path.stem for path in paths if path.suffix == ".toml")
+    return sorted({*_own_names(package), *installed(_folder(package))})
 
 
 def preset_path(package: str, kind: str, name: str) -> Path:
@@ -96,7 +100,7 @@ def preset_path(package: str, kind: str, name: str) -> Path:
     Raises
     ------
     InputError
-        If there is no such preset.
+        If there is no such preset, or more than one.
 
     Examples
     --------
@@ -108,4 +112,20 @@ def preset_path(package: str, kind: str, name: str) -> Path:
     key, names = name.replace("-", "_"), preset_names(package)
     if key not in names:
         raise InputError(f"{kind} '{name}'", ", ".join(names) + " or FILE.toml", did_you_mean(key, names))
-    return Path(str(files(package) / f"{key}.toml"))
+    added, own = installed(_folder(package)).get(key, ()), key in _own_names(package)
+    refuse_clash(kind, key, added, own=own)
+    try:
+        return Path(str(files(package if own else added[0].value) / f"{key}.toml"))
+    except ImportError as error:
+        raise InputError(
+            f"{kind} '{name}' ({error})", "a preset of an installed package", "reinstall it"
+        ) from error
+
+
+def _folder(package: str) -> str:
+    return package.rpartition(".")[2]
+
+
+def _own_names(package: str) -> set[str]:
+    paths = (Path(entry.name) for entry in files(package).iterdir())
+    return {path.stem for path in paths if path.suffix == ".toml"}

@@ -18,4 +18,4 @@ def printable(line: str) -> str:
     >>> printable("plain \x1b[31mred\u202e")
     'plain \\u001b[31mred\\u202e'
     """
-    return _CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", line)
+    return _CONTROLS.sub(lambda match: f"\\u{ord(match[0]):04x}", line)

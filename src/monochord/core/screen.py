@@ -50,12 +50,12 @@ class Screen(AbstractContextManager["Screen"]):
         for line in lines:
             line.truncate(size.width, overflow="crop")
         # A terminal of another width may have folded lines, so none is where it was.
-        kept = self._shown if (size.width, len(lines)) == (self._columns, len(self._shown)) else []
+        unchanged = self._shown if (size.width, len(lines)) == (self._columns, len(self._shown)) else []
         above = len(self._shown) - 1
-        drawn = ["\r", f"\x1b[{above}A" if above > 0 else "", "" if kept else HIDE_CURSOR + CLEAR_BELOW]
+        drawn = ["\r", f"\x1b[{above}A" if above > 0 else "", "" if unchanged else HIDE_CURSOR + CLEAR_BELOW]
         for k, line in enumerate(lines):
             drawn.append("\n" if k else "")
-            if not kept or line != kept[k]:
+            if not unchanged or line != unchanged[k]:
                 drawn.append(self._ansi(line) + CLEAR_LINE)
         self._shown, self._columns = lines, size.width
         self._write("".join(drawn))

@@ -120,7 +120,7 @@ Truth: TypeAlias = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction:
-    """What one window told: estimates by name (an open set), on the sample clock.
+    """The estimates of one window by name (an open set), on the sample clock.
 
     `time` is the start of the window in seconds since the stream began; `latency` is the time from the
     window's last sample being at hand to this prediction.

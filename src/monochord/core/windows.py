@@ -76,7 +76,7 @@ def _runs(block: Block, end: Samples, longest: Samples) -> Iterator[tuple[Audio,
 class _Tape:
     """The newest frames of a stream, at least `size` of them, in memory that is taken once."""
 
-    SPARE = 8  # windows held before the oldest are shed: each frame is moved 1/7 times on average
+    SPARE = 8  # windows in the buffer before the oldest are dropped: each frame is moved 1/7 times on average
 
     def __init__(self, channels: int, size: Samples) -> None:
         self.size = size

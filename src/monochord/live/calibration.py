@@ -5,11 +5,11 @@ import statistics
 
 from monochord.core.errors import InputError
 from monochord.live.loop import run
-from monochord.live.settings import Session
+from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Listener, Moment
 
 
-def medians(take: Session) -> dict[str, float]:
+def medians(take: LiveRun) -> dict[str, float]:
     """Return the median of each quantity over a take's windows that have a frequency.
 
     The median keeps a plucked take's onset and its dying end from pulling the result.
@@ -21,16 +21,16 @@ def medians(take: Session) -> dict[str, float]:
     KeyboardInterrupt
         If it is interrupted: half a take is no calibration.
     """
-    heard = _Heard()
-    if run(dataclasses.replace(take, sinks=(heard,))).interrupted:
+    estimates = _Estimates()
+    if run(dataclasses.replace(take, sinks=(estimates,))).interrupted:
         raise KeyboardInterrupt
-    if not heard.values:
-        why = f"no window of it has a frequency ({heard.why_not or 'it is shorter than a window'})"
+    if not estimates.values:
+        why = f"no window of it has a frequency ({estimates.why_not or 'it is shorter than a window'})"
         raise InputError(f"calibration take: {why}", "a take with a clear note", "record it again")
-    return {name: statistics.median(values) for name, values in heard.values.items()}
+    return {name: statistics.median(values) for name, values in estimates.values.items()}
 
 
-class _Heard(Listener):
+class _Estimates(Listener):
     def __init__(self) -> None:
         self.values: dict[str, list[float]] = {}
         self.why_not = ""

@@ -13,7 +13,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Prediction
 from monochord.core.units import Seconds
 from monochord.live.loop import opened
-from monochord.live.settings import Session, WindowSettings
+from monochord.live.settings import MODEL, LiveRun, WindowSettings, recording_source
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import load
@@ -43,7 +43,7 @@ def listen(
         A bundled model's name, the folder of a model or of a training run, the name of another estimator
         (``"closed_form"``), or an estimator that was built.
     seconds
-        How much of the stream to look at, in s.
+        How much of the stream to process, in s.
     hop
         Distance of window starts, in s.
     window
@@ -71,7 +71,7 @@ def listen(
     >>> len(predictions), sorted(predictions[0].estimates)
     (21, ['contact', 'force', 'position', 'slip'])
     """
-    return _predictions(_session(source, model, seconds, hop, window, string, options))
+    return _predictions(_live_run(source, model, seconds, hop, window, string, options))
 
 
 async def listen_async(
@@ -94,9 +94,9 @@ async def listen_async(
     names = ("seconds", "hop", "window", "string")
     given = {name: options.pop(name) for name in names if name in options}
     defaults: dict[str, Any] = {"seconds": math.inf, "hop": 0.01, "window": None, "string": ""}
-    session = _session(source, model, **{**defaults, **given}, options=options)
+    setup = _live_run(source, model, **{**defaults, **given}, options=options)
     with ExitStack() as stack:
-        live = await asyncio.to_thread(stack.enter_context, opened(session))
+        live = await asyncio.to_thread(stack.enter_context, opened(setup))
         moments, waiting = iter(live), None
         try:
             while True:
@@ -108,16 +108,16 @@ async def listen_async(
         finally:
             live.close()
             if waiting is not None:
-                await asyncio.wait([waiting])  # the thread lets go of the source before it is released
+                await asyncio.wait([waiting])  # the thread is done with the source before that is released
 
 
-def _predictions(session: Session) -> Generator[Prediction]:
-    with opened(session) as live:
+def _predictions(setup: LiveRun) -> Generator[Prediction]:
+    with opened(setup) as live:
         for moment in live:
             yield moment.prediction
 
 
-def _session(
+def _live_run(
     source: str | Path | Source,
     model: str | Path | Estimator,
     seconds: Seconds,
@@ -125,9 +125,9 @@ def _session(
     window: Seconds | None,
     string: str,
     options: dict[str, Any],
-) -> Session:
+) -> LiveRun:
     estimator, length = _estimator(model)
-    return Session(
+    return LiveRun(
         source=_source(source, options),
         estimator=estimator,
         window=WindowSettings(length=window or length, hop=hop),
@@ -144,15 +144,14 @@ def _source(source: str | Path | Source, options: dict[str, Any]) -> Source:
         return source
     if isinstance(source, str) and source.replace("-", "_") in SOURCES.names():
         return SOURCES.build(source, options)
-    name = "session" if Path(source).suffix.lower() == ".mcap" else "wav"
-    return SOURCES.build(name, {"path": str(source), **options})
+    return SOURCES.build(recording_source(source) or "wav", {"path": str(source), **options})
 
 
 def _estimator(model: str | Path | Estimator) -> tuple[Estimator, Seconds]:
     """Return an estimator and the length of its windows."""
     if isinstance(model, Estimator):
         return model, WindowSettings().length
-    if isinstance(model, str) and model.replace("-", "_") in set(ESTIMATORS.names()) - {"model"}:
+    if isinstance(model, str) and model.replace("-", "_") in set(ESTIMATORS.names()) - {MODEL}:
         return ESTIMATORS.build(model), WindowSettings().length
     definition = load(model).definition
-    return ESTIMATORS.build("model", {"path": str(model)}), definition.window / definition.sample_rate
+    return ESTIMATORS.build(MODEL, {"path": str(model)}), definition.window / definition.sample_rate

@@ -15,28 +15,28 @@ from monochord.core.interruption import interruption
 from monochord.core.types import Block, Prediction, Signal, Window
 from monochord.core.units import Samples, Seconds
 from monochord.core.windows import windows
-from monochord.live.settings import Session
+from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Moment
 from monochord.live.summary import Meter, Summary
 from monochord.physics.strings import load_string
 
 
-def run(session: Session) -> Summary:
-    """Run a session until its source ends, its time is over or it is interrupted.
+def run(setup: LiveRun) -> Summary:
+    """Run until its source ends, its time is over or it is interrupted.
 
     A reader that is a hop or more behind its source skips to the newest window and counts what it left out.
     Nothing here depends on the pace of the source, so a file gives the same numbers however it is read.
 
     Parameters
     ----------
-    session
+    setup
         Source, estimator, sinks, window and time limit.
 
     Returns
     -------
     Summary
-        What was counted and timed. A first Control-C or SIGTERM ends the loop after the window at hand and is
-        not raised: `interrupted` tells of it.
+        What was counted and timed. A first Control-C or SIGTERM ends the loop after the current window and is
+        not raised: `interrupted` is true then.
 
     Raises
     ------
@@ -48,10 +48,10 @@ def run(session: Session) -> Summary:
     with ExitStack() as stack:
         stop = stack.enter_context(interruption())
         with stop.at_once():
-            stream = stack.enter_context(session.source.open())
+            stream = stack.enter_context(setup.source.open())
         stack.enter_context(stop.ending(stream.close))
-        live = LiveStream(session, stream)
-        writers = [stack.enter_context(sink.open(live.signal)) for sink in session.sinks]
+        live = LiveStream(setup, stream)
+        writers = [stack.enter_context(sink.open(live.signal)) for sink in setup.sinks]
         stack.enter_context(_heap_set_aside())
         try:
             for moment in live:
@@ -65,8 +65,8 @@ def run(session: Session) -> Summary:
 
 
 @contextmanager
-def opened(session: Session) -> Generator["LiveStream"]:
-    """Open a session's source and make its estimator ready; leaving the context releases the source.
+def opened(setup: LiveRun) -> Generator["LiveStream"]:
+    """Open the source and make the estimator ready; leaving the context releases the source.
 
     Raises
     ------
@@ -75,8 +75,8 @@ def opened(session: Session) -> Generator["LiveStream"]:
     DeviceError
         If a device is absent.
     """
-    with session.source.open() as stream:
-        yield LiveStream(session, stream)
+    with setup.source.open() as stream:
+        yield LiveStream(setup, stream)
 
 
 class LiveStream:
@@ -85,15 +85,15 @@ class LiveStream:
     Attributes
     ----------
     signal
-        What the source says of its audio, with the string that the session names.
+        What the source says of its audio, with the string that the run names.
     """
 
-    def __init__(self, session: Session, stream: Stream) -> None:
-        self._stream, self._seconds = stream, session.seconds
-        self.signal = _known(stream.signal, session.string)
-        self._size, self._hop = session.window.frames(self.signal.sample_rate)
-        self._estimate = session.estimator.prepare(self.signal, self._size)
-        self._estimate(_made_up(self.signal, self._size))  # what loads or compiles at first use does so now
+    def __init__(self, setup: LiveRun, stream: Stream) -> None:
+        self._stream, self._seconds = stream, setup.seconds
+        self.signal = _with_string(stream.signal, setup.string)
+        self._size, self._hop = setup.window.frames(self.signal.sample_rate)
+        self._estimate = setup.estimator.prepare(self.signal, self._size)
+        self._estimate(_sawtooth(self.signal, self._size))  # what loads or compiles at first use does so now
         self._feed = _Feed(stream, self.signal.sample_rate)
         self._meter = Meter(deadline=self._hop / self.signal.sample_rate)
         self._closed = False
@@ -109,7 +109,7 @@ class LiveStream:
         return self._meter.summary(self._feed.frames, self._stream.health)
 
     def __iter__(self) -> Iterator[Moment]:
-        """Yield each window's prediction with what belongs to it; what is done with it counts as sinks."""
+        """Yield a moment for each window; the time to the next request counts as that of the sinks."""
         stream, feed, meter, size, hop = self._stream, self._feed, self._meter, self._size, self._hop
         rate = self.signal.sample_rate
         clock = SampleClock(sample_rate=rate)
@@ -170,15 +170,15 @@ class _Feed:
         return block.adc_time + (index - block.start) / self._rate
 
 
-def _made_up(signal: Signal, size: Samples) -> Window:
-    """Return a window that sounds: a sawtooth of twelve periods."""
+def _sawtooth(signal: Signal, size: Samples) -> Window:
+    """Return a window with twelve periods of a sawtooth."""
     wave = 0.2 * (np.arange(size) * 12.0 / size % 1.0 - 0.5)
     samples = np.tile(wave.astype(np.float32), (signal.channels, 1))
     return Window(samples=samples, start=0, sample_rate=signal.sample_rate)
 
 
-def _known(signal: Signal, preset: str) -> Signal:
-    """Return the signal with the string that the session names, which a source may not know better."""
+def _with_string(signal: Signal, preset: str) -> Signal:
+    """Return the signal with the string that the run names; refused where the source knows its own."""
     if not preset:
         return signal
     string = load_string(preset).string
@@ -190,7 +190,7 @@ def _known(signal: Signal, preset: str) -> Signal:
 
 @contextmanager
 def _heap_set_aside() -> Generator[None]:
-    """Keep what was loaded so far out of garbage collection, whose full passes would stop the loop."""
+    """Keep what was loaded so far out of garbage collection, whose full passes would delay the loop."""
     gc.collect()
     gc.freeze()
     try:

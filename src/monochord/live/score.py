@@ -1,4 +1,4 @@
-"""The error of a run against what its source knows to be true."""
+"""The scores of a run whose source knows the truth."""
 
 from array import array
 from collections.abc import Mapping
@@ -12,13 +12,16 @@ from monochord.core.units import Metres
 from monochord.live.sinks.base import Listener, Moment
 from monochord.metrics import LIMITS, detection_score, regression_score
 
-CHANCES = ("contact", "slip")
-AMOUNTS: Mapping[str, tuple[str, float, str]] = {"position": ("5mm", 1e3, "mm"), "force": ("0.2n", 1.0, "N")}
+PROBABILITIES = ("contact", "slip")
+QUANTITIES: Mapping[str, tuple[str, float, str]] = {
+    "position": ("5mm", 1e3, "mm"),
+    "force": ("0.2n", 1.0, "N"),
+}
 """By name of an estimate the name of its limit, the scale in which it is shown, and its unit there."""
 
 
 class Score(Listener):
-    """A sink that keeps truth and estimates of every window, for runs that end: 13 numbers a window.
+    """A sink that stores truth and estimates of every window, for runs that end: 13 numbers a window.
 
     A window's labels follow the rules of datasets (`monochord.core.labels`): windows in which a touch or a
     slide begins or ends have no label and do not count. Of the rest `contact` and `slip` (a slide or rest,
@@ -28,19 +31,19 @@ class Score(Listener):
     """
 
     def __init__(self) -> None:
-        names = (*CHANCES, *AMOUNTS)
+        names = (*PROBABILITIES, *QUANTITIES)
         self._truth = {name: array("d") for name in ("settled", *names)}
-        self._told = {name: (array("d"), array("d")) for name in names}
+        self._estimates = {name: (array("d"), array("d")) for name in names}
         self._named: set[str] = set()
 
     def write(self, moment: Moment) -> None:
-        """Keep one window."""
+        """Store truth and estimates of one window."""
         prediction, truth = moment.prediction, moment.truth
-        self._named |= prediction.estimates.keys() & self._told.keys()
+        self._named |= prediction.estimates.keys() & self._estimates.keys()
         known = {"settled": 1.0, **truth}
         for name, column in self._truth.items():
             column.append(known.get(name, np.nan))
-        for name, columns in self._told.items():
+        for name, columns in self._estimates.items():
             estimate = prediction.estimate(name)
             for column, value in zip(columns, (estimate.value, estimate.std), strict=True):
                 column.append(value if estimate.valid else np.nan)
@@ -55,7 +58,7 @@ class Score(Listener):
         """Return the score as plain values in SI units; None where no window counted."""
         settled = self._settled()
         answered = int(np.isfinite(settled).sum())
-        found: dict[str, float | int | None] = {
+        score: dict[str, float | int | None] = {
             "median_error": self.median_error() if answered else None,
             "answered": answered,
             "abstained": len(settled) - answered,
@@ -64,30 +67,30 @@ class Score(Listener):
         labelled, touched = np.isfinite(contact), contact > 0.0
         slip_labelled = touched & np.isfinite(slip)
         if "contact" in self._named:
-            found |= {"contact_windows": int(labelled.sum()), **self._chance("contact", labelled)}
-        for name, (within, _, _) in AMOUNTS.items():
+            score |= {"contact_windows": int(labelled.sum()), **self._detection("contact", labelled)}
+        for name, (within, _, _) in QUANTITIES.items():
             if name in self._named:
-                found |= self._amount(name, touched & np.isfinite(self._label(name)), within)
+                score |= self._regression(name, touched & np.isfinite(self._label(name)), within)
         if "slip" in self._named:
-            found |= {"slip_windows": int(slip_labelled.sum()), **self._chance("slip", slip_labelled)}
-        return found
+            score |= {"slip_windows": int(slip_labelled.sum()), **self._detection("slip", slip_labelled)}
+        return score
 
     def lines(self) -> list[str]:
         """Return the score as lines of text."""
         tree = self.tree()
-        told = [line for name in ("contact", *AMOUNTS, "slip") for line in _line(name, tree)]
-        return told if "slip" in self._named else [*self._settled_lines(), *told]
+        lines = [line for name in ("contact", *QUANTITIES, "slip") for line in _line(name, tree)]
+        return lines if "slip" in self._named else [*self._settled_lines(), *lines]
 
     def _settled_lines(self) -> list[str]:
-        """Return the score of settled windows, for who knows of no sliding: it wants a sound at rest."""
+        """Return the score of settled windows, for an estimator without slip, which needs a sound at rest."""
         errors = self._settled()
         answered = np.abs(errors[np.isfinite(errors)])
-        silent = len(errors) - len(answered)
-        counted = f"settled windows with a touch: {len(answered)} answered, {silent} abstained"
+        abstained = len(errors) - len(answered)
+        counted = f"settled windows with a touch: {len(answered)} answered, {abstained} abstained"
         if not len(answered):
             return [counted]
-        near = float((answered <= LIMITS["position"]).mean())
-        median = f"median {1e3 * self.median_error():.2f} mm, {_share(near)} within 5 mm"
+        within = float((answered <= LIMITS["position"]).mean())
+        median = f"median {1e3 * self.median_error():.2f} mm, {_share(within)} within 5 mm"
         return [counted, f"position error against truth: {median}"]
 
     def _label(self, name: str) -> Floats:
@@ -97,15 +100,15 @@ class Score(Listener):
         """Return the position error of every settled window with a touch, NaN where there is no answer."""
         position = self._label("position")
         rows = (self._label("contact") > 0.0) & (self._label("settled") >= SETTLED) & np.isfinite(position)
-        return (np.array(self._told["position"][0]) - position)[rows]
+        return (np.array(self._estimates["position"][0]) - position)[rows]
 
-    def _chance(self, name: str, rows: NDArray[np.bool_]) -> dict[str, float | None]:
+    def _detection(self, name: str, rows: NDArray[np.bool_]) -> dict[str, float | None]:
         """Return the share that is right, and the area under the curve where there are both kinds."""
-        score = detection_score(self._label(name)[rows] > 0.0, np.array(self._told[name][0])[rows])
+        score = detection_score(self._label(name)[rows] > 0.0, np.array(self._estimates[name][0])[rows])
         return {f"{name}_accuracy": score.accuracy, f"{name}_area": score.area}
 
-    def _amount(self, name: str, rows: NDArray[np.bool_], within: str) -> dict[str, float | int | None]:
-        value, std = (np.array(column)[rows] for column in self._told[name])
+    def _regression(self, name: str, rows: NDArray[np.bool_], within: str) -> dict[str, float | int | None]:
+        value, std = (np.array(column)[rows] for column in self._estimates[name])
         score = regression_score(self._label(name)[rows], value, std, limit=LIMITS[name])
         return {
             f"{name}_windows": score.windows,
@@ -121,20 +124,20 @@ def _line(name: str, tree: Mapping[str, float | int | None]) -> list[str]:
     counted = tree.get(f"{name}_windows")
     if not counted:
         return []
-    if name in CHANCES:
+    if name in PROBABILITIES:
         right, area = tree[f"{name}_accuracy"], tree[f"{name}_area"]
-        told = "" if area is None else f", area under the curve {area:.3f}"
-        return [f"{name:<9}{_share(right)} right of {counted} windows{told}"]
-    (within, scale, unit), limit = AMOUNTS[name], LIMITS[name]
+        curve = "" if area is None else f", area under the curve {area:.3f}"
+        return [f"{name:<9}{_share(right)} right of {counted} windows{curve}"]
+    (within, scale, unit), limit = QUANTITIES[name], LIMITS[name]
     error = tree[f"{name}_mae"]
     if error is None:
         return [f"{name:<9}no answer in {counted} windows"]
-    silent = 1.0 - (tree[f"{name}_answered"] or 0) / counted
+    abstained = 1.0 - (tree[f"{name}_answered"] or 0) / counted
     covered = tree[f"{name}_coverage"]
-    doubt = "" if covered is None else f", {_share(covered)} within one standard error"
-    found = f"mean error {scale * error:.2f} {unit}, {_share(tree[f'{name}_within_{within}'])} within"
-    silence = f"{_share(silent)} of {counted} windows abstained"
-    return [f"{name:<9}{found} {scale * limit:g} {unit}{doubt}; {silence}"]
+    coverage = "" if covered is None else f", {_share(covered)} within one standard error"
+    errors = f"mean error {scale * error:.2f} {unit}, {_share(tree[f'{name}_within_{within}'])} within"
+    silence = f"{_share(abstained)} of {counted} windows abstained"
+    return [f"{name:<9}{errors} {scale * limit:g} {unit}{coverage}; {silence}"]
 
 
 def _share(share: float | None) -> str:

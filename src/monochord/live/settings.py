@@ -1,9 +1,9 @@
-"""What a person configures of a live run, and the session that is built from it."""
+"""What a person configures of a live run, and the plug-ins that are built from it."""
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeVar
 
 from monochord.capture.sources import SOURCES
@@ -18,9 +18,23 @@ from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
 
 T = TypeVar("T")
-SHORTEST: Seconds = 0.01  # holds a period of 100 Hz
-CLOSEST: Seconds = 0.001  # at the least rate of a source 16 frames
-LONGEST: Seconds = 60.0
+MODEL = "model"
+"""The estimator that a trained model is given to."""
+RECORDINGS: Mapping[str, str] = {".wav": "wav", ".flac": "wav", ".mcap": "session"}
+"""The source that reads a recording, by the suffix of its file."""
+MIN_WINDOW: Seconds = 0.01  # holds a period of 100 Hz
+MIN_HOP: Seconds = 0.001  # 16 frames at the lowest rate of a source
+MAX_WINDOW: Seconds = 60.0
+
+
+def recording_source(path: str | Path) -> str | None:
+    """Return the name of the source that reads a recording, None for what is neither a recording nor a file.
+
+    >>> recording_source("take.WAV"), recording_source("take.mcap"), recording_source("system:capture_1")
+    ('wav', 'session', None)
+    """
+    usual = "wav" if Path(path).is_file() else None
+    return RECORDINGS.get(Path(path).suffix.lower(), usual)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,9 +49,9 @@ class WindowSettings:
     hop: Seconds = 0.01
 
     def __post_init__(self) -> None:
-        for name, span, least in (("length", self.length, SHORTEST), ("hop", self.hop, CLOSEST)):
-            if not least <= span <= LONGEST:
-                raise InputError(f"window {name} {span:g} s", f"{least:g} to {LONGEST:g} s")
+        for name, span, least in (("length", self.length, MIN_WINDOW), ("hop", self.hop, MIN_HOP)):
+            if not least <= span <= MAX_WINDOW:
+                raise InputError(f"window {name} {span:g} s", f"{least:g} to {MAX_WINDOW:g} s")
 
     def frames(self, sample_rate: int) -> tuple[Samples, Samples]:
         """Return window length and hop in frames, to the nearest frame."""
@@ -45,11 +59,11 @@ class WindowSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Session:
+class LiveRun:
     """A live run, ready to start: built plug-ins, the window, and when to end.
 
-    `string` names the preset that a source without knowledge of its string is taken to have, and is refused
-    by another; `seconds` of the stream are looked at.
+    `string` names the preset of the string for a source that does not know its own, and is refused by one
+    that does; `seconds` of the stream are processed.
     """
 
     source: Source
@@ -61,7 +75,7 @@ class Session:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class LiveSettings:
     """A live run as configured: each plug-in as a table with its name and its options.
 
     `source` and `estimator` hold ``name`` and options; `sinks` holds options by sink name.
@@ -75,7 +89,7 @@ class Settings:
     seconds: Seconds = math.inf
 
     @classmethod
-    def read(cls, tree: Mapping[str, Any]) -> "Settings":
+    def read(cls, tree: Mapping[str, Any]) -> "LiveSettings":
         """Build from plain values, strictly."""
         return from_tree(cls, tree)
 
@@ -83,13 +97,19 @@ class Settings:
         if not self.seconds > 0.0:
             raise InputError(f"{self.seconds:g} seconds", "more than 0")
 
-    def session(self) -> Session:
+    def build(self) -> LiveRun:
         """Build every plug-in; raises `InputError` for an unknown name or option."""
         estimator = _build(ESTIMATORS, self.estimator)
-        return Session(
+        sinks = [SINKS.build(name, options, where=f"sinks.{name}") for name, options in self.sinks.items()]
+        length = getattr(estimator, "length", None)
+        if length:
+            sinks = [sink.for_length(length) for sink in sinks]
+        if any(sink.fills_standard_output for sink in sinks):
+            sinks = [sink if sink.fills_standard_output else sink.off_standard_output() for sink in sinks]
+        return LiveRun(
             source=_build(SOURCES, self.source),
             estimator=estimator,
-            sinks=tuple(self._sink(name, options, estimator) for name, options in self.sinks.items()),
+            sinks=tuple(sinks),
             window=self.window,
             string=self.string,
             seconds=self.seconds,
@@ -97,25 +117,16 @@ class Settings:
 
     def resolved(self) -> Tree:
         """Return every option with its value, defaults too: what is saved beside a result."""
-        session = self.session()
-        sinks = zip(self.sinks, session.sinks, strict=True)
+        setup = self.build()
+        sinks = zip(self.sinks, setup.sinks, strict=True)
         return {
-            "source": _named(self.source, session.source),
-            "estimator": _named(self.estimator, session.estimator),
+            "source": _named(self.source, setup.source),
+            "estimator": _named(self.estimator, setup.estimator),
             "window": to_tree(self.window),
             "sinks": {name.replace("-", "_"): to_tree(sink) for name, sink in sinks},
             "string": self.string,
             "seconds": self.seconds,
         }
-
-    @staticmethod
-    def _sink(name: str, options: Mapping[str, Any], estimator: Estimator) -> Sink:
-        """Build a sink; one that draws to scale takes the estimator's string length unless it has its own."""
-        known = {f.name for f in dataclasses.fields(SINKS.load(name))}  # pyright: ignore[reportArgumentType]
-        length = getattr(estimator, "length", None)
-        if "length" in known and length and "length" not in options:
-            options = {**options, "length": length}
-        return SINKS.build(name, options)
 
 
 def _build(registry: Registry[T], table: Mapping[str, Any]) -> T:
@@ -124,7 +135,7 @@ def _build(registry: Registry[T], table: Mapping[str, Any]) -> T:
     if not isinstance(name, str):
         given = f"{registry.kind} without a name"
         raise InputError(given, ", ".join(registry.names()), f"write {registry.kind}.name")
-    return registry.build(name, options)
+    return registry.build(name, options, where=registry.kind)
 
 
 def _named(table: Mapping[str, Any], built: object) -> Tree:

@@ -92,6 +92,7 @@ def test_random_touches_keep_to_their_ranges() -> None:
     assert len({t["position"] for t in touched}) > 5
 
 
+@pytest.mark.real_time
 def test_the_pace_is_that_of_the_clock() -> None:
     with SplitStringSource(duration=0.3).open() as stream:
         began = time.monotonic()

@@ -82,6 +82,7 @@ def test_repeating_without_end_goes_on(tmp_path: Path) -> None:
                 break
 
 
+@pytest.mark.real_time
 def test_real_time_is_kept_and_stamped(tmp_path: Path) -> None:
     file = write(tmp_path / "a.wav", noise(RATE // 2))
     began = time.monotonic()
@@ -93,6 +94,7 @@ def test_real_time_is_kept_and_stamped(tmp_path: Path) -> None:
     assert 0.5 <= time.monotonic() - began < 1.0
 
 
+@pytest.mark.real_time
 def test_twenty_times_real_time_is_kept(tmp_path: Path) -> None:
     file, began = write(tmp_path / "a.wav", noise(2 * RATE)), time.monotonic()
     assert all(block.adc_time is None for block in blocks(file, speed=20.0))

@@ -15,7 +15,7 @@ from monochord.core.errors import InputError
 from monochord.evaluation.grids import load_grid
 from monochord.lab.collection import chosen
 from monochord.lab.plans import load_plan
-from monochord.live import Settings as LiveSettings
+from monochord.live import LiveSettings
 from monochord.perception.training.settings import Settings as TrainSettings
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
@@ -57,8 +57,8 @@ preamp_gains = [20.0, 19.5]
 start = 1e8
 """
 UNSAID = dict.fromkeys(
-    ("source", "length", "open_frequency", "estimator", "window", "hop", "string", "seconds", "object",
-     "simulated", "material", "radius", "sensor", "note")
+    ("source", "device", "rate", "length", "open_frequency", "estimator", "window", "hop", "string",
+     "seconds", "object", "simulated", "material", "radius", "sensor", "notes")
 )  # fmt: skip
 ASSIGNMENTS = """seed=3
 window.hop=0.02
@@ -80,7 +80,7 @@ def _train(file: Path, assignments: Sequence[str]) -> None:
 
 
 def _live(file: Path, assignments: Sequence[str]) -> None:
-    tree = live_command._tree(None, {**UNSAID, "config": file, "sinks": (), "as_json": False})
+    tree = live_command._tree(None, None, {**UNSAID, "config": file, "sinks": (), "as_json": False})
     dump_toml(LiveSettings.read(override(tree, assignments)).resolved())
 
 

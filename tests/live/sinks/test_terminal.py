@@ -227,14 +227,14 @@ def test_standard_error_on_request(capsys: pytest.CaptureFixture[str]) -> None:
     assert "227.5 mm" in captured.err
 
 
-def learned(**told: tuple[float, float] | str) -> Moment:
+def learned(**given: tuple[float, float] | str) -> Moment:
     """Return a moment of what a model tells; a text is a reason for telling nothing."""
     units = {"position": "m", "force": "N"}
     estimates = {
         name: Estimate.abstain(units.get(name, ""), pair)
         if isinstance(pair, str)
         else Estimate(value=pair[0], std=pair[1], unit=units.get(name, ""))
-        for name, pair in told.items()
+        for name, pair in given.items()
     }
     shown = moment(0)
     return dataclasses.replace(shown, prediction=dataclasses.replace(shown.prediction, estimates=estimates))
@@ -246,9 +246,9 @@ def rows_of(shown: Moment, columns: int) -> dict[str, str]:
     assert len(lines) < 24
     plain = [line.plain for line in lines]
     names = ("contact", "position", "force", "slip")
-    found = {name: line for line in plain for name in names if line.split()[:1] == [name]}
-    assert all(len(line) <= columns for line in found.values())
-    return found
+    lines = {name: line for line in plain for name in names if line.split()[:1] == [name]}
+    assert all(len(line) <= columns for line in lines.values())
+    return lines
 
 
 TOUCH = {"contact": 1.0, "position": 0.15, "force": 0.5, "slip": 0.0}
@@ -256,8 +256,8 @@ TOUCH = {"contact": 1.0, "position": 0.15, "force": 0.5, "slip": 0.0}
 
 @pytest.mark.parametrize("columns", [60, 80, 110])
 def test_each_estimate_lies_on_its_track_beside_the_truth(columns: int) -> None:
-    told = {"contact": (0.998, 0.04), "slip": (0.03, 0.17), "position": (0.1, 0.02), "force": (0.5, 0.001)}
-    shown = dataclasses.replace(learned(**told), truth=TOUCH)
+    given = {"contact": (0.998, 0.04), "slip": (0.03, 0.17), "position": (0.1, 0.02), "force": (0.5, 0.001)}
+    shown = dataclasses.replace(learned(**given), truth=TOUCH)
     rows = rows_of(shown, columns)
     assert [*rows] == ["contact", "position", "force", "slip"]
     for name, words in {
@@ -282,17 +282,17 @@ def test_each_estimate_lies_on_its_track_beside_the_truth(columns: int) -> None:
 
 
 def test_an_abstention_is_said_in_words_with_the_truth_on_its_track() -> None:
-    told = {"contact": (0.02, 0.1), "slip": "no contact", "position": "too unsure", "force": "no contact"}
-    rows = rows_of(dataclasses.replace(learned(**told), truth=TOUCH), 80)
+    given = {"contact": (0.02, 0.1), "slip": "no contact", "position": "too unsure", "force": "no contact"}
+    rows = rows_of(dataclasses.replace(learned(**given), truth=TOUCH), 80)
     assert "untouched  98 %" in rows["contact"]
     assert "--  too unsure" in rows["position"]
     assert "◆" in rows["position"]
     assert "●" not in rows["position"]
-    free = rows_of(dataclasses.replace(learned(**told), truth={"contact": 0.0}), 80)
+    free = rows_of(dataclasses.replace(learned(**given), truth={"contact": 0.0}), 80)
     assert "truth untouched" in free["contact"]
     assert "truth" not in free["force"]
     assert "◆" not in free["force"]
-    nothing_known = rows_of(learned(**told), 80)
+    nothing_known = rows_of(learned(**given), 80)
     assert not any("truth" in row or "◆" in row for row in nothing_known.values())
 
 
@@ -304,9 +304,9 @@ def test_no_certainty_is_made_of_a_probability(capsys: pytest.CaptureFixture[str
 
 
 def test_a_low_terminal_has_no_blanks_and_all_four() -> None:
-    told = {"contact": (0.998, 0.04), "slip": (0.03, 0.17), "position": (0.1, 0.02), "force": (0.5, 0.001)}
+    given = {"contact": (0.998, 0.04), "slip": (0.03, 0.17), "position": (0.1, 0.02), "force": (0.5, 0.001)}
     for height, legend in ((20, True), (19, False), (24, True)):
-        lines = _view.frame(learned(**told), SIGNAL, 0.2, Histogram().percentiles(), 80, height)
+        lines = _view.frame(learned(**given), SIGNAL, 0.2, Histogram().percentiles(), 80, height)
         plain = [line.plain.split()[:1] for line in lines]
         assert len(lines) < height
         assert all([name] in plain for name in ("contact", "position", "force", "slip", "mic", "stream"))

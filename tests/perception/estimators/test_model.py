@@ -11,8 +11,7 @@ from monochord.core.config import from_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.datasets.store import open_dataset
-from monochord.live import Settings as LiveSettings
-from monochord.live import run
+from monochord.live import LiveSettings, run
 from monochord.live.sinks.base import Listener, Moment
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.model import ModelEstimator
@@ -52,7 +51,7 @@ def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, block: int) 
                 "window": {"length": 0.1, "hop": 0.1},
                 "sinks": {},
             }
-        ).session()
+        ).build()
         run(from_sinks(live, recorder))
     estimate = ESTIMATORS.build("model", {"path": str(trained)}).prepare(SIGNAL, 1600)
     rows = np.flatnonzero(np.isin(dataset.session, [0, 3]))

@@ -2,6 +2,9 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 
 import numpy as np
 from rich.text import Text
@@ -9,24 +12,47 @@ from rich.text import Text
 from monochord.core.labels import SETTLED
 from monochord.core.timing import Percentiles
 from monochord.core.types import Audio, Estimate, Signal, Truth
-from monochord.core.units import Metres, decibels
-from monochord.live.sinks import _string, _tracks
-from monochord.live.sinks._tracks import FAINT, LABEL, WARN
+from monochord.core.units import Metres, Newtons, decibels
+from monochord.live.sinks import _string
+from monochord.live.sinks._string import TOUCH, TRUTH
 from monochord.live.sinks.base import Moment
 
+LABEL, DIM, WARN, BAND = "grey62", "grey42", "bold orange1", "cyan"
+MAX_FORCE: Newtons = 2.0
+"""Force at the right end of its scale; what is above lies at that end."""
+WORDS = {"contact": ("untouched", "touched"), "slip": ("rests", "slides")}
+"""What no and yes mean of a probability."""
+ESTIMATED, TRUE, BOTH = "●", "◆", "◉"
+NAMED_COLUMNS = 72
+"""Columns from which the ends of a scale are named."""
 FLOOR = -60.0  # decibels at the left end of a level meter
 EIGHTHS = " ▏▎▍▌▋▊▉"
-FIRST = ("contact", "position", "force", "slip", "frequency")  # what a person looks for first
+ORDER = ("contact", "position", "force", "slip", "frequency")  # what a person looks for first
+NO_TROUBLE = ("no contact", "not estimated")
+"""Reasons for an abstention that are no trouble."""
+TRACK_COLUMN = 37
+"""Columns before a track."""
+MIN_TRACK = 8
+"""Cells of a track that can still be read."""
 
 
 def frame(
-    moment: Moment, signal: Signal, length: Metres, latency: Percentiles, columns: int, rows: int
+    moment: Moment,
+    signal: Signal,
+    length: Metres,
+    latency: Percentiles,
+    columns: int,
+    rows: int,
+    ends: tuple[str, str] = ("nut", "bridge"),
 ) -> list[Text]:
-    """Return the picture of one moment as lines, `columns` wide and at most `rows` high."""
+    """Return the picture of one moment as lines, `columns` wide and at most `rows` high.
+
+    `length` is that of the drawn string, and `ends` are the names of its ends.
+    """
     truth = moment.truth
-    loudness = [levels(channel) for channel in moment.window.samples]
-    heard = [max(0.0, 1.0 - rms / FLOOR) if math.isfinite(rms) else 0.0 for rms, _ in loudness]
-    swings = heard if len(heard) > 1 else [0.0, heard[0]]
+    sound_levels = [levels(channel) for channel in moment.window.samples]
+    loudness = [max(0.0, 1.0 - rms / FLOOR) if math.isfinite(rms) else 0.0 for rms, _ in sound_levels]
+    swings = loudness if len(loudness) > 1 else [0.0, loudness[0]]
     position, force = (moment.prediction.estimate(name) for name in ("position", "force"))
     picture = _string.draw(
         columns - 4,
@@ -36,27 +62,28 @@ def frame(
         force.value if force.valid else None,
         swings,
         _caption(truth),
+        ends,
     )
-    meters = [_meter(k + 1, rms, peak, columns) for k, (rms, peak) in enumerate(loudness)]
-    learned = any(name in moment.prediction.estimates for name in _tracks.WORDS)
-    middle = [*_estimates(moment, length, columns), *([_tracks.legend(truth)] if learned else [])]
+    meters = [_meter(k + 1, rms, peak, columns) for k, (rms, peak) in enumerate(sound_levels)]
+    learned = any(name in moment.prediction.estimates for name in WORDS)
+    middle = [*_estimates(moment, length, columns), *([legend(truth)] if learned else [])]
     foot = [Text(), *meters, Text(), _latency(latency), _health(moment)]
     head = [_title(moment, signal, columns), Text(), *(Text.assemble("  ", line) for line in picture), Text()]
-    if rows - 1 - len(head) - len(foot) < min(len(middle), len(FIRST)):
+    if rows - 1 - len(head) - len(foot) < min(len(middle), len(ORDER)):
         head, foot = ([line for line in part if line.plain] for part in (head, foot))
-    room = max(rows - 1 - len(head) - len(foot), 1)
-    return [*head, *middle[:room], *foot]
+    free = max(rows - 1 - len(head) - len(foot), 1)
+    return [*head, *middle[:free], *foot]
 
 
 def plain(moment: Moment, latency: Percentiles) -> str:
     """Return one line without any drawing, for a log or a pipe."""
     health = moment.health
-    said = ", ".join(_said(name, e) for name, e in _ordered(moment.prediction.estimates.items()))
+    estimates = ", ".join(_in_words(name, e) for name, e in _ordered(moment.prediction.estimates.items()))
     rms = " / ".join(f"{levels(channel)[0]:.0f}" for channel in moment.window.samples)
     p99 = f"{1e3 * latency.p99:.2f}"
-    known = f"; {_truth_in_words(moment.truth)}" if moment.truth else ""
+    true = f"; {_truth_in_words(moment.truth)}" if moment.truth else ""
     return (
-        f"{moment.prediction.time:8.2f} s  {said}{known}; level {rms} dB, "
+        f"{moment.prediction.time:8.2f} s  {estimates}{true}; level {rms} dB, "
         f"latency p99 {p99} ms, gaps {health.gaps}, dropped {health.dropped}, xruns {health.xruns}, "
         f"skipped {moment.skipped}"
     )
@@ -87,23 +114,23 @@ def quantity(value: float, unit: str) -> str:
 
 
 def _title(moment: Moment, signal: Signal, columns: int) -> Text:
-    ears = "1 microphone" if signal.channels == 1 else f"{signal.channels} microphones"
-    left = Text.assemble(("  monochord", "bold"), (f"   {signal.sample_rate / 1e3:g} kHz, {ears}", LABEL))
+    inputs = "1 microphone" if signal.channels == 1 else f"{signal.channels} microphones"
+    left = Text.assemble(("  monochord", "bold"), (f"   {signal.sample_rate / 1e3:g} kHz, {inputs}", LABEL))
     right = f"{moment.prediction.time:.1f} s  "
     return left + Text(right.rjust(columns - len(left)), LABEL)
 
 
 def _ordered(estimates: Iterable[tuple[str, Estimate]]) -> list[tuple[str, Estimate]]:
-    return sorted(estimates, key=lambda item: FIRST.index(item[0]) if item[0] in FIRST else len(FIRST))
+    return sorted(estimates, key=lambda item: ORDER.index(item[0]) if item[0] in ORDER else len(ORDER))
 
 
-def _said(name: str, estimate: Estimate) -> str:
+def _in_words(name: str, estimate: Estimate) -> str:
     if not estimate.valid:
         # "no contact" would be an answer.
-        silent = f"{name} not told" if name in _tracks.WORDS else f"no {name}"
-        return f"{silent} ({estimate.why_not})"
-    if name in _tracks.WORDS:
-        word, share = _tracks.chance_in_words(name, estimate.value)
+        missing = f"{name} not estimated" if name in WORDS else f"no {name}"
+        return f"{missing} ({estimate.why_not})"
+    if name in WORDS:
+        word, share = probability_in_words(name, estimate.value)
         return f"{word} ({share})"
     return f"{name} {quantity(estimate.value, estimate.unit)} +- {quantity(estimate.std, estimate.unit)}"
 
@@ -112,42 +139,34 @@ def _estimates(moment: Moment, length: Metres, columns: int) -> Iterator[Text]:
     for name, estimate in _ordered(moment.prediction.estimates.items()):
         line = Text.assemble((f"  {name.replace('_', ' '):<12}", LABEL))
         if not estimate.valid:
-            line.append(f"{'--':>10}", FAINT)
-            line.append(f"  {estimate.why_not}", WARN if estimate.why_not not in QUIETLY else FAINT)
-        elif name in _tracks.WORDS:
-            word, share = _tracks.chance_in_words(name, estimate.value)
+            line.append(f"{'--':>10}", DIM)
+            line.append(f"  {estimate.why_not}", WARN if estimate.why_not not in NO_TROUBLE else DIM)
+        elif name in WORDS:
+            word, share = probability_in_words(name, estimate.value)
             line.append(f"{word:>10}", "bold").append(f"  {share:<11}", LABEL)
         else:
-            style = _string.TOUCH if name == "position" else "bold"
+            style = TOUCH if name == "position" else "bold"
             line.append(f"{quantity(estimate.value, estimate.unit):>10}", style)
             spread = quantity(estimate.std, estimate.unit) if math.isfinite(estimate.std) else "?"
             line.append(f"  ± {spread:<9}", LABEL)
-        yield _beside(line, name, estimate, moment.truth, length, columns)
+        yield _with_track(line, name, estimate, moment.truth, length, columns)
 
 
-QUIETLY = ("no contact", "not estimated")
-"""Reasons for an abstention that are no trouble."""
-FIGURES = 37
-"""Columns before a track."""
-
-
-def _beside(line: Text, name: str, estimate: Estimate, truth: Truth, length: Metres, columns: int) -> Text:
+def _with_track(
+    line: Text, name: str, estimate: Estimate, truth: Truth, length: Metres, columns: int
+) -> Text:
     """Return a row with its track, and the truth in figures, where there are any."""
-    true, scale = _tracks.known(name, truth), _tracks.scale_of(name, length)
+    true, scale = true_value(name, truth), scale_of(name, length)
     words = ""
     if true is not None:
-        words = _tracks.WORDS[name][true >= 0.5] if name in _tracks.WORDS else quantity(true, estimate.unit)
-    named = columns >= _tracks.ROOMY
-    width = min(columns - FIGURES - (11 if named else 0) - (18 if truth else 2), 48)
-    if scale is not None and width >= LEAST_TRACK:
-        line.append(" " * (FIGURES - len(line)))
+        words = WORDS[name][true >= 0.5] if name in WORDS else quantity(true, estimate.unit)
+    named = columns >= NAMED_COLUMNS
+    width = min(columns - TRACK_COLUMN - (11 if named else 0) - (18 if truth else 2), 48)
+    if scale is not None and width >= MIN_TRACK:
+        line.append(" " * (TRACK_COLUMN - len(line)))
         ends = (f"{scale.left:>2} ", f" {scale.right:<7}") if named else ("", "")
-        line.append(ends[0], FAINT).append(_tracks.track(scale, estimate, true, width)).append(ends[1], FAINT)
-    return line.append(f"  truth {words:>9}", _string.TRUTH) if words else line
-
-
-LEAST_TRACK = 8
-"""Cells of a track that can still be read."""
+        line.append(ends[0], DIM).append(track(scale, estimate, true, width)).append(ends[1], DIM)
+    return line.append(f"  truth {words:>9}", TRUTH) if words else line
 
 
 def _caption(truth: Truth) -> str:
@@ -156,7 +175,8 @@ def _caption(truth: Truth) -> str:
         return ""
     words = ["truth" if truth.get("contact", 1.0) else "truth: untouched"]
     if truth.get("slip"):
-        words.append(f"slides {1e3 * truth.get('slip_velocity', math.nan):.1f} mm/s")
+        velocity = 1e3 * truth.get("slip_velocity", math.nan)
+        words.append(f"slides {velocity:.1f} mm/s" if math.isfinite(velocity) else "slides")
     if truth.get("settled", 1.0) < SETTLED:
         words.append("settling")
     return ", ".join(words)
@@ -166,8 +186,8 @@ def _truth_in_words(truth: Truth) -> str:
     """Return all that is true, for a line without a drawing."""
     first, *rest = _caption(truth).split(", ")
     units = {"position": "m", "force": "N"}
-    known = [f"{name} {quantity(truth[name], unit)}" for name, unit in units.items() if name in truth]
-    return ", ".join([f"{first}{' ' if known else ''}{', '.join(known)}", *rest])
+    values = [f"{name} {quantity(truth[name], unit)}" for name, unit in units.items() if name in truth]
+    return ", ".join([f"{first}{' ' if values else ''}{', '.join(values)}", *rest])
 
 
 def _meter(number: int, rms: float, peak: float, columns: int) -> Text:
@@ -177,7 +197,7 @@ def _meter(number: int, rms: float, peak: float, columns: int) -> Text:
         return line.append("samples that are not numbers", WARN)
     filled = float(np.clip(1.0 - rms / FLOOR, 0.0, 1.0)) * width
     bar = ("█" * int(filled) + EIGHTHS[int(filled % 1.0 * 8.0)])[:width]
-    line.append(bar, "green").append("·" * (width - len(bar)), FAINT)
+    line.append(bar, "green").append("·" * (width - len(bar)), DIM)
     line.append(f" {rms:6.1f} dB" if math.isfinite(rms) else " silence", LABEL)
     # Full scale reached: the wave's top is cut off, and with it the spectrum is not the string's.
     return line.append("  clipped", WARN) if peak > -0.01 else line
@@ -199,4 +219,83 @@ def _health(moment: Moment) -> Text:
     )
     for name, count in counts:
         line.append(f"{name} {count}   ", WARN if count else "")
+    return line
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scale:
+    """What a quantity's track goes from and to, in the unit of the estimate, and how its ends are called."""
+
+    low: float
+    high: float
+    left: str
+    right: str
+
+    def at(self, value: float, width: int) -> int:
+        """Return the cell of a value on a track."""
+        share = (value - self.low) / (self.high - self.low)
+        return round(float(np.clip(share, 0.0, 1.0)) * (width - 1))
+
+
+def scale_of(name: str, length: Metres) -> Scale | None:
+    """Return the scale of a quantity, None where it has none.
+
+    >>> scale_of("force", 0.2).right, scale_of("tension", 0.2)
+    ('2 N', None)
+    """
+    if name in WORDS:
+        return Scale(low=0.0, high=1.0, left="no", right="yes")
+    ends = {"position": (length, f"{1e3 * length:.0f} mm"), "force": (MAX_FORCE, f"{MAX_FORCE:g} N")}
+    if name not in ends:
+        return None
+    high, right = ends[name]
+    return Scale(low=0.0, high=high, left="0", right=right)
+
+
+def probability_in_words(name: str, probability: float) -> tuple[str, str]:
+    """Return the likelier answer, and how likely it is.
+
+    >>> probability_in_words("slip", 0.03)
+    ('rests', '97 %')
+    """
+    share = max(probability, 1.0 - probability)
+    digits = 0 if share < 0.99 else 1
+    # Rounding must not make a certainty of what is none.
+    return WORDS[name][probability >= 0.5], f"{math.floor(share * 1000.0) / 10.0:.{digits}f} %"
+
+
+def track(scale: Scale, estimate: Estimate, truth: float | None, width: int) -> Text:
+    """Return the track: estimate, one standard error to each side, and the truth where it is known."""
+    cells, styles = ["─"] * width, [DIM] * width
+    if estimate.valid and math.isfinite(estimate.std):
+        first = scale.at(estimate.value - estimate.std, width)
+        for cell in range(first, scale.at(estimate.value + estimate.std, width) + 1):
+            cells[cell], styles[cell] = "━", BAND
+    if truth is not None:
+        cell = scale.at(truth, width)
+        cells[cell], styles[cell] = TRUE, TRUTH
+    if estimate.valid:
+        cell = scale.at(estimate.value, width)
+        cells[cell], styles[cell] = (BOTH if cells[cell] == TRUE else ESTIMATED), TOUCH
+    line = Text()
+    for style, alike in groupby(zip(cells, styles, strict=True), key=itemgetter(1)):
+        line.append("".join(cell for cell, _ in alike), style)
+    return line
+
+
+def true_value(name: str, truth: Truth) -> float | None:
+    """Return the true value of a quantity; None where that is not known, or nothing touches."""
+    if name != "contact" and not truth.get("contact", 1.0):
+        return None
+    value = truth.get(name, math.nan)
+    return value if math.isfinite(value) else None
+
+
+def legend(truth: Truth) -> Text:
+    """Return what the marks of a track mean."""
+    line = Text.assemble(("  ", ""), (ESTIMATED, TOUCH), (" estimate  ", DIM), ("━", BAND))
+    line.append(" one standard error to each side", DIM)
+    if truth:
+        line.append("  ").append(TRUE, TRUTH).append(" truth  ", DIM)
+        line.append(BOTH, TOUCH).append(" both", DIM)
     return line

@@ -1,4 +1,8 @@
-"""The contract of a sink: frozen options, opened into a writer of predictions."""
+"""The contract of a sink: frozen options, opened into a writer of predictions.
+
+What the live loop must know of a sink beforehand, the sink declares: whether its output is data on standard
+output, and how it is changed for a string of known length or for data beside it. Nobody looks at its fields.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Generator
@@ -6,11 +10,12 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 from monochord.core.types import Prediction, Signal, StreamHealth, Truth, Window
+from monochord.core.units import Metres
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """What a sink is handed for each window: the prediction and what a viewer wants beside it.
+    """What a sink takes for each window: the prediction, and beside it what a view of it shows.
 
     `truth` is empty for real hardware; `skipped` counts windows left out so far because the reader was late.
     """
@@ -37,9 +42,22 @@ class Sink(ABC):
     def open(self, signal: Signal) -> AbstractContextManager[Writer]:
         """Open the sink for a signal; leaving the context flushes and closes it."""
 
+    @property
+    def fills_standard_output(self) -> bool:
+        """Whether its output is data on standard output, beside which nothing else may be printed there."""
+        return False
+
+    def off_standard_output(self) -> "Sink":
+        """Return this sink for a run whose standard output carries another sink's data."""
+        return self
+
+    def for_length(self, length: Metres) -> "Sink":  # noqa: ARG002
+        """Return this sink for a string whose length the estimator was given."""
+        return self
+
 
 class Listener(Sink, Writer):
-    """A sink that is its own writer: for what only keeps or counts what passes. It serves one run."""
+    """A sink that is its own writer, for one run: it stores or counts what passes."""
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002

@@ -34,6 +34,11 @@ class Jsonl(Sink):
     path: str = "-"
     everything: bool = True
 
+    @property
+    def fills_standard_output(self) -> bool:
+        """Whether the lines go to standard output."""
+        return self.path == "-"
+
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
         """Open the file; raises `InputError` where it cannot be written."""
@@ -58,8 +63,8 @@ class _Lines(Writer):
     def write(self, moment: Moment) -> None:
         record = _position(moment.prediction)
         if self._everything:
-            record |= _others(moment.prediction) | _beside(moment)
-        plain = {name: _known(value) for name, value in record.items()}
+            record |= _others(moment.prediction) | _context(moment)
+        plain = {name: _finite(value) for name, value in record.items()}
         self._file.write(json.dumps(plain, allow_nan=False) + "\n")
         if self._flush:
             self._file.flush()
@@ -84,7 +89,7 @@ def _others(prediction: Prediction) -> dict[str, Any]:
     return record
 
 
-def _beside(moment: Moment) -> dict[str, Any]:
+def _context(moment: Moment) -> dict[str, Any]:
     truth: Mapping[str, float] = moment.truth
     return {f"true_{name}": value for name, value in truth.items()} | {
         "latency": moment.prediction.latency,
@@ -95,7 +100,7 @@ def _beside(moment: Moment) -> dict[str, Any]:
     }
 
 
-def _known(value: Any) -> Any:
+def _finite(value: Any) -> Any:
     if isinstance(value, (bool, str, int)):
         return value
     return float(value) if math.isfinite(value) else None

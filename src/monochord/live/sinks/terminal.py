@@ -4,7 +4,7 @@ import sys
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rich.console import Console
 from rich.text import Text
@@ -17,7 +17,7 @@ from monochord.core.units import Metres, Seconds
 from monochord.live.sinks import _view
 from monochord.live.sinks.base import Moment, Sink, Writer
 
-ASSUMED_LENGTH: Metres = 0.65  # to draw a string of which nobody told the length
+DEFAULT_LENGTH: Metres = 0.65  # to draw a string of unknown length
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +27,7 @@ class Terminal(Sink):
     Parameters
     ----------
     length
-        Length of the drawn string in metres; 0 takes the signal's string, or 0.65 m.
+        Length of the drawn string in metres, from nut to bridge; 0 takes the signal's string, or 0.65 m.
     interval
         Shortest time between two pictures in seconds. A picture that takes long to draw makes it longer:
         drawing is allowed one eighth of the loop's time.
@@ -42,6 +42,14 @@ class Terminal(Sink):
     plain: bool = False
     stderr: bool = False
 
+    def off_standard_output(self) -> "Terminal":
+        """Draw on standard error."""
+        return replace(self, stderr=True)
+
+    def for_length(self, length: Metres) -> "Terminal":
+        """Draw a string of this length, unless the options name one."""
+        return self if self.length else replace(self, length=length)
+
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:
         """Take over the terminal's lower part; the last picture stays."""
@@ -51,9 +59,12 @@ class Terminal(Sink):
             yield lines
             lines.close()
             return
-        length = self.length or (signal.string.length if signal.string else ASSUMED_LENGTH)
+        length = self.length or (signal.string.length if signal.string else DEFAULT_LENGTH)
+        # A length of one's own is that of a stopped string; a sensor's string ends at its pickups.
+        stopped = self.length or signal.channels == 1
+        ends = ("nut", "bridge") if stopped else ("pickup 1", "pickup 2")
         with Screen(console) as screen:
-            picture = _Picture(console, screen, signal, length, self.interval)
+            picture = _Picture(console, screen, signal, length, ends, self.interval)
             yield picture
             picture.close()
 
@@ -62,10 +73,16 @@ class _Picture(Writer):
     """Draws the newest moment, at most every `interval`, within its share of the time."""
 
     def __init__(
-        self, console: Console, screen: Screen, signal: Signal, length: Metres, interval: Seconds
+        self,
+        console: Console,
+        screen: Screen,
+        signal: Signal,
+        length: Metres,
+        ends: tuple[str, str],
+        interval: Seconds,
     ) -> None:
         self._console, self._screen = console, screen
-        self._signal, self._length, self._interval = signal, length, interval
+        self._signal, self._length, self._ends, self._interval = signal, length, ends, interval
         self._latency = Histogram()
         self._next: Seconds = 0.0
         self._waiting: Moment | None = None
@@ -90,7 +107,9 @@ class _Picture(Writer):
         size = self._console.size
         latency = self._latency.percentiles()
         columns = min(size.width, 110)
-        self._screen.show(_view.frame(moment, self._signal, self._length, latency, columns, size.height))
+        self._screen.show(
+            _view.frame(moment, self._signal, self._length, latency, columns, size.height, self._ends)
+        )
 
 
 class _Lines(Writer):

@@ -40,6 +40,11 @@ class Sound:
 class Simulator(ABC):
     """Options of a model, as a frozen keyword-only dataclass."""
 
+    @classmethod
+    def setup(cls) -> type:
+        """Return the dataclass whose values the assignments of a case override: where they are listed."""
+        return Case
+
     @abstractmethod
     def run(self, case: Case) -> Sound:
         """Simulate; raises `InputError` for what the model does not support."""

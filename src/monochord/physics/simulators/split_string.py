@@ -24,6 +24,11 @@ class SplitStringModel(Simulator):
     route: Route = "fdtd"
     sample_rate: int = 44100
 
+    @classmethod
+    def setup(cls) -> type:
+        """Return the dataclass of the setup."""
+        return SplitString
+
     def run(self, case: Case) -> Sound:
         """Simulate, and find the two dominant peaks after the transient."""
         plain = SplitString(string=case.string, contact=case.contact)

@@ -65,6 +65,11 @@ class TwinModel(Simulator):
     tension_law: TensionLaw = "geometric"
     sample_rate: int = 44100
 
+    @classmethod
+    def setup(cls) -> type:
+        """Return the dataclass of the setup."""
+        return TwinCase
+
     def run(self, case: Case) -> Sound:
         """Simulate, and find the strongest line on each side of the touch after the transient."""
         if not MIN_SECONDS <= case.seconds <= MAX_SECONDS:
