@@ -40,7 +40,9 @@ def fast(tmp_path: Path) -> list[str]:
     return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
 
 
-def ended_full(recorder: Any, stopped: str = "the disk is full", line: str = "make room") -> dict[str, Any]:
+def ended_full(
+    recorder: Any, stopped: str = "the disk is full", line: str = "free some space"
+) -> dict[str, Any]:
     """Return the summary of a recorder whose disk filled up, and look its file over."""
     summary = recorder.end()
     assert recorder.process.returncode == 2
@@ -88,7 +90,7 @@ def test_a_warning_comes_before_that(
     recorder = start_recorder(*fast, *slow, *free, out=small_disk / "take.mcap")
     summary = recorder.end()
     assert summary["flags"]["disk_low"] == 1
-    assert "room for" in recorder.shown
+    assert "space for" in recorder.shown
 
 
 def test_a_disk_with_too_little_room_is_refused(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from tests.conftest import own_server
 
-from monochord.capture.recording import Summary
+from monochord.capture.recording import RecordingSummary
 from monochord.core.config import from_tree
 from monochord.lab.offline import make
 from monochord.lab.plan import Assignment, Plan, assignments
@@ -23,12 +23,13 @@ PLAN = {
 }
 
 
+Played = tuple[Assignment, Path, RecordingSummary]
 ATTEMPTS = 5
 MAX_UNEVENNESS = 3e-4  # delays to half a millisecond require a server with better timing
 
 
 @pytest.fixture(scope="module")
-def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Assignment, Path, Summary]:
+def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
     """A session played in real time; again where this machine was too busy for its JACK server."""
     session = assignments(from_tree(Plan, PLAN))[0]
     for _ in range(ATTEMPTS):
@@ -41,7 +42,9 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Assignment, Path, 
 
 
 @pytest.mark.timeout(240)
-def test_every_frame_that_the_server_counted_is_there(played: tuple[Assignment, Path, Summary]) -> None:
+def test_every_frame_that_the_server_counted_is_there(
+    played: Played,
+) -> None:
     _, path, summary = played
     assert not summary.failure
     assert check(path).sound
@@ -53,7 +56,7 @@ def test_every_frame_that_the_server_counted_is_there(played: tuple[Assignment, 
 
 
 @pytest.mark.timeout(240)
-def test_the_delays_are_recovered(played: tuple[Assignment, Path, Summary]) -> None:
+def test_the_delays_are_recovered(played: Played) -> None:
     session, path, _ = played
     made = read_session(path)
     delays, alignment = json.loads(made.description.more["delays"]), align(made)
@@ -65,9 +68,7 @@ def test_the_delays_are_recovered(played: tuple[Assignment, Path, Summary]) -> N
 
 
 @pytest.mark.timeout(240)
-def test_it_has_the_form_of_one_that_was_made_offline(
-    played: tuple[Assignment, Path, Summary], tmp_path: Path
-) -> None:
+def test_it_has_the_form_of_one_that_was_made_offline(played: Played, tmp_path: Path) -> None:
     session, path, summary = played
     live, offline = read_session(path), read_session(make(session, tmp_path).path)
     assert set(live.topics) == set(offline.topics)

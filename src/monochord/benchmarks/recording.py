@@ -19,10 +19,8 @@ from monochord.benchmarks._process import resident
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Instrument
-from monochord.capture.recording import Job, Summary, record
-from monochord.capture.recording.progress import Progress
+from monochord.capture.recording import Notice, Progress, RecordingJob, RecordingSummary, record
 from monochord.capture.recording.view import viewed
-from monochord.capture.recording.watch import Notice
 from monochord.capture.sources import SOURCES
 from monochord.core.errors import InputError
 from monochord.core.units import Hertz, Seconds
@@ -76,11 +74,11 @@ class Recording(Benchmark):
         yield Row(name="frames dropped", value=summary.dropped, unit="1")
         yield Row(name="file", value=1e-6 * summary.size / summary.seconds, unit="MB/s")
 
-    def _measured(self, path: Path, instruments: dict[str, Instrument]) -> tuple["_Meter", Summary]:
+    def _measured(self, path: Path, instruments: dict[str, Instrument]) -> tuple["_Meter", RecordingSummary]:
         sound = path.with_suffix(".wav")
         _write_noise(sound)
         options = {"path": str(sound), "speed": 1.0, "repeat": 0, "block": self.block}
-        job = Job(
+        job = RecordingJob(
             path=path,
             source=SOURCES.build("wav", options),
             instruments=instruments,

@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from monochord.capture.instruments import INSTRUMENTS
-from monochord.capture.recording import Settings
+from monochord.capture.recording import RecordingSettings
 from monochord.capture.recording import record as run
 from monochord.capture.recording.settings import kind_of
 from monochord.capture.recording.streams import free_name
@@ -32,7 +32,7 @@ from monochord.core.config import Tree, load_toml, override, table
 from monochord.core.errors import DeviceError, InputError
 from monochord.physics.sensors import sensor_names
 
-RESERVED = tuple(field.name for field in fields(Settings))
+RESERVED = tuple(field.name for field in fields(RecordingSettings))
 """Tables that --set reaches by their first word, and so no instrument's name."""
 
 
@@ -74,7 +74,7 @@ def record(out: Path, **options: Any) -> None:
     monochord record take.mcap --instrument net_ft=192.168.1.1 --set net_ft.bias=true
     monochord record take.mcap --instrument left:pose_udp=9871 --instrument right:pose_udp=9872
     """  # noqa: D301
-    settings = Settings.read(_tree(options))
+    settings = RecordingSettings.read(_tree(options))
     job = settings.job(out)
     with viewed(out, Console(file=sys.stderr, highlight=False)) as view:
         summary = run(job, view.show)

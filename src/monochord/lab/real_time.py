@@ -21,7 +21,7 @@ import numpy as np
 
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Connection, Instrument
-from monochord.capture.recording import Job, Notice, Progress, Summary, record
+from monochord.capture.recording import Notice, Progress, RecordingJob, RecordingSummary, record
 from monochord.capture.sources import SOURCES
 from monochord.core.errors import DeviceError
 from monochord.core.ownership import scratch_folder
@@ -56,7 +56,7 @@ def _ignore(_now: Progress, _notices: Sequence[Notice]) -> None:
 
 def perform(
     session: Assignment, path: Path, *, server: str = "", domain: int | None = None, show: Show = _ignore
-) -> Summary:
+) -> RecordingSummary:
     """Play a session in real time and record it.
 
     Parameters
@@ -74,7 +74,7 @@ def perform(
 
     Returns
     -------
-    Summary
+    RecordingSummary
         Summary of the recording.
 
     Raises
@@ -95,7 +95,7 @@ def perform(
         pose: dict[str, Any] = {"topic": _topic(), "rate": session.plan.pose_rate}
         if domain is not None:
             pose["domain"] = domain
-        job = Job(
+        job = RecordingJob(
             path=path,
             source=SOURCES.build("jack", {"ports": ",".join(ports), "server": server}),
             instruments={
@@ -104,9 +104,9 @@ def perform(
                 "labels": labels,
             },
             about=_Describer(session),
-            diary=labels.diary,
+            events=labels.events,
             # Counted from the real begin: a busy machine may need a while until then.
-            enough=lambda now: labels.over(now - max(delay.values()) - TAIL),
+            finished=lambda now: labels.over(now - max(delay.values()) - TAIL),
         )
 
         def shown(now: Progress, notices: Sequence[Notice]) -> None:
@@ -257,7 +257,7 @@ class _LabelsFeed(Instrument, Connection):
         self._names = tuple(rendering.labels)
         self._time = rendering.label_time + delay
         self._values = np.stack([rendering.labels[name] for name in self._names], axis=1)
-        self._events = [(event.time + delay, event) for event in rendering.events]
+        self._due_events = [(event.time + delay, event) for event in rendering.events]
         self._delivered = self._events_delivered = 0
 
     @contextmanager
@@ -296,11 +296,11 @@ class _LabelsFeed(Instrument, Connection):
         """Return whether the session had ended at a time."""
         return self.begin is not None and time >= self.begin + self._seconds
 
-    def diary(self, now: Seconds) -> list[Notice]:
+    def events(self, now: Seconds) -> list[Notice]:
         """Return the events that have happened since the last call."""
         notices: list[Notice] = []
-        while self.begin is not None and self._events_delivered < len(self._events):
-            due, event = self._events[self._events_delivered]
+        while self.begin is not None and self._events_delivered < len(self._due_events):
+            due, event = self._due_events[self._events_delivered]
             if self.begin + due > now:
                 break
             self._events_delivered += 1

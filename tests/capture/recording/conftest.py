@@ -10,12 +10,12 @@ import soundfile
 
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Instrument
-from monochord.capture.recording import Job
+from monochord.capture.recording import RecordingJob
 from monochord.capture.sources import SOURCES
 from monochord.lab.net_ft_device import NetFtDevice, NetFtSettings
 
 RATE = 44100
-MakeJob = Callable[..., Job]
+MakeJob = Callable[..., RecordingJob]
 Force = Callable[..., tuple[NetFtDevice, Instrument]]
 
 
@@ -32,9 +32,9 @@ def sound(tmp_path: Path) -> Path:
 def make_job(tmp_path: Path, sound: Path) -> MakeJob:
     """Return what makes a job of the sound, over and over at the pace of real time unless asked otherwise."""
 
-    def make(path: Path | None = None, *, name: str = "take.mcap", **more: Any) -> Job:
+    def make(path: Path | None = None, *, name: str = "take.mcap", **more: Any) -> RecordingJob:
         options = {"path": str(path or sound), "speed": 1.0, "repeat": 0, **more.pop("source", {})}
-        return Job(path=tmp_path / name, source=SOURCES.build("wav", options), **more)
+        return RecordingJob(path=tmp_path / name, source=SOURCES.build("wav", options), **more)
 
     return make
 

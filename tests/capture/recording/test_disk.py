@@ -14,10 +14,10 @@ def test_free_bytes_are_what_the_system_says(tmp_path: Path) -> None:
     assert free_bytes(tmp_path) == pytest.approx(shutil.disk_usage(tmp_path).free, rel=0.05)
 
 
-def test_the_room_left_goes_by_the_pace_so_far(tmp_path: Path) -> None:
+def test_the_time_left_follows_from_the_rate_so_far(tmp_path: Path) -> None:
     free = free_bytes(tmp_path)
-    found = space(tmp_path, size=1e6, elapsed=2.0, reserve=0.25 * free)
-    assert found.left == pytest.approx(0.75 * free / 5e5, rel=0.05)
+    left = space(tmp_path, size=1e6, elapsed=2.0, reserve=0.25 * free)
+    assert left.left == pytest.approx(0.75 * free / 5e5, rel=0.05)
     assert space(tmp_path, size=1e6, elapsed=2.0, reserve=2.0 * free).left == 0.0
     assert space(tmp_path, size=1e3, elapsed=0.3, reserve=0.0).left == float("inf"), "too soon to tell"
 
@@ -25,13 +25,13 @@ def test_the_room_left_goes_by_the_pace_so_far(tmp_path: Path) -> None:
 def test_places_that_will_not_do_are_refused(tmp_path: Path) -> None:
     refuse_place(tmp_path / "new.mcap", 0.0)
     (tmp_path / "old.mcap").write_bytes(b"precious")
-    for path, least, words in (
+    for path, min_free, words in (
         (tmp_path / "old.mcap", 0.0, "exists"),
         (tmp_path / "absent" / "new.mcap", 0.0, "a folder that exists"),
-        (tmp_path / "new.mcap", 1e18, "or more; make room"),
+        (tmp_path / "new.mcap", 1e18, "or more; free some space"),
     ):
         with pytest.raises(InputError, match=words):
-            refuse_place(path, least)
+            refuse_place(path, min_free)
     assert (tmp_path / "old.mcap").read_bytes() == b"precious"
 
 
@@ -41,7 +41,7 @@ def test_a_full_disk_is_told_from_a_broken_one(number: int, full: bool) -> None:
 
 
 def test_syncing_goes_on_beside_and_stops_at_the_first_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("monochord.capture.recording.disk.THROUGH", 0.01)
+    monkeypatch.setattr("monochord.capture.recording.disk.SYNC_INTERVAL", 0.01)
     calls, thrice = list[str](), threading.Event()
 
     def sync() -> None:
@@ -56,7 +56,8 @@ def test_syncing_goes_on_beside_and_stops_at_the_first_error(monkeypatch: pytest
     assert [error.errno for error in errors] == [errno.EIO]
 
 
-def test_a_sync_that_hangs_holds_up_only_the_end() -> None:
+def test_a_sync_that_hangs_delays_only_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monochord.capture.recording.disk.SYNC_INTERVAL", 0.01)
     entered, let_go = threading.Event(), threading.Event()
 
     def sync() -> None:

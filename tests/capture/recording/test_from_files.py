@@ -114,7 +114,7 @@ BAD = {
     "contact\n1\n": r"a\.csv with columns contact: allowed is time and others",
     "times,contact\n1,1\n": r"times, contact: allowed is time and others; call the column",
     "": r"a\.csv \(empty\)",
-    "time,contact\n0,1\n0.1,yes\n": r"row 3, contact 'yes': allowed is a number, or nothing",
+    "time,contact\n0,1\n0.1,yes\n": r"row 3, contact 'yes': allowed is a number, or an empty cell",
     "time,contact\n0,1\n0.1\n": r"row 3 of 1 cells: allowed is 2",
     "time,contact\n0,2\n": r"row 2, contact 2: allowed is 0 or 1",
     "time,slip\n0,-1\n": r"row 2, slip -1: allowed is 0 or 1",
@@ -123,8 +123,8 @@ BAD = {
     "time,force\n500,1\n": r"row 2, time 500: allowed is 0 to 1\.03 s, as long as the audio",
     "time,force\n,1\n": r"row 2, time nan: allowed is 0 to 1\.03 s",
     "time,force\n0.5,1\n0.4,1\n": r"row 3, time 0\.4 after 0\.5: allowed is times in order",
-    "time,force,force\n0,1,1\n": r"with columns time, force, force: allowed is a name of its own",
-    "time,force,\n0,1,1\n": r"allowed is a name of its own",
+    "time,force,force\n0,1,1\n": r"with columns time, force, force: allowed is a different name",
+    "time,force,\n0,1,1\n": r"allowed is a different name",
     'time,force\n0,"1\n': r"a\.csv \(",
 }
 

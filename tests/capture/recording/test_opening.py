@@ -44,7 +44,7 @@ def slow_box() -> Iterator[tuple[int, threading.Event]]:
 
 def interrupted(process: "subprocess.Popen[str]", number: signal.Signals) -> None:
     """Send the signal, once, and see the process end as the command line has it, with nothing to explain."""
-    time.sleep(0.5)
+    time.sleep(0.2)
     assert process.poll() is None
     begun = time.monotonic()
     process.send_signal(number)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.capture.instruments.base import Connection
-from monochord.capture.recording.pumps import Polled, pumping
+from monochord.capture.recording.pumps import BoundedQueue, Polled, pumping
 from monochord.capture.sources.base import Stream
 from monochord.core.types import Block, Feed, InstrumentHealth, Readings, Signal
 
@@ -16,14 +16,14 @@ PLENTY = 1 << 20
 
 
 def wait_for(condition: Callable[[], Any]) -> None:
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + 60.0
     while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
+        assert time.monotonic() < deadline, "the condition did not come true within 60 s"
         time.sleep(5e-3)
 
 
 class Stuck(Stream):
-    """A source that gives `blocks` and then waits for a server that does not come back."""
+    """A source that yields `blocks` and then waits for a server that does not come back."""
 
     def __init__(self, blocks: int = 1, off: float = 0.0) -> None:
         self._blocks, self._off, self._closed = blocks, off, threading.Event()
@@ -43,7 +43,7 @@ class Stuck(Stream):
 
 
 class Ticks(Connection):
-    """An instrument that has one reading each time it is asked, and fails after `lives` of them."""
+    """An instrument that has one reading each poll, and fails after `lives` of them."""
 
     def __init__(self, lives: float = float("inf")) -> None:
         self.polls, self._lives = 0, lives
@@ -73,53 +73,104 @@ class Ticks(Connection):
         ]
 
 
-def test_a_source_that_waits_holds_no_instrument_up() -> None:
+def test_a_source_that_waits_blocks_no_instrument() -> None:
     with pumping(Stuck(), {"ticks": Ticks()}, PLENTY) as pumps:
-        wait_for(lambda: pumps.inbox.filled > 40 * 36 / PLENTY)
-        batches = pumps.inbox.take()
+        wait_for(lambda: pumps.queue.filled > 40 * 36 / PLENTY)
+        batches = pumps.queue.take()
         assert not pumps.source_ended
     assert [type(batch) for batch in batches].count(Block) == 1
     assert sum(isinstance(batch, Polled) and batch.name == "ticks" for batch in batches) > 30
 
 
-def test_an_instrument_that_fails_ends_alone_and_is_told() -> None:
+def test_an_instrument_that_fails_ends_alone_and_is_reported() -> None:
     with pumping(Stuck(), {"broken": Ticks(lives=2), "sound": Ticks()}, PLENTY) as pumps:
         wait_for(lambda: pumps.failures)
-        before = pumps.inbox.take()
+        before = pumps.queue.take()
         time.sleep(0.1)
-        assert len(pumps.inbox.take()) > 3
+        assert len(pumps.queue.take()) > 3
         assert list(pumps.failures) == ["broken"]
         assert not pumps.ended
     assert sum(isinstance(batch, Polled) and batch.name == "broken" for batch in before) == 2
 
 
-def test_told_to_stop_all_end_and_what_came_is_still_there() -> None:
+def test_after_stop_all_threads_end_and_their_data_remain() -> None:
     ticks = Ticks()
     with pumping(Stuck(), {"ticks": ticks}, PLENTY) as pumps:
         wait_for(lambda: ticks.polls > 3)
         pumps.stop()
         wait_for(lambda: pumps.ended)
-        assert sum(isinstance(batch, Polled) for batch in pumps.inbox.take()) == ticks.polls
+        assert sum(isinstance(batch, Polled) for batch in pumps.queue.take()) == ticks.polls
 
 
-def test_what_is_live_and_finds_no_room_waits_and_that_is_counted() -> None:
+def test_live_data_wait_for_space_and_the_time_is_counted() -> None:
     ticks = Ticks()
-    with pumping(Stuck(blocks=0), {"ticks": ticks}, room=40) as pumps:
+    with pumping(Stuck(blocks=0), {"ticks": ticks}, capacity=40) as pumps:
         wait_for(lambda: ticks.polls == 2)  # one fits, the next waits
         time.sleep(0.1)
         assert ticks.polls == 2
-        pumps.inbox.take()
-        wait_for(lambda: pumps.held_up >= 0.1)
+        pumps.queue.take()
+        wait_for(lambda: pumps.blocked >= 0.1)
 
 
-def test_leaving_lets_go_of_whoever_waits_for_room() -> None:
-    with pumping(Stuck(blocks=1000), {"ticks": Ticks()}, room=300):
+def test_leaving_releases_waiting_threads() -> None:
+    with pumping(Stuck(blocks=1000), {"ticks": Ticks()}, capacity=300):
         time.sleep(0.05)
     assert not [t for t in threading.enumerate() if t.name.startswith("record")]
 
 
-@pytest.mark.parametrize(("off", "doubted"), [(0.0, False), (-0.3, False), (0.2, True), (-4.2, True)])
-def test_a_time_that_cannot_be_is_doubted(off: float, doubted: bool) -> None:  # noqa: FBT001
+@pytest.mark.parametrize(("off", "implausible"), [(0.0, False), (-0.3, False), (0.2, True), (-4.2, True)])
+def test_an_impossible_time_is_reported(off: float, implausible: bool) -> None:  # noqa: FBT001
     with pumping(Stuck(blocks=3, off=off), {}, PLENTY) as pumps:
-        wait_for(lambda: pumps.inbox.filled >= 3 * 256 / PLENTY)
-        assert pumps.doubt == pytest.approx(-off if doubted else 0.0, abs=0.05)
+        wait_for(lambda: pumps.queue.filled >= 3 * 256 / PLENTY)
+        assert pumps.implausible_age == pytest.approx(-off if implausible else 0.0, abs=0.05)
+
+
+def test_what_is_put_is_taken_once_and_in_order() -> None:
+    queue = BoundedQueue[int](capacity=10)
+    assert all(queue.put(k, size=1) for k in range(5))
+    assert queue.filled == 0.5
+    assert queue.take() == [0, 1, 2, 3, 4]
+    assert queue.take() == []
+    assert queue.filled == 0.0
+
+
+def test_a_thread_that_finds_it_full_waits_and_nothing_is_lost() -> None:
+    queue = BoundedQueue[int](capacity=10)
+    pump = threading.Thread(target=lambda: [queue.put(k, size=4) for k in range(50)])
+    pump.start()
+    taken: list[int] = []
+    while pump.is_alive():
+        time.sleep(1e-3)
+        batch = queue.take()
+        assert len(batch) <= 2
+        taken += batch
+    assert taken + queue.take() == list(range(50))
+
+
+def test_a_batch_larger_than_the_capacity_is_accepted_alone() -> None:
+    queue = BoundedQueue[str](capacity=10)
+    assert queue.put("large", size=100)
+    waiting = threading.Thread(target=queue.put, args=("small", 1))
+    waiting.start()
+    waiting.join(0.05)
+    assert waiting.is_alive()
+    assert queue.take() == ["large"]
+    waiting.join(5.0)
+    assert queue.take() == ["small"]
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_a_closed_queue_accepts_nothing_and_blocks_nobody(full: bool) -> None:  # noqa: FBT001
+    queue = BoundedQueue[str](capacity=10)
+    if full:
+        queue.put("first", size=10)
+    answers: list[bool] = []
+    waiting = threading.Thread(target=lambda: answers.append(queue.put("second", size=10)))
+    queue.close() if not full else None
+    waiting.start()
+    if full:
+        time.sleep(0.05)
+        queue.close()
+    waiting.join(5.0)
+    assert answers == [False]
+    assert queue.take() == (["first"] if full else [])

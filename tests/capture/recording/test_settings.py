@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from monochord.capture.recording import About, DiskLimits, Settings
+from monochord.capture.recording import About, DiskLimits, RecordingSettings
 from monochord.core.errors import InputError
 from monochord.core.types import Feed, Signal, StringParams
 
@@ -18,7 +18,7 @@ SIGNAL = Signal(sample_rate=44100, channels=2)
 
 
 def test_settings_become_a_job() -> None:
-    job = Settings.read(TREE).job(Path("out.mcap"))
+    job = RecordingSettings.read(TREE).job(Path("out.mcap"))
     assert type(job.source).__name__ == "Wav"
     (instrument,) = job.instruments.values()
     assert list(job.instruments) == ["net_ft"]
@@ -41,13 +41,13 @@ def test_settings_become_a_job() -> None:
 )
 def test_what_cannot_be_is_refused_in_one_line(change: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words) as refused:
-        Settings.read({**TREE, **change}).job(Path("out.mcap"))
+        RecordingSettings.read({**TREE, **change}).job(Path("out.mcap"))
     assert "\n" not in str(refused.value)
 
 
 def test_a_recording_goes_into_a_session_file() -> None:
     with pytest.raises(InputError, match=r"file 'take.wav': allowed is a name that ends in .mcap"):
-        Settings.read(TREE).job(Path("take.wav"))
+        RecordingSettings.read(TREE).job(Path("take.wav"))
 
 
 def test_a_session_tells_what_it_is_of() -> None:

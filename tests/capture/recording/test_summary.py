@@ -1,12 +1,12 @@
 import json
 from pathlib import Path
 
-from monochord.capture.recording import FeedSummary, Summary
+from monochord.capture.recording import FeedSummary, RecordingSummary
 
 FEED = FeedSummary(
     stream="wrench", readings=70000, missing=3, faulty=0, out_of_order=0, reconnects=1, rate=6999.7
 )
-SUMMARY = Summary(
+SUMMARY = RecordingSummary(
     path=Path("take.mcap"),
     seconds=10.0,
     frames=441000,
@@ -24,7 +24,7 @@ SUMMARY = Summary(
 )
 
 
-def test_its_lines_tell_the_counts() -> None:
+def test_its_lines_have_the_counts() -> None:
     head, audio, force, flags = SUMMARY.lines()
     assert head == "take.mcap  10.0 s  8.0 MB  stopped by request"
     for part in ("frames 441000", "dropped 512", "gaps 1", "xruns 2", "clipped 7", "peak -6.0 / -inf dBFS"):

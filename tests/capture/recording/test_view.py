@@ -9,12 +9,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from monochord.capture.recording import _view
+from monochord.capture.recording.counters import FeedNow, Level, Progress
 from monochord.capture.recording.disk import Space
-from monochord.capture.recording.feeds import FeedNow
-from monochord.capture.recording.levels import Level
-from monochord.capture.recording.progress import Progress
-from monochord.capture.recording.view import viewed
+from monochord.capture.recording.view import draw, plain_line, viewed
 from monochord.capture.recording.watch import Notice
 from monochord.core.types import WRENCH, Feed, InstrumentHealth, StreamHealth
 
@@ -27,7 +24,7 @@ NOW = Progress(
     gaps=1,
     silent=0.0,
     health=StreamHealth(xruns=3),
-    levels=(Level(rms=0.1, peak=0.3, held=0.5), Level(rms=1e-5, peak=1e-4, held=1e-4)),
+    levels=(Level(rms=0.1, peak=0.3, peak_hold=0.5), Level(rms=1e-5, peak=1e-4, peak_hold=1e-4)),
     feeds=(
         FeedNow(
             name="net_ft",
@@ -44,9 +41,7 @@ TAKE = Path("take.mcap")
 
 
 def text(now: Progress, columns: int = 100) -> str:
-    return "\n".join(
-        line.plain for line in _view.frame(TAKE, now, ["1:02  net_ft: silent for 0.5 s"], columns)
-    )
+    return "\n".join(line.plain for line in draw(TAKE, now, ["1:02  net_ft: silent for 0.5 s"], columns))
 
 
 def test_the_picture_tells_what_matters() -> None:
@@ -64,7 +59,7 @@ def test_the_picture_tells_what_matters() -> None:
         "gaps 1",
         "dropped 64",
         "xruns 3",
-        "74.2 GB free, room for 25 h",
+        "74.2 GB free, space for 25 h",
         "! 1:02  net_ft: silent for 0.5 s",
     ):
         assert part in shown
@@ -73,7 +68,7 @@ def test_the_picture_tells_what_matters() -> None:
 
 @pytest.mark.parametrize("columns", [80, 110])
 def test_its_meters_fit(columns: int) -> None:
-    clipping = Level(rms=1.0, peak=1.0, held=1.0, clipped=9, clipping=True)
+    clipping = Level(rms=1.0, peak=1.0, peak_hold=1.0, clipped=9, clipping=True)
     lines = text(replace(NOW, levels=(clipping, NOW.levels[1])), columns).splitlines()
     assert max(map(len, lines[:4])) <= columns
     assert "CLIP" in lines[2]
@@ -85,13 +80,13 @@ def bar(level: Level) -> str:
 
 
 def test_a_bar_is_as_long_as_the_sound_is_loud_and_the_peak_stands_beyond() -> None:
-    quiet, loud = (bar(Level(rms=rms, peak=rms, held=0.5)) for rms in (0.01, 0.1))
+    quiet, loud = (bar(Level(rms=rms, peak=rms, peak_hold=0.5)) for rms in (0.01, 0.1))
     assert quiet.count("█") == pytest.approx(66 * (1 - 40 / 60), abs=1)
     assert loud.count("█") == pytest.approx(66 * (1 - 20 / 60), abs=1)
     assert quiet.rindex("▏") == loud.rindex("▏") == pytest.approx(66 * 0.9, abs=1)
 
 
-def test_silence_and_what_is_no_number_are_told() -> None:
+def test_silence_and_nan_are_shown() -> None:
     now = replace(NOW, silent=3.2, levels=(Level(), Level(not_numbers=1)))
     assert "silence" in text(now)
     assert "not numbers" in text(now)
@@ -109,7 +104,7 @@ def test_a_pose_is_shown_in_millimetres() -> None:
 
 
 def test_a_line_for_where_nothing_can_be_drawn() -> None:
-    line = _view.plain(replace(NOW, silent=1.0))
+    line = plain_line(replace(NOW, silent=1.0))
     for part in ("75.0 s", "peak -6 / -80 dBFS", "gaps 1", "silent for 1.0 s", "net_ft 6999 a second"):
         assert part in line
     assert line.isascii()
@@ -134,7 +129,7 @@ def drawing() -> bool:
     return any(thread.name == "record view" for thread in threading.enumerate())
 
 
-def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_that_accepts_no_output_blocks_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm-256color")
     ours, theirs = os.pipe()
     fcntl.fcntl(theirs, fcntl.F_SETPIPE_SZ, 4096)
@@ -142,9 +137,9 @@ def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.Monke
     with os.fdopen(ours, "rb", buffering=0) as shown, os.fdopen(theirs, "w", encoding="utf-8") as file:
         console = Console(file=file, force_terminal=True, width=100, height=30)
         with viewed(TAKE, console) as view:
-            for k in range(1000):  # nobody reads, and there is room for a picture or two
+            for k in range(300):  # nobody reads, and the pipe has space for a drawing or two
                 before = time.monotonic()
-                view.show(replace(NOW, elapsed=75.0 + k, levels=(Level(rms=k / 1000, held=k / 1000),)), [])
+                view.show(replace(NOW, elapsed=75.0 + k, levels=(Level(rms=k / 300, peak_hold=k / 300),)), [])
                 longest = max(longest, time.monotonic() - before)
                 time.sleep(1e-3)
             assert drawing()

@@ -7,7 +7,7 @@ from typing import Any
 
 from tests.fuzz.base import Input, Target
 
-from monochord.capture.recording import Settings as RecordSettings
+from monochord.capture.recording import RecordingSettings
 from monochord.cli import live as live_command
 from monochord.cli import record as record_command
 from monochord.core.config import dump_toml, load_toml, override
@@ -92,7 +92,7 @@ def _record(file: Path, assignments: Sequence[str]) -> None:
         "instruments": ("pose_udp",),
         "assignments": assignments,
     }
-    RecordSettings.read(record_command._tree(options)).job(Path("take.mcap"))
+    RecordingSettings.read(record_command._tree(options)).job(Path("take.mcap"))
 
 
 def _plan(file: Path, assignments: Sequence[str]) -> None:

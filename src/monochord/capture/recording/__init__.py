@@ -1,13 +1,23 @@
 """From source and instruments to a session.
 
-`Settings` is what a person configures, `Job` what is built from it, `record` the loop and `Summary` what it
-counted.
+`RecordingSettings` are the configuration, `RecordingJob` is built from them, `record` is the loop and
+`RecordingSummary` its result.
 """
 
+from monochord.capture.recording.counters import Progress
 from monochord.capture.recording.loop import record
-from monochord.capture.recording.progress import Progress
-from monochord.capture.recording.settings import About, DiskLimits, Job, Settings
-from monochord.capture.recording.summary import FeedSummary, Summary
+from monochord.capture.recording.settings import About, DiskLimits, RecordingJob, RecordingSettings
+from monochord.capture.recording.summary import FeedSummary, RecordingSummary
 from monochord.capture.recording.watch import Notice
 
-__all__ = ["About", "DiskLimits", "FeedSummary", "Job", "Notice", "Progress", "Settings", "Summary", "record"]
+__all__ = [
+    "About",
+    "DiskLimits",
+    "FeedSummary",
+    "Notice",
+    "Progress",
+    "RecordingJob",
+    "RecordingSettings",
+    "RecordingSummary",
+    "record",
+]

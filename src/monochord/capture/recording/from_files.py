@@ -1,5 +1,7 @@
 """Audio and labels that were recorded elsewhere, as a session."""
 
+import csv
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,27 +9,35 @@ from typing import Any
 
 import numpy as np
 
-from monochord.capture.recording._label_file import read_labels
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Stream
 from monochord.core.config import from_tree
+from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.core.units import Seconds
+from monochord.core.units import Metres, Seconds
 from monochord.sessions import Description, SessionClock, SessionWriter
 from monochord.sessions.bounds import json_object
 
 AUDIO_FILES = "wav"  # the source that reads them
 BLOCK: Seconds = 0.1
+LABEL_RANGES: dict[str, tuple[float, float, str]] = {
+    "contact": (0.0, 1.0, "0 or 1"),
+    "slip": (0.0, 1.0, "0 or 1"),
+    "position": (0.0, 5.0, "0 to 5 m, from pickup 1"),
+}
+"""Allowed values of a column; they detect millimetres."""
+MAX_OVERHANG: Seconds = 1.0
+"""Longest time by which labels may exceed the audio."""
 
 
 def from_files(
     audio: Path, labels: Path | None, out: Path, *, described: Mapping[str, Any] | None = None
 ) -> None:
-    r"""Write a session of an audio file and a table of what was true when.
+    r"""Write a session of an audio file and a table of labels.
 
     The audio is WAV or FLAC, 1 or 2 channels at 16 to 96 kHz. Samples of up to 24 bits, and 32-bit floats,
-    are kept to the last bit; of wider ones, what 32-bit floats hold. The session's begin is the file's date
-    less its length; no device told times, so frame n is at n / rate.
+    are stored exactly; wider ones are rounded to 32-bit floats. The session's begin is the file's date minus
+    its duration; there are no device times, so frame n is at n / rate.
 
     Parameters
     ----------
@@ -36,11 +46,11 @@ def from_files(
     labels
         A CSV file; its first line names the columns: ``time`` in s from the audio's begin; ``contact`` and
         ``slip`` (0 or 1), ``position`` in m from pickup 1, ``force`` in N, or any others, all numbers. An
-        empty cell is what is not known. None where nothing is.
+        empty cell is unknown. None for no labels.
     out
-        The new session, ``NAME.mcap``; what fails leaves none.
+        The new session, ``NAME.mcap``; an error leaves none.
     described
-        Options of `Description` by name, such as ``object`` and ``string``; its name is else the file's.
+        Options of `Description` by name, such as ``object`` and ``string``; the name defaults to the file's.
 
     Raises
     ------
@@ -57,14 +67,14 @@ def from_files(
     ...     read_session(Path(folder) / "take.mcap").labels.columns["position"]
     array([ nan, 0.12])
     """
-    told = dict(described or {})
+    options_ = dict(described or {})
     with SOURCES.build(AUDIO_FILES, {"path": str(audio)}).open() as probe:
         rate, channels = probe.signal.sample_rate, probe.signal.channels
         frames = sum(block.samples.shape[1] for block in probe)
     more = {"imported": _text(audio.name), **({"imported_labels": _text(labels.name)} if labels else {})}
-    tree: dict[str, Any] = {"name": _text(audio.stem), **told, "sample_rate": rate, "channels": channels}
-    description = from_tree(Description, {**tree, "more": {**more, **told.get("more", {})}}, "session")
-    json_object(description.dump())  # or text that no file can hold would fail as it is written
+    tree: dict[str, Any] = {"name": _text(audio.stem), **options_, "sample_rate": rate, "channels": channels}
+    description = from_tree(Description, {**tree, "more": {**more, **options_.get("more", {})}}, "session")
+    json_object(description.dump())  # refuses text that no file can store, before the file is written
     length = description.string.length if description.string else None
     time, columns = np.zeros(0), dict[str, Floats]()
     if labels is not None:
@@ -82,20 +92,103 @@ def from_files(
 
 
 def _text(name: str) -> str:
-    """Return a file's name as text, whatever bytes it is of."""
+    """Return a file's name, which may be any bytes, as text."""
     return os.fsencode(name).decode(errors="replace")
 
 
 def _write(writer: SessionWriter, stream: Stream, time: Floats, columns: Mapping[str, Floats]) -> None:
-    done = 0
+    written = 0
     for block in stream:
         due = int(np.searchsorted(time, block.start / stream.signal.sample_rate))
-        _labels(writer, time, columns, slice(done, due))
-        done = due
+        _labels(writer, time, columns, slice(written, due))
+        written = due
         writer.audio(block)
-    _labels(writer, time, columns, slice(done, None))
+    _labels(writer, time, columns, slice(written, None))
 
 
 def _labels(writer: SessionWriter, time: Floats, columns: Mapping[str, Floats], part: slice) -> None:
     if len(time[part]) and columns:
         writer.labels(time[part], {name: column[part] for name, column in columns.items()})
+
+
+def read_labels(
+    path: Path, seconds: Seconds, length: Metres | None = None
+) -> tuple[Floats, dict[str, Floats]]:
+    """Return times (n,) and columns (n,) by name; NaN where a cell is empty.
+
+    The first line names the columns: ``time`` in s from the audio's begin, and others, which are numbers.
+    Cells are separated by commas, semicolons or tabs.
+
+    Raises
+    ------
+    InputError
+        With row and column: where the file is no such table, a cell no number or out of its range, a time out
+        of the audio's `seconds` or before the one above it, or a position beyond the string's `length`.
+    """
+    names, rows = _rows(path)
+    table = ([_number(path, row, *cell) for cell in zip(names, cells, strict=True)] for row, cells in rows)
+    cells = np.array([*table], dtype=np.float64).reshape(-1, len(names))
+    numbers = [row for row, _ in rows]
+    time = cells[:, names.index("time")]
+    _refuse_times(path, numbers, time, seconds)
+    columns = {name: cells[:, place] for place, name in enumerate(names) if name != "time"}
+    for name, column in columns.items():
+        low, high, allowed = LABEL_RANGES.get(name, (-math.inf, math.inf, ""))
+        if name == "position" and length is not None:
+            high, allowed = length, f"0 to {length:g} m, the string's length"
+        wrong = np.flatnonzero((column < low) | (column > high) | np.isinf(column))
+        if len(wrong):
+            given = f"file {path} row {numbers[wrong[0]]}, {name} {column[wrong[0]]:g}"
+            raise InputError(given, allowed or "a finite number, or an empty cell")
+    return time, columns
+
+
+def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Return the header and the rows that are not empty, each with its number in the file."""
+    allowed = "a CSV file whose first line names time and labels"
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            first = file.readline()
+            file.seek(0)
+            reader = csv.reader(file, delimiter=max(",;\t", key=first.count), strict=True)
+            lines = [
+                (number, line) for number, line in enumerate(reader, start=1) if any(map(str.strip, line))
+            ]
+    except OSError as error:
+        raise InputError(f"file {path} ({error.strerror})", allowed, "check its name") from error
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InputError(f"file {path} ({error})", allowed) from error
+    if not lines:
+        raise InputError(f"file {path} (empty)", allowed)
+    names = [name.strip() for name in lines[0][1]]
+    if "time" not in names:
+        remedy = "call the column of the times time"
+        raise InputError(f"file {path} with columns {', '.join(names)}", "time and others", remedy)
+    if len(set(names)) < len(names) or not all(names):
+        raise InputError(f"file {path} with columns {', '.join(names)}", "a different name for each")
+    for number, line in lines[1:]:
+        if len(line) != len(names):
+            given = f"file {path} row {number} of {len(line)} cells"
+            raise InputError(given, f"{len(names)}, as its first line has")
+    return names, lines[1:]
+
+
+def _number(path: Path, row: int, name: str, cell: str) -> float:
+    try:
+        return float(cell) if cell.strip() else math.nan
+    except ValueError:
+        allowed = "a number, or an empty cell"
+        raise InputError(f"file {path} row {row}, {name} '{cell.strip()}'", allowed) from None
+
+
+def _refuse_times(path: Path, rows: list[int], time: Floats, seconds: Seconds) -> None:
+    wrong = np.flatnonzero(~((time >= 0.0) & (time <= seconds + MAX_OVERHANG)))
+    if len(wrong):
+        given = f"file {path} row {rows[wrong[0]]}, time {time[wrong[0]]:g}"
+        raise InputError(
+            given, f"0 to {seconds:g} s, as long as the audio is", "give times in s from its begin"
+        )
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if len(back):
+        given = f"file {path} row {rows[back[0] + 1]}, time {time[back[0] + 1]:g} after {time[back[0]]:g}"
+        raise InputError(given, "times in order", "sort the rows")

@@ -1,54 +1,60 @@
 """The loop from source and instruments to a session, readable top to bottom."""
 
+import errno
+import os
+import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Generator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 
-from monochord.capture.recording._ending import Ending, saved
-from monochord.capture.recording._priority import precedence
-from monochord.capture.recording.disk import refuse_place, written_through
-from monochord.capture.recording.progress import Progress
-from monochord.capture.recording.pumps import Polled, pumping
-from monochord.capture.recording.settings import Job
-from monochord.capture.recording.streams import told_apart
-from monochord.capture.recording.summary import Summary
-from monochord.capture.recording.tally import Tally
+from monochord.capture.recording.counters import Progress, RecordingCounters
+from monochord.capture.recording.disk import is_full, refuse_place, written_through
+from monochord.capture.recording.pumps import Polled, Pumps, pumping
+from monochord.capture.recording.settings import RecordingJob
+from monochord.capture.recording.streams import with_unique_streams
+from monochord.capture.recording.summary import REQUESTED, RecordingSummary
 from monochord.capture.recording.watch import Notice, Watch
 from monochord.core.clock import clock_offsets
+from monochord.core.errors import InputError, MonochordError
 from monochord.core.interruption import interruption
 from monochord.core.units import Seconds
 from monochord.sessions import SessionClock, SessionWriter
+from monochord.sessions.file import size_limit
 
-EVERY: Seconds = 0.1
-"""From one writing to the next: what a kill may cost."""
-CLOCKS_EVERY: Seconds = 1.0
-FINE = ("stop", "back")
-"""Events that say nothing against a recording."""
+WRITE_INTERVAL: Seconds = 0.1
+"""Time between writes: what a kill may lose."""
+CLOCK_INTERVAL: Seconds = 1.0
+"""Time between stored clock offsets."""
+HARMLESS = ("stop", "back")
+"""Kinds of events that are no flags."""
+STOP_TIMEOUT: Seconds = 5.0
+"""Time that the threads may take to end."""
+NICE = -11
+"""Priority of sound servers."""
 
 Show = Callable[[Progress, Sequence[Notice]], None]
 
 
-def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
-    """Record until the source ends, the time is over, the disk is full or somebody asks for the end.
+def record(job: RecordingJob, show: Show = lambda _now, _notices: None) -> RecordingSummary:
+    """Record until the source ends, the time is over, the disk is full or the end is requested.
 
     Source and instruments are read by threads of their own; this one writes, every 0.1 s, so that a kill
-    costs no more than that. What goes wrong beside it becomes an event of the session.
+    loses no more than that. Every problem becomes an event of the session.
 
     Parameters
     ----------
     job
-        What to record, and where to.
+        Source, instruments and file.
     show
-        Called after each writing with how the recording stands and what was just noticed; must return
-        quickly.
+        Called after each write with the state of the recording and new notices; must return quickly.
 
     Returns
     -------
-    Summary
-        What was saved. The file is whole and valid, also where `Summary.failure` tells of a disk that filled
-        up or a device that went away for good. A first Control-C, SIGTERM or SIGHUP ends the loop and is
-        not raised, unless devices are being opened: then it is, at once, and no file is left.
+    RecordingSummary
+        The saved data. The file is complete and valid, also where `failure` reports a disk that filled up or
+        a device that went away for good. A first Control-C, SIGTERM or SIGHUP ends the loop and is not
+        raised, unless devices are being opened: then it is raised at once, and no file is left.
 
     Raises
     ------
@@ -59,55 +65,149 @@ def record(job: Job, show: Show = lambda _now, _notices: None) -> Summary:
     """
     refuse_place(job.path, job.disk.start)
     with ExitStack() as stack:
-        wish = stack.enter_context(interruption())
-        stack.enter_context(precedence())
+        stop = stack.enter_context(interruption())
+        stack.enter_context(raised_priority())
         clock = SessionClock.now()
-        with wish.at_once():
+        with stop.at_once():
             stream = stack.enter_context(job.source.open())
             connections = {name: stack.enter_context(it.open()) for name, it in job.instruments.items()}
-        connections = told_apart(connections)
-        tally = Tally(stream, connections, job.path.parent, reserve=job.disk.stop)
-        # Read from here on, for making a file takes longer than a device's buffer may hold.
-        pumps = stack.enter_context(pumping(stream, connections, job.room))
+        connections = with_unique_streams(connections)
+        counters = RecordingCounters(stream, connections, job.path.parent, reserve=job.disk.stop)
+        # Read from here on: creating a file takes longer than a device's buffer may last.
+        pumps = stack.enter_context(pumping(stream, connections, job.queue_bytes))
         feeds = tuple(connection.feed for connection in connections.values())
         writer = SessionWriter(job.path, job.about.describe(job.path.stem, stream.signal, feeds), clock)
         watch, flags, ending = Watch(job.disk.warn), Counter[str](), Ending(job)
-        kept, clocks_due, over = None, 0.0, False
+        progress, clocks_due, over = None, 0.0, False
         with saved(writer, ending), written_through(writer.sync) as disk_errors:
             while not over:
-                time.sleep(EVERY)
-                over = pumps.ended or ending.overdue  # asked before the inbox is emptied for the last time
-                for batch in pumps.inbox.take():
+                time.sleep(WRITE_INTERVAL)
+                over = pumps.ended or ending.overdue  # checked before the queue is emptied for the last time
+                for batch in pumps.queue.take():
                     if isinstance(batch, Polled):
                         writer.readings(batch.readings)
                     else:
                         writer.audio(batch)
-                    tally.add(batch)
-                now = tally.look(writer.size, pumps)
+                    counters.add(batch)
+                now = counters.look(writer.size, pumps)
                 notices = watch.look(now, last=over)
                 if now.time >= clocks_due:
-                    clocks_due = now.time + CLOCKS_EVERY
+                    clocks_due = now.time + CLOCK_INTERVAL
                     offsets = {**now.health.clock_offsets, **clock_offsets()}
                     writer.clocks(now.time, offsets)
                     notices += watch.clocks(now.time, offsets)
                 notices += ending.look(
-                    now, pumps, asked=wish.requested, disk_errors=disk_errors, audio=tally.audio_end
+                    now, pumps, requested=stop.requested, disk_errors=disk_errors, audio=counters.audio_end
                 )
                 for notice in notices:
                     writer.event(notice.time, notice.kind, notice.text, **notice.data)
-                    flags[notice.kind] += notice.kind not in FINE
-                for entry in job.diary(now.time):
+                    flags[notice.kind] += notice.kind not in HARMLESS
+                for entry in job.events(now.time):
                     writer.event(entry.time, entry.kind, entry.text, **entry.data)
                 writer.flush()
-                kept = now
+                progress = now
                 show(now, notices)
                 if ending.reason:
                     pumps.stop()
-        return Summary.of(
+        return RecordingSummary.of(
             job.path,
-            kept or tally.look(writer.size, pumps),
+            progress or counters.look(writer.size, pumps),
             flags=+flags,
             size=job.path.stat().st_size,
             stopped=ending.reason,
             failure=ending.failure,
         )
+
+
+class Ending:
+    """Decides when a recording ends: `reason` is empty until then, and `failure` where nothing went wrong."""
+
+    def __init__(self, job: RecordingJob) -> None:
+        self.reason = self.failure = ""
+        self._job = job
+        self._since: Seconds = 0.0
+        self._reported: set[str] = set()
+
+    @property
+    def overdue(self) -> bool:
+        """Whether the threads take too long to end."""
+        late = bool(self.reason) and time.monotonic() - self._since > STOP_TIMEOUT
+        if late:
+            self.failure = self.failure or "a device did not stop; its last data are not saved"
+        return late
+
+    def look(
+        self, now: Progress, pumps: Pumps, *, requested: bool, disk_errors: Sequence[OSError], audio: Seconds
+    ) -> list[Notice]:
+        """Check for a reason to end, `audio` being the recorded duration; return notices about it."""
+        notices = [
+            Notice(time=now.time, kind="failed", text=f"{name}: {_line(error)}", data={"stream": name})
+            for name, error in list(pumps.failures.items())
+            if name not in self._reported
+        ]
+        self._reported.update(pumps.failures)
+        for error in pumps.failures.values():
+            self.failure = self.failure or _line(error)
+        if self.reason:
+            return notices
+        if requested:
+            self.reason = REQUESTED
+        elif pumps.source_ended:
+            self.reason = "the source failed" if "audio" in pumps.failures else "the source ended"
+        elif disk_errors:
+            self.full(disk_errors[0])
+        elif now.space.free < self._job.disk.stop:
+            self.full(None)
+        elif max(now.elapsed, audio) >= self._job.seconds or self._job.finished(now.time):
+            self.reason = "the time is over"
+        if self.reason:
+            self._since = time.monotonic()
+            notices.append(Notice(time=now.time, kind="stop", text=self.reason))
+        return notices
+
+    def full(self, error: OSError | None) -> None:
+        """End the recording because the disk, or the file, is full."""
+        if error and error.errno == errno.EFBIG:
+            self.reason = self.reason or "the file is as large as files may be"
+            limit = size_limit()
+            most = "of its file system" if limit == sys.maxsize else f"of {1e-6 * limit:.1f} MB (ulimit -f)"
+            given = (
+                f"file '{self._job.path}' (at the limit {most} on a file's size; what was recorded is saved)"
+            )
+            allowed, remedy = "a shorter recording", "raise the limit; FAT32 has 4 GB a file, others more"
+        else:
+            self.reason = self.reason or "the disk is full"
+            why = error.strerror if error else f"less than {1e-6 * self._job.disk.stop:.0f} MB free"
+            given = f"disk of '{self._job.path}' ({why}; what was recorded is saved)"
+            allowed, remedy = "one with free space", "free some space, or record elsewhere"
+        self.failure = self.failure or str(InputError(given, allowed, remedy))
+
+
+@contextmanager
+def saved(writer: SessionWriter, ending: Ending) -> Generator[None]:
+    """Close the session in any case; a full disk ends the recording and is not raised."""
+    try:
+        try:
+            yield
+        finally:
+            writer.close()
+    except OSError as error:
+        if not is_full(error):
+            raise
+        ending.full(error)
+
+
+def _line(error: Exception) -> str:
+    return str(error) if isinstance(error, MonochordError) else f"{type(error).__name__}: {error}"
+
+
+@contextmanager
+def raised_priority() -> Generator[None]:
+    """Raise the priority of this thread and those that it starts; without permission nothing changes."""
+    before = os.getpriority(os.PRIO_PROCESS, 0)  # Linux has one for each thread
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, min(NICE, before))
+    try:
+        yield
+    finally:
+        os.setpriority(os.PRIO_PROCESS, 0, before)

@@ -5,66 +5,116 @@ import time
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from monochord.capture.instruments.base import Connection
-from monochord.capture.recording.inbox import Inbox
 from monochord.capture.sources.base import Stream
 from monochord.core.types import Block, Readings
 from monochord.core.units import Seconds
 
-POLL: Seconds = 0.01
-"""From one look at an instrument to the next."""
-SLOW: Seconds = 0.02
-"""A batch that waited longer for room than this was held up by the disk."""
-EARLY: Seconds = 0.05
-LATE: Seconds = 0.5
-"""How far a device's times of its frames may be from when they can have been at the converter."""
+POLL_INTERVAL: Seconds = 0.01
+"""Time between polls of an instrument."""
+BLOCKED_WAIT: Seconds = 0.02
+"""A batch that waits longer than this for space is blocked by the disk."""
+MAX_EARLY: Seconds = 0.05
+MAX_LATE: Seconds = 0.5
+"""Largest plausible deviations of a device's times from the possible times of its frames."""
+
+T = TypeVar("T")
+
+
+class BoundedQueue(Generic[T]):
+    """A queue of `capacity` bytes from many threads to the one that writes.
+
+    A thread that finds it full waits; nothing is dropped. An empty queue accepts a batch of any size.
+
+    >>> queue = BoundedQueue[str](capacity=100)
+    >>> queue.put("batch", size=60), queue.take(), queue.take()
+    (True, ['batch'], [])
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._items: list[T] = []
+        self._size = 0
+        self._closed = False
+        self._changed = threading.Condition()
+
+    @property
+    def filled(self) -> float:
+        """Filled share of the capacity."""
+        return self._size / self._capacity
+
+    def put(self, item: T, size: int) -> bool:
+        """Add a batch of `size` bytes, waiting for space; return false if the queue was closed."""
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._closed or not self._size or self._size + size <= self._capacity
+            )
+            if self._closed:
+                return False
+            self._items.append(item)
+            self._size += size
+            return True
+
+    def take(self) -> list[T]:
+        """Return and remove all batches, oldest first, without waiting."""
+        with self._changed:
+            items, self._items, self._size = self._items, [], 0
+            self._changed.notify_all()
+            return items
+
+    def close(self) -> None:
+        """Release waiting threads, and accept nothing any more."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polled:
-    """Readings with the name of the instrument that they came from."""
+    """Readings with the name of their instrument."""
 
     name: str
     readings: Readings
 
 
 class Pumps:
-    """The running threads: what they bring is in `inbox`.
+    """The running threads; their data are in `queue`.
 
-    `held_up` is for how long so far a live source or instrument waited for room in the inbox, in s; what the
-    devices' own buffers could not hold meanwhile, they count as lost. `failures` are errors by the name of
-    whatever raised them, ``audio`` for the source. `doubt` is for how long ago the source says that its
-    newest block began, in s, where that cannot be, and else 0: JACK's times can be wrong by seconds after a
+    `blocked` is the time in s for which a live source or instrument waited for space in the queue; data that
+    the devices' own buffers could not store meanwhile, they count as lost. `failures` are errors by the name
+    of the instrument, or ``audio`` for the source. `implausible_age` is the age in s of the latest block by
+    the source's own time, where that is impossible, and else 0: JACK's times can be wrong by seconds after a
     client was killed.
     """
 
-    def __init__(self, stream: Stream, connections: Mapping[str, Connection], room: int) -> None:
-        self.inbox = Inbox[Block | Polled](room)
+    def __init__(self, stream: Stream, connections: Mapping[str, Connection], capacity: int) -> None:
+        self.queue = BoundedQueue[Block | Polled](capacity)
         self.failures: dict[str, Exception] = {}
-        self.held_up: Seconds = 0.0
-        self.doubt: Seconds = 0.0
+        self.blocked: Seconds = 0.0
+        self.implausible_age: Seconds = 0.0
         self._stream = stream
         self._stopped = threading.Event()
         self._audio = self._thread("audio", self._read_audio)
-        self._others = [
-            self._thread(name, lambda name=name, open_=connection: self._poll(name, open_))
+        self._instruments = [
+            self._thread(name, lambda name=name, connection=connection: self._poll(name, connection))
             for name, connection in connections.items()
         ]
 
     @property
     def source_ended(self) -> bool:
-        """Whether the source has no more."""
+        """Whether the source has ended."""
         return not self._audio.is_alive()
 
     @property
     def ended(self) -> bool:
-        """Whether all that will ever come is in the inbox."""
-        return not any(thread.is_alive() for thread in (self._audio, *self._others))
+        """Whether all threads have ended, so that the queue contains the last data."""
+        return not any(thread.is_alive() for thread in (self._audio, *self._instruments))
 
     def start(self) -> None:
-        """Begin to read."""
-        for thread in (self._audio, *self._others):
+        """Start reading."""
+        for thread in (self._audio, *self._instruments):
             thread.start()
 
     def stop(self) -> None:
@@ -76,29 +126,29 @@ class Pumps:
         def run() -> None:
             try:
                 work()
-            except Exception as error:  # noqa: BLE001  (told by the loop, in whose thread it counts)
+            except Exception as error:  # noqa: BLE001  (reported by the loop)
                 self.failures[name] = error
 
         return threading.Thread(target=run, name=f"record {name}", daemon=True)
 
     def _read_audio(self) -> None:
         for block in self._stream:
-            self.doubt = self._doubt(block)
+            self.implausible_age = self._implausible_age(block)
             if not self._put(block, block.samples.nbytes, live=block.adc_time is not None):
                 return
 
-    def _doubt(self, block: Block) -> Seconds:
-        """Return how long ago a block began, by its own time, where that cannot be."""
+    def _implausible_age(self, block: Block) -> Seconds:
+        """Return the age of a block by its own time where that is impossible, else 0."""
         if block.adc_time is None:
             return 0.0
-        ago = time.monotonic() - block.adc_time
+        age = time.monotonic() - block.adc_time
         unread = (block.samples.shape[1] + self._stream.pending) / self._stream.signal.sample_rate
-        return ago if not -EARLY <= ago <= unread + LATE else 0.0
+        return 0.0 if -MAX_EARLY <= age <= unread + MAX_LATE else age
 
     def _poll(self, name: str, connection: Connection) -> None:
         last = False
         while not last:
-            last = self._stopped.wait(POLL)
+            last = self._stopped.wait(POLL_INTERVAL)
             for readings in connection.poll():
                 # Sequence, time, device time and status take 28 bytes beside the values.
                 size = readings.values.nbytes + 28 * len(readings.time)
@@ -109,22 +159,22 @@ class Pumps:
 
     def _put(self, batch: Block | Polled, size: int, *, live: bool) -> bool:
         begin = time.monotonic()
-        taken = self.inbox.put(batch, size)
+        accepted = self.queue.put(batch, size)
         waited = time.monotonic() - begin
-        if live and waited > SLOW:
-            self.held_up += waited
-        return taken
+        if live and waited > BLOCKED_WAIT:
+            self.blocked += waited
+        return accepted
 
 
 @contextmanager
-def pumping(stream: Stream, connections: Mapping[str, Connection], room: int) -> Generator[Pumps]:
-    """Read source and instruments until the context is left; what is then in the inbox is given up."""
-    pumps = Pumps(stream, connections, room)
+def pumping(stream: Stream, connections: Mapping[str, Connection], capacity: int) -> Generator[Pumps]:
+    """Read source and instruments until the context is left; what the queue then contains is discarded."""
+    pumps = Pumps(stream, connections, capacity)
     pumps.start()
     try:
         yield pumps
     finally:
         pumps.stop()
-        pumps.inbox.close()
+        pumps.queue.close()
         while not pumps.ended:
-            time.sleep(POLL)
+            time.sleep(POLL_INTERVAL)

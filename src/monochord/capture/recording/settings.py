@@ -1,4 +1,4 @@
-"""What a person configures of a recording, and the job that is built from it."""
+"""The settings of a recording, and the job that is built from them."""
 
 import math
 import re
@@ -22,7 +22,7 @@ from monochord.sessions import Description
 
 
 def kind_of(name: str, table: Mapping[str, Any]) -> str:
-    """Return the kind of the instrument whose table has a name: what it says, or else that name.
+    """Return the kind of the instrument of a named table: its ``name``, or else that of the table.
 
     >>> kind_of("pose_udp_2", {}), kind_of("left", {"name": "pose-udp"})
     ('pose_udp', 'pose_udp')
@@ -31,8 +31,8 @@ def kind_of(name: str, table: Mapping[str, Any]) -> str:
     return kind.replace("-", "_")
 
 
-class Subject(Protocol):
-    """Whatever can describe a recording, once it is known what its source and instruments are."""
+class Describer(Protocol):
+    """Describes a recording, once its source and instruments are open."""
 
     def describe(self, name: str, signal: Signal, feeds: tuple[Feed, ...]) -> Description:
         """Return the description of a session called `name`."""
@@ -41,9 +41,9 @@ class Subject(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class About:
-    """What a recording is of, as its session will tell; the fields are those of `sessions.Description`.
+    """The subject of a recording, as stored in its session; the fields are those of `sessions.Description`.
 
-    `sensor` names a preset, or a TOML file laid out as one. `simulated` marks what did not come from
+    `sensor` names a preset, or a TOML file in its format. `simulated` marks data that did not come from
     hardware; a source that knows its own string is a simulation anyway.
     """
 
@@ -80,9 +80,9 @@ class About:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiskLimits:
-    """When the disk is too full, in bytes that are free: to `start`, and to go on (`stop`).
+    """Limits on the free bytes of the disk: to `start`, and to continue (`stop`).
 
-    A person is warned when less than `warn` seconds of recording are left at the pace so far.
+    A warning is shown when the disk lasts less than `warn` seconds at the present rate.
     """
 
     start: float = 100e6
@@ -96,34 +96,34 @@ class DiskLimits:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
-    """A recording, ready to start: where it goes, built plug-ins, what it is of, and when to end.
+class RecordingJob:
+    """A recording, ready to start: its file, plug-ins, description, and end.
 
-    `instruments` are by name. `room` is how many bytes may wait in memory for a slow disk. `diary` is asked
-    at each writing, with the monotonic time, what else has happened that the session is to tell; `enough`,
-    likewise, whether it may end, beside `seconds`.
+    `instruments` are by name. `queue_bytes` is the capacity of the queue in memory for a slow disk. `events`
+    is called at each write, with the monotonic time, for further events of the session; `finished`,
+    likewise, decides whether to end before `seconds`.
     """
 
     path: Path
     source: Source
     instruments: Mapping[str, Instrument] = field(default_factory=dict[str, Instrument])
-    about: Subject = About()
+    about: Describer = About()
     disk: DiskLimits = DiskLimits()
     seconds: Seconds = math.inf
-    room: int = 1 << 25
-    diary: Callable[[Seconds], Sequence[Notice]] = lambda _now: ()
-    enough: Callable[[Seconds], bool] = lambda _now: False
+    queue_bytes: int = 1 << 25
+    events: Callable[[Seconds], Sequence[Notice]] = lambda _now: ()
+    finished: Callable[[Seconds], bool] = lambda _now: False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """A recording as configured: the source as a table with its name, instruments as tables by name.
+class RecordingSettings:
+    """The settings of a recording: the source as a table with its name, instruments as tables by name.
 
-    A table of an instrument is called as its kind, and numbered from the second on: ``pose_udp``,
-    ``pose_udp_2``. One of any other name says its kind as ``name``, and its own name is its stream's.
+    The table of an instrument has the name of its kind, numbered from the second on: ``pose_udp``,
+    ``pose_udp_2``. One of any other name has the kind as ``name``, and its own name becomes the stream's.
 
     >>> tree = {"source": {"name": "wav", "path": "take.wav"}, "about": {"object": "plastic"}}
-    >>> Settings.read(tree).job(Path("take.mcap")).about.object
+    >>> RecordingSettings.read(tree).job(Path("take.mcap")).about.object
     'plastic'
     """
 
@@ -134,7 +134,7 @@ class Settings:
     seconds: Seconds = math.inf
 
     @classmethod
-    def read(cls, tree: Tree) -> "Settings":
+    def read(cls, tree: Tree) -> "RecordingSettings":
         """Build from plain values, strictly."""
         return from_tree(cls, tree)
 
@@ -142,17 +142,17 @@ class Settings:
         if not self.seconds > 0.0:
             raise InputError(f"{self.seconds:g} seconds", "more than 0")
 
-    def job(self, path: Path) -> Job:
+    def job(self, path: Path) -> RecordingJob:
         """Build every plug-in; raises `InputError` for an unknown name, option or sensor, or no .mcap."""
         if path.suffix != ".mcap":
             raise InputError(f"file '{path}'", "a name that ends in .mcap")
         options = dict(self.source)
         name = options.pop("name", None)
         if not isinstance(name, str):
-            raise InputError("source without a name", ", ".join(SOURCES.names()), "write source.name")
+            raise InputError("source without a name", ", ".join(SOURCES.names()), "set source.name")
         if self.about.sensor:
             load_sensor(self.about.sensor)  # refused before any device is opened
-        return Job(
+        return RecordingJob(
             path=path,
             source=SOURCES.build(name, options),
             instruments=self._instruments(),
@@ -162,14 +162,14 @@ class Settings:
         )
 
     def _instruments(self) -> dict[str, Instrument]:
-        """Build the instruments; one of a name of its own has a stream of that name."""
-        found: dict[str, Instrument] = {}
-        for written, table in self.instruments.items():
-            name, options = written.replace("-", "_"), dict(table)
+        """Build the instruments; one with its own name has a stream of that name."""
+        instruments: dict[str, Instrument] = {}
+        for key, table in self.instruments.items():
+            name, options = key.replace("-", "_"), dict(table)
             kind = kind_of(name, options)
             options.pop("name", None)
-            if name in found:
-                raise InputError(f"two instruments called '{name}'", "names of their own", "rename one")
+            if name in instruments:
+                raise InputError(f"two instruments called '{name}'", "different names", "rename one")
             if name in INSTRUMENTS.names() and name != kind:
                 given = f"instrument {kind} called '{name}'"
                 raise InputError(given, "a name that no kind of instrument has", "rename it")
@@ -177,9 +177,9 @@ class Settings:
             stream = name if is_named else options.get("stream")
             if is_named and options.get("stream", name) != name:
                 given = f"stream '{options['stream']}' of the instrument called '{name}'"
-                raise InputError(given, f"'{name}', as it is called", "leave out the one or the other")
+                raise InputError(given, f"'{name}', the instrument's name", "omit one of them")
             if is_named and "stream" in {each.name for each in fields(INSTRUMENTS.load(kind))}:  # pyright: ignore[reportArgumentType]
                 options["stream"] = name
             built = INSTRUMENTS.build(kind, options)
-            found[name] = NamedInstrument(instrument=built, stream=stream) if stream else built
-        return found
+            instruments[name] = NamedInstrument(instrument=built, stream=stream) if stream else built
+        return instruments

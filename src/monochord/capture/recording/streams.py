@@ -1,4 +1,4 @@
-"""Streams of instruments by names of their own, so that two of a kind can be recorded side by side."""
+"""Unique names of the instruments' streams, so that two of a kind can be recorded together."""
 
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -9,19 +9,19 @@ from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Feed, InstrumentHealth, Readings
 
 COLUMNS = {"wrench": WRENCH, "pose": POSE}
-"""What streams of these names hold, on which alignment and measured labels rely."""
+"""Columns of these streams, on which alignment and measured labels rely."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedInstrument(Instrument):
-    """An `instrument` whose stream is called `stream`, whatever it would call it itself."""
+    """An `instrument` whose stream is called `stream` instead of its usual name."""
 
     instrument: Instrument
     stream: str
 
     @contextmanager
     def open(self) -> Generator[Connection]:
-        """Open the instrument; raises `InputError` where a stream of this name holds something else."""
+        """Open the instrument; raises `InputError` where a stream of this name has other columns."""
         with self.instrument.open() as connection:
             columns = COLUMNS.get(self.stream, connection.feed.columns)
             if connection.feed.columns != columns:
@@ -46,26 +46,26 @@ class _NamedConnection(Connection):
         return [replace(readings, stream=self._stream) for readings in self._connection.poll()]
 
 
-def told_apart(connections: Mapping[str, Connection]) -> dict[str, Connection]:
+def with_unique_streams(connections: Mapping[str, Connection]) -> dict[str, Connection]:
     """Return the connections, each with a stream of its own.
 
-    Of those whose stream has no name of its own, the first keeps the usual one, and the others get a number:
+    Of those whose stream was not named, the first keeps the usual name, and the others get a number:
     ``pose``, ``pose_2``, ``pose_3``.
     """
     taken = {each.feed.stream for each in connections.values() if isinstance(each, _NamedConnection)}
-    found: dict[str, Connection] = {}
+    unique: dict[str, Connection] = {}
     for name, connection in connections.items():
-        found[name] = connection
+        unique[name] = connection
         if not isinstance(connection, _NamedConnection):
             stream = free_name(connection.feed.stream, taken)
             taken.add(stream)
             if stream != connection.feed.stream:
-                found[name] = _NamedConnection(connection, stream)
-    return found
+                unique[name] = _NamedConnection(connection, stream)
+    return unique
 
 
 def free_name(name: str, taken: "Mapping[str, object] | set[str]") -> str:
-    """Return a name that is not taken: itself, or with the least number from 2 on behind it.
+    """Return a name that is not taken: itself, or followed by the smallest number from 2 on.
 
     >>> free_name("pose", {"pose", "pose_2"})
     'pose_3'

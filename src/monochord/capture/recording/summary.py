@@ -1,4 +1,4 @@
-"""What a recording came to."""
+"""The summary of a recording."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from monochord.capture.recording.feeds import FeedNow
-from monochord.capture.recording.progress import Progress
+from monochord.capture.recording.counters import FeedNow, Progress
 from monochord.core.units import Samples, Seconds, decibels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeedSummary:
-    """One instrument: what was saved, and what it counted itself; `rate` is over the whole recording."""
+    """One instrument: saved readings and its own counters; `rate` is over the whole recording."""
 
     stream: str
     readings: int
@@ -25,7 +24,7 @@ class FeedSummary:
 
     @classmethod
     def of(cls, feed: FeedNow, elapsed: Seconds) -> "FeedSummary":
-        """Return what an instrument came to in some time."""
+        """Return the summary of an instrument over a time."""
         health = feed.health
         return cls(
             stream=feed.feed.stream,
@@ -38,19 +37,19 @@ class FeedSummary:
         )
 
 
-ASKED = "stopped by request"
-"""Why a recording ended that somebody ended."""
+REQUESTED = "stopped by request"
+"""Reason of a requested end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Summary:
-    """A recording that has ended; its file is complete and valid.
+class RecordingSummary:
+    """A finished recording; its file is complete and valid.
 
     `frames` were saved and `dropped` lost in `gaps`, with `xruns` and `reconnects` as the source counts them.
     `peak` is the highest of each microphone as a share of full scale, `clipped` and `not_numbers` count its
     samples. `instruments` are by name. `flags` counts the events by kind. `size` is the file's in bytes,
-    `stopped` says why it ended, and `failure`, empty where all is well, what kept it from going on. Where a
-    disk filled up, the file may hold a tenth of a second more than is counted here.
+    `stopped` the reason of the end, and `failure` the error that caused it, empty if there was none. Where a
+    disk filled up, the file may contain a tenth of a second more than is counted here.
     """
 
     path: Path
@@ -71,14 +70,14 @@ class Summary:
 
     @property
     def interrupted(self) -> bool:
-        """Whether somebody ended it."""
-        return self.stopped == ASKED
+        """Whether the end was requested."""
+        return self.stopped == REQUESTED
 
     @classmethod
     def of(
         cls, path: Path, now: Progress, *, flags: Mapping[str, int], size: int, stopped: str, failure: str
-    ) -> "Summary":
-        """Return what a recording came to that stands as `now` says."""
+    ) -> "RecordingSummary":
+        """Return the summary of a recording from its last state."""
         return cls(
             path=path,
             seconds=now.elapsed,
@@ -124,11 +123,11 @@ class Summary:
 
 
 def _feed_line(name: str, feed: FeedSummary) -> str:
-    counted = {"readings": feed.readings, "missing": feed.missing, "faulty": feed.faulty}
+    counts = {"readings": feed.readings, "missing": feed.missing, "faulty": feed.faulty}
     if feed.out_of_order:
-        counted["out of order"] = feed.out_of_order
-    return f"{name}  {_counts(counted)}  reconnects {feed.reconnects}  {feed.rate:.1f} a second"
+        counts["out of order"] = feed.out_of_order
+    return f"{name}  {_counts(counts)}  reconnects {feed.reconnects}  {feed.rate:.1f} a second"
 
 
-def _counts(counted: Mapping[str, int]) -> str:
-    return "  ".join(f"{name} {count}" for name, count in counted.items())
+def _counts(counts: Mapping[str, int]) -> str:
+    return "  ".join(f"{name} {count}" for name, count in counts.items())

@@ -1,23 +1,22 @@
-"""What is worth an event: whatever a person who trusts a recording would want to know later."""
+"""Decides which changes of a recording become events: those that a reader of the session needs to know."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from monochord.capture.recording.feeds import FeedNow
-from monochord.capture.recording.progress import Progress
+from monochord.capture.recording.counters import FeedNow, Progress
 from monochord.core.units import Seconds
 
-AT_MOST: Seconds = 1.0
-"""Events of one kind about one stream are this far apart; what happens between is counted together."""
-STEP: Seconds = 0.05
-"""A clock that moved by more than this against the monotonic one was set."""
-HELD_UP: Seconds = 0.25
-"""What waited longer than this for the disk is told."""
+EVENT_INTERVAL: Seconds = 1.0
+"""Shortest time between events of one kind and stream; what happens between is counted together."""
+MIN_CLOCK_STEP: Seconds = 0.05
+"""A clock that moves by more than this against the monotonic one was set."""
+MIN_BLOCKED: Seconds = 0.25
+"""Waiting for the disk is reported from this time on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notice:
-    """One event of a recording; `time` is the monotonic clock's, `text` what a person reads."""
+    """One event of a recording; `time` is the monotonic clock's, `text` is for the reader."""
 
     time: Seconds
     kind: str
@@ -26,7 +25,7 @@ class Notice:
 
 
 class Watch:
-    """Compares each look at a recording with the one before, and notices what got worse or came back."""
+    """Compares each state of a recording with the one before, and reports what got worse or recovered."""
 
     def __init__(self, disk_warning: Seconds) -> None:
         self._disk_warning = disk_warning
@@ -34,19 +33,19 @@ class Watch:
         self._next: dict[tuple[str, str], Seconds] = {}
         self._silent: dict[str, Seconds] = {}
         self._offsets: Mapping[str, Seconds] = {}
-        self._disk_low = self._doubted = False
+        self._disk_low = self._implausible = False
 
     def look(self, now: Progress, *, last: bool = False) -> list[Notice]:
-        """Return what is to be noted; with `last`, whatever is still counted together too."""
-        found = [
+        """Return the new notices; with `last`, also those that are still being counted together."""
+        notices = [
             *self._audio(now, last=last),
             *(notice for feed in now.feeds for notice in self._feed(feed, now.time, last=last)),
             *self._disk(now, last=last),
         ]
-        return [notice for notice in found if notice]
+        return [notice for notice in notices if notice]
 
     def clocks(self, time: Seconds, offsets: Mapping[str, Seconds]) -> list[Notice]:
-        """Return a notice for each clock that was set since the last look at them."""
+        """Return a notice for each clock that was set since the last call."""
         before, self._offsets = self._offsets, dict(offsets)
         steps = {name: offset - before[name] for name, offset in offsets.items() if name in before}
         return [
@@ -57,7 +56,7 @@ class Watch:
                 data={"clock": name, "seconds": step},
             )
             for name, step in steps.items()
-            if abs(step) > STEP
+            if abs(step) > MIN_CLOCK_STEP
         ]
 
     def _audio(self, now: Progress, *, last: bool) -> Iterator[Notice | None]:
@@ -73,19 +72,18 @@ class Watch:
         if count := rise("reconnect", now.health.reconnects):
             yield _about("audio", now.time, "reconnect", "audio: connected again", count=count)
         yield self._silence("audio", now.silent, now.time)
-        if now.doubt and not self._doubted:
-            text = f"audio: the device says that a block of now began {now.doubt:+.3f} s ago"
-            yield _about("audio", now.time, "clock_doubt", text, seconds=now.doubt)
-        self._doubted = bool(now.doubt)
-        if slipped := rise("uncounted", now.slipped):
-            text = (
-                f"audio: its times moved by {slipped:+.3f} s against its frames, which nobody counted as lost"
-            )
-            yield _about("audio", now.time, "uncounted", text, seconds=slipped)
+        if now.implausible_age and not self._implausible:
+            age = now.implausible_age
+            text = f"audio: the device states an impossible time, {age:+.3f} s ago, for the latest block"
+            yield _about("audio", now.time, "clock_doubt", text, seconds=age)
+        self._implausible = bool(now.implausible_age)
+        if shift := rise("uncounted", now.time_shift):
+            text = f"audio: its times shifted by {shift:+.3f} s against its frames, without counted losses"
+            yield _about("audio", now.time, "uncounted", text, seconds=shift)
         clipped = sum(level.clipped for level in now.levels)
         if count := rise("clipping", clipped):
-            ears = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.clipping)
-            text = f"audio: {_counted(count, 'sample')} clipped, microphone {ears}"
+            microphones = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.clipping)
+            text = f"audio: {_counted(count, 'sample')} clipped, microphone {microphones}"
             yield _about("audio", now.time, "clipping", text, samples=count)
         if count := rise("nan", sum(level.not_numbers for level in now.levels)):
             text = f"audio: {count:.0f} samples that are not numbers"
@@ -101,19 +99,19 @@ class Watch:
             ("fault", max(feed.faulty, health.faulty), f"{{}} with faults, status {feed.status:#010x}"),
         ):
             if count := self._rise(kind, name, total, time, last=last):
-                said = _counted(count, "reading")
+                readings = _counted(count, "reading")
                 more: dict[str, float] = {"status": feed.status} if kind == "fault" else {}
-                yield _about(name, time, kind, f"{name}: {words.format(said)}", count=count, **more)
+                yield _about(name, time, kind, f"{name}: {words.format(readings)}", count=count, **more)
 
     def _disk(self, now: Progress, *, last: bool) -> Iterator[Notice]:
         low = now.elapsed > 1.0 and now.space.left < self._disk_warning
         if low and not self._disk_low:
             left, free = now.space.left, 1e-6 * now.space.free
-            text = f"disk: room for {left:.0f} s, {free:.0f} MB free"
+            text = f"disk: space for {left:.0f} s, {free:.0f} MB free"
             yield Notice(time=now.time, kind="disk_low", text=text, data={"seconds": left, "megabytes": free})
         self._disk_low = low
-        if now.held_up - self._totals.get(("disk_slow", "disk"), 0.0) > HELD_UP and (
-            seconds := self._rise("disk_slow", "disk", now.held_up, now.time, last=last)
+        if now.blocked - self._totals.get(("disk_slow", "disk"), 0.0) > MIN_BLOCKED and (
+            seconds := self._rise("disk_slow", "disk", now.blocked, now.time, last=last)
         ):
             text = f"disk: too slow, capture waited {seconds:.2f} s"
             yield Notice(time=now.time, kind="disk_slow", text=text, data={"seconds": seconds})
@@ -131,12 +129,12 @@ class Watch:
         return None
 
     def _rise(self, kind: str, name: str, total: float, time: Seconds, *, last: bool) -> float:
-        """Return by how much a count grew since it was last told, 0 if it is too soon to tell again."""
+        """Return the growth of a count since its last event, 0 if it is too soon for another."""
         if not last and time < self._next.get((kind, name), -1.0):
             return 0.0
         rise = self._since(kind, name, total)
         if rise:
-            self._next[kind, name] = time + AT_MOST
+            self._next[kind, name] = time + EVENT_INTERVAL
         return rise
 
     def _since(self, kind: str, name: str, total: float) -> float:

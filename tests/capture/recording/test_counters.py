@@ -1,0 +1,256 @@
+import dataclasses
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monochord.capture.recording import Progress, record
+from monochord.capture.recording import counters as counters_module
+from monochord.capture.recording.counters import (
+    PEAK_HOLD,
+    SILENCE,
+    FeedCounter,
+    Levels,
+    RecordingCounters,
+    TimingCheck,
+)  # fmt: skip
+from monochord.capture.recording.pumps import Polled, Pumps
+from monochord.capture.sources.base import Source
+from monochord.core.types import Block, Feed, InstrumentHealth, Readings
+
+RATE = 44100
+FRAMES = 512
+
+
+def shift_of(begin_of: "list[float]", *, dropped: "dict[int, int] | None" = None) -> float:
+    """Return the shift of a stream whose k-th block states that frame 0 was at `begin_of[k]`."""
+    timing, start = TimingCheck(RATE), 0
+    for k, begin in enumerate(begin_of):
+        start += (dropped or {}).get(k, 0)
+        timing.add(
+            Block(samples=np.zeros((1, FRAMES), np.float32), start=start, adc_time=begin + start / RATE)
+        )
+        start += FRAMES
+    return timing.shift
+
+
+def test_a_steady_stream_does_not_shift() -> None:
+    assert shift_of([5.0] * 500) == 0.0
+
+
+def test_jitter_of_single_blocks_is_no_shift() -> None:
+    jitter = np.random.default_rng(0).exponential(2e-3, 2000)
+    assert shift_of((5.0 + jitter).tolist()) == 0.0
+
+
+def test_two_clocks_that_drift_are_no_shift() -> None:
+    assert shift_of((5.0 + 300e-6 * np.arange(3000) * FRAMES / RATE).tolist()) == 0.0
+
+
+def test_a_gap_that_was_counted_is_no_shift() -> None:
+    assert shift_of([5.0] * 500, dropped={250: 44100}) == 0.0
+
+
+@pytest.mark.parametrize("periods", [1, 20, -3])
+def test_periods_that_were_not_counted_are(periods: int) -> None:
+    lost = periods * FRAMES / RATE
+    assert shift_of([5.0] * 250 + [5.0 + lost] * 250) == pytest.approx(lost, rel=1e-6)
+
+
+def test_blocks_without_times_say_nothing() -> None:
+    timing = TimingCheck(RATE)
+    for k in range(100):
+        timing.add(Block(samples=np.zeros((1, FRAMES), np.float32), start=k * FRAMES))
+    assert timing.shift == 0.0
+
+
+def levels_block(*channels: list[float]) -> Block:
+    return Block(samples=np.array(channels, np.float32), start=0)
+
+
+def test_each_microphone_has_its_level() -> None:
+    levels = Levels(channels=2)
+    levels.add(levels_block([0.3, -0.3], [0.0, 0.4]))
+    levels.add(levels_block([0.3, -0.3], [-0.4, 0.0]))
+    first, second = levels.look(0.0)
+    assert first.rms == pytest.approx(0.3)
+    assert second.rms == pytest.approx(0.4 / np.sqrt(2))
+    assert (first.peak, second.peak) == pytest.approx((0.3, 0.4))
+    assert not first.clipping
+
+
+def test_a_peak_is_held_for_a_while_and_the_highest_for_ever() -> None:
+    levels = Levels(channels=1)
+    levels.add(levels_block([0.8]))
+    levels.look(0.0)
+    levels.add(levels_block([-0.2]))
+    (soon,) = levels.look(0.9 * PEAK_HOLD)
+    assert (soon.peak, soon.peak_hold) == pytest.approx((0.2, 0.8))
+    levels.add(levels_block([0.1]))
+    (later,) = levels.look(1.1 * PEAK_HOLD)
+    assert (later.peak_hold, later.highest) == pytest.approx((0.1, 0.8))
+
+
+def test_clipped_samples_are_counted_and_shown_for_a_while() -> None:
+    levels = Levels(channels=2)
+    levels.add(levels_block([1.0, 0.9, -1.0], [0.99, 0.0, -0.99]))
+    first, second = levels.look(0.0)
+    assert (first.clipped, second.clipped) == (2, 0)
+    assert first.clipping
+    levels.add(levels_block([0.1], [0.1]))
+    assert not levels.look(1.1 * PEAK_HOLD)[0].clipping
+    assert levels.look(1.1 * PEAK_HOLD)[0].clipped == 2
+
+
+def test_sixteen_bits_at_full_scale_count_as_clipped() -> None:
+    levels = Levels(channels=1)
+    levels.add(levels_block([32767 / 32768]))
+    assert levels.look(0.0)[0].clipped == 1
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_counted_and_left_out_of_the_level(bad: float) -> None:
+    levels = Levels(channels=1)
+    levels.add(levels_block([bad, 0.5, -0.5, bad]))
+    (level,) = levels.look(0.0)
+    assert level.not_numbers == 2
+    assert (level.rms, level.peak, level.highest) == pytest.approx((0.5, 0.5, 0.5))
+    levels.add(levels_block([bad]))
+    assert levels.look(0.0)[0].rms == 0.0
+
+
+def test_a_look_without_audio_returns_the_last() -> None:
+    levels = Levels(channels=1)
+    assert levels.look(0.0)[0].rms == 0.0
+    levels.add(levels_block([0.5]))
+    assert levels.look(0.1) == levels.look(0.2)
+
+
+FEED = Feed(stream="gripper", columns=("width", "force"), units=("m", "N"), rate=100.0)
+HEALTH = InstrumentHealth(missing=3)
+
+
+def readings(count: int, *, value: float = 1.0, status: int = 0) -> Readings:
+    return Readings(
+        stream="gripper",
+        time=np.zeros(count),
+        values=np.full((count, 2), value),
+        sequence=np.arange(count),
+        device_time=np.arange(count),
+        status=np.full(count, status, np.uint32),
+    )
+
+
+def test_readings_are_counted_and_the_latest_is_shown() -> None:
+    counter = FeedCounter("gripper", FEED, begin=0.0)
+    counter.add(readings(40, value=1.0), 0.4)
+    counter.add(readings(60, value=2.0), 1.0)
+    now = counter.look(1.0, HEALTH)
+    assert (now.name, now.readings, now.health) == ("gripper", 100, HEALTH)
+    assert now.values == {"width": 2.0, "force": 2.0}
+    assert now.rate == pytest.approx(100.0)
+    assert now.silent == 0.0
+
+
+def test_the_rate_is_that_of_the_last_second() -> None:
+    counter = FeedCounter("gripper", FEED, begin=0.0)
+    counter.add(readings(100), 1.0)
+    counter.look(1.0, HEALTH)
+    counter.add(readings(10), 2.0)
+    assert counter.look(2.0, HEALTH).rate == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(("rate", "patience"), [(7000.0, 0.5), (100.0, 0.5), (2.0, 2.5), (0.0, 2.0)])
+def test_an_instrument_that_is_late_is_silent(rate: float, patience: float) -> None:
+    feed = Feed(stream="gripper", columns=("width", "force"), units=("m", "N"), rate=rate)
+    counter = FeedCounter("gripper", feed, begin=0.0)
+    counter.add(readings(1), 10.0)
+    assert counter.look(10.0 + 0.9 * patience, HEALTH).silent == 0.0
+    assert counter.look(10.0 + 1.1 * patience, HEALTH).silent == pytest.approx(1.1 * patience)
+
+
+def test_one_that_never_sent_is_silent_too() -> None:
+    counter = FeedCounter("gripper", FEED, begin=5.0)
+    now = counter.look(7.0, HEALTH)
+    assert (now.silent, now.values, now.readings) == (2.0, {}, 0)
+
+
+def test_faults_are_counted_and_the_newest_status_kept() -> None:
+    counter = FeedCounter("gripper", FEED, begin=0.0)
+    counter.add(readings(3, status=2), 0.1)
+    counter.add(readings(2, status=0x80010000), 0.2)
+    counter.add(readings(5), 0.3)
+    now = counter.look(0.3, HEALTH)
+    assert (now.readings, now.faulty, now.status) == (10, 5, 0x80010000)
+
+
+def block(start: int, frames: int, dropped: int = 0) -> Block:
+    return Block(samples=np.full((2, frames), 0.25, np.float32), start=start, dropped=dropped)
+
+
+def test_the_counters_add_up_blocks_and_readings(make_job: Any, force: Any, tmp_path: Path) -> None:
+    _, instrument = force()
+    source: Source = make_job().source
+    with source.open() as stream, instrument.open() as sensor:
+        counters = RecordingCounters(stream, {"net_ft": sensor}, tmp_path, reserve=0.0)
+        pumps = Pumps(stream, {"net_ft": sensor}, capacity=1000)
+        counters.add(block(0, 64))
+        counters.add(block(100, 64, dropped=36))
+        readings = Readings(
+            stream="wrench",
+            time=np.zeros(5),
+            values=np.ones((5, 6)),
+            sequence=np.arange(5),
+            device_time=np.arange(5),
+            status=np.zeros(5, np.uint32),
+        )
+        counters.add(Polled(name="net_ft", readings=readings))
+        now = counters.look(size=1000, pumps=pumps)
+        assert (now.frames, now.dropped, now.gaps) == (128, 36, 1)
+        assert counters.audio_end == 164 / RATE
+        assert [feed.readings for feed in now.feeds] == [5]
+        assert now.feeds[0].values["fz"] == 1.0
+        assert [round(level.rms, 3) for level in now.levels] == [0.25, 0.25]
+        assert now.space.size == 1000
+        assert now.time - counters.begin == now.elapsed < 5.0
+
+
+def test_audio_that_is_late_is_silent_unless_its_blocks_are_long(
+    make_job: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 100.0
+    monkeypatch.setattr(counters_module.time, "monotonic", lambda: now)
+    source: Source = make_job().source
+    with source.open() as stream:
+        counters = RecordingCounters(stream, {}, tmp_path, reserve=0.0)
+        pumps = Pumps(stream, {}, capacity=1000)
+        now += SILENCE + 0.05
+        assert counters.look(0, pumps).silent > SILENCE
+        counters.add(block(0, 64))
+        assert counters.look(0, pumps).silent == 0.0
+        counters.add(block(64, RATE))
+        now += SILENCE + 0.05
+        assert counters.look(0, pumps).silent == 0.0
+
+
+def test_each_state_continues_the_one_before(make_job: Any, force: Any) -> None:
+    looks: list[Progress] = []
+    record(make_job(seconds=0.5, instruments={"net_ft": force()[1]}), lambda now, _notices: looks.append(now))
+    assert len(looks) > 2
+    assert looks[-1].space.size > looks[0].space.size
+    for before, after in itertools.pairwise(looks):
+        assert after.time > before.time
+        assert after.frames >= before.frames
+        assert after.space.size >= before.space.size
+        assert after.feeds[0].readings >= before.feeds[0].readings
+    assert looks[-1].elapsed - looks[0].elapsed == pytest.approx(looks[-1].time - looks[0].time)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        looks[0].frames = 0  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_the_last_state_counts_all_frames(make_job: Any, tmp_path: Path) -> None:
+    looks: list[Progress] = []
+    summary = record(make_job(source={"speed": 0.0, "repeat": 1}), lambda now, _notices: looks.append(now))
+    assert looks[-1].frames == summary.frames == 88200
