@@ -33,7 +33,7 @@ from monochord.physics.strings import load_string, string_names
 Entry: TypeAlias = dict[str, Any]
 SETTINGS: Mapping[str, tuple[str, type]] = {
     "live": ("A run of 'monochord live', also its --config.", LiveSettings),
-    "record": ("A run of 'monochord record', also its --config.", recording.Settings),
+    "record": ("A run of 'monochord record', also its --config.", recording.RecordingSettings),
     "collect": ("A plan of 'monochord collect'.", Plan),
     "train": ("A run of 'monochord train', also its CONFIG.", TrainingSettings),
     "ablate": ("A grid of 'monochord ablate'.", Grid),
