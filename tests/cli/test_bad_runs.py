@@ -115,7 +115,7 @@ RUNS: dict[str, tuple[Damage, str]] = {
         "fft, which has none",
     ),
     "another rate": (changed_text(sample_rate=48000), "sound at 44100 Hz for a model: allowed is 48000 Hz"),
-    "another format": (changed_text(format=99), "of another format: allowed is format 1"),
+    "another format": (changed_text(format=99), "of format 99: allowed is format 2"),
     "huge window": (changed_text(window=1 << 50), "window 1125899906842624 of a model"),
     "wrong type": (changed_text(heads=[1]), "model.json.heads"),
     "nested deep": (nested, "model.json ("),
