@@ -72,9 +72,9 @@ def test_what_it_cannot_show_is_one_line(
     arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["demo", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert line in error
+    lines = [said for said in capsys.readouterr().err.splitlines() if said.startswith("monochord: ")]
+    assert len(lines) == 1
+    assert line in lines[0]
 
 
 def test_a_signal_ends_it_with_its_result() -> None:

@@ -29,7 +29,9 @@ def test_options_come_with_their_defaults(capsys: pytest.CaptureFixture[str]) ->
     assert run(["list", "figures", "--json"]) == 0
     trends = next(e for e in json.loads(capsys.readouterr().out)["figures"] if e["name"] == "trends")
     options = {option["name"]: option for option in trends["options"]}
-    assert options["string"] == {"name": "string", "required": False, "default": "appendix"}
+    assert options["string"] == {
+        "name": "string", "required": False, "default": "appendix", "allowed": "text",
+    }  # fmt: skip
 
 
 def test_a_preset_comes_with_its_source_and_its_values(capsys: pytest.CaptureFixture[str]) -> None:
