@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monochord.datasets.deal import deal
+from monochord.datasets._strategies import deal
 
 
 def shares(part: np.ndarray, sizes: np.ndarray, count: int) -> np.ndarray:

@@ -12,8 +12,7 @@ from tests.sessions.made import EPOCH, FEEDS, RATE, description
 
 from monochord.core.errors import InputError
 from monochord.sessions import codec
-from monochord.sessions._contents import END
-from monochord.sessions._opening import BEGIN
+from monochord.sessions._layout import BEGIN, END
 
 NANO = 10**9
 

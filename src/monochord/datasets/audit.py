@@ -13,7 +13,7 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.units import Samples
-from monochord.datasets._ways import is_held_out
+from monochord.datasets._strategies import is_held_out
 from monochord.datasets.duplicates import find_duplicates
 from monochord.datasets.manifest import FILE, Part, checksum
 from monochord.datasets.split import Split

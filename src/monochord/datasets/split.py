@@ -26,7 +26,7 @@ import numpy as np
 from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.units import Samples, Seconds
-from monochord.datasets._ways import (
+from monochord.datasets._strategies import (
     PARTS,
     by_group,
     by_time,

@@ -12,18 +12,12 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from monochord.sessions import codec, walk
-from monochord.sessions._opening import BEGIN, FORMAT, opening
+from monochord.sessions._layout import BEGIN, END, FORMAT, GUARD, ending_is_sound, opening
 from monochord.sessions.description import SessionClock
 
 if TYPE_CHECKING:
     from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema
 
-END = "monochord.end"
-"""Name of the metadata where a session was closed."""
-GUARD = "guard"
-"""The checksum of the others among the values at the end."""
-UNGUARDED = {"checksum", "sha256", "messages", "frames", "dropped", "gaps", "end"}
-"""What the end said before there was a guard."""
 _INDEX = struct.Struct("<BQHI")
 _ENTRY = struct.Struct("<QQ")
 _ORIGIN = re.compile(rb"origin.{4}([0-9.e+-]+)", re.DOTALL)
@@ -119,7 +113,7 @@ def contents(view: memoryview) -> Contents:
     found.closed = found.closed or data_end > 0 or bytes(view[-len(walk.MAGIC) :]) == walk.MAGIC
     found.torn = walk.torn(view, walked)
     _mend_opening(view, found, edges)
-    if found.ending and found.ending_at and not _ending_is_sound(found.ending):
+    if found.ending and found.ending_at and not ending_is_sound(found.ending):
         found.damage.append(found.ending_at._replace(what="ending"))
         found.ending = {}
     return found
@@ -144,7 +138,7 @@ def origin_of(view: memoryview, found: Contents) -> float:
     """Return the monotonic clock at a session's begin, 0 where that is lost: no time depends on it."""
     told = _ORIGIN.search(view[: found.chunks[0].chunk_start_offset if found.chunks else 4096])
     for text in (
-        found.ending.get("origin") if _ending_is_sound(found.ending) else None,
+        found.ending.get("origin") if ending_is_sound(found.ending) else None,
         found.begin.get("origin"),
         told and told[1].decode(),
     ):
@@ -162,19 +156,6 @@ def told_at_begin(view: memoryview, found: Contents) -> tuple[str, SessionClock]
         epoch_ns = int(found.begin["epoch_ns"])
         return found.begin["description"], SessionClock(epoch_ns=epoch_ns, origin=origin_of(view, found))
     return None
-
-
-def guarded(values: dict[str, str]) -> dict[str, str]:
-    """Return values with a checksum of them."""
-    return {**values, GUARD: str(zlib.crc32(json.dumps(values, sort_keys=True).encode()))}
-
-
-def _ending_is_sound(ending: dict[str, str]) -> bool:
-    rest = {name: value for name, value in ending.items() if name != GUARD}
-    if set(ending) != UNGUARDED:
-        return guarded(rest) == ending
-    told = ending["sha256"]
-    return hashlib.sha256(told.encode()).hexdigest() == ending.get("checksum")
 
 
 class _Group:
@@ -298,7 +279,7 @@ def _add_metadata(view: memoryview, found: Contents, record: walk.Record) -> Non
     if not name:
         found.damage.append(Damage(record.offset, record.end, "record"))
         return
-    if len(name) == len(END) and GUARD in content and _ending_is_sound(content):
+    if len(name) == len(END) and GUARD in content and ending_is_sound(content):
         _patch(view, found, record.offset + 13, END.encode())  # behind opcode and two lengths
         name = END
     if name == BEGIN:

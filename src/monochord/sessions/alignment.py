@@ -1,7 +1,7 @@
 """Whether a session's streams share a clock, and how to put them on one."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
@@ -9,12 +9,11 @@ import numpy as np
 
 from monochord.core.types import Floats
 from monochord.core.units import Seconds
-from monochord.sessions._flags import AUDIO, flags_of, mute, steps_of_the_wall_clock, strays
 from monochord.sessions.reader import Session
 from monochord.sessions.sync.arrival import Taken, times_taken
 from monochord.sessions.sync.pulses import Taps, groups_of, taps_of_force, taps_of_height
 from monochord.sessions.sync.taps import Offset, audio_offset, height_offset, travel_time
-from monochord.sessions.tracks import ReadingTrack
+from monochord.sessions.tracks import AUDIO, ReadingTrack
 
 BEYOND: Seconds = 0.5
 """How much further than allowed an offset is looked for, so that it can be told."""
@@ -148,8 +147,8 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
     force, poses = _seen(session, "fz", "wrench"), _seen(session, "z", "pose")
     guide, others = (force[0], poses) if force else (poses[0] if poses else None, [])
     reference = force[0].stream if force else AUDIO
-    flags = mute(session, (seen.stream for seen in (*force, *poses)))
-    flags += [*steps_of_the_wall_clock(session, limits), *strays(session, limits)]
+    flags = _mute(session, (seen.stream for seen in (*force, *poses)))
+    flags += [*_steps_of_the_wall_clock(session, limits), *_strays(session, limits)]
     groups = () if guide is None else groups_of((taps_of_force if force else taps_of_height)(*guide.rows))
     if not groups:
         if guide is not None:
@@ -172,7 +171,7 @@ def align(session: Session, limits: Limits | None = None) -> Alignment:
         lateness[seen.stream] = Lateness(times=times, offsets=both)
     spacing = {seen.stream: float(np.median(np.diff(seen.rows[0]))) for seen in poses}
     for name, late in lateness.items():
-        flags += flags_of(name, late, spacing.get(name, 0.0), limits)
+        flags += _flags_of(name, late, spacing.get(name, 0.0), limits)
     used = (groups[0].begin, groups[-1].begin)[: len(groups)]
     return Alignment(reference=reference, lateness=lateness, flags=tuple(flags), taps=used)
 
@@ -285,3 +284,62 @@ def _of_height(seen: _Seen, group: Taps, limits: Limits) -> Offset:
 def _turned(offset: Offset) -> Offset:
     """Return the offset of the reference against the stream, for the stream against the reference."""
     return replace(offset, value=-offset.value, each=-offset.each)
+
+
+def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> list[str]:
+    """Return what is not as it should be with a stream, in a sentence each."""
+    flags: list[str] = []
+    drift = limits.drift if stream == AUDIO else limits.intervals * spacing
+    std = limits.std if stream == AUDIO else limits.intervals * spacing
+    ends = 2 if late.times[1] > late.times[0] else 1
+    for place, offset in zip(("begin", "end")[:ends], late.offsets[:ends], strict=True):
+        if not offset.known:
+            flags.append(f"{stream} notices no taps within {limits.offset:g} s at the {place}")
+            continue
+        if offset.taps < limits.taps:
+            flags.append(f"{stream} notices {offset.taps} taps at the {place}; {limits.taps} are needed")
+        if offset.std > std:
+            flags.append(
+                f"{stream}'s offset at the {place} is uncertain by {1e3 * offset.std:.2f} ms;"
+                f" allowed is {1e3 * std:.2f} ms"
+            )
+        if abs(offset.value) > limits.offset:
+            flags.append(
+                f"{stream} is {abs(offset.value):.2f} s {'late' if offset.value > 0.0 else 'early'} at the"
+                f" {place}; allowed is {limits.offset:g} s"
+            )
+    if abs(late.drift) > drift:
+        flags.append(
+            f"{stream} drifts by {1e3 * late.drift:+.2f} ms ({late.ppm:+.0f} ppm) from the begin to the end;"
+            f" allowed is {1e3 * drift:.2f} ms"
+        )
+    return flags
+
+
+def _mute(session: Session, seen: Iterable[str]) -> list[str]:
+    """Return a sentence for each force and pose of which nothing came."""
+    due = {feed.stream for feed in session.description.feeds if {"fz", "z"} & set(feed.columns)}
+    return [f"{stream} has no readings" for stream in sorted(due - set(seen))]
+
+
+def _steps_of_the_wall_clock(session: Session, limits: Limits) -> list[str]:
+    """Return a sentence for each leap of the wall clock against the monotonic one."""
+    track = session.clocks
+    offsets = track.offsets.get("realtime", np.zeros(0))
+    leaps = np.diff(offsets)
+    return [
+        f"the wall clock was set by {leaps[k]:+.3f} s"
+        f" between {track.time[k]:.1f} s and {track.time[k + 1]:.1f} s"
+        for k in np.flatnonzero(np.abs(leaps) > limits.step)
+    ]
+
+
+def _strays(session: Session, limits: Limits) -> list[str]:
+    """Return a sentence where a sound server lost frames that it did not count."""
+    stray = session.audio.unevenness
+    if stray <= limits.stray:
+        return []
+    lost = (
+        f"audio's times stray from its frames by {1e3 * stray:.1f} ms: the sound server lost some uncounted"
+    )
+    return [f"{lost}; allowed is {1e3 * limits.stray:g} ms"]

@@ -10,9 +10,9 @@ from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 from monochord.sessions import walk
 from monochord.sessions._contents import Contents, contents
-from monochord.sessions._lock import being_written
 from monochord.sessions.bounds import json_object
 from monochord.sessions.description import Description
+from monochord.sessions.file import being_written
 from monochord.sessions.reader import Session, read_session
 
 DISTURBANCES = (

@@ -12,8 +12,7 @@ from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack
 from monochord.core.types import Feed
 from monochord.sessions import codec, walk
-from monochord.sessions._contents import END
-from monochord.sessions._opening import BEGIN
+from monochord.sessions._layout import BEGIN, END
 from monochord.sessions.bounds import (
     LONGEST,
     MOST_COLUMNS,
@@ -22,9 +21,14 @@ from monochord.sessions.bounds import (
     refuse_unpacking,
 )
 from monochord.sessions.description import NANO, Description, SessionClock
-from monochord.sessions.tables import frame, table
-from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, ReadingTrack
-from monochord.sessions.writer import LABELS
+from monochord.sessions.tracks import AUDIO, LABELS, AudioTrack, ClockTrack, Event, ReadingTrack
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+from typing import TYPE_CHECKING
+
+from monochord.core.errors import did_you_mean
+from monochord.core.types import Floats
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -243,7 +247,7 @@ class Session:
         )
 
     def to_numpy(self, stream: str) -> NDArray[Any]:
-        """Return a stream as a structured array (n,); see `monochord.sessions.tables.table`."""
+        """Return a stream as a structured array (n,); see `monochord.sessions.reader.table`."""
         return table(self, stream)
 
     def to_pandas(self, stream: str) -> "DataFrame":
@@ -360,3 +364,49 @@ def _topic_in(channel: memoryview) -> str:
 
 def _joined(parts: list[Any], kind: Any) -> Any:
     return np.concatenate([np.zeros(0, kind), *parts]).astype(kind, copy=False)
+
+
+def table(session: Session, stream: str) -> NDArray[Any]:
+    """Return a stream as a structured array (n,) whose first field is ``time``, in session seconds.
+
+    ``audio`` has a field for each microphone (``mic_1``, ``mic_2``) in full scale, ``labels`` one for each
+    label, a stream of readings one for each column and its ``sequence`` and ``status``.
+
+    Raises
+    ------
+    InputError
+        If there is no such stream.
+    """
+    if stream == AUDIO:
+        audio = session.audio
+        columns = {f"mic_{number}": row for number, row in enumerate(audio.samples, start=1)}
+        return _structured(audio.time(np.arange(audio.samples.shape[1])), columns)
+    if stream == LABELS:
+        return _structured(session.labels.time, session.labels.columns)
+    if stream not in session.streams:
+        names = (AUDIO, LABELS, *session.streams)
+        raise InputError(f"stream '{stream}'", ", ".join(names), did_you_mean(stream, names))
+    track = session.readings(stream)
+    columns = {name: track.column(name) for name in track.feed.columns}
+    return _structured(track.time, {**columns, "sequence": track.sequence, "status": track.status})
+
+
+def frame(session: Session, stream: str) -> "DataFrame":
+    """Return a stream as a data frame indexed by time; raises `InputError` where pandas is not installed."""
+    try:
+        from pandas import DataFrame  # noqa: PLC0415
+    except ImportError as error:
+        given = "a data frame without pandas, which is not installed"
+        raise InputError(given, "pandas 2 or newer", "pip install 'monochord[pandas]'") from error
+    rows = table(session, stream)
+    names = rows.dtype.names or ()
+    return DataFrame({name: rows[name] for name in names}).set_index("time")
+
+
+def _structured(time: Floats, columns: dict[str, Any]) -> NDArray[Any]:
+    kinds = [("time", np.float64), *((name, values.dtype) for name, values in columns.items())]
+    rows = np.empty(len(time), kinds)
+    rows["time"] = time
+    for name, values in columns.items():
+        rows[name] = values
+    return rows

@@ -10,6 +10,9 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio, Feed, Floats
 from monochord.core.units import Samples, Seconds
 
+AUDIO, LABELS = "audio", "labels"
+"""Names of the streams that every session has: the microphones, and what is known to be true."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AudioTrack:

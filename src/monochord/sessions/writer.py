@@ -4,10 +4,11 @@ import hashlib
 import json
 import os
 import struct
-from collections.abc import Mapping
+from array import array
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -15,15 +16,17 @@ from monochord.core.errors import InputError
 from monochord.core.types import Block, Floats, Readings
 from monochord.core.units import Samples, Seconds
 from monochord.sessions import codec
-from monochord.sessions._chunk_list import ChunkList
-from monochord.sessions._contents import END, guarded
-from monochord.sessions._opening import begin
+from monochord.sessions._layout import END, begin, guarded
 from monochord.sessions.bounds import MOST_COLUMNS
 from monochord.sessions.description import LATEST_STAMP, Description, SessionClock
 from monochord.sessions.file import SessionFile
+from monochord.sessions.recover import recover
+from monochord.sessions.tracks import LABELS
+from monochord.sessions.walk import MESSAGE_INDEX
 
-LABELS = "labels"
-"""The stream whose readings are what is known to be true."""
+if TYPE_CHECKING:
+    from mcap.records import ChunkIndex
+
 MESSAGE: Seconds = 0.1
 """Audio in a message, at most."""
 MOST = 256
@@ -246,8 +249,6 @@ class SessionWriter:
 
     def _give_up(self) -> None:
         """Finish the file with what is whole in it."""
-        from monochord.sessions.recover import recover  # noqa: PLC0415
-
         self._closed = True
         try:
             self._file.close()
@@ -304,3 +305,52 @@ class SessionWriter:
 def _refuse_many(what: str, count: int) -> None:
     if count > MOST_COLUMNS:
         raise InputError(f"{what} {count} names", f"{MOST_COLUMNS} at most")
+
+
+_HEAD = struct.Struct("<BQ")
+_CHUNK = struct.Struct("<QQQII")
+
+
+class ChunkList:
+    """Stands in for the list in which an MCAP writer remembers its chunks until the file's end.
+
+    An hour has some 36,000 chunks, whose entries take 22 MB in memory. Eight bytes of each are kept here,
+    where it begins; the rest is read back from the file when the end is written.
+    """
+
+    def __init__(self, file: SessionFile) -> None:
+        self._file, self._begins = file, array("Q")
+
+    def append(self, index: "ChunkIndex") -> None:
+        """Remember a chunk that was written, with the indexes of its messages behind it."""
+        self._begins.append(index.chunk_start_offset)
+
+    def __iter__(self) -> "Iterator[ChunkIndex]":
+        return map(self._entry, self._begins)
+
+    def _entry(self, begin: int) -> "ChunkIndex":
+        from mcap.records import ChunkIndex  # noqa: PLC0415
+
+        body = begin + _HEAD.size
+        _, length = _HEAD.unpack(self._file.read(begin, _HEAD.size))
+        first, last, size, _, name = _CHUNK.unpack(self._file.read(body, _CHUNK.size))
+        compression = self._file.read(body + _CHUNK.size, name).decode()
+        end = at = body + length
+        offsets: dict[int, int] = {}
+        while len(head := self._file.read(at, _HEAD.size + 2)) > _HEAD.size:
+            opcode, length_here = _HEAD.unpack_from(head)
+            if opcode != MESSAGE_INDEX:
+                break
+            offsets[int.from_bytes(head[_HEAD.size :], "little")] = at
+            at += _HEAD.size + length_here
+        return ChunkIndex(
+            chunk_start_offset=begin,
+            chunk_length=end - begin,
+            message_start_time=first,
+            message_end_time=last,
+            message_index_offsets=offsets,
+            message_index_length=at - end,
+            compression=compression,
+            compressed_size=length - _CHUNK.size - name - 8,
+            uncompressed_size=size,
+        )

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from monochord.sessions.sync.envelope import BINS, line_under
+from monochord.sessions.sync.arrival import BINS, line_under
 
 
 @given(st.integers(0, 10_000), st.integers(2, 60))

@@ -12,7 +12,6 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.sessions import Description, Session
 from monochord.sessions.bounds import MOST_COLUMNS, refuse_unpacking
-from monochord.sessions.exports._arrow import arrow
 from monochord.sessions.exports._contents import (
     ABOUT,
     KEPT_BESIDE,
@@ -27,8 +26,7 @@ from monochord.sessions.exports._contents import (
     tables,
     write_back,
 )
-from monochord.sessions.exports._folders import folder_each
-from monochord.sessions.exports.base import Export
+from monochord.sessions.exports.base import Export, arrow, folder_each
 
 FORM = "parquet"
 ROWS = 64

@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, Seconds
-from monochord.sessions.sync._group import shifts_of_group
 from monochord.sessions.sync.onsets import first_onset, novelty, surprise
 from monochord.sessions.sync.pulses import Taps, dip, middle_of_dip
 
@@ -254,3 +254,39 @@ def _most_agreed(candidates: list[Offset]) -> Offset:
     beaten = [o for o in near if sure and (o.taps < 3 or o.std > BEATEN * chosen.std)]
     others = [o.rival for o in candidates if o is not chosen and not any(o is b for b in beaten)]
     return replace(chosen, rival=max(others, default=0.0) / chosen.rival)
+
+
+ALIKE: Seconds = 0.03
+"""Shifts closer than this are one."""
+CANDIDATES = 4
+
+
+def shifts_of_group(
+    taps: Floats, when: Floats, notice: Floats, reach: Seconds
+) -> list[tuple[Seconds, float]]:
+    """Return the shifts at which what is noticed at the taps adds up to most, with shares of the best.
+
+    The best comes first, and there is always one more. `when` (n,) is evenly spaced and `notice` (n,) not
+    negative.
+    """
+    step = float(when[1] - when[0])
+    # A tap may fall between two frames: the greater counts.
+    wide = np.maximum.reduce([notice, np.roll(notice, 1), np.roll(notice, -1)])
+    shifts = np.arange(-round(reach / step), round(reach / step) + 1)
+    at = np.rint((taps - when[0]) / step).astype(np.int64)
+    place: NDArray[np.int64] = at[:, None] + shifts[None, :]
+    inside = (place >= 0) & (place < notice.size)
+    heard = np.where(inside, wide[np.clip(place, 0, notice.size - 1)], 0.0)
+    told = heard.sum(axis=0)
+    most = float(told.max())
+    if not most > 0.0:
+        return [(0.0, 1.0), (0.0, 1.0)]
+    found: list[tuple[Seconds, float]] = []
+    for _ in range(CANDIDATES):
+        best = int(np.argmax(told))
+        first = max(best - 8, 0)
+        plateau = np.flatnonzero(told[first : best + 9] >= told[best] * (1.0 - 1e-9)) + first
+        shift = float(shifts[plateau].mean()) * step
+        found.append((shift, float(told[best]) / most))
+        told[np.abs(shifts * step - shift) <= ALIKE] = 0.0
+    return found

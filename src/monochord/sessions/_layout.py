@@ -1,5 +1,8 @@
-"""How every session begins: what it is, the types of its messages, its topics, the description again."""
+"""What stands around the messages of a session: its opening and the metadata at its end."""
 
+import hashlib
+import json
+import zlib
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +15,12 @@ if TYPE_CHECKING:
 FORMAT = "1"
 BEGIN = "monochord"
 """Name of the metadata at the begin."""
+END = "monochord.end"
+"""Name of the metadata where a session was closed."""
+GUARD = "guard"
+"""The checksum of the others among the values at the end."""
+UNGUARDED = {"checksum", "sha256", "messages", "frames", "dropped", "gaps", "end"}
+"""What the end said before there was a guard."""
 
 
 def begin(
@@ -50,3 +59,17 @@ def opening(text: str, clock: SessionClock) -> bytes:
     writer.add_message(topics["/description"], log_time=epoch, data=data, publish_time=epoch, sequence=0)
     writer.flush()
     return out.getvalue()
+
+
+def guarded(values: dict[str, str]) -> dict[str, str]:
+    """Return values with a checksum of them."""
+    return {**values, GUARD: str(zlib.crc32(json.dumps(values, sort_keys=True).encode()))}
+
+
+def ending_is_sound(ending: dict[str, str]) -> bool:
+    """Return whether the values at the end agree with their checksum."""
+    rest = {name: value for name, value in ending.items() if name != GUARD}
+    if set(ending) != UNGUARDED:
+        return guarded(rest) == ending
+    told = ending["sha256"]
+    return hashlib.sha256(told.encode()).hexdigest() == ending.get("checksum")
