@@ -29,7 +29,7 @@ from tests.sessions.forged import (
 )
 from tests.sessions.made import EPOCH, make
 
-from monochord.cli._sessions_facts import facts_lines, facts_of
+from monochord.cli.sessions import facts_lines, facts_of
 from monochord.core.errors import InputError
 from monochord.sessions import Session, check, codec, read_session, walk
 from monochord.sessions.alignment import align

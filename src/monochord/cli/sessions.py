@@ -78,11 +78,11 @@ def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
     """Show what is in the session FILE: what was recorded, with what, how long, how much is missing."""
     if figure is not None:
         refuse_unwritable(figure, SUFFIXES)
-    facts = _facts_of(read_session(file))
+    facts = facts_of(read_session(file))
     if figure is not None:
         FIGURES.build(OVERVIEW, {"path": str(file)}).draw().savefig(figure)
         facts["figure"] = str(figure)
-    echo(*([json.dumps(facts)] if as_json else _facts_lines(facts)))
+    echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
 
 
 @sessions.command()
@@ -178,8 +178,8 @@ def bring_in(
         if "string" in described:
             described["string"] = to_tree(load_string(str(described["string"])).string)
         from_files(what, labels, out, described=described)
-    facts = _facts_of(read_session(out))
-    echo(*([json.dumps(facts)] if as_json else _facts_lines(facts)))
+    facts = facts_of(read_session(out))
+    echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
 
 
 Told = Callable[[Path], tuple[bool, dict[str, Any], str]]
@@ -209,7 +209,7 @@ def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _facts_of(session: Session) -> Tree:
+def facts_of(session: Session) -> Tree:
     """Return what a session holds as values that JSON can hold."""
     told, audio = session.description, session.audio
     rate, begin = audio.line
@@ -261,7 +261,7 @@ def _kinds(session: Session) -> dict[str, int]:
     return {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
 
 
-def _facts_lines(facts: Tree) -> list[str]:
+def facts_lines(facts: Tree) -> list[str]:
     """Return the facts as lines for a person."""
     about, audio = facts["about"], facts["audio"]
     lines = [f"{facts['name']}  ({facts['path']})"]
