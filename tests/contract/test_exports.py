@@ -7,14 +7,14 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Block, Feed, Readings
-from monochord.sessions import Description, Session, SessionClock, SessionWriter, check, read_session
+from monochord.sessions import Description, SessionClock, SessionReader, SessionWriter, check, read_session
 from monochord.sessions.exports import EXPORTS, form_of
 
 RATE = 16000
 each_form = pytest.mark.parametrize("form", EXPORTS.names())
 
 
-def session(path: Path, seed: int = 0) -> Session:
+def session(path: Path, seed: int = 0) -> SessionReader:
     feed = Feed(stream="wrench", columns=("fx",), units=("N",), rate=100.0)
     told = Description(name=path.stem, sample_rate=RATE, feeds=(feed,))
     with SessionWriter(path, told, SessionClock(epoch_ns=10**18)) as writer:

@@ -16,8 +16,8 @@ from monochord.lab.plans import load_plan
 from monochord.sessions import (
     Description,
     ReadingTrack,
-    Session,
     SessionClock,
+    SessionReader,
     SessionWriter,
     read_session,
 )
@@ -74,15 +74,15 @@ def test_the_string_is_calibrated_while_its_drivers_are_off(slide: Path) -> None
 
 
 def test_readings_with_a_fault_measure_nothing(slide: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = Session.readings
+    real = SessionReader.readings
 
-    def faulty(session: Session, stream: str) -> ReadingTrack:
+    def faulty(session: SessionReader, stream: str) -> ReadingTrack:
         track = real(session, stream)
         status = np.where((track.time > 5.0) & (track.time < 6.0), 1 << 31, 0).astype(np.uint32)
         values = np.where((track.time > 7.0)[:, None] & (track.time < 7.01)[:, None], np.nan, track.values)
         return replace(track, status=status, values=values if stream == "wrench" else track.values)
 
-    monkeypatch.setattr(Session, "readings", faulty)
+    monkeypatch.setattr(SessionReader, "readings", faulty)
     labels, forced = (
         truth_of(read_session(slide), "measured", force=force).labels for force in (False, True)
     )

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from monochord.sessions import Session, check, read_session
+from monochord.sessions import SessionReader, check, read_session
 
 RATE = 44100
 BEGUN = 60_000
@@ -52,7 +52,7 @@ def paced(sound: Path) -> list[str]:
     return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
 
 
-def whole(recorder: Any, sound: Path) -> Session:
+def whole(recorder: Any, sound: Path) -> SessionReader:
     """Return the session, in which every frame of the sound must be, one after the other."""
     report = check(recorder.out)
     assert report.sound, report.faults

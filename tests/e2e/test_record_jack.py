@@ -11,7 +11,7 @@ import psutil
 import pytest
 import soundfile
 
-from monochord.sessions import Session, check, read_session
+from monochord.sessions import SessionReader, check, read_session
 
 pytestmark = pytest.mark.jack
 RATE = 44100
@@ -21,7 +21,7 @@ def jack(server: Any) -> list[str]:
     return ["--set", f"source.server={server.name}", "--set", "source.ports=player:"]
 
 
-def sound_session(path: Path) -> Session:
+def sound_session(path: Path) -> SessionReader:
     report = check(path)
     assert report.sound, report.faults
     return read_session(path)

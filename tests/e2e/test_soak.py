@@ -24,7 +24,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from tests.play_count import BLOCK, RATE, SCALE
 
-from monochord.sessions import Session, check, read_session
+from monochord.sessions import SessionReader, check, read_session
 
 pytestmark = pytest.mark.jack
 SECONDS = float(os.environ.get("MONOCHORD_SOAK_SECONDS", "120"))
@@ -197,7 +197,7 @@ def _wait_until_it_is_heard(player: Counter, recorder: Any) -> None:
         )
 
 
-def _sound(path: Path) -> Session:
+def _sound(path: Path) -> SessionReader:
     report = check(path)
     assert report.sound, report.faults
     return read_session(path)
@@ -223,7 +223,7 @@ def _memory(looks: np.ndarray) -> dict[str, float]:
 
 
 def _audio(
-    session: Session, summary: dict[str, Any], played: list[int], killed: list[float]
+    session: SessionReader, summary: dict[str, Any], played: list[int], killed: list[float]
 ) -> dict[str, float]:
     """Compare the file with the count that was played, the server's own frame times, and the clock."""
     audio = session.audio
@@ -274,7 +274,7 @@ def _audio(
     }
 
 
-def _tells_of_kills(session: Session, summary: dict[str, Any], killed: list[float]) -> None:
+def _tells_of_kills(session: SessionReader, summary: dict[str, Any], killed: list[float]) -> None:
     assert summary["reconnects"] == KILLS
     assert summary["gaps"] >= KILLS
     assert summary["flags"]["reconnect"] == KILLS
@@ -285,7 +285,7 @@ def _tells_of_kills(session: Session, summary: dict[str, Any], killed: list[floa
         assert {"silent", "back", "gap", "reconnect"} <= kinds
 
 
-def _wrench(session: Session, summary: dict[str, Any]) -> dict[str, float]:
+def _wrench(session: SessionReader, summary: dict[str, Any]) -> dict[str, float]:
     track, told = session.readings("wrench"), summary["instruments"]["net_ft"]
     steps = np.diff(track.sequence)
     assert np.all(steps >= 1)
@@ -300,7 +300,7 @@ def _wrench(session: Session, summary: dict[str, Any]) -> dict[str, float]:
     return {"force_readings": len(track.time), "force_missing": missing}
 
 
-def _poses(session: Session, summary: dict[str, Any], sent: int) -> dict[str, float]:
+def _poses(session: SessionReader, summary: dict[str, Any], sent: int) -> dict[str, float]:
     track, told = session.readings("pose"), summary["instruments"]["pose_udp"]
     assert len(track.time) + track.missing == sent - track.sequence[0]
     assert (told["readings"], told["missing"]) == (len(track.time), track.missing)
@@ -308,7 +308,7 @@ def _poses(session: Session, summary: dict[str, Any], sent: int) -> dict[str, fl
     return {"poses": len(track.time), "poses_sent": sent}
 
 
-def _independent(path: Path, session: Session, summary: dict[str, Any]) -> dict[str, float]:
+def _independent(path: Path, session: SessionReader, summary: dict[str, Any]) -> dict[str, float]:
     """Compare with what the readers of MCAP and ROS 2 find that Monochord does not write with."""
     frames, sequence, poses = 0, list[np.ndarray](), 0
     with path.open("rb") as file:

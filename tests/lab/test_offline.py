@@ -27,11 +27,11 @@ from monochord.lab.offline import (
 )  # fmt: skip
 from monochord.lab.plan import Assignment, ForceSensor
 from monochord.lab.render import Rendering, pieces, render
-from monochord.sessions import Session, SessionClock, SessionWriter, check, read_session
+from monochord.sessions import SessionClock, SessionReader, SessionWriter, check, read_session
 from monochord.sessions.alignment import align
 
 LOSSY = tiny(force_sensor=ForceSensor(lost=0.01), force_rate=7000.0)
-Made = tuple[CollectedSession, Session, Rendering, dict[str, float]]
+Made = tuple[CollectedSession, SessionReader, Rendering, dict[str, float]]
 
 
 @pytest.fixture(scope="module")

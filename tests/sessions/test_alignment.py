@@ -15,8 +15,8 @@ from monochord.figures.taps import RATE, Tapped, tapped
 from monochord.sessions import (
     Description,
     ReadingTrack,
-    Session,
     SessionClock,
+    SessionReader,
     SessionWriter,
     read_session,
 )
@@ -31,7 +31,7 @@ def played(seed: int = 0, groups: tuple[float, ...] = (1.5, 8.0)) -> Tapped:
     return tapped(groups=groups, force=(1.0, 0.3, 2.0)[seed % 3], seed=seed)
 
 
-def recorded(folder: Path, truth: Tapped) -> Session:
+def recorded(folder: Path, truth: Tapped) -> SessionReader:
     path = folder / "taps.mcap"
     path.unlink(missing_ok=True)
     truth.write(path)
@@ -115,14 +115,14 @@ def test_a_session_without_taps_is_left_alone_and_says_so(tmp_path: Path) -> Non
 
 def test_readings_that_are_no_numbers_do_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     session = recorded(tmp_path, replace(played(), late={"audio": (0.05, 0.05)}))
-    real = Session.readings
+    real = SessionReader.readings
 
-    def holed(session: Session, stream: str) -> ReadingTrack:
+    def holed(session: SessionReader, stream: str) -> ReadingTrack:
         track = real(session, stream)
         track.values[::50] = np.nan
         return track
 
-    monkeypatch.setattr(Session, "readings", holed)
+    monkeypatch.setattr(SessionReader, "readings", holed)
     alignment = align(session)
     assert alignment.flags == ()
     assert alignment.lateness["audio"].offsets[0].value == pytest.approx(0.05, abs=0.5e-3)

@@ -10,7 +10,7 @@ from mcap_ros2.decoder import DecoderFactory
 from tests.sessions.made import EPOCH, RATE, as_killed, block, description, readings
 
 from monochord.sessions import SessionClock, SessionWriter, check, read_session, recover, walk
-from monochord.sessions._contents import contents
+from monochord.sessions._contents import scan
 
 FLUSH = 0.1
 LOST = 0.5
@@ -174,10 +174,10 @@ def test_no_byte_of_begin_and_end_can_be_damaged_unnoticed(short: Path) -> None:
     content = bytearray(short.read_bytes())
     for at in aimed(short)[::12]:
         content[at] ^= 4
-        found = contents(memoryview(content))
+        found = scan(memoryview(content))
         assert not found.whole, at
         content[at] ^= 4
-    assert contents(memoryview(content)).whole
+    assert scan(memoryview(content)).whole
 
 
 @pytest.mark.slow

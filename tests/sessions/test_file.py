@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from monochord.sessions.file import AHEAD, SessionFile
+from monochord.sessions.file import RESERVE, SessionFile
 
 
 def test_what_is_written_is_there_at_once(tmp_path: Path) -> None:
@@ -21,5 +21,5 @@ def test_space_is_set_aside_and_given_back(tmp_path: Path) -> None:
     file.close()
     file.close()
     assert path.stat().st_blocks * 512 <= 8192
-    assert held == 0 or held >= AHEAD, "a file system sets aside all or cannot"
+    assert held == 0 or held >= RESERVE, "a file system sets aside all or cannot"
     assert path.read_bytes() == b"x"

@@ -31,15 +31,15 @@ from tests.sessions.made import EPOCH, make
 
 from monochord.cli.sessions import facts_lines, facts_of
 from monochord.core.errors import InputError
-from monochord.sessions import Session, check, codec, read_session, walk
+from monochord.sessions import SessionReader, check, codec, read_session, walk
 from monochord.sessions.alignment import align
-from monochord.sessions.bounds import LONGEST, MOST_COLUMNS, UNPACKED_ANYWAY
+from monochord.sessions.bounds import ALWAYS_UNPACKED, MAX_COLUMNS, MAX_DURATION
 
 MEMORY = 1 << 30
 """Bytes of address space that a child may add to what the interpreter and its libraries take."""
 
 
-def read_all(path: Path) -> Session:
+def read_all(path: Path) -> SessionReader:
     """Look at everything in a session as the commands do; raises nothing but `InputError`."""
     session = read_session(path)
     assert session.audio.samples.shape[0] == session.description.channels
@@ -158,7 +158,7 @@ REFUSED: dict[str, dict[str, Any]] = {
     "more label columns than a table has": {
         "messages": [
             Forgery("/labels", labels(columns=[f"c{k}"], time=np.array([EPOCH]), values=np.zeros(1)))
-            for k in range(MOST_COLUMNS + 1)
+            for k in range(MAX_COLUMNS + 1)
         ]
     },
 }
@@ -300,12 +300,12 @@ def test_silence_that_was_compressed_by_others_is_read(tmp_path: Path, compressi
     messages = [Forgery("/audio", block, EPOCH + k * NANO // 10) for k, block in enumerate(blocks)]
     session = read_session(forge(tmp_path / "a.mcap", messages, compression=compression))
     assert session.audio.samples.shape == (2, 400 * 4410)
-    assert session.audio.samples.nbytes < UNPACKED_ANYWAY
+    assert session.audio.samples.nbytes < ALWAYS_UNPACKED
     assert not session.damaged
 
 
 def test_a_gap_longer_than_a_session_is_no_gap(tmp_path: Path) -> None:
-    last = round(LONGEST * 44100)
+    last = round(MAX_DURATION * 44100)
     session = read_session(forge(tmp_path / "a.mcap", [SOUND[0], Forgery("/audio", audio(start=last))]))
     assert session.audio.samples.shape == (2, 441)
     assert "/audio" in session.malformed

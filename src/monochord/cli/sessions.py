@@ -1,4 +1,4 @@
-"""The verb `sessions`: recordings on disk, looked over, repaired, brought in and given away."""
+"""The command `sessions`: check, show, repair, export and import recordings."""
 
 import dataclasses
 import json
@@ -18,9 +18,9 @@ from monochord.core.config import Tree, override, to_tree
 from monochord.core.errors import InputError, MonochordError
 from monochord.figures import FIGURES
 from monochord.physics.strings import load_string
-from monochord.sessions import Session, read_session
-from monochord.sessions import check as look_over
-from monochord.sessions import recover as repair
+from monochord.sessions import SessionReader, read_session
+from monochord.sessions import check as check_session
+from monochord.sessions import recover as recover_session
 from monochord.sessions.alignment import Lateness, align
 from monochord.sessions.exports import EXPORTS, form_of
 
@@ -35,23 +35,23 @@ json_object = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 @click.group()
 def sessions() -> None:
-    """Look over, show, repair, export and import sessions."""
+    """Check, show, repair, export and import sessions."""
 
 
 @sessions.command()
 @some_files
-@click.option("--strict", is_flag=True, help="Count what went wrong while recording as bad, too.")
+@click.option("--strict", is_flag=True, help="Count faults of the recording as bad, too.")
 @json_lines
 def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
     """Read FILES to the end and say whether they are whole, as they were written, and what is missing.
 
     One line a file. A file is bad if it is damaged, cut off or not what was written; then the status is 2.
     What went wrong while recording is noted behind the line, such as lost frames, a stepped clock, or streams
-    that are further apart than they should be, as taps tell. It is no reason for that unless --strict.
+    that are further apart than the limits allow, by their taps. That makes a file bad with --strict only.
     """
 
-    def told(file: Path) -> tuple[bool, dict[str, Any], str]:
-        report, alignment = look_over(file), align(read_session(file))
+    def result(file: Path) -> tuple[bool, dict[str, Any], str]:
+        report, alignment = check_session(file), align(read_session(file))
         notes = [*report.remarks, *alignment.flags]
         good = report.sound and not (strict and notes)
         offsets = {stream: _known(late) for stream, late in alignment.lateness.items()}
@@ -67,12 +67,12 @@ def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
         notes = [*report.faults, *notes, *([f"against {alignment.reference}: {apart}"] if apart else [])]
         return good, tree, f"{line}: {'; '.join(notes)}" if notes else line
 
-    return _each(files, told, as_json=as_json)
+    return _each(files, result, as_json=as_json)
 
 
 @sessions.command()
 @click.argument("file", type=FILE)
-@click.option("--figure", type=FILE, metavar="FILE", help="Draw it, too: .png, .pdf or .svg.")
+@click.option("--figure", type=FILE, metavar="FILE", help="Also draw it: .png, .pdf or .svg.")
 @json_object
 def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
     """Show what is in the session FILE: what was recorded, with what, how long, how much is missing."""
@@ -89,14 +89,14 @@ def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
 @some_files
 @json_lines
 def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
-    """Repair FILES that were cut off or damaged, where they are; whole ones are left alone.
+    """Repair FILES that were cut off or damaged, in place; whole files are not changed.
 
-    What is changed or cut away, but for a writing that was cut off, is kept beside as FILE.cut. A file that
+    What is changed or cut away, but for a writing that was cut off, is saved as FILE.cut. A file that
     is being recorded is refused.
     """
 
-    def told(file: Path) -> tuple[bool, dict[str, Any], str]:
-        done = repair(file)
+    def result(file: Path) -> tuple[bool, dict[str, Any], str]:
+        done = recover_session(file)
         if not done.repaired:
             line = f"{file}: whole, nothing to do ({done.seconds:.1f} s)"
         else:
@@ -105,12 +105,12 @@ def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
                 if done.lost_bytes
                 else "nothing lost"
             )
-            beside = f"; what was changed is kept in {done.cut}" if done.cut else ""
-            line = f"{file}: repaired; {done.seconds:.1f} s in {done.messages} messages kept, {lost}{beside}"
+            beside = f"; what was changed is saved in {done.cut}" if done.cut else ""
+            line = f"{file}: repaired; {done.seconds:.1f} s in {done.messages} messages, {lost}{beside}"
         cut = str(done.cut) if done.cut else None
         return True, {**dataclasses.asdict(done), "path": str(file), "cut": cut}, line
 
-    return _each(files, told, as_json=as_json)
+    return _each(files, result, as_json=as_json)
 
 
 @sessions.command()
@@ -137,27 +137,25 @@ def export(
             shutil.rmtree(out, ignore_errors=True)
         raise
     size = sum(path.stat().st_size for path in written)
-    told = {"form": form, "out": str(out), "sessions": len(files), "files": len(written), "bytes": size}
+    summary = {"form": form, "out": str(out), "sessions": len(files), "files": len(written), "bytes": size}
     line = (
         f"{out}: {_counted(len(files), 'session')} in {_counted(len(written), 'file')}, {size / 1e6:.1f} MB"
     )
-    echo(json.dumps(told) if as_json else line)
+    echo(json.dumps(summary) if as_json else line)
 
 
 @sessions.command("import")
 @click.argument("what", type=FILE, metavar="AUDIO|FOLDER")
 @click.argument("labels", type=FILE, metavar="[LABELS.csv]", required=False)
 @click.option("--out", type=FILE, required=True, metavar="FILE.mcap", help="The new session.")
-@click.option("--name", metavar="TEXT", help="What to call it.  [default: the file's name]")
+@click.option("--name", metavar="TEXT", help="Name of the session.  [default: the file's name]")
 @click.option("--object", "object_", metavar="TEXT", help="What touches the string.")
 @click.option("--material", metavar="TEXT", help="What that is made of.")
 @click.option("--radius", type=radius, metavar="M", help="Its radius where it touches.")
 @click.option("--string", metavar="PRESET", help="A string of the catalogue, or FILE.toml.")
-@click.option("--notes", metavar="TEXT", help="Whatever else should be known.")
+@click.option("--notes", metavar="TEXT", help="Notes.")
 @json_object
-def bring_in(
-    what: Path, labels: Path | None, *, out: Path, as_json: bool, **said: str | float | None
-) -> None:
+def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said: str | float | None) -> None:
     """Make a session of a user's own audio and labels, or of a folder that `export` wrote.
 
     AUDIO is WAV or FLAC with 1 or 2 channels. The first line of LABELS.csv names its columns: time in s from
@@ -172,7 +170,7 @@ def bring_in(
     if what.is_dir():
         if labels is not None or described:
             given = f"folder {what} with {labels or ', '.join(f'--{name}' for name in described)}"
-            raise InputError(given, "a folder alone", "it says of itself what is in it")
+            raise InputError(given, "a folder alone", "the folder describes itself")
         EXPORTS.build(form_of(what)).read(what, out)
     else:
         if "string" in described:
@@ -182,15 +180,15 @@ def bring_in(
     echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
 
 
-Told = Callable[[Path], tuple[bool, dict[str, Any], str]]
+Result = Callable[[Path], tuple[bool, dict[str, Any], str]]
 
 
-def _each(files: tuple[Path, ...], told: Told, *, as_json: bool) -> int:
-    """Print what is told of each file; one that cannot be used does not keep the others from their turn."""
+def _each(files: tuple[Path, ...], result: Result, *, as_json: bool) -> int:
+    """Print the result for each file; one that cannot be used does not stop the others."""
     status = 0
     for file in files:
         try:
-            good, tree, line = told(file)
+            good, tree, line = result(file)
         except InputError as error:
             good, tree, line = False, {"path": str(file), "ok": False, "error": str(error)}, ""
             echo(f"monochord: {error}", err=True)
@@ -209,25 +207,25 @@ def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def facts_of(session: Session) -> Tree:
+def facts_of(session: SessionReader) -> Tree:
     """Return what a session holds as values that JSON can hold."""
-    told, audio = session.description, session.audio
+    description, audio = session.description, session.audio
     rate, begin = audio.line
     frames = audio.samples.shape[1]
-    about = to_tree(told)
+    about = to_tree(description)
     for name in ("name", "sample_rate", "channels", "feeds", "plan"):
         about.pop(name, None)
     ending = "closed" if session.complete else "repaired" if session.recovered else "cut off"
     return {
         "path": str(session.path),
-        "name": told.name,
+        "name": description.name,
         "begin": datetime.fromtimestamp(session.clock.epoch_ns / 1e9, UTC).isoformat(timespec="milliseconds"),
         "ending": ending,
-        "seconds": frames / told.sample_rate,
+        "seconds": frames / description.sample_rate,
         "checksum": session.ending.get("checksum"),
         "audio": {
-            "channels": told.channels,
-            "sample_rate": told.sample_rate,
+            "channels": description.channels,
+            "sample_rate": description.sample_rate,
             "measured_rate": rate,
             "first_frame": begin,
             "frames": frames,
@@ -241,7 +239,7 @@ def facts_of(session: Session) -> Tree:
     }
 
 
-def _stream(session: Session, stream: str) -> Tree:
+def _stream(session: SessionReader, stream: str) -> Tree:
     track = session.readings(stream)
     count = len(track.time)
     span = float(track.time[-1] - track.time[0]) if count > 1 else 0.0
@@ -256,7 +254,7 @@ def _stream(session: Session, stream: str) -> Tree:
     }
 
 
-def _kinds(session: Session) -> dict[str, int]:
+def _kinds(session: SessionReader) -> dict[str, int]:
     kinds = [event.kind for event in session.events]
     return {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
 
@@ -281,7 +279,7 @@ def facts_lines(facts: Tree) -> list[str]:
     for stream, each in facts["streams"].items():
         came = "" if each["measured_rate"] is None else f" ({each['measured_rate']:.2f} measured)"
         lost = f"{each['missing']} missing, {each['faulty']} faulty of {each['readings']}"
-        due = f"{each['rate']:g} Hz" if each["rate"] else "no rate told"
+        due = f"{each['rate']:g} Hz" if each["rate"] else "rate unknown"
         say(stream, f"{' '.join(each['columns'])} at {due}{came}; {lost}")
     labels = facts["labels"]
     say("labels", f"{' '.join(labels['columns']) or 'none'}; {labels['rows']} rows")
@@ -302,5 +300,5 @@ def _touched(about: dict[str, Any]) -> str:
     if "radius" in about:
         parts.append(f"radius {1e3 * about['radius']:g} mm")
     # The bench names an object by its material and radius.
-    told = [part for part in parts if part and part not in about["object"]]
-    return ", ".join(part for part in (about["object"], *told) if part) or "not said"
+    details = [part for part in parts if part and part not in about["object"]]
+    return ", ".join(part for part in (about["object"], *details) if part) or "unknown"

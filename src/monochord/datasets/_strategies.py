@@ -1,4 +1,4 @@
-"""The ways to deal the windows of a dataset out to parts; `monochord.datasets.split` tells of each."""
+"""How each strategy assigns the windows of a dataset to parts; see `monochord.datasets.split`."""
 
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
@@ -13,9 +13,9 @@ from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, Flags, Indices
 
 PARTS = ("train", "validation", "test")
-SHOWN = 12
+MAX_SHOWN = 12
 """How many patterns an error names."""
-REACH = 0.45
+MAX_CUT_SHIFT = 0.45
 """How far a cut in time may be moved to an untouched window, as a share of the shorter stretch beside it."""
 
 
@@ -33,14 +33,14 @@ def by_group(
         known = _held_out(dataset, held_out)
         part = np.full(len(sessions), PARTS.index("test"))
         rest, strata = np.flatnonzero(~known), _strata(dataset)
-        part[rest] = deal(counts[rest], [strata[at] for at in rest], fractions, rng)
+        part[rest] = assign_groups(counts[rest], [strata[at] for at in rest], fractions, rng)
         return [each.name for each in sessions], part
     if by == "day":
         names = ["" if each.day is None else str(each.day) for each in sessions]
         if "" in names:
             given = f"session {sessions[names.index('')].name} without a day in a split by day"
             raise InputError(given, "sessions that tell their day", "split by session")
-        return names, _dealt(names, counts, fractions, rng)
+        return names, _assigned(names, counts, fractions, rng)
     return _by_object(dataset, counts, fractions, held_out, rng)
 
 
@@ -56,13 +56,13 @@ def _by_object(
         test = _held_out(dataset, held_out)
     else:
         known = (fractions[0] + fractions[1], 0.0, fractions[2])
-        test = _dealt(names, counts, known, rng) == PARTS.index("test")
+        test = _assigned(names, counts, known, rng) == PARTS.index("test")
     part = np.where(test, PARTS.index("test"), -1)
     left = fractions[0] + fractions[1]
     rest = np.flatnonzero(~test)
     strata = _strata(dataset)
     shares = (fractions[0] / left, fractions[1] / left, 0.0)
-    part[rest] = deal(counts[rest], [strata[at] for at in rest], shares, rng)
+    part[rest] = assign_groups(counts[rest], [strata[at] for at in rest], shares, rng)
     return names, part
 
 
@@ -86,7 +86,7 @@ def is_pattern(name: str) -> bool:
 
 
 def is_held_out(body: str, session: str, held_out: Sequence[str]) -> bool:
-    """Return whether a session of an object is held out; a folder before its name need not be told.
+    """Return whether a session of an object is held out; a folder before its name may be left out.
 
     >>> is_held_out("plastic", "monday/music_000", ["wood", "music*"])
     True
@@ -118,30 +118,30 @@ def _meant(name: str, objects: Sequence[str], groups: Sequence[str]) -> str:
 
 def _few(names: Sequence[str]) -> str:
     """Return what names begin with, as patterns, not all if there are many."""
-    more = " and others" if len(names) > SHOWN else ""
-    return "a pattern such as " + ", ".join(f"{name}*" for name in names[:SHOWN]) + more
+    more = " and others" if len(names) > MAX_SHOWN else ""
+    return "a pattern such as " + ", ".join(f"{name}*" for name in names[:MAX_SHOWN]) + more
 
 
-def _dealt(
+def _assigned(
     names: list[str], counts: Indices, fractions: tuple[float, float, float], rng: np.random.Generator
 ) -> Indices:
-    """Deal whole groups of sessions out and return the part of every session."""
+    """Assign whole groups of sessions and return the part of every session."""
     groups, member = np.unique(names, return_inverse=True)
     sizes = np.bincount(member, weights=counts, minlength=len(groups)).astype(np.int64)
-    return deal(sizes, [""] * len(groups), fractions, rng)[member]
+    return assign_groups(sizes, [""] * len(groups), fractions, rng)[member]
 
 
 def _strata(dataset: Dataset) -> list[str]:
     """Return what each session holds mostly: its object, and whether it is untouched, static or sliding."""
-    found: list[str] = []
+    strata: list[str] = []
     contact, slip = dataset.label("contact"), dataset.label("slip")
     for number, part in enumerate(dataset.manifest.parts):
         rows = slice(part.first, part.first + part.windows)
         assert (dataset.session[rows] == number).all()
         slides, touches = np.sum(slip[rows] == 1.0), np.sum(contact[rows] == 1.0)
         kind = "sliding" if slides > 0.2 * max(touches, 1) else "static" if touches else "untouched"
-        found.append(f"{part.body}/{kind}")
-    return found
+        strata.append(f"{part.body}/{kind}")
+    return strata
 
 
 def by_time(
@@ -163,23 +163,23 @@ def by_time(
         begin = dataset.start[rows]
         free = 0  # the first frame that the next stretch may begin at
         for number, (first, last) in zip(order, pairwise(cuts), strict=True):
-            kept = rows[first:last][begin[first:last] >= free]
-            part_of[kept] = number
-            if kept.size:
-                free = int(dataset.start[kept[-1]]) + dataset.manifest.window + guard
+            chosen = rows[first:last][begin[first:last] >= free]
+            part_of[chosen] = number
+            if chosen.size:
+                free = int(dataset.start[chosen[-1]]) + dataset.manifest.window + guard
     return part_of
 
 
 def _calm(contact: np.ndarray, cuts: list[int], at: int) -> int:
     """Return the cut moved to the nearest window in which nothing touches, if one is within reach."""
-    reach = int(REACH * min(cuts[at] - cuts[at - 1], cuts[at + 1] - cuts[at]))
+    reach = int(MAX_CUT_SHIFT * min(cuts[at] - cuts[at - 1], cuts[at + 1] - cuts[at]))
     near = np.arange(cuts[at] - reach, cuts[at] + reach + 1)
     near = near[(near > 0) & (near < len(contact))]
     near = near[contact[near] == 0.0]
     return int(near[np.abs(near - cuts[at]).argmin()]) if near.size else cuts[at]
 
 
-def deal(
+def assign_groups(
     sizes: Sequence[int] | NDArray[np.int64],
     strata: Sequence[str],
     fractions: Sequence[float],
@@ -188,7 +188,7 @@ def deal(
     """Return the part of every group, such that the parts come near their shares, in each stratum too.
 
     The groups of each stratum are taken in an order drawn at random, the largest strata first. Each goes to
-    the part that lacks most in this stratum and, half as much, in all, as shares of the sizes dealt out
+    the part that lacks most in this stratum and, half as much, in all, as shares of the sizes assigned
     with it.
 
     Parameters
@@ -209,7 +209,7 @@ def deal(
 
     Examples
     --------
-    >>> part = deal([5] * 20, ["a", "b"] * 10, (0.8, 0.2), np.random.default_rng(0))
+    >>> part = assign_groups([5] * 20, ["a", "b"] * 10, (0.8, 0.2), np.random.default_rng(0))
     >>> [int(((part == 1) & (np.arange(20) % 2 == kind)).sum()) for kind in (0, 1)]
     [2, 2]
     """
@@ -217,8 +217,8 @@ def deal(
     part = np.full(len(weight), -1, np.int64)
     total = np.zeros(len(share))
     names = np.asarray(strata)
-    found, counts = np.unique(names, return_counts=True) if len(names) else (names, np.zeros(0, int))
-    for stratum in found[np.argsort(-counts, kind="stable")]:
+    strata_present, counts = np.unique(names, return_counts=True) if len(names) else (names, np.zeros(0, int))
+    for stratum in strata_present[np.argsort(-counts, kind="stable")]:
         here = np.zeros(len(share))
         for group in stream.permutation(np.flatnonzero(names == stratum)).tolist():
             coming = float(weight[group])
@@ -231,17 +231,17 @@ def deal(
     return part
 
 
-def _lack(held: Floats, share: Floats, coming: float) -> Floats:
-    """Return how much each part lacks of its share of what is dealt out, the coming group included."""
-    due = share * (held.sum() + coming)
-    return (due - held) / max(held.sum() + coming, 1.0)
+def _lack(sizes: Floats, share: Floats, coming: float) -> Floats:
+    """Return how much each part lacks of its share of what is assigned, the coming group included."""
+    due = share * (sizes.sum() + coming)
+    return (due - sizes) / max(sizes.sum() + coming, 1.0)
 
 
 def _fill_empty(part: NDArray[np.int64], share: Floats, weight: Floats) -> None:
     """Give a part that got nothing the smallest group of the part that has most, while one has two."""
     for empty in np.flatnonzero(share > 0.0).tolist():
-        held = np.bincount(part, minlength=len(share))
-        if held[empty] or held.max(initial=0) < 2:
+        counts = np.bincount(part, minlength=len(share))
+        if counts[empty] or counts.max(initial=0) < 2:
             continue
-        givers = np.flatnonzero(part == held.argmax())
-        part[givers[weight[givers].argmin()]] = empty
+        donors = np.flatnonzero(part == counts.argmax())
+        part[donors[weight[donors].argmin()]] = empty

@@ -40,9 +40,9 @@ CLAIMS: dict[str, tuple[Kind, ...]] = {
     "time": (),
 }
 """What the parts of a split may not share, by what it was made by."""
-FAR: Samples = 1 << 40
+SESSION_STRIDE: Samples = 1 << 40
 """Further than any two windows of a session are apart."""
-SHOWN = 3
+MAX_SHOWN = 3
 """How many places a leak names."""
 
 
@@ -66,7 +66,7 @@ class Leak:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Audit:
-    """What an audit found: `leaks`, and `notes` of what is no leak but should be known."""
+    """The result of an audit: `leaks`, and `notes` of what is no leak but should be known."""
 
     leaks: Sequence[Leak]
     notes: Sequence[str] = ()
@@ -97,7 +97,7 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     - **held out**: a session that the split holds out, by its object or its name, is not in the test alone.
     - **same checksum**: two sessions of the same bytes, or of the same samples, in different parts.
     - **near duplicate**: two sessions with the same sound, shifted, scaled or with noise added; see
-      `monochord.datasets.duplicates` for what is found and what is not.
+      `monochord.datasets.duplicates` for what it detects and what it does not.
 
     A touch that is on both sides of a cut in time is no leak, but noted. Every byte of the dataset is
     compared with its checksum first.
@@ -127,14 +127,14 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     strange = tuple(_strange_rows(dataset, split))
     if strange:
         return Audit(leaks=strange)
-    held = _held(dataset, split)
-    leaks = [*_windows(split), *_close(dataset, split), *_claims(dataset, split), *_kept(dataset, split)]
-    pairs = list(_apart(dataset, held))
-    leaks += _checksums(dataset, held, pairs)
+    session_counts = _session_counts(dataset, split)
+    leaks = [*_windows(split), *_close(dataset, split), *_claims(dataset, split), *_held_out(dataset, split)]
+    pairs = list(_apart(dataset, session_counts))
+    leaks += _checksums(dataset, session_counts, pairs)
     known = {leak.where for leak in leaks if leak.kind == "same checksum"}
     if duplicates:
         pairs = [pair for pair in pairs if _names(dataset, pair) not in known]
-        leaks += _duplicates(dataset, held, pairs)
+        leaks += _duplicates(dataset, session_counts, pairs)
     return Audit(leaks=tuple(leaks), notes=tuple(_notes(dataset, split)))
 
 
@@ -148,7 +148,7 @@ def _strange_rows(dataset: Dataset, split: Split) -> Iterator[Leak]:
             yield Leak(kind="other dataset", parts=(name,), where=where, many=outside)
 
 
-def _held(dataset: Dataset, split: Split) -> Mapping[str, Indices]:
+def _session_counts(dataset: Dataset, split: Split) -> Mapping[str, Indices]:
     """Return how many windows (sessions,) of every session each part has."""
     count = len(dataset.manifest.parts)
     return {name: np.bincount(dataset.session[rows], minlength=count) for name, rows in split.parts.items()}
@@ -186,10 +186,12 @@ def _close(dataset: Dataset, split: Split) -> Iterator[Leak]:
 
 def _distances(dataset: Dataset, mine: Indices, theirs: Indices) -> Indices:
     """Return how far the nearest of `theirs` begins from each of `mine`, in frames."""
-    place = dataset.session.astype(np.int64) * FAR + dataset.start  # sessions one after another, far apart
+    place = (
+        dataset.session.astype(np.int64) * SESSION_STRIDE + dataset.start
+    )  # sessions one after another, far apart
     there = np.sort(place[theirs])
     if not there.size:
-        return np.full(mine.shape, FAR)
+        return np.full(mine.shape, SESSION_STRIDE)
     at = np.searchsorted(there, place[mine])
     after = np.abs(there[np.minimum(at, there.size - 1)] - place[mine])
     before = np.abs(there[np.maximum(at - 1, 0)] - place[mine])
@@ -200,27 +202,27 @@ def _claims(dataset: Dataset, split: Split) -> Iterator[Leak]:
     """Yield sessions, days and objects in two parts that the split keeps apart by its own account."""
     for what in CLAIMS[split.by]:
         names = np.array([_named(part, what) for part in dataset.manifest.parts])
-        held = {part: names[dataset.session[rows]] for part, rows in split.parts.items()}
+        present = {part: names[dataset.session[rows]] for part, rows in split.parts.items()}
         for one, other in combinations(split.parts, 2):
             if what == "shared object" and "test" not in (one, other):
                 continue
-            shared = np.intersect1d(held[one], held[other])
+            shared = np.intersect1d(present[one], present[other])
             shared = shared[shared != ""]
             if shared.size:
-                many = min(int(np.isin(held[each], shared).sum()) for each in (one, other))
+                many = min(int(np.isin(present[each], shared).sum()) for each in (one, other))
                 where = _some(what.removeprefix("shared "), shared.tolist())
                 yield Leak(kind=what, parts=(one, other), where=where, many=many)
 
 
-def _kept(dataset: Dataset, split: Split) -> Iterator[Leak]:
+def _held_out(dataset: Dataset, split: Split) -> Iterator[Leak]:
     """Yield what is held out for the test and is in another part."""
     parts = dataset.manifest.parts
     apart = np.array([is_held_out(part.body, part.name, split.held_out) for part in parts], bool)
     for name, rows in split.parts.items():
-        held = dataset.session[rows][apart[dataset.session[rows]]]
-        if name != "test" and held.size:
-            where = _some("session", [parts[number].name for number in np.unique(held).tolist()])
-            yield Leak(kind="held out", parts=(name,), where=where, many=held.size)
+        sessions = dataset.session[rows][apart[dataset.session[rows]]]
+        if name != "test" and sessions.size:
+            where = _some("session", [parts[number].name for number in np.unique(sessions).tolist()])
+            yield Leak(kind="held out", parts=(name,), where=where, many=sessions.size)
 
 
 def _named(part: Part, what: Kind) -> str:
@@ -233,34 +235,40 @@ def _named(part: Part, what: Kind) -> str:
             return "" if part.day is None else str(part.day)
 
 
-def _apart(dataset: Dataset, held: Mapping[str, Indices]) -> Iterator[tuple[int, int]]:
+def _apart(dataset: Dataset, session_counts: Mapping[str, Indices]) -> Iterator[tuple[int, int]]:
     """Yield the pairs of sessions that have windows in different parts."""
-    has = np.array([counts > 0 for counts in held.values()])
+    has = np.array([counts > 0 for counts in session_counts.values()])
     for one, other in combinations(range(len(dataset.manifest.parts)), 2):
         a, b = has[:, one], has[:, other]
         if a.any() and b.any() and (a | b).sum() > 1:
             yield one, other
 
 
-def _checksums(dataset: Dataset, held: Mapping[str, Indices], pairs: list[tuple[int, int]]) -> Iterator[Leak]:
+def _checksums(
+    dataset: Dataset, session_counts: Mapping[str, Indices], pairs: list[tuple[int, int]]
+) -> Iterator[Leak]:
     for pair in pairs:
         one, other = (dataset.manifest.parts[number] for number in pair)
         if one.checksum == other.checksum or one.audio_checksum == other.audio_checksum:
-            yield _copies("same checksum", dataset, held, pair)
+            yield _copies("same checksum", dataset, session_counts, pair)
 
 
 def _duplicates(
-    dataset: Dataset, held: Mapping[str, Indices], pairs: list[tuple[int, int]]
+    dataset: Dataset, session_counts: Mapping[str, Indices], pairs: list[tuple[int, int]]
 ) -> Iterator[Leak]:
-    for found in find_duplicates(dataset.mapped, pairs):
-        yield _copies("near duplicate", dataset, held, (found.first, found.second), found.lag)
+    for copy in find_duplicates(dataset.mapped, pairs):
+        yield _copies("near duplicate", dataset, session_counts, (copy.first, copy.second), copy.lag)
 
 
 def _copies(
-    kind: Kind, dataset: Dataset, held: Mapping[str, Indices], pair: tuple[int, int], lag: Samples = 0
+    kind: Kind,
+    dataset: Dataset,
+    session_counts: Mapping[str, Indices],
+    pair: tuple[int, int],
+    lag: Samples = 0,
 ) -> Leak:
-    parts = tuple(name for name, counts in held.items() if counts[list(pair)].any())
-    many = min(int(sum(counts[number] for counts in held.values())) for number in pair)
+    parts = tuple(name for name, counts in session_counts.items() if counts[list(pair)].any())
+    many = min(int(sum(counts[number] for counts in session_counts.values())) for number in pair)
     late = f", {abs(lag) / dataset.manifest.sample_rate:.3f} s apart" if lag else ""
     return Leak(kind=kind, parts=parts, where=_names(dataset, pair) + late, many=many)
 
@@ -274,14 +282,14 @@ def _notes(dataset: Dataset, split: Split) -> Iterator[str]:
     untouched = dataset.label("contact") == 0.0
     changes = np.diff(dataset.session, prepend=-1) != 0
     touch = np.cumsum(untouched | changes)
-    held = [np.unique(touch[rows[~untouched[rows]]]) for rows in split.parts.values()]
-    _, times = np.unique(np.concatenate(held), return_counts=True)
+    touches = [np.unique(touch[rows[~untouched[rows]]]) for rows in split.parts.values()]
+    _, times = np.unique(np.concatenate(touches), return_counts=True)
     torn = int((times > 1).sum())
     if torn:
         yield f"{torn} touch{'' if torn == 1 else 'es'} on both sides of a cut"
 
 
 def _some(what: str, names: list[str] | list[int]) -> str:
-    shown = ", ".join(str(name) for name in names[:SHOWN])
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    shown = ", ".join(str(name) for name in names[:MAX_SHOWN])
+    more = f" and {len(names) - MAX_SHOWN} more" if len(names) > MAX_SHOWN else ""
     return f"{what}{'' if len(names) == 1 else 's'} {shown}{more}"

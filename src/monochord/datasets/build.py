@@ -30,14 +30,14 @@ from monochord.datasets.store import (
     write_table,
 )
 from monochord.datasets.truth import Truth, truth_of
-from monochord.sessions import AudioTrack, Session, read_session
+from monochord.sessions import AudioTrack, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
 
 FULL_SCALE = 1.0 - 2.0**-15
 """A sample of this amount or more is clipped: the greatest that a converter of 16 bits gives."""
 Labelling: TypeAlias = Literal["", "recorded", "measured"]
 Progress: TypeAlias = Callable[[str, int, int], None]
-"""Is told the name of each session, how many are done, and how many there are."""
+"""Called with the name of each session, how many are done, and how many there are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +86,7 @@ def find_sessions(names: Iterable[str]) -> list[Path]:
     InputError
         For a name that stands for none.
     """
-    found: dict[Path, None] = {}
+    paths: dict[Path, None] = {}
     for name in names:
         path = Path(name)
         if path.is_dir():
@@ -95,8 +95,8 @@ def find_sessions(names: Iterable[str]) -> list[Path]:
             files = [path] if path.is_file() else [Path(each) for each in sorted(glob(name, recursive=True))]  # noqa: PTH207  (whole paths)
         if not files:
             raise InputError(f"sessions '{name}'", "files .mcap, a folder that holds some, or a pattern")
-        found |= dict.fromkeys(files)
-    return list(found)
+        paths |= dict.fromkeys(files)
+    return list(paths)
 
 
 def build_dataset(
@@ -211,7 +211,7 @@ class _Writer:
         self.tables.append({"session": number, "start": starts, **_flags(session.audio, starts, size)})
         self.columns.append(_labels(session.audio, truth, starts, size, options.rules))
         late = truth.alignment.lateness.get(AUDIO)
-        told = session.description
+        description = session.description
         self.parts.append(
             Part(
                 name=name,
@@ -223,13 +223,13 @@ class _Writer:
                 first=sum(each.windows for each in self.parts),
                 windows=len(starts),
                 labels=truth.source,
-                simulated=told.simulated,
-                object=told.object,
-                material=told.material,
-                radius=told.radius,
-                day=told.day,
-                build=told.build,
-                music=told.more.get("music"),
+                simulated=description.simulated,
+                object=description.object,
+                material=description.material,
+                radius=description.radius,
+                day=description.day,
+                build=description.build,
+                music=description.more.get("music"),
                 complete=session.complete,
                 late=late.offsets[0].value if late and late.offsets[0].known else None,
                 flags=truth.alignment.flags,
@@ -268,7 +268,7 @@ class _Writer:
             versions={name: version(name) for name in ("monochord", "numpy")},
         ).write(self.folder)
 
-    def _rate_of(self, name: str, session: Session) -> int:
+    def _rate_of(self, name: str, session: SessionReader) -> int:
         """Return the session's rate; refuse one that differs from those before."""
         form = (session.description.sample_rate, session.description.channels)
         self.form = self.form or form
@@ -278,7 +278,7 @@ class _Writer:
         return form[0]
 
 
-def _refuse_damaged(session: Session) -> None:
+def _refuse_damaged(session: SessionReader) -> None:
     malformed = sum(count for count, _ in session.malformed.values())
     if session.damaged or malformed:
         counts = f"damaged chunks: {session.damaged}, malformed messages: {malformed}"
@@ -311,8 +311,8 @@ def _labels(audio: AudioTrack, truth: Truth, starts: Indices, size: Samples, rul
     calibrating = np.zeros(len(starts), bool)
     for first, last in truth.calibrating:
         calibrating |= (end > first) & (begin < last)
-    found = window_labels(truth.labels, begin, end, rules)
-    labels = {name: np.where(calibrating, np.nan, values) for name, values in found.items()}
+    columns = window_labels(truth.labels, begin, end, rules)
+    labels = {name: np.where(calibrating, np.nan, values) for name, values in columns.items()}
     return {**labels, "calibrating": calibrating.astype(np.float64)}
 
 

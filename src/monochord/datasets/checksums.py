@@ -1,4 +1,4 @@
-"""Checksums of a dataset's files, block by block, so that damage is found without reading all."""
+"""Checksums of a dataset's files, block by block, so that damage is noticed without reading all."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from monochord.core.errors import InputError
 BLOCK = 1 << 20
 """Bytes that one checksum covers."""
 DIGITS = 16
-"""Hexadecimal digits of SHA-256 that are kept of each block: 64 bits, against damage."""
+"""Hexadecimal digits of SHA-256 that are stored of each block: 64 bits, against damage."""
 REMEDY = "build the dataset again"
 
 

@@ -8,15 +8,17 @@ is everything else: onsets, scrapes, the hiss of the converter, at one lag throu
    phases and gives every frequency the same weight (Knapp & Carter 1976, phase transform): a steady partial
    is a few bins of a hundred thousand, the rest speaks for itself;
 2. the correlation of two such stretches has a peak of the share of frequencies that agree, times the share of
-   time that overlaps. In a minute of sound chance reaches 0.02; a peak of `PEAK` is looked into;
+   time that overlaps. In a minute of sound chance reaches 0.02; a peak of `MIN_PEAK` is looked into;
 3. there the waveforms are compared at the full rate: at one lag, excerpts all over the overlap must correlate
-   by `LIKE` or more in a share `MOST` of the places. So neither do music that plays beside two takes and the
-   same motion carried out twice make them copies, nor a second that a simulation begins with each time;
-4. an excerpt counts only if it is like no other place as much, by `AHEAD`, or if a share `HISS` of all its
-   frequencies agrees in phase. A string that sounds on unchanged is like itself everywhere.
+   by `MIN_CORRELATION` or more in a share `MIN_LIKE_SHARE` of the places. So neither do music that plays
+   beside two takes and the same motion carried out twice make them copies,
+   nor a second that a simulation begins with each time;
+4. an excerpt counts only if it is like no other place as much, by `MIN_LEAD`, or if a share
+   `MIN_PHASE_SHARE` of all its frequencies agrees in phase. A string that sounds on
+   unchanged is like itself everywhere.
 
 It sees through noise 5 dB below a touched string. Of a string that nothing touches it finds copies without
-added noise only: under noise nothing tells such a copy from another take.
+added noise only: under noise such a copy cannot be distinguished from another take.
 """
 
 import math
@@ -34,25 +36,25 @@ STEP: Samples = 20
 """Frames that become one where stretches are compared."""
 STRETCH: Samples = 1 << 17
 """Reduced samples of a stretch: a minute at 44.1 kHz."""
-SHORTEST: Samples = 1 << 10
+MIN_STRETCH: Samples = 1 << 10
 """Reduced samples that a stretch must have to be compared: half a second."""
 TAPER = 0.05
 """Share of a stretch over which it fades in and out: keeps a loud partial from leaking into all bins."""
-PEAK = 0.05
-LIKE = 0.7
-MOST = 0.5
-AHEAD = 0.1
-HISS = 0.2
-LEAST = 0.2
+MIN_PEAK = 0.05
+MIN_CORRELATION = 0.7
+MIN_LIKE_SHARE = 0.5
+MIN_LEAD = 0.1
+MIN_PHASE_SHARE = 0.2
+MIN_OVERLAP = 0.2
 """How much of the shorter session must overlap the other at least."""
-CHANCE = 6.0
+MIN_PEAK_SIGMAS = 6.0
 """What a peak must reach at least, in deviations of the peaks by chance."""
 EXCERPT: Samples = 1 << 13
 PLACES = 16
 """Frames of an excerpt that is compared at the full rate, and how many there are."""
 LONG: Samples = 1 << 16
 NEAR: Samples = 200
-"""Frames of an excerpt by which the exact lag is found, and how far about the rough lag it is looked for."""
+"""Frames of an excerpt by which the exact lag is measured, and how far about the rough lag it is searched."""
 
 Track = Callable[[int], Audio]
 """Returns the samples (channels, n) of a session by its number."""
@@ -103,32 +105,32 @@ def find_duplicates(track: Track, pairs: Iterable[tuple[int, int]]) -> list[Dupl
     [(0, 2, -4410)]
     """
     stretches: dict[int, list[_Stretch]] = {}
-    found: list[Duplicate] = []
+    duplicates: list[Duplicate] = []
     for pair in pairs:
         for number in pair:
             if number not in stretches:
                 stretches[number] = list(_stretches(track(number)))
         for one, other in product(stretches[pair[0]], stretches[pair[1]]):
             peak, lag = _agreement(one, other)
-            if peak < max(PEAK, CHANCE / math.sqrt(min(one.size, other.size) / 2)):
+            if peak < max(MIN_PEAK, MIN_PEAK_SIGMAS / math.sqrt(min(one.size, other.size) / 2)):
                 continue
             sounds = track(pair[0]), track(pair[1])
             first, last = _overlap(*sounds, lag * STEP)
-            if last - first < max(2 * EXCERPT, LEAST * min(each.shape[1] for each in sounds)):
+            if last - first < max(2 * EXCERPT, MIN_OVERLAP * min(each.shape[1] for each in sounds)):
                 continue
             exact = _exact(*sounds, lag * STEP)
             share = _share(*sounds, exact)
-            if share >= MOST:
-                found.append(Duplicate(first=pair[0], second=pair[1], lag=exact, peak=peak, share=share))
+            if share >= MIN_LIKE_SHARE:
+                duplicates.append(Duplicate(first=pair[0], second=pair[1], lag=exact, peak=peak, share=share))
                 break
-    return found
+    return duplicates
 
 
 def _stretches(samples: Audio) -> Iterator[_Stretch]:
     reduced = _reduced(samples)
     for begin in range(0, reduced.size, STRETCH):
         piece = reduced[begin : begin + STRETCH].copy()
-        if piece.size < SHORTEST or not piece.any():
+        if piece.size < MIN_STRETCH or not piece.any():
             continue
         fade = max(int(TAPER * piece.size), 1)
         ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(fade, dtype=np.float32) + 0.5) / fade)
@@ -180,7 +182,7 @@ def _share(one: Audio, other: Audio, lag: Samples) -> float:
     )
     a, b = (each / np.maximum(np.linalg.norm(each, axis=1, keepdims=True), 1e-30) for each in (a, b))
     own = np.abs(np.sum(a * b, axis=1))
-    if np.mean(own >= LIKE) < MOST:
+    if np.mean(own >= MIN_CORRELATION) < MIN_LIKE_SHARE:
         return 0.0
     left, right = np.fft.rfft(a), np.fft.rfft(b)
     shifts = range(PLACES // 4, PLACES, PLACES // 4)
@@ -190,8 +192,8 @@ def _share(one: Audio, other: Audio, lag: Samples) -> float:
     fade = np.hanning(EXCERPT)
     cross = np.fft.rfft(fade * a).conj() * np.fft.rfft(fade * b)
     phases = np.abs(np.mean((cross / np.maximum(np.abs(cross), 1e-30)).real, axis=1))
-    alone = (own - np.median(rivals, axis=0) >= AHEAD) | (phases >= HISS)
-    return float(np.mean((own >= LIKE) & alone))
+    alone = (own - np.median(rivals, axis=0) >= MIN_LEAD) | (phases >= MIN_PHASE_SHARE)
+    return float(np.mean((own >= MIN_CORRELATION) & alone))
 
 
 def _overlap(one: Audio, other: Audio, lag: Samples) -> tuple[Samples, Samples]:

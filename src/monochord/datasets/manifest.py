@@ -42,9 +42,9 @@ class Part:
     `source` is the name of its file and `checksum` that file's sha256; `audio` is the file of its samples
     (2, `frames`) below the dataset and `audio_checksum` the sha256 of the samples alone. It has `windows`
     rows of the table, from row `first` on. `labels` says where they come from: "recorded" or "measured".
-    `late` is by how much its sound was late at its begin, in s, where taps told, and `flags` are what its
+    `late` is by how much its sound was late at its begin, in s, where it has taps, and `flags` are what its
     alignment was warned of, where it was taken all the same. `music` is what sounded in the room, empty for
-    nothing, and None where nobody told.
+    nothing, and None where that is unknown.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Part:
 
     @property
     def body(self) -> str:
-        """What touches in it: the material where that is told, else the object's name.
+        """What touches in it: the material where that is known, else the object's name.
 
         >>> blank = dict.fromkeys(("name", "source", "checksum", "audio", "audio_checksum", "labels"), "")
         >>> Part(**blank, frames=0, first=0, windows=0, object="stick, radius 5 mm", material="wood").body
@@ -140,10 +140,10 @@ class Manifest:
         if not isinstance(tree, dict) or tree.get("format") != FORMAT:
             given = f"dataset {folder} of another format"
             raise InputError(given, f"format {FORMAT}, with checksums of all files", REMEDY)
-        found = from_tree(cls, tree, FILE)
-        for wrong in _contradictions(found):
+        manifest = from_tree(cls, tree, FILE)
+        for wrong in _contradictions(manifest):
             raise InputError(f"{folder / FILE} ({wrong})", "what monochord build wrote", REMEDY)
-        return found
+        return manifest
 
 
 def audio_name(number: int) -> str:
@@ -164,33 +164,33 @@ def is_column_name(name: str) -> bool:
     return name == PurePath(name).name and name not in {"", ".."} and name.isprintable() and "\\" not in name
 
 
-def _contradictions(told: Manifest) -> Iterator[str]:
+def _contradictions(manifest: Manifest) -> Iterator[str]:
     """Yield what cannot be true of a dataset, before anything that follows from it takes memory."""
     for name, value, most in (
-        ("sample_rate", told.sample_rate, MAX_RATE),
-        ("channels", told.channels, MAX_CHANNELS),
-        ("window", told.window, 60 * MAX_RATE),
-        ("hop", told.hop, 60 * MAX_RATE),
+        ("sample_rate", manifest.sample_rate, MAX_RATE),
+        ("channels", manifest.channels, MAX_CHANNELS),
+        ("window", manifest.window, 60 * MAX_RATE),
+        ("hop", manifest.hop, 60 * MAX_RATE),
     ):
         if not 1 <= value <= most:
             yield f"{name} {value}, which is not 1 to {most}"
-    if not 0 <= told.windows <= MAX_WINDOWS:
-        yield f"{told.windows} windows, which is not 0 to {MAX_WINDOWS}"
-    yield from _contradictions_of_parts(told)
-    if sum(part.windows for part in told.parts) != told.windows:
-        yield f"{told.windows} windows, which are not those of its parts"
-    if len(set(told.columns)) < len(told.columns) or not all(map(is_column_name, told.columns)):
-        yield f"columns {', '.join(map(repr, told.columns))}"
-    if set(told.files) != set(told.arrays()):
+    if not 0 <= manifest.windows <= MAX_WINDOWS:
+        yield f"{manifest.windows} windows, which is not 0 to {MAX_WINDOWS}"
+    yield from _contradictions_of_parts(manifest)
+    if sum(part.windows for part in manifest.parts) != manifest.windows:
+        yield f"{manifest.windows} windows, which are not those of its parts"
+    if len(set(manifest.columns)) < len(manifest.columns) or not all(map(is_column_name, manifest.columns)):
+        yield f"columns {', '.join(map(repr, manifest.columns))}"
+    if set(manifest.files) != set(manifest.arrays()):
         yield "checksums of other files than it is made of"
-    for name, sums in told.files.items():
+    for name, sums in manifest.files.items():
         if len(sums.blocks) != -(-sums.bytes // BLOCK):
             yield f"{len(sums.blocks)} checksums of {name}, which has {sums.bytes} bytes"
 
 
-def _contradictions_of_parts(told: Manifest) -> Iterator[str]:
-    firsts = accumulate((part.windows for part in told.parts), initial=0)
-    for number, (part, first) in enumerate(zip(told.parts, firsts, strict=False)):
+def _contradictions_of_parts(manifest: Manifest) -> Iterator[str]:
+    firsts = accumulate((part.windows for part in manifest.parts), initial=0)
+    for number, (part, first) in enumerate(zip(manifest.parts, firsts, strict=False)):
         if part.audio != audio_name(number):
             yield f"parts[{number}].audio '{part.audio}', which is not '{audio_name(number)}'"
         if part.frames < 0 or part.windows < 0 or part.first != first:

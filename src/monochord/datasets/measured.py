@@ -133,9 +133,9 @@ def _bias(force: Floats, thresholds: Thresholds) -> Floats:
 
 def _hysteresis(force: Floats, thresholds: Thresholds) -> Flags:
     """Return where (n,) there is contact: from a force above `on` to one below `off`."""
-    told = np.where(force > thresholds.on, 1, np.where(force < thresholds.off, 0, -1))
-    latest = np.maximum.accumulate(np.where(told >= 0, np.arange(force.size), -1))
-    return (latest >= 0) & (told[latest] == 1)
+    decided = np.where(force > thresholds.on, 1, np.where(force < thresholds.off, 0, -1))
+    latest = np.maximum.accumulate(np.where(decided >= 0, np.arange(force.size), -1))
+    return (latest >= 0) & (decided[latest] == 1)
 
 
 def _widened(touched: Flags, by: int) -> Flags:

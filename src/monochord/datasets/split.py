@@ -1,12 +1,12 @@
 """Which windows train, which validate, which test.
 
-Neighbouring windows hear the same touch, and overlapping ones the same samples. So whole groups are dealt
-out:
+Neighbouring windows contain the same touch, and overlapping ones the same samples. So whole groups are
+assigned:
 
 - **session**: whole sessions, each kind (object; mostly static, sliding or untouched) by the same shares.
   What is held out, objects or patterns of sessions' names, is in the test alone, beside other sessions.
 - **object**: objects that are held out are in the test alone. With `held_out` those, else as many as come to
-  the share asked for. The sessions of the other objects are dealt to training and validation.
+  the requested share. The sessions of the other objects are assigned to training and validation.
 - **day**: whole days.
 - **time**: each session is cut in three stretches, in an order drawn for each, with a guard gap between
   them. A cut is moved to where nothing touches, if that is within reach, so that a touch is not on both
@@ -45,7 +45,7 @@ SHARES = (0.7, 0.15, 0.15)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Split:
-    """Row numbers of the windows in each part, and how they were dealt out.
+    """Row numbers of the windows in each part, and how they were assigned.
 
     `parts` maps "train", "validation" and "test" to rows (k,) in rising order. `guard` is the least
     distance in frames between samples of different parts that a split by time keeps. `left_out` counts
@@ -87,7 +87,7 @@ class Split:
             "held_out": list(self.held_out),
             "left_out": self.left_out,
             "dataset": self.dataset,
-            "groups": {name: list(held) for name, held in self.groups.items()},
+            "groups": {name: list(group) for name, group in self.groups.items()},
             "counts": {name: len(rows) for name, rows in self.parts.items()},
             "parts": {name: _runs(rows) for name, rows in self.parts.items()},
         }
@@ -105,26 +105,26 @@ class Split:
             raise InputError(f"split {file} (damaged)", "a file that monochord build made", remedy)
         if isinstance(tree.get("by"), str):
             refuse_impossible(tree["by"])
-        told = from_tree(_Written, tree, f"split {file}")
-        strange = [name for name in told.parts if name not in PARTS]
+        written = from_tree(_Written, tree, f"split {file}")
+        strange = [name for name in written.parts if name not in PARTS]
         if strange:
             given = f"split {file} with a part '{strange[0]}'"
             raise InputError(given, ", ".join(PARTS), did_you_mean(strange[0], PARTS))
-        runs = [run for runs in told.parts.values() for run in runs]
+        runs = [run for runs in written.parts.values() for run in runs]
         count = sum(last - first for first, last in runs)
         if not all(0 <= first <= last for first, last in runs) or count > MAX_WINDOWS:
             given = f"split {file} (damaged: runs of rows that cannot be)"
             raise InputError(given, f"rising runs of {MAX_WINDOWS} rows at most", remedy)
         return cls(
-            by=told.by,
-            parts={name: _rows(told.parts.get(name, ())) for name in PARTS},
-            seed=told.seed,
-            fractions=told.fractions,
-            guard=told.guard,
-            held_out=told.held_out,
-            left_out=told.left_out,
-            dataset=told.dataset,
-            groups=told.groups,
+            by=written.by,
+            parts={name: _rows(written.parts.get(name, ())) for name in PARTS},
+            seed=written.seed,
+            fractions=written.fractions,
+            guard=written.guard,
+            held_out=written.held_out,
+            left_out=written.left_out,
+            dataset=written.dataset,
+            groups=written.groups,
         )
 
 
@@ -167,8 +167,8 @@ def split_dataset(
         Of what is drawn; equal seeds give equal splits.
     held_out
         Names of objects for the test alone, where `by` is "session" or "object". By session, patterns of
-        sessions' names too, such as ``music*``; the other sessions are dealt to all parts, so that the test
-        holds known and unknown ones.
+        sessions' names too, such as ``music*``; the other sessions are assigned to all parts, so that the
+        test holds known and unknown ones.
     guard
         Least distance of the samples of two parts in s, where `by` is "time"; by default, and at least, a
         window and a hop.
@@ -223,15 +223,15 @@ def refuse_impossible(
 
     >>> refuse_impossible("session")
     """
-    ways = get_args(By)
+    strategies = get_args(By)
     if by in ("window", "windows", "random", "shuffle"):
         raise InputError(
             f"split by {by}",
-            ", ".join(ways),
-            "windows beside each other hear one touch, so that shuffled ones test what was trained on",
+            ", ".join(strategies),
+            "windows beside each other contain one touch, so that shuffled ones test what was trained on",
         )
-    if by not in ways:
-        raise InputError(f"split by {by}", ", ".join(ways), did_you_mean(by, ways))
+    if by not in strategies:
+        raise InputError(f"split by {by}", ", ".join(strategies), did_you_mean(by, strategies))
     if min(fractions) < 0.0 or abs(sum(fractions) - 1.0) > 1e-6 or fractions[0] <= 0.0:
         given = "shares " + ", ".join(f"{share:g}" for share in fractions)
         raise InputError(given, "three of 0 or more that sum to 1, the first above 0")

@@ -8,7 +8,7 @@
     labels/COLUMN.npy        (windows,) float64: contact, position, force ...; NaN where not valid
     valid/COLUMN.npy         (windows,) bool: where the label is valid
 
-Everything is plain NumPy, so that any program can read it. Audio is kept once and windows are cut from it
+Everything is plain NumPy, so that any program can read it. Audio is stored once and windows are cut from it
 when they are asked for, so that a smaller hop costs no space.
 """
 
@@ -131,7 +131,7 @@ def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None 
     """
     path = Path(path).absolute()
     manifest = Manifest.read(path)
-    found: dict[str, Any] = {name: _mapped(path, name, layout) for name, layout in manifest.arrays().items()}
+    arrays: dict[str, Any] = {name: _mapped(path, name, layout) for name, layout in manifest.arrays().items()}
     blocks = [(name, number) for name, sums in manifest.files.items() for number in range(len(sums.blocks))]
     audio = {part.audio for part in manifest.parts}
     check_blocks(path, manifest.files, (block for block in blocks if block[0] not in audio))
@@ -143,13 +143,13 @@ def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None 
     dataset = Dataset(
         path=path,
         manifest=manifest,
-        session=found["windows/session.npy"],
-        start=found["windows/start.npy"],
-        has_gap=found["windows/has_gap.npy"],
-        clipped=found["windows/clipped.npy"],
-        not_finite=found["windows/not_finite.npy"],
-        labels={name: found[f"labels/{name}.npy"] for name in manifest.columns},
-        valid={name: found[f"valid/{name}.npy"] for name in manifest.columns},
+        session=arrays["windows/session.npy"],
+        start=arrays["windows/start.npy"],
+        has_gap=arrays["windows/has_gap.npy"],
+        clipped=arrays["windows/clipped.npy"],
+        not_finite=arrays["windows/not_finite.npy"],
+        labels={name: arrays[f"labels/{name}.npy"] for name in manifest.columns},
+        valid={name: arrays[f"valid/{name}.npy"] for name in manifest.columns},
     )
     _refuse_outside(dataset)
     return dataset
@@ -216,9 +216,9 @@ def window_starts(frames: Samples, window: Samples, hop: Samples) -> Indices:
 def _header(layout: Layout) -> bytes:
     """Return the bytes that a .npy file of such an array begins with."""
     kind, shape = layout
-    told = {"descr": np.lib.format.dtype_to_descr(np.dtype(kind)), "fortran_order": False, "shape": shape}
+    header = {"descr": np.lib.format.dtype_to_descr(np.dtype(kind)), "fortran_order": False, "shape": shape}
     out = BytesIO()
-    np.lib.format.write_array_header_1_0(out, told)
+    np.lib.format.write_array_header_1_0(out, header)
     return out.getvalue()
 
 

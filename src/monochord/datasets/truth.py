@@ -8,7 +8,7 @@ from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack
 from monochord.core.types import Floats
 from monochord.datasets.measured import THRESHOLDS, Thresholds, measured_truth
-from monochord.sessions import ReadingTrack, Session
+from monochord.sessions import ReadingTrack, SessionReader
 from monochord.sessions.alignment import AUDIO, Alignment, Spans, align, aligned_readings, calibration_spans
 
 RECORDED, MEASURED = "recorded", "measured"
@@ -20,8 +20,7 @@ WRENCH, POSE = "wrench", "pose"
 class Truth:
     """What is true of a session: `labels` on the clock of the alignment's reference, and their `source`.
 
-    `calibrating` are the spans on that clock in which the string is not driven, so that the taps can be
-    heard.
+    `calibrating` are the spans on that clock in which the string is not driven, so that the taps stand out.
     """
 
     labels: LabelTrack
@@ -29,13 +28,13 @@ class Truth:
     alignment: Alignment
     calibrating: Spans
 
-    def time_of(self, heard: Floats) -> Floats:
+    def time_of(self, times: Floats) -> Floats:
         """Return times of the microphones (n,), in session seconds, on the clock of the labels."""
-        return self.alignment.correct(AUDIO, heard)
+        return self.alignment.correct(AUDIO, times)
 
 
 def truth_of(
-    session: Session, source: str = "", thresholds: Thresholds = THRESHOLDS, *, force: bool = False
+    session: SessionReader, source: str = "", thresholds: Thresholds = THRESHOLDS, *, force: bool = False
 ) -> Truth:
     """Return what is true of a session, its streams aligned by their taps.
 
@@ -88,6 +87,6 @@ def truth_of(
 
 def _sound(track: ReadingTrack, *, faulty: bool) -> ReadingTrack:
     """Return the readings that are numbers, and whose status is 0 unless `faulty` ones are wanted too."""
-    kept = np.isfinite(track.values).all(axis=1) & (faulty | (track.status == 0))
+    valid = np.isfinite(track.values).all(axis=1) & (faulty | (track.status == 0))
     arrays = ("time", "values", "sequence", "device_time", "status")
-    return replace(track, **{name: getattr(track, name)[kept] for name in arrays})
+    return replace(track, **{name: getattr(track, name)[valid] for name in arrays})

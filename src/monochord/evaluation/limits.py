@@ -10,7 +10,7 @@ from monochord.core.units import Newtons, Seconds
 from monochord.evaluation.results import Results
 from monochord.evaluation.scores import regression_rows
 from monochord.physics.theory import TensionLaw, contact_bound
-from monochord.sessions import Session
+from monochord.sessions import SessionReader
 
 MAX_BOUND_WINDOWS = 200
 """The bound is computed for this many windows, spread evenly over all."""
@@ -93,7 +93,7 @@ def compare_with_bound(
     return BoundComparison(ratio=ratio, windows=len(part), bound=bound, error=error, times=times)
 
 
-def force_floor(session: Session, window: Seconds) -> Newtons | None:
+def force_floor(session: SessionReader, window: Seconds) -> Newtons | None:
     """Return the mean absolute error of the mean force reading over a window, in N.
 
     Measured in stretches without contact, by the session's labels: 0.8 standard deviations of the windows'

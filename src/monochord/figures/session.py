@@ -15,7 +15,7 @@ from monochord.core.types import Floats
 from monochord.core.units import Seconds
 from monochord.figures import _style
 from monochord.figures.base import Figure
-from monochord.sessions import AudioTrack, Session, read_session
+from monochord.sessions import AudioTrack, SessionReader, read_session
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +94,7 @@ def levels(track: AudioTrack, step: Seconds) -> tuple[Floats, Floats]:
     return np.asarray(track.time((np.arange(count) + 0.5) * size)), decibels
 
 
-def _levels(axes: Axes, session: Session, step: Seconds) -> None:
+def _levels(axes: Axes, session: SessionReader, step: Seconds) -> None:
     track = session.audio
     time, decibels = levels(track, step)
     for number, level in enumerate(decibels):
@@ -107,7 +107,7 @@ def _levels(axes: Axes, session: Session, step: Seconds) -> None:
     _key(axes)
 
 
-def _force(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG001
+def _force(axes: Axes, session: SessionReader, step: Seconds) -> None:  # noqa: ARG001
     track = session.readings("wrench")
     axes.plot(*_thinned(track.time, track.column("fz")), linewidth=0.7, color=_style.INK, label="measured")
     labels = session.labels
@@ -118,17 +118,17 @@ def _force(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG001
     _key(axes)
 
 
-def _place(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG001
+def _place(axes: Axes, session: SessionReader, step: Seconds) -> None:  # noqa: ARG001
     _pose(axes, session, ("x", "y"))
     axes.set_ylabel("pose x, y (mm)")
 
 
-def _height(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG001
+def _height(axes: Axes, session: SessionReader, step: Seconds) -> None:  # noqa: ARG001
     _pose(axes, session, ("z",))
     axes.set_ylabel("pose z (mm)")
 
 
-def _pose(axes: Axes, session: Session, columns: tuple[str, ...]) -> None:
+def _pose(axes: Axes, session: SessionReader, columns: tuple[str, ...]) -> None:
     track = session.readings("pose")
     for name, colour in zip(columns, _style.SEGMENTS, strict=False):
         time, place = _thinned(track.time, track.column(name))
@@ -136,7 +136,7 @@ def _pose(axes: Axes, session: Session, columns: tuple[str, ...]) -> None:
     _key(axes)
 
 
-def _labels(axes: Axes, session: Session, step: Seconds) -> None:  # noqa: ARG001
+def _labels(axes: Axes, session: SessionReader, step: Seconds) -> None:  # noqa: ARG001
     labels = session.labels
     for name, colour in (("contact", _style.PALE), ("slip", _style.SEGMENTS[1])):
         if name in labels.columns:

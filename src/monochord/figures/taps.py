@@ -19,7 +19,7 @@ from monochord.figures.base import Measured
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Key, Scene, Touch, advance, begin
-from monochord.sessions import Description, Session, SessionClock, SessionWriter, read_session
+from monochord.sessions import Description, SessionClock, SessionReader, SessionWriter, read_session
 from monochord.sessions.alignment import AUDIO, Alignment, align, reading_times
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class Taps(Measured):
             }
         return numbers
 
-    def _aligned(self) -> tuple[Session, Alignment]:
+    def _aligned(self) -> tuple[SessionReader, Alignment]:
         if self.session:
             session = read_session(Path(self.session))
             return session, align(session)
@@ -120,7 +120,7 @@ class Taps(Measured):
 
     def _cut(
         self,
-        session: Session,
+        session: SessionReader,
         alignment: Alignment,
         stream: str,
         column: str,
@@ -140,7 +140,7 @@ class Taps(Measured):
         return 1e3 * time[shown], SHOWN[column][1] * values[shown]
 
 
-def _rows(session: Session) -> list[tuple[str, str]]:
+def _rows(session: SessionReader) -> list[tuple[str, str]]:
     """Return the streams and columns that are shown."""
     feeds = session.description.feeds
     rows = [(feed.stream, column) for column in ("fz", "z") for feed in feeds if column in feed.columns]

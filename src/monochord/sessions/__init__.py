@@ -3,7 +3,7 @@
 from monochord.core.labels import LabelTrack
 from monochord.sessions.check import Report, check
 from monochord.sessions.description import Description, SessionClock
-from monochord.sessions.reader import Session, read_session
+from monochord.sessions.reader import SessionReader, read_session
 from monochord.sessions.recover import Recovery, recover
 from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, ReadingTrack
 from monochord.sessions.writer import SessionWriter
@@ -17,8 +17,8 @@ __all__ = [
     "ReadingTrack",
     "Recovery",
     "Report",
-    "Session",
     "SessionClock",
+    "SessionReader",
     "SessionWriter",
     "check",
     "read_session",

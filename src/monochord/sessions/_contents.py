@@ -78,16 +78,16 @@ class Contents:
         return self.ended and not self.damage and not self.patches and bool(self.ending or self.recovered)
 
     def agrees(self) -> bool:
-        """Return whether the messages are those of which the end tells the checksums."""
+        """Return whether the messages are those whose checksums the ending holds."""
         with suppress(ValueError):
             there = {c.topic: self.digests[n].hexdigest() for n, c in self.channels.items()}
             return there == json.loads(self.ending.get("sha256", "{}"))
         return False
 
 
-def contents(view: memoryview) -> Contents:
+def scan(view: memoryview) -> Contents:
     """Return what a file holds up to its last sound record."""
-    found, edges, group = Contents(), set[int](), _Group()
+    contents, edges, group = Contents(), set[int](), _Group()
     walked, data_end = len(walk.MAGIC), 0
     for record in walk.records(view):
         walked = record.end
@@ -95,52 +95,52 @@ def contents(view: memoryview) -> Contents:
             data_end = record.offset
             walked = record.offset
             crc = int.from_bytes(record.body, "little")
-            found.closed = crc in (0, zlib.crc32(view[: record.offset]))
+            contents.closed = crc in (0, zlib.crc32(view[: record.offset]))
             break
         if record.opcode == walk.FOOTER:
-            walked, found.closed = record.offset, True
+            walked, contents.closed = record.offset, True
             break
         edges.add(record.end)
         if group.takes(record):
             if group.full:
-                group.close(view, found)
+                group.close(view, contents)
             continue
-        group.close(view, found)
-        group = _add(view, found, record)
-    group.close(view, found, last=not found.closed and not data_end)
+        group.close(view, contents)
+        group = _add(view, contents, record)
+    group.close(view, contents, last=not contents.closed and not data_end)
     if data_end:
-        found.ended = found.closed and data_end == found.end and _summary_is_sound(view, data_end)
-    found.closed = found.closed or data_end > 0 or bytes(view[-len(walk.MAGIC) :]) == walk.MAGIC
-    found.torn = walk.torn(view, walked)
-    _mend_opening(view, found, edges)
-    if found.ending and found.ending_at and not ending_is_sound(found.ending):
-        found.damage.append(found.ending_at._replace(what="ending"))
-        found.ending = {}
-    return found
+        contents.ended = contents.closed and data_end == contents.end and _summary_is_sound(view, data_end)
+    contents.closed = contents.closed or data_end > 0 or bytes(view[-len(walk.MAGIC) :]) == walk.MAGIC
+    contents.torn = walk.torn(view, walked)
+    _mend_opening(view, contents, edges)
+    if contents.ending and contents.ending_at and not ending_is_sound(contents.ending):
+        contents.damage.append(contents.ending_at._replace(what="ending"))
+        contents.ending = {}
+    return contents
 
 
-def _add(view: memoryview, found: Contents, record: walk.Record) -> "_Group":
+def _add(view: memoryview, contents: Contents, record: walk.Record) -> "_Group":
     """Take a record in; return what must follow."""
     if record.opcode == walk.CHUNK:
-        return _add_chunk(view, found, record)
+        return _add_chunk(view, contents, record)
     if record.opcode == walk.METADATA:
-        _add_metadata(view, found, record)
+        _add_metadata(view, contents, record)
     elif record.opcode == walk.ATTACHMENT:
-        _add_attachment(found, record)
+        _add_attachment(contents, record)
     elif record.opcode == walk.DAMAGED:
-        found.damage.append(Damage(record.offset, record.end, "record"))
+        contents.damage.append(Damage(record.offset, record.end, "record"))
     elif record.opcode in (walk.HEADER, walk.LOST):
-        found.end = record.end
+        contents.end = record.end
     return _Group()
 
 
-def origin_of(view: memoryview, found: Contents) -> float:
+def origin_of(view: memoryview, contents: Contents) -> float:
     """Return the monotonic clock at a session's begin, 0 where that is lost: no time depends on it."""
-    told = _ORIGIN.search(view[: found.chunks[0].chunk_start_offset if found.chunks else 4096])
+    written = _ORIGIN.search(view[: contents.chunks[0].chunk_start_offset if contents.chunks else 4096])
     for text in (
-        found.ending.get("origin") if ending_is_sound(found.ending) else None,
-        found.begin.get("origin"),
-        told and told[1].decode(),
+        contents.ending.get("origin") if ending_is_sound(contents.ending) else None,
+        contents.begin.get("origin"),
+        written and written[1].decode(),
     ):
         with suppress(ValueError, TypeError):
             if isfinite(origin := float(text or "")):
@@ -148,13 +148,15 @@ def origin_of(view: memoryview, found: Contents) -> float:
     return 0.0
 
 
-def told_at_begin(view: memoryview, found: Contents) -> tuple[str, SessionClock] | None:
+def identity_of(view: memoryview, contents: Contents) -> tuple[str, SessionClock] | None:
     """Return description and clock: as the message says, which a checksum guards, else as the begin says."""
-    if found.text is not None:
-        return found.text, SessionClock(epoch_ns=found.epoch_ns, origin=origin_of(view, found))
+    if contents.text is not None:
+        return contents.text, SessionClock(epoch_ns=contents.epoch_ns, origin=origin_of(view, contents))
     with suppress(ValueError, KeyError):
-        epoch_ns = int(found.begin["epoch_ns"])
-        return found.begin["description"], SessionClock(epoch_ns=epoch_ns, origin=origin_of(view, found))
+        epoch_ns = int(contents.begin["epoch_ns"])
+        return contents.begin["description"], SessionClock(
+            epoch_ns=epoch_ns, origin=origin_of(view, contents)
+        )
     return None
 
 
@@ -181,19 +183,19 @@ class _Group:
         self._end = record.end
         return True
 
-    def close(self, view: memoryview, found: Contents, *, last: bool = False) -> None:
-        """Put into `found` what came of it; where the file ends here, the index belongs behind."""
+    def close(self, view: memoryview, contents: Contents, *, last: bool = False) -> None:
+        """Enter the result into `contents`; where the file ends here, the index belongs behind."""
         chunk, self._chunk = self._chunk, None
         if chunk is None:
             return
         if not self.full and last:
-            found.index = self._bytes
+            contents.index = self._bytes
         elif self.full:
-            _patch(view, found, self._start, self._bytes)
-            found.end = self._end
+            _patch(view, contents, self._start, self._bytes)
+            contents.end = self._end
         else:
             if self._end > self._start:
-                found.damage.append(Damage(self._start, self._end, "index"))
+                contents.damage.append(Damage(self._start, self._end, "index"))
             return
         chunk.message_index_length, at = len(self._bytes), self._start
         for number, data in self._index.items():
@@ -201,55 +203,55 @@ class _Group:
             at += len(data)
 
 
-def _patch(view: memoryview, found: Contents, offset: int, data: bytes, what: str = "record") -> None:
+def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what: str = "record") -> None:
     """Note what belongs at an offset, as far as it is not there."""
     there = bytes(view[offset : offset + len(data)])
     if there == data:
         return
     wrong = [k for k, (is_, should) in enumerate(zip(there, data, strict=True)) if is_ != should]
-    found.patches.append(Patch(offset + wrong[0], data[wrong[0] : wrong[-1] + 1], what))
+    contents.patches.append(Patch(offset + wrong[0], data[wrong[0] : wrong[-1] + 1], what))
 
 
-def _add_chunk(view: memoryview, found: Contents, record: walk.Record) -> _Group:
+def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Group:
     """Take a chunk in; return what its index must be."""
     from mcap.records import ChunkIndex  # noqa: PLC0415
 
-    held = walk.chunk(record.body)
-    if not held.sound:
-        found.damage.append(Damage(record.offset, record.end, "chunk"))
+    chunk = walk.chunk(record.body)
+    if not chunk.sound:
+        contents.damage.append(Damage(record.offset, record.end, "chunk"))
         return _Group()
     entries: dict[int, list[tuple[int, int]]] = {}
-    for opcode, offset, body in walk.inside(held.records):
+    for opcode, offset, body in walk.inside(chunk.records):
         if opcode == walk.SCHEMA:
             schema = walk.schema(body)
-            found.schemas |= {schema.id: schema} if schema else {}
+            contents.schemas |= {schema.id: schema} if schema else {}
         elif opcode == walk.CHANNEL:
             channel = walk.channel(body)
-            found.channels |= {channel.id: channel} if channel else {}
-        elif opcode == walk.MESSAGE and len(body) >= walk.SHORTEST_MESSAGE:
+            contents.channels |= {channel.id: channel} if channel else {}
+        elif opcode == walk.MESSAGE and len(body) >= walk.MIN_MESSAGE:
             message = walk.message(body)
-            found.counts[message.channel] += 1
+            contents.counts[message.channel] += 1
             entries.setdefault(message.channel, []).append((message.log_time, offset))
-            add_to(found.digests[message.channel], message)
-            channel = found.channels.get(message.channel)
-            if channel and channel.topic == "/description" and found.text is None:
-                found.text, found.epoch_ns = _text(message), message.log_time
+            add_to(contents.digests[message.channel], message)
+            channel = contents.channels.get(message.channel)
+            if channel and channel.topic == "/description" and contents.text is None:
+                contents.text, contents.epoch_ns = _text(message), message.log_time
     times = [time for each in entries.values() for time, _ in each] or [0]
     begin, stop = min(times), max(times)
-    if not held.compression and entries and any(record.body[24:28]):
-        _patch(view, found, record.offset, walk.chunk_head(begin, stop, held.records))
-    found.end = record.end
-    found.chunks.append(
+    if not chunk.compression and entries and any(record.body[24:28]):
+        _patch(view, contents, record.offset, walk.chunk_head(begin, stop, chunk.records))
+    contents.end = record.end
+    contents.chunks.append(
         ChunkIndex(
             chunk_length=record.end - record.offset,
             chunk_start_offset=record.offset,
-            compression=held.compression,
-            compressed_size=held.compressed_size,
+            compression=chunk.compression,
+            compressed_size=chunk.compressed_size,
             message_end_time=stop,
             message_index_length=0,
             message_index_offsets={},
             message_start_time=begin,
-            uncompressed_size=held.uncompressed_size,
+            uncompressed_size=chunk.uncompressed_size,
         )
     )
     index = {
@@ -257,7 +259,7 @@ def _add_chunk(view: memoryview, found: Contents, record: walk.Record) -> _Group
         + b"".join(_ENTRY.pack(*entry) for entry in each)
         for number, each in entries.items()
     }
-    return _Group(found.chunks[-1], record.end, index)
+    return _Group(contents.chunks[-1], record.end, index)
 
 
 def add_to(digest: Any, message: walk.Message) -> None:
@@ -272,44 +274,46 @@ def _text(message: walk.Message) -> str | None:
     return None
 
 
-def _add_metadata(view: memoryview, found: Contents, record: walk.Record) -> None:
+def _add_metadata(view: memoryview, contents: Contents, record: walk.Record) -> None:
     from mcap.records import MetadataIndex  # noqa: PLC0415
 
     name, content = walk.metadata(record.body)
     if not name:
-        found.damage.append(Damage(record.offset, record.end, "record"))
+        contents.damage.append(Damage(record.offset, record.end, "record"))
         return
     if len(name) == len(END) and GUARD in content and ending_is_sound(content):
-        _patch(view, found, record.offset + 13, END.encode())  # behind opcode and two lengths
+        _patch(view, contents, record.offset + 13, END.encode())  # behind opcode and two lengths
         name = END
     if name == BEGIN:
-        found.begin, found.begin_at = content, Damage(record.offset, record.end, "description")
+        contents.begin, contents.begin_at = content, Damage(record.offset, record.end, "description")
     elif name == END:
-        found.ending, found.ending_at = content, Damage(record.offset, record.end, "ending")
-    found.recovered = found.recovered or name == walk.RECOVERED
-    found.metadata.append(MetadataIndex(offset=record.offset, length=record.end - record.offset, name=name))
-    found.end = record.end
+        contents.ending, contents.ending_at = content, Damage(record.offset, record.end, "ending")
+    contents.recovered = contents.recovered or name == walk.RECOVERED
+    contents.metadata.append(
+        MetadataIndex(offset=record.offset, length=record.end - record.offset, name=name)
+    )
+    contents.end = record.end
 
 
-def _add_attachment(found: Contents, record: walk.Record) -> None:
+def _add_attachment(contents: Contents, record: walk.Record) -> None:
     from mcap.records import AttachmentIndex  # noqa: PLC0415
 
-    held, crc = walk.attachment(record.body), int.from_bytes(record.body[-4:], "little")
-    if held is None or crc not in (0, zlib.crc32(record.body[:-4])):
-        found.damage.append(Damage(record.offset, record.end, "record"))
+    attachment, crc = walk.attachment(record.body), int.from_bytes(record.body[-4:], "little")
+    if attachment is None or crc not in (0, zlib.crc32(record.body[:-4])):
+        contents.damage.append(Damage(record.offset, record.end, "record"))
         return
-    found.attachments.append(
+    contents.attachments.append(
         AttachmentIndex(
             offset=record.offset,
             length=record.end - record.offset,
-            create_time=held.create_time,
-            log_time=held.log_time,
-            data_size=len(held.data),
-            name=held.name,
-            media_type=held.media_type,
+            create_time=attachment.create_time,
+            log_time=attachment.log_time,
+            data_size=len(attachment.data),
+            name=attachment.name,
+            media_type=attachment.media_type,
         )
     )
-    found.end = record.end
+    contents.end = record.end
 
 
 def _summary_is_sound(view: memoryview, data_end: int) -> bool:
@@ -323,32 +327,37 @@ def _summary_is_sound(view: memoryview, data_end: int) -> bool:
     return crc in (0, zlib.crc32(view[start : footer + 25]))
 
 
-def _mend_opening(view: memoryview, found: Contents, edges: set[int]) -> None:
+def _mend_opening(view: memoryview, contents: Contents, edges: set[int]) -> None:
     """Where what comes before the second chunk is damaged, make it anew from the description, if it fits."""
-    told = told_at_begin(view, found)
-    if told is None:
+    identity = identity_of(view, contents)
+    if identity is None:
         return
-    text, clock = told
+    text, clock = identity
     try:
         made = opening(text, clock)
     except Exception:  # noqa: BLE001  (no description of ours: there is nothing to go by)
         return
     head = made[: next(walk.records(memoryview(made))).end]
     headed = bytes(view[: len(head)]) == head
-    described = found.begin == {"format": FORMAT, **clock.dump(), "description": text}
-    first = found.chunks[0].chunk_start_offset if found.chunks else len(made)
-    if headed and described and found.text is not None and all(each.offset >= first for each in found.damage):
+    described = contents.begin == {"format": FORMAT, **clock.dump(), "description": text}
+    first = contents.chunks[0].chunk_start_offset if contents.chunks else len(made)
+    if (
+        headed
+        and described
+        and contents.text is not None
+        and all(each.offset >= first for each in contents.damage)
+    ):
         return
     if len(made) in edges:
-        only_text = headed and found.text is not None and bool(found.begin)
-        found.damage = [each for each in found.damage if each.offset >= len(made)]
-        found.patches = [each for each in found.patches if each.offset >= len(made)]
-        _patch(view, found, 0, made, "description" if only_text else "begin")
-        found.end = max(found.end, len(made))
+        only_text = headed and contents.text is not None and bool(contents.begin)
+        contents.damage = [each for each in contents.damage if each.offset >= len(made)]
+        contents.patches = [each for each in contents.patches if each.offset >= len(made)]
+        _patch(view, contents, 0, made, "description" if only_text else "begin")
+        contents.end = max(contents.end, len(made))
         return
     if len(head) in edges:
-        found.damage = [each for each in found.damage if each.offset >= len(head)]
-        _patch(view, found, 0, head, "begin")
-    if not described and found.begin_at:
-        found.damage.append(found.begin_at)
-        found.begin = {}
+        contents.damage = [each for each in contents.damage if each.offset >= len(head)]
+        _patch(view, contents, 0, head, "begin")
+    if not described and contents.begin_at:
+        contents.damage.append(contents.begin_at)
+        contents.begin = {}

@@ -18,9 +18,9 @@ BEGIN = "monochord"
 END = "monochord.end"
 """Name of the metadata where a session was closed."""
 GUARD = "guard"
-"""The checksum of the others among the values at the end."""
+"""Name, among the values at the end, of the checksum of the others."""
 UNGUARDED = {"checksum", "sha256", "messages", "frames", "dropped", "gaps", "end"}
-"""What the end said before there was a guard."""
+"""Values at the end of a session that was written before there was a guard."""
 
 
 def begin(
@@ -71,5 +71,5 @@ def ending_is_sound(ending: dict[str, str]) -> bool:
     rest = {name: value for name, value in ending.items() if name != GUARD}
     if set(ending) != UNGUARDED:
         return guarded(rest) == ending
-    told = ending["sha256"]
-    return hashlib.sha256(told.encode()).hexdigest() == ending.get("checksum")
+    digests = ending["sha256"]
+    return hashlib.sha256(digests.encode()).hexdigest() == ending.get("checksum")

@@ -9,14 +9,14 @@ import numpy as np
 
 from monochord.core.types import Floats
 from monochord.core.units import Seconds
-from monochord.sessions.reader import Session
+from monochord.sessions.reader import SessionReader
 from monochord.sessions.sync.arrival import Taken, times_taken
 from monochord.sessions.sync.pulses import Taps, groups_of, taps_of_force, taps_of_height
 from monochord.sessions.sync.taps import Offset, audio_offset, height_offset, travel_time
 from monochord.sessions.tracks import AUDIO, ReadingTrack
 
 BEYOND: Seconds = 0.5
-"""How much further than allowed an offset is looked for, so that it can be told."""
+"""How much further than allowed an offset is searched, so that it can be reported."""
 SPARE: Seconds = 0.2
 """How much more of a stream is looked at around a group of taps."""
 AROUND_TAPS: Seconds = 1.5
@@ -57,7 +57,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lateness:
-    """How late a stream is at a session's begin and end, as the taps around `times` tell, in session seconds.
+    """How late a stream is at a session's begin and end, by the taps around `times`, in session seconds.
 
     Where there were taps at one end only, both are the same. Where there were none, both are unknown.
     """
@@ -99,7 +99,7 @@ class Lateness:
 class Alignment:
     """By how much a session's streams are apart.
 
-    `reference` is the stream whose clock is taken for true, `lateness` tells of every other stream, and
+    `reference` is the stream whose clock is taken for true, `lateness` has every other stream, and
     `flags` says in a sentence each what is not as it should be; with none, the session can be relied on.
     `taps` are when the contacts began, (n,) for each group that was used, on the reference's clock.
     """
@@ -120,11 +120,11 @@ class Alignment:
         return time if late is None else time - late.at(time)
 
 
-def align(session: Session, limits: Limits | None = None) -> Alignment:
+def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
     """Return by how much a session's streams are apart, from the taps at its begin and its end.
 
-    The reference is the force where there is one, else the microphones, of which the pose then tells when to
-    listen. Every other stream's offset is measured in the first and in the last group of taps (see
+    The reference is the force where there is one, else the microphones, and the pose then says where
+    their taps are. Every other stream's offset is measured in the first and in the last group of taps (see
     `sessions.sync.taps` for the method and the sign: positive is late); between them it is taken to change
     linearly.
 
@@ -189,7 +189,7 @@ def reading_times(track: ReadingTrack) -> Taken:
     return times_taken(track.time, None)
 
 
-def aligned_readings(session: Session, stream: str, alignment: Alignment) -> ReadingTrack:
+def aligned_readings(session: SessionReader, stream: str, alignment: Alignment) -> ReadingTrack:
     """Return a stream's readings in order, at the times when they were taken on the reference's clock.
 
     Raises
@@ -210,8 +210,8 @@ def aligned_readings(session: Session, stream: str, alignment: Alignment) -> Rea
     )
 
 
-def calibration_spans(session: Session, alignment: Alignment) -> Spans:
-    """Return when the drivers are off so that taps can be heard, as spans (begin, end) in s.
+def calibration_spans(session: SessionReader, alignment: Alignment) -> Spans:
+    """Return when the drivers are off for the taps, as spans (begin, end) in s.
 
     The session's events of the kind "drivers" say when; without them it is what lies before the first group
     of taps and after the last, with `AROUND_TAPS` on the other side of each. Sound of these spans has no
@@ -241,21 +241,21 @@ class _Seen(NamedTuple):
     rows: tuple[Floats, Floats]
 
 
-def _seen(session: Session, column: str, usual: str) -> list[_Seen]:
+def _seen(session: SessionReader, column: str, usual: str) -> list[_Seen]:
     """Return the streams that have a column and readings, the one of the usual name first."""
     names = [feed.stream for feed in session.description.feeds if column in feed.columns]
-    found: list[_Seen] = []
+    streams: list[_Seen] = []
     for name in sorted(names, key=lambda name: name != usual):
         track = session.readings(name)
         time, values = reading_times(track).time, track.column(column)
         order = np.argsort(time)
         known = order[np.isfinite(values[order])]
         if known.size > 1:
-            found.append(_Seen(name, (time[known], values[known])))
-    return found
+            streams.append(_Seen(name, (time[known], values[known])))
+    return streams
 
 
-def _of_audio(session: Session, group: Taps, limits: Limits) -> Offset:
+def _of_audio(session: SessionReader, group: Taps, limits: Limits) -> Offset:
     track, string = session.audio, session.description.string
     reach = limits.offset + BEYOND
     low, high = group.begin[0] - reach - SPARE, group.end[-1] + reach + SPARE
@@ -316,13 +316,13 @@ def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> 
     return flags
 
 
-def _mute(session: Session, seen: Iterable[str]) -> list[str]:
+def _mute(session: SessionReader, seen: Iterable[str]) -> list[str]:
     """Return a sentence for each force and pose of which nothing came."""
     due = {feed.stream for feed in session.description.feeds if {"fz", "z"} & set(feed.columns)}
     return [f"{stream} has no readings" for stream in sorted(due - set(seen))]
 
 
-def _steps_of_the_wall_clock(session: Session, limits: Limits) -> list[str]:
+def _steps_of_the_wall_clock(session: SessionReader, limits: Limits) -> list[str]:
     """Return a sentence for each leap of the wall clock against the monotonic one."""
     track = session.clocks
     offsets = track.offsets.get("realtime", np.zeros(0))
@@ -334,7 +334,7 @@ def _steps_of_the_wall_clock(session: Session, limits: Limits) -> list[str]:
     ]
 
 
-def _strays(session: Session, limits: Limits) -> list[str]:
+def _strays(session: SessionReader, limits: Limits) -> list[str]:
     """Return a sentence where a sound server lost frames that it did not count."""
     stray = session.audio.unevenness
     if stray <= limits.stray:

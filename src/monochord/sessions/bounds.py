@@ -10,21 +10,21 @@ from typing import Any
 from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 
-LONGEST: Seconds = 7 * 24 * 3600.0
+MAX_DURATION: Seconds = 7 * 24 * 3600.0
 """How far from its begin any time of a session lies, either way; audio ends by then, its gaps counted in."""
-HIGHEST_RATE = 10_000_000
+MAX_SAMPLE_RATE = 10_000_000
 """Frames of audio a second."""
-MOST_STREAMS = 64
+MAX_STREAMS = 64
 """Streams of readings in a session."""
-MOST_COLUMNS = 256
+MAX_COLUMNS = 256
 """Columns of a stream or of the labels, and clocks."""
-LARGEST_TEXT = 1 << 22
+MAX_TEXT = 1 << 22
 """Characters of a JSON text, such as the description."""
-DEEPEST = 32
+MAX_NESTING = 32
 """Tables and lists inside each other in a JSON text."""
-MOST_EXPANSION = 100
+MAX_EXPANSION = 100
 """How many times its own size a compressed file unpacks to; what is not compressed has no such bound."""
-UNPACKED_ANYWAY = 1 << 24
+ALWAYS_UNPACKED = 1 << 24
 """Bytes that a compressed file may unpack to, however small it is: digital silence packs well."""
 
 
@@ -40,8 +40,8 @@ def json_object(text: str) -> dict[str, Any]:
     >>> json_object('{"n": 1}')
     {'n': 1}
     """
-    allowed = f"a JSON object of at most {LARGEST_TEXT} characters, nested {DEEPEST} times at most"
-    if len(text) > LARGEST_TEXT:
+    allowed = f"a JSON object of at most {MAX_TEXT} characters, nested {MAX_NESTING} times at most"
+    if len(text) > MAX_TEXT:
         raise InputError(f"text of {len(text)} characters", allowed)
     try:
         tree = json.loads(text)
@@ -53,7 +53,7 @@ def json_object(text: str) -> dict[str, Any]:
     if not isinstance(tree, dict):
         raise InputError(f"JSON that is a {type(tree).__name__}", allowed)
     level: list[Any] = [tree]
-    for _ in range(DEEPEST):
+    for _ in range(MAX_NESTING):
         keys = [key for value in level if isinstance(value, dict) for key in value]
         texts = [*keys, *(value for value in level if isinstance(value, str))]
         if any(not _encodable(each) for each in texts):
@@ -71,10 +71,10 @@ def json_object(text: str) -> dict[str, Any]:
 
 def refuse_unpacking(what: str, packed: int, unpacked: int, remedy: str) -> None:
     """Raise `InputError` if `packed` bytes claim to unpack to more than is allowed."""
-    most = max(MOST_EXPANSION * packed, UNPACKED_ANYWAY)
+    most = max(MAX_EXPANSION * packed, ALWAYS_UNPACKED)
     if unpacked > most:
         given = f"{what} (its {packed} bytes unpack to {unpacked})"
-        raise InputError(given, f"{most} bytes, {MOST_EXPANSION} times as much", remedy)
+        raise InputError(given, f"{most} bytes, {MAX_EXPANSION} times as much", remedy)
 
 
 def refuse_beyond_memory(what: str, size: int, remedy: str) -> None:

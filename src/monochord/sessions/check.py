@@ -1,4 +1,4 @@
-"""Looks a session over: is it whole, is it what was written, what is missing."""
+"""Checks a session: whether it is whole, whether it is what was written, and what is missing."""
 
 import hashlib
 import json
@@ -9,11 +9,11 @@ from typing import Any
 from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 from monochord.sessions import walk
-from monochord.sessions._contents import Contents, contents
+from monochord.sessions._contents import Contents, scan
 from monochord.sessions.bounds import json_object
 from monochord.sessions.description import Description
 from monochord.sessions.file import being_written
-from monochord.sessions.reader import Session, read_session
+from monochord.sessions.reader import SessionReader, read_session
 
 DISTURBANCES = (
     "clock_step",
@@ -32,7 +32,7 @@ DISTURBANCES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """What a look at a session found.
+    """The result of a check of a session.
 
     `faults` make the file less than what was recorded: damage, a missing end, a checksum that is not right.
     `remarks` are what the recording itself says went wrong: lost frames, missing readings, a stepped clock.
@@ -61,17 +61,17 @@ def check(path: Path) -> Report:
     """
     recording = being_written(path)
     session = read_session(path)  # which refuses what would unpack to too much
-    found = contents(walk.mapped(path))
-    digests, messages = _by_topic(session, found)
+    contents = scan(walk.mapped(path))
+    digests, messages = _by_topic(session, contents)
     checksum = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
-    faults = _damage(found)
-    if not found.ended:
-        where = f"cut off after {found.end} of {path.stat().st_size} bytes: was not closed"
-        faults += ["its ending is damaged"] if found.closed else [] if recording else [where]
+    faults = _damage(contents)
+    if not contents.ended:
+        where = f"cut off after {contents.end} of {path.stat().st_size} bytes: was not closed"
+        faults += ["its ending is damaged"] if contents.closed else [] if recording else [where]
     elif not (session.complete or session.recovered):
         faults.append("its checksums are missing")
     if session.complete and checksum != session.ending.get("checksum"):
-        wrong = ", ".join(t for t, told in _written(session).items() if digests.get(t) != told)
+        wrong = ", ".join(t for t, digest in _written(session).items() if digests.get(t) != digest)
         faults.append(f"checksum is not what was written ({wrong or 'its own is damaged'})")
     if not _described_twice(session):
         faults.append("its description is not what was written")
@@ -79,7 +79,7 @@ def check(path: Path) -> Report:
     faults += _malformed(session)
     if recording:
         faults.append("being recorded, or repaired by another program")
-    elif not found.whole:
+    elif not contents.whole:
         faults.append("repair it: monochord sessions recover")
     audio = session.audio
     return Report(
@@ -92,10 +92,10 @@ def check(path: Path) -> Report:
     )
 
 
-def _damage(found: Contents) -> list[str]:
+def _damage(contents: Contents) -> list[str]:
     """Return a sentence for each kind of damage."""
     faults: list[str] = []
-    kinds = [each.what for each in (*found.damage, *found.patches)]
+    kinds = [each.what for each in (*contents.damage, *contents.patches)]
     chunks, records = kinds.count("chunk"), sum(kinds.count(what) for what in ("record", "index", "ending"))
     if chunks:
         faults.append(f"{chunks} damaged chunk{'s' if chunks > 1 else ''}")
@@ -108,24 +108,24 @@ def _damage(found: Contents) -> list[str]:
     return faults
 
 
-def _written(session: Session) -> dict[str, Any]:
-    """Return SHA-256 of every topic as the writer told them, nothing where that is damaged."""
+def _written(session: SessionReader) -> dict[str, Any]:
+    """Return SHA-256 of every topic as the writer stored it, nothing where that is damaged."""
     try:
         return json_object(session.ending.get("sha256", "{}"))
     except InputError:
         return {}
 
 
-def _described_twice(session: Session) -> bool:
+def _described_twice(session: SessionReader) -> bool:
     """Return whether the description, which no checksum guards, is the one in the message, which one does."""
-    told = [content.data for _, content in session.decoded("/description")]
+    texts = [content.data for _, content in session.decoded("/description")]
     try:
-        return not told or Description.load(told[0]) == session.description
+        return not texts or Description.load(texts[0]) == session.description
     except InputError:
         return False
 
 
-def _malformed(session: Session) -> list[str]:
+def _malformed(session: SessionReader) -> list[str]:
     """Return a sentence for each topic with messages that do not hold what they should."""
     _ = session.labels, session.clocks  # the rest has been read
     return [
@@ -134,16 +134,18 @@ def _malformed(session: Session) -> list[str]:
     ]
 
 
-def _by_topic(session: Session, found: Contents) -> tuple[dict[str, str], dict[str, int]]:
+def _by_topic(session: SessionReader, contents: Contents) -> tuple[dict[str, str], dict[str, int]]:
     """Return SHA-256 and number of messages of every topic, as the writer reckons them."""
-    names = dict(enumerate(session.topics, 1)) | {n: channel.topic for n, channel in found.channels.items()}
+    names = dict(enumerate(session.topics, 1)) | {
+        n: channel.topic for n, channel in contents.channels.items()
+    }
     numbers = {topic: number for number, topic in names.items()}
     of = {topic: numbers.get(topic, 0) for topic in session.topics}  # 0 is no channel's
-    digests = {topic: found.digests[number].hexdigest() for topic, number in of.items()}
-    return digests, {topic: found.counts[number] for topic, number in of.items()}
+    digests = {topic: contents.digests[number].hexdigest() for topic, number in of.items()}
+    return digests, {topic: contents.counts[number] for topic, number in of.items()}
 
 
-def _remarks(session: Session) -> list[str]:
+def _remarks(session: SessionReader) -> list[str]:
     remarks: list[str] = []
     audio = session.audio
     if session.recovered:

@@ -9,7 +9,7 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Feed
-from monochord.sessions.bounds import MOST_COLUMNS, json_object
+from monochord.sessions.bounds import MAX_COLUMNS, json_object
 from monochord.sessions.description import NANO
 
 if TYPE_CHECKING:
@@ -106,16 +106,16 @@ def decode(name: str, data: bytes | memoryview) -> Any:
     return message
 
 
-def _refuse_counts(name: str, found: Mapping[str, int], allowed: Mapping[str, int]) -> None:
+def _refuse_counts(name: str, counts: Mapping[str, int], allowed: Mapping[str, int]) -> None:
     """Refuse a message in which an array is not as long as the others say."""
-    for part, count in found.items():
+    for part, count in counts.items():
         if count != allowed[part]:
             raise InputError(f"{name} with {count} {part}", f"{allowed[part]}, as its other fields say")
 
 
 def _refuse_names(name: str, names: list[str]) -> None:
-    if len(names) > MOST_COLUMNS or len(set(names)) < len(names):
-        raise InputError(f"{name} with {len(names)} names", f"{MOST_COLUMNS} at most, all different")
+    if len(names) > MAX_COLUMNS or len(set(names)) < len(names):
+        raise InputError(f"{name} with {len(names)} names", f"{MAX_COLUMNS} at most, all different")
 
 
 def _refuse_audio(m: Any) -> None:
@@ -126,16 +126,16 @@ def _refuse_audio(m: Any) -> None:
 
 def _refuse_readings(m: Any) -> None:
     count, width = len(m.arrival), len(m.columns)
-    found = {"sequence": len(m.sequence), "device_time": len(m.device_time), "status": len(m.status)}
-    allowed = dict.fromkeys(found, count) | {"values": count * width}
-    _refuse_counts("readings", found | {"values": len(m.values)}, allowed)
+    counts = {"sequence": len(m.sequence), "device_time": len(m.device_time), "status": len(m.status)}
+    allowed = dict.fromkeys(counts, count) | {"values": count * width}
+    _refuse_counts("readings", counts | {"values": len(m.values)}, allowed)
 
 
 def _refuse_wrenches(m: Any) -> None:
     count = len(m.arrival)
-    found = {"sequence": len(m.sequence), "device_time": len(m.device_time), "status": len(m.status)}
-    allowed = dict.fromkeys(found, count) | {"force": 3 * count, "torque": 3 * count}
-    _refuse_counts("readings", found | {"force": len(m.force), "torque": len(m.torque)}, allowed)
+    counts = {"sequence": len(m.sequence), "device_time": len(m.device_time), "status": len(m.status)}
+    allowed = dict.fromkeys(counts, count) | {"force": 3 * count, "torque": 3 * count}
+    _refuse_counts("readings", counts | {"force": len(m.force), "torque": len(m.torque)}, allowed)
 
 
 def _refuse_labels(m: Any) -> None:

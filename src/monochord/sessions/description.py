@@ -16,12 +16,12 @@ from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Feed, Floats, StringParams
 from monochord.core.units import Metres, Seconds
-from monochord.sessions.bounds import HIGHEST_RATE, LONGEST, MOST_COLUMNS, MOST_STREAMS, json_object
+from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_SAMPLE_RATE, MAX_STREAMS, json_object
 
 NANO = 1_000_000_000
 LATEST_STAMP = 2**31 * NANO
 """Where the seconds of a ROS 2 stamp end, in ns since 1970."""
-TAKEN = ("audio", "events", "clocks", "description")
+RESERVED_STREAMS = ("audio", "events", "clocks", "description")
 """Names that streams of readings cannot have."""
 
 
@@ -31,13 +31,13 @@ def versions() -> dict[str, str]:
     >>> sorted(versions())
     ['mcap', 'monochord', 'numpy', 'python', 'rosbags']
     """
-    found = {"python": python_version()}
+    installed = {"python": python_version()}
     for name in ("monochord", "mcap", "rosbags", "numpy"):
         try:
-            found[name] = version(name)
+            installed[name] = version(name)
         except PackageNotFoundError:
-            found[name] = "unknown"
-    return found
+            installed[name] = "unknown"
+    return installed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,13 +94,13 @@ class Description:
     def __post_init__(self) -> None:
         if not self.name:
             raise InputError("session without a name", "a name")
-        if not (0 < self.sample_rate <= HIGHEST_RATE and 1 <= self.channels <= 64):
+        if not (0 < self.sample_rate <= MAX_SAMPLE_RATE and 1 <= self.channels <= 64):
             given = f"{self.channels} channels at {self.sample_rate} Hz"
-            raise InputError(given, f"1 to 64 channels at 1 to {HIGHEST_RATE} Hz")
+            raise InputError(given, f"1 to 64 channels at 1 to {MAX_SAMPLE_RATE} Hz")
         _refuse_streams(len(self.feeds))
         for feed in self.feeds:
-            if not re.fullmatch("[a-z][a-z0-9_]*", feed.stream) or feed.stream in TAKEN:
-                allowed = f"small letters, digits and underscores, and not {', '.join(TAKEN)}"
+            if not re.fullmatch("[a-z][a-z0-9_]*", feed.stream) or feed.stream in RESERVED_STREAMS:
+                allowed = f"small letters, digits and underscores, and not {', '.join(RESERVED_STREAMS)}"
                 raise InputError(f"stream '{feed.stream}'", allowed, "set its option stream")
             _refuse_feed(feed)
         streams = [feed.stream for feed in self.feeds]
@@ -141,15 +141,15 @@ class Description:
 
 
 def _refuse_streams(count: int) -> None:
-    if count > MOST_STREAMS:
-        raise InputError(f"{count} streams", f"{MOST_STREAMS} at most")
+    if count > MAX_STREAMS:
+        raise InputError(f"{count} streams", f"{MAX_STREAMS} at most")
 
 
 def _refuse_feed(feed: Feed) -> None:
-    """Refuse a feed whose readings could not be told apart, or not be laid out in a table."""
+    """Refuse a feed whose columns are ambiguous, or too many for a table."""
     what, count = f"stream '{feed.stream}'", len(feed.columns)
-    if not 1 <= count <= MOST_COLUMNS or len(set(feed.columns)) < count:
-        raise InputError(f"{what} with {count} columns", f"1 to {MOST_COLUMNS}, each with a name of its own")
+    if not 1 <= count <= MAX_COLUMNS or len(set(feed.columns)) < count:
+        raise InputError(f"{what} with {count} columns", f"1 to {MAX_COLUMNS}, each with a name of its own")
     if len(feed.units) != count:
         raise InputError(f"{what} with {len(feed.units)} units", f"{count}, one for each column")
     if not (0.0 <= feed.rate < math.inf and 0.0 <= feed.ticks < math.inf):
@@ -190,10 +190,10 @@ class SessionClock:
     def stamps(self, monotonic: Floats) -> np.ndarray[Any, np.dtype[np.int64]]:
         """Return monotonic times (n,) as stamps (n,) in nanoseconds."""
         since = np.asarray(monotonic, np.float64) - self.origin
-        wrong = np.flatnonzero(~(np.abs(since) <= LONGEST))
+        wrong = np.flatnonzero(~(np.abs(since) <= MAX_DURATION))
         if len(wrong):
             given = f"time {since[wrong[0]]:g} s from the session's begin"
-            raise InputError(given, f"a number, at most {LONGEST:g} s either way")
+            raise InputError(given, f"a number, at most {MAX_DURATION:g} s either way")
         stamps = self.epoch_ns + np.rint(since * NANO).astype(np.int64)
         if len(stamps) and not (stamps.min() >= 0 and stamps.max() < LATEST_STAMP):
             raise InputError(

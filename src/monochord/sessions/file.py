@@ -17,11 +17,11 @@ from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 
 KEEP_SIZE = 1  # of fallocate(2): blocks are set aside, the file's size stays
-AHEAD = 4 << 20
+RESERVE = 4 << 20
 """Bytes that are set aside beyond the file's end and its ending, so that it can always be finished."""
-LEAST = 2 << 20
+MIN_SIZE_LIMIT = 2 << 20
 """The smallest limit on the size of files under which it is worth beginning."""
-NEXT = 3 << 19
+NEXT_WRITE = 3 << 19
 """Bytes below a limit on the size of files that the next writing may take."""
 
 
@@ -34,9 +34,9 @@ class SessionFile:
     """
 
     def __init__(self, path: Path) -> None:
-        if size_limit() < LEAST:
+        if size_limit() < MIN_SIZE_LIMIT:
             given = f"file {path} (files may have {size_limit()} bytes at most: ulimit -f)"
-            raise InputError(given, f"{LEAST} bytes or more", "ulimit -f unlimited")
+            raise InputError(given, f"{MIN_SIZE_LIMIT} bytes or more", "ulimit -f unlimited")
         self.path = path
         self.full = 0
         self._size = self._reserved = 0
@@ -73,12 +73,12 @@ class SessionFile:
         """Set space aside ahead of the end for an ending of so many bytes and more; note if there is none."""
         if self.full:
             return
-        if self._size + NEXT + ending > size_limit():
+        if self._size + NEXT_WRITE + ending > size_limit():
             self.full = errno.EFBIG
             return
-        if self._reserved - self._size - ending >= AHEAD // 2:
+        if self._reserved - self._size - ending >= RESERVE // 2:
             return
-        ahead = AHEAD + ending
+        ahead = RESERVE + ending
         failure = _fallocate(self._handle, self._size, min(ahead, size_limit() - self._size))
         if failure in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             self.full = failure
@@ -132,7 +132,7 @@ def _system_call() -> Any:
     return call
 
 
-PATIENCE: Seconds = 0.3
+LOCK_TIMEOUT: Seconds = 0.3
 """How long a lock is tried for: whoever only looks whether there is one holds it for an instant."""
 
 
@@ -142,7 +142,7 @@ def lock(handle: int) -> bool:
     The lock goes when the file is closed, or the program ends, however it does. A file system without locks
     is taken to have no second writer.
     """
-    return _locked(handle, fcntl.LOCK_EX, PATIENCE)
+    return _locked(handle, fcntl.LOCK_EX, LOCK_TIMEOUT)
 
 
 def refuse_recorded(path: Path, handle: int) -> None:
@@ -167,8 +167,8 @@ def _reading(path: Path) -> Generator[int]:
         os.close(handle)
 
 
-def _locked(handle: int, kind: int, patience: Seconds) -> bool:
-    deadline = time.monotonic() + patience
+def _locked(handle: int, kind: int, timeout: Seconds) -> bool:
+    deadline = time.monotonic() + timeout
     while True:
         try:
             fcntl.flock(handle, kind | fcntl.LOCK_NB)

@@ -14,8 +14,8 @@ from monochord.core.types import Feed
 from monochord.sessions import codec, walk
 from monochord.sessions._layout import BEGIN, END
 from monochord.sessions.bounds import (
-    LONGEST,
-    MOST_COLUMNS,
+    MAX_COLUMNS,
+    MAX_DURATION,
     json_object,
     refuse_beyond_memory,
     refuse_unpacking,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def read_session(path: Path) -> "Session":
+def read_session(path: Path) -> "SessionReader":
     """Return a session, of which nothing but the description has been read yet.
 
     Raises
@@ -42,11 +42,11 @@ def read_session(path: Path) -> "Session":
     InputError
         If there is no such file, or it is no session.
     """
-    return Session(Path(path))
+    return SessionReader(Path(path))
 
 
-class Session:
-    """A session on disk. What is asked for is read then, and kept.
+class SessionReader:
+    """A session on disk. A track is read when it is first used, and cached.
 
     Attributes
     ----------
@@ -72,14 +72,14 @@ class Session:
         self._chunks: list[memoryview] = []
         self._holes = 0
         self.malformed: dict[str, tuple[int, str]] = {}
-        told: dict[str, str] = {}
+        opening: dict[str, str] = {}
         self.ending: dict[str, str] = {}
         self.recovered = False
         for record in walk.records(self._view):
             if record.opcode == walk.METADATA:
-                name, found = walk.metadata(record.body)
-                told = found if name == BEGIN else told
-                self.ending = found if name == END else self.ending
+                name, values = walk.metadata(record.body)
+                opening = values if name == BEGIN else opening
+                self.ending = values if name == END else self.ending
                 self.recovered = self.recovered or name == walk.RECOVERED
             elif record.opcode == walk.CHUNK:
                 self._chunks.append(record.body)
@@ -87,13 +87,13 @@ class Session:
                 self._holes += 1
             elif record.opcode == walk.DATA_END:
                 break
-        told = {**told, **self._described_again(told.get("origin", "0.0"))}
-        if "description" not in told:
+        opening = {**opening, **self._described_again(opening.get("origin", "0.0"))}
+        if "description" not in opening:
             remedy = "import audio and labels with: monochord sessions import"
             raise InputError(f"file {path} (MCAP, but no session)", "a session of Monochord", remedy)
         try:
-            self.description = Description.load(told["description"])
-            self.clock = SessionClock.load(told)
+            self.description = Description.load(opening["description"])
+            self.clock = SessionClock.load(opening)
         except InputError as error:
             given = f"file {path} (its description is damaged: {error.given})"
             raise InputError(given, error.allowed, "repair it: monochord sessions recover") from error
@@ -115,7 +115,7 @@ class Session:
             if opcode == walk.CHANNEL:
                 names[number] = _topic_in(content)
             elif opcode == walk.MESSAGE and names.get(number) == "/description":
-                if len(content) < walk.SHORTEST_MESSAGE:
+                if len(content) < walk.MIN_MESSAGE:
                     return {}
                 message = walk.message(content)
                 try:
@@ -132,7 +132,7 @@ class Session:
 
     @cached_property
     def damaged(self) -> int:
-        """How many chunks or other records are damaged; what they held is left out of all that is read."""
+        """How many chunks or other records are damaged; their content is left out of all that is read."""
         return self._holes + sum(not walk.chunk(body).sound for body in self._chunks)
 
     @property
@@ -148,12 +148,12 @@ class Session:
     def messages(self, topic: str) -> Iterator[walk.Message]:
         """Yield the messages of a topic in the order of the file; chunks that are damaged are left out."""
         for body in self._chunks:
-            held = walk.chunk(body)
-            for opcode, _, content in walk.inside(held.records) if held.sound else ():
+            chunk = walk.chunk(body)
+            for opcode, _, content in walk.inside(chunk.records) if chunk.sound else ():
                 number = int.from_bytes(content[:2], "little")
                 if opcode == walk.MESSAGE:
                     if self._names.get(number) == topic:
-                        torn = len(content) < walk.SHORTEST_MESSAGE
+                        torn = len(content) < walk.MIN_MESSAGE
                         yield walk.Message(number, 0, 0, 0, content[:0]) if torn else walk.message(content)
                 elif opcode == walk.CHANNEL:
                     self._names[number] = _topic_in(content)
@@ -194,20 +194,25 @@ class Session:
         return content
 
     def _refuse_audio(self, content: Any) -> None:
-        told = self.description
-        if content.channels != told.channels:
-            raise InputError(f"audio of {content.channels} channels", f"{told.channels}, as described")
-        stop, most = content.start + len(content.samples) // content.channels, LONGEST * told.sample_rate
+        description = self.description
+        if content.channels != description.channels:
+            raise InputError(f"audio of {content.channels} channels", f"{description.channels}, as described")
+        stop, most = (
+            content.start + len(content.samples) // content.channels,
+            MAX_DURATION * description.sample_rate,
+        )
         if stop > most:
-            raise InputError(f"audio up to frame {stop}", f"{most:.0f} frames, or {LONGEST:g} s")
+            raise InputError(f"audio up to frame {stop}", f"{most:.0f} frames, or {MAX_DURATION:g} s")
 
     def _refuse_stamps(self, stamps: Any) -> None:
         """Refuse times that are further from the begin than a session may be long."""
-        begin, reach = self.clock.epoch_ns, round(LONGEST * NANO)
+        begin, reach = self.clock.epoch_ns, round(MAX_DURATION * NANO)
         low, high = (int(stamps.min()), int(stamps.max())) if len(stamps) else (begin, begin)
         if low < begin - reach or high > begin + reach:
             far = (low if low < begin - reach else high) - begin
-            raise InputError(f"time {far / NANO:g} s from the begin", f"at most {LONGEST:g} s either way")
+            raise InputError(
+                f"time {far / NANO:g} s from the begin", f"at most {MAX_DURATION:g} s either way"
+            )
 
     @cached_property
     def audio(self) -> AudioTrack:
@@ -222,7 +227,7 @@ class Session:
             samples = np.zeros((channels, end), dtype=np.float32)
         except MemoryError as error:
             given = f"{what} ({4e-9 * channels * end:.1f} GB)"
-            raise InputError(given, "what the memory has room for", remedy) from error
+            raise InputError(given, "what fits into memory", remedy) from error
         gaps: list[tuple[int, int]] = []
         timed: list[tuple[int, float]] = []
         counted: list[int] = []
@@ -266,42 +271,42 @@ class Session:
         messages = self.decoded(codec.topic_of(stream))
         if codec.type_of(feed) == codec.POSES:
             return self._poses(feed, messages)
-        found = [content for _, content in messages]
+        batches = [content for _, content in messages]
         width = len(feed.columns)
         if codec.type_of(feed) == codec.WRENCHES:
-            values = [np.hstack([m.force.reshape(-1, 3), m.torque.reshape(-1, 3)]) for m in found]
+            values = [np.hstack([m.force.reshape(-1, 3), m.torque.reshape(-1, 3)]) for m in batches]
         else:
-            values = [m.values.reshape(-1, width) for m in found]
+            values = [m.values.reshape(-1, width) for m in batches]
         return ReadingTrack(
             feed=feed,
-            time=self.clock.seconds(_joined([m.arrival for m in found], np.int64)),
+            time=self.clock.seconds(_joined([m.arrival for m in batches], np.int64)),
             values=np.concatenate([np.zeros((0, width)), *values]),
-            sequence=_joined([m.sequence for m in found], np.int64),
-            device_time=_joined([m.device_time for m in found], np.int64),
-            status=_joined([m.status for m in found], np.uint32),
+            sequence=_joined([m.sequence for m in batches], np.int64),
+            device_time=_joined([m.device_time for m in batches], np.int64),
+            status=_joined([m.status for m in batches], np.uint32),
         )
 
     @cached_property
     def labels(self) -> LabelTrack:
         """What is known to be true; without columns where nothing is."""
-        found = [content for _, content in self.decoded("/labels")]
-        names = self._names_of("label columns", (m.columns for m in found))
+        batches = [content for _, content in self.decoded("/labels")]
+        names = self._names_of("label columns", (m.columns for m in batches))
         columns: dict[str, list[Any]] = {name: [] for name in names}
-        for m in found:
+        for m in batches:
             values = m.values.reshape(len(m.time), -1)
             for name, parts in columns.items():
                 given = name in m.columns
                 unknown = np.full(len(m.time), np.nan)
                 parts.append(values[:, m.columns.index(name)] if given else unknown)
         return LabelTrack(
-            time=self.clock.seconds(_joined([m.time for m in found], np.int64)),
+            time=self.clock.seconds(_joined([m.time for m in batches], np.int64)),
             columns={name: _joined(parts, np.float64) for name, parts in columns.items()},
         )
 
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """What happened, in order."""
-        found = [content for _, content in self.decoded("/events")]
+        messages = [content for _, content in self.decoded("/events")]
         events = [
             Event(
                 time=float(self.clock.seconds(codec.nanoseconds(m.header.stamp))),
@@ -309,26 +314,28 @@ class Session:
                 text=m.text,
                 data=json_object(m.data or "{}"),
             )
-            for m in found
+            for m in messages
         ]
         return tuple(sorted(events, key=lambda event: event.time))
 
     @cached_property
     def clocks(self) -> ClockTrack:
         """Offsets of this machine's clocks to the monotonic one."""
-        found = [content for _, content in self.decoded("/clocks")]
-        names = sorted(self._names_of("clocks", (m.names for m in found)))
-        rows = [dict(zip(m.names, m.offsets.tolist(), strict=True)) for m in found]
+        messages = [content for _, content in self.decoded("/clocks")]
+        names = sorted(self._names_of("clocks", (m.names for m in messages)))
+        rows = [dict(zip(m.names, m.offsets.tolist(), strict=True)) for m in messages]
         return ClockTrack(
-            time=self.clock.seconds(np.array([codec.nanoseconds(m.header.stamp) for m in found], np.int64)),
+            time=self.clock.seconds(
+                np.array([codec.nanoseconds(m.header.stamp) for m in messages], np.int64)
+            ),
             offsets={name: np.array([row.get(name, np.nan) for row in rows]) for name in names},
         )
 
     def _names_of(self, what: str, each: Iterable[list[str]]) -> list[str]:
         """Return all names in their order; raises `InputError` where a table of so many is not sensible."""
         names = dict.fromkeys(name for part in each for name in part)
-        if len(names) > MOST_COLUMNS:
-            raise InputError(f"session {self.path} with {len(names)} {what}", f"{MOST_COLUMNS} at most")
+        if len(names) > MAX_COLUMNS:
+            raise InputError(f"session {self.path} with {len(names)} {what}", f"{MAX_COLUMNS} at most")
         return list(names)
 
     def _poses(self, feed: Feed, messages: Iterator[tuple[walk.Message, Any]]) -> ReadingTrack:
@@ -366,7 +373,7 @@ def _joined(parts: list[Any], kind: Any) -> Any:
     return np.concatenate([np.zeros(0, kind), *parts]).astype(kind, copy=False)
 
 
-def table(session: Session, stream: str) -> NDArray[Any]:
+def table(session: SessionReader, stream: str) -> NDArray[Any]:
     """Return a stream as a structured array (n,) whose first field is ``time``, in session seconds.
 
     ``audio`` has a field for each microphone (``mic_1``, ``mic_2``) in full scale, ``labels`` one for each
@@ -391,7 +398,7 @@ def table(session: Session, stream: str) -> NDArray[Any]:
     return _structured(track.time, {**columns, "sequence": track.sequence, "status": track.status})
 
 
-def frame(session: Session, stream: str) -> "DataFrame":
+def frame(session: SessionReader, stream: str) -> "DataFrame":
     """Return a stream as a data frame indexed by time; raises `InputError` where pandas is not installed."""
     try:
         from pandas import DataFrame  # noqa: PLC0415

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mcap.data_stream import ReadDataStream
     from mcap.records import Attachment, Channel, Schema
 
-TORN = 8 << 20
+MAX_WRITE = 8 << 20
 """Bytes of one writing, at most."""
 RECOVERED = "monochord.recovered"
 """Name of the metadata that a repaired session has."""
@@ -31,20 +31,22 @@ LOST, LOST_MARK = 0xDA, b"DAMAGED\n"
 were damaged: every reader skips it."""
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
-SHORTEST_MESSAGE = _MESSAGE.size
+MIN_MESSAGE = _MESSAGE.size
 """Bytes of a message record without its payload."""
 _CHUNK = struct.Struct("<QQQII")
 _PLAIN = _CHUNK.size + 8  # where the records of a chunk without compression begin
 _INDEX_ENTRY = 16
-_LEAST = _HEAD.size + len(LOST_MARK)  # bytes of the smallest damage, so that a record of opcode LOST fits
+_MIN_DAMAGE = _HEAD.size + len(
+    LOST_MARK
+)  # bytes of the smallest damage, so that a record of opcode LOST fits
 # Where a record may begin: an opcode of the data section, and a length below 4 GB.
 _HEADS = re.compile(rb"(?=[\x02\x06\x07\x09\x0c\x0f\xda].{4}\x00{4})", re.DOTALL)
-LARGEST_CHUNK = 64 << 20
+MAX_UNPACKED_CHUNK = 64 << 20
 """Bytes that a compressed chunk may unpack to; one that claims more counts as damaged, and is not unpacked.
 
 Of a chunk that is not compressed no copy is made, and it may be of any size.
 """
-_LONGEST_NAME = 32  # characters of a compression's name
+_MAX_NAME = 32  # characters of a compression's name
 
 
 class Record(NamedTuple):
@@ -109,7 +111,7 @@ def records(view: memoryview) -> Iterator[Record]:
         if end := _end(view, offset):
             record = Record(view[offset], offset, end, view[offset + _HEAD.size : end])
         else:
-            end = _next(view, offset + _LEAST) or len(view)
+            end = _next(view, offset + _MIN_DAMAGE) or len(view)
             body = view[offset + _HEAD.size : end]
             if chunk(body).sound:
                 record = Record(CHUNK, offset, end, body)
@@ -152,27 +154,29 @@ def torn(view: memoryview, offset: int) -> bool:
     if len(rest) < _HEAD.size or not any(rest):
         return True
     opcode, length = _HEAD.unpack_from(rest)
-    return HEADER <= opcode <= DATA_END and len(rest) - _HEAD.size < length < TORN
+    return HEADER <= opcode <= DATA_END and len(rest) - _HEAD.size < length < MAX_WRITE
 
 
 def chunk(body: memoryview) -> ChunkBody:
     """Return what a chunk record holds, uncompressed; one that is damaged holds nothing."""
     begin, stop, size, crc, length = _CHUNK.unpack_from(bytes(body[: _CHUNK.size]).ljust(_CHUNK.size, b"\0"))
-    compression = bytes(body[32 : 32 + min(length, _LONGEST_NAME)]).decode(errors="replace")
+    compression = bytes(body[32 : 32 + min(length, _MAX_NAME)]).decode(errors="replace")
     packed = body[40 + length :]
-    found = _unpacked(compression, packed, size)
+    unpacked = _unpacked(compression, packed, size)
     whole = len(body) >= _CHUNK.size + length + 8
-    sound = whole and found is not None and len(found) == size and (crc == 0 or zlib.crc32(found) == crc)
+    sound = (
+        whole and unpacked is not None and len(unpacked) == size and (crc == 0 or zlib.crc32(unpacked) == crc)
+    )
     if not sound and _only_its_head_is_damaged(body[_PLAIN:], crc):
-        found, packed, compression = body[_PLAIN:], body[_PLAIN:], ""
-        size, sound = len(found), True
+        unpacked, packed, compression = body[_PLAIN:], body[_PLAIN:], ""
+        size, sound = len(unpacked), True
     return ChunkBody(
         begin=begin,
         stop=stop,
         uncompressed_size=size,
         compression=compression,
         compressed_size=len(packed),
-        records=memoryview(b"") if found is None else found,
+        records=memoryview(b"") if unpacked is None else unpacked,
         sound=sound,
     )
 
@@ -232,12 +236,12 @@ def metadata(body: memoryview) -> tuple[str, dict[str, str]]:
 
     again = RecordBuilder()
     try:
-        found = Metadata.read(_stream(body))
-        found.write(again)
+        record = Metadata.read(_stream(body))
+        record.write(again)
     except Exception:  # noqa: BLE001  (whatever the library makes of damage)
         return "", {}
     # A length that points behind the end is not noticed in reading.
-    return (found.name, found.metadata) if again.end()[_HEAD.size :] == bytes(body) else ("", {})
+    return (record.name, record.metadata) if again.end()[_HEAD.size :] == bytes(body) else ("", {})
 
 
 def _end(view: memoryview, offset: int) -> int:
@@ -362,19 +366,19 @@ def _unpacked(compression: str, packed: memoryview, size: int) -> memoryview | N
     if not compression:
         return packed
     unpack = {"zstd": _unpacked_zstd, "lz4": _unpacked_lz4}.get(compression)
-    if unpack is None or size > LARGEST_CHUNK:
+    if unpack is None or size > MAX_UNPACKED_CHUNK:
         return None
     try:
-        found = unpack(packed, size)
+        data = unpack(packed, size)
     except Exception:  # noqa: BLE001  (each library has errors of its own: damage)
         return None
-    return None if found is None else memoryview(found)
+    return None if data is None else memoryview(data)
 
 
 def _unpacked_zstd(packed: memoryview, size: int) -> bytes | None:
     import zstandard  # noqa: PLC0415
 
-    # A size in the data's own head is what the library would take memory for, whatever it is told.
+    # A size in the data's own head is what the library would allocate, whatever limit it is given.
     if zstandard.frame_content_size(packed) not in (size, -1):
         return None
     return zstandard.decompress(packed, max_output_size=size)
@@ -384,5 +388,5 @@ def _unpacked_lz4(packed: memoryview, size: int) -> bytes | None:
     import lz4.frame  # noqa: PLC0415
 
     stream = lz4.frame.LZ4FrameDecompressor()
-    found = stream.decompress(packed, max_length=size + 1)
-    return found if stream.eof else None
+    data = stream.decompress(packed, max_length=size + 1)
+    return data if stream.eof else None

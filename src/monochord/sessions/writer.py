@@ -17,7 +17,7 @@ from monochord.core.types import Block, Floats, Readings
 from monochord.core.units import Samples, Seconds
 from monochord.sessions import codec
 from monochord.sessions._layout import END, begin, guarded
-from monochord.sessions.bounds import MOST_COLUMNS
+from monochord.sessions.bounds import MAX_COLUMNS
 from monochord.sessions.description import LATEST_STAMP, Description, SessionClock
 from monochord.sessions.file import SessionFile
 from monochord.sessions.recover import recover
@@ -27,11 +27,11 @@ from monochord.sessions.walk import MESSAGE_INDEX
 if TYPE_CHECKING:
     from mcap.records import ChunkIndex
 
-MESSAGE: Seconds = 0.1
+AUDIO_MESSAGE: Seconds = 0.1
 """Audio in a message, at most."""
-MOST = 256
+MAX_READINGS = 256
 """Readings in a message, at most."""
-MUCH = 1 << 20
+MAX_UNFLUSHED = 1 << 20
 """Bytes that wait for a flush, at most."""
 OF_SUMMARY, OF_CHUNK, OF_TOPIC = 1 << 16, 96, 10
 """Bytes of the ending, at most: of all of it, of each chunk, of each topic in a chunk."""
@@ -109,9 +109,12 @@ class SessionWriter:
         if before and (block.dropped or block.start != before[-1].start + before[-1].samples.shape[1]):
             self._write_audio()
         self._pending.append(block)
-        if sum(each.samples.shape[1] for each in self._pending) >= MESSAGE * self.description.sample_rate:
+        if (
+            sum(each.samples.shape[1] for each in self._pending)
+            >= AUDIO_MESSAGE * self.description.sample_rate
+        ):
             self._write_audio()
-        self._flush_much()
+        self._flush_if_due()
 
     def readings(self, readings: Readings) -> None:
         """Take readings of a stream that the description's feeds name; those of ``labels`` are labels."""
@@ -134,10 +137,10 @@ class SessionWriter:
             ):
                 sent_at = sent if 0 < sent < LATEST_STAMP else 0
                 self._put(topic, stamp, codec.encode_pose(sent_at, values), sent_at or stamp, count)
-            self._flush_much()
+            self._flush_if_due()
             return
-        for first in range(0, len(stamps), MOST):
-            part = slice(first, first + MOST)
+        for first in range(0, len(stamps), MAX_READINGS):
+            part = slice(first, first + MAX_READINGS)
             shared = {
                 "header": codec.header(int(stamps[first]), feed.stream),
                 "arrival": stamps[part],
@@ -153,16 +156,16 @@ class SessionWriter:
                 columns = list(feed.columns)
                 data = codec.encode(codec.READINGS, **shared, columns=columns, values=values.ravel())
             self._put(topic, int(stamps[first]), data)
-        self._flush_much()
+        self._flush_if_due()
 
     def labels(self, time: Floats, columns: Mapping[str, Floats]) -> None:
         """Take what is true at times (n,): columns (n,) by name, NaN where it is not known."""
         self._refuse_closed()
-        _refuse_many("labels of", len(columns))
+        _refuse_too_many("labels of", len(columns))
         stamps = self.clock.stamps(time)
         values = np.stack([np.asarray(columns[name], np.float64) for name in columns], axis=1)
-        for first in range(0, len(stamps), MOST):
-            part = slice(first, first + MOST)
+        for first in range(0, len(stamps), MAX_READINGS):
+            part = slice(first, first + MAX_READINGS)
             data = codec.encode(
                 codec.LABELS,
                 header=codec.header(int(stamps[first])),
@@ -171,7 +174,7 @@ class SessionWriter:
                 values=values[part].ravel(),
             )
             self._put("/labels", int(stamps[first]), data)
-        self._flush_much()
+        self._flush_if_due()
 
     def event(self, time: Seconds, kind: str, text: str = "", /, **data: str | float | bool) -> None:
         """Note that something happened."""
@@ -183,7 +186,7 @@ class SessionWriter:
     def clocks(self, time: Seconds, offsets: Mapping[str, Seconds]) -> None:
         """Note this machine's clocks minus the monotonic one, as they are at a time."""
         self._refuse_closed()
-        _refuse_many("offsets of", len(offsets))
+        _refuse_too_many("offsets of", len(offsets))
         stamp, names = self.clock.stamp(time), sorted(offsets)
         values = np.array([offsets[name] for name in names], np.float64)
         data = codec.encode(codec.CLOCKS, header=codec.header(stamp), names=names, offsets=values)
@@ -206,7 +209,7 @@ class SessionWriter:
             self._unflushed = 0
             self._file.reserve(OF_SUMMARY + self._chunks * (OF_CHUNK + OF_TOPIC * len(self._channels)))
         except OSError:
-            self._give_up()
+            self._finish_file()
             raise
         if self._file.full:
             self.close()
@@ -227,16 +230,16 @@ class SessionWriter:
             self._write_audio()
             self._closed = True
             self._writer.flush()
-            self._writer.add_metadata(END, guarded(self._told()))
+            self._writer.add_metadata(END, guarded(self._closing_values()))
             self._writer.finish()
             self._file.sync()
             self._file.close()
         except OSError:
-            self._give_up()
+            self._finish_file()
             raise
 
-    def _told(self) -> dict[str, str]:
-        """Return what the end says: messages and SHA-256 of each topic, their sum, counts, the clock."""
+    def _closing_values(self) -> dict[str, str]:
+        """Return the values of the ending: messages and SHA-256 of each topic, counts, the clock."""
         digests = {topic: self._digests[number].hexdigest() for topic, number in self._channels.items()}
         whole = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
         return {
@@ -247,7 +250,7 @@ class SessionWriter:
             **self.clock.dump(),
         }
 
-    def _give_up(self) -> None:
+    def _finish_file(self) -> None:
         """Finish the file with what is whole in it."""
         self._closed = True
         try:
@@ -283,8 +286,8 @@ class SessionWriter:
         counts["gaps"] += first.dropped > 0
         counts["end"] = first.start + frames
 
-    def _flush_much(self) -> None:
-        if self._unflushed > MUCH:
+    def _flush_if_due(self) -> None:
+        if self._unflushed > MAX_UNFLUSHED:
             self.flush()
 
     def _put(self, topic: str, stamp: int, data: bytes, sent: int | None = None, sequence: int = 0) -> None:
@@ -302,9 +305,9 @@ class SessionWriter:
             raise InputError(f"session {self.path} (closed)", "an open session", "begin another")
 
 
-def _refuse_many(what: str, count: int) -> None:
-    if count > MOST_COLUMNS:
-        raise InputError(f"{what} {count} names", f"{MOST_COLUMNS} at most")
+def _refuse_too_many(what: str, count: int) -> None:
+    if count > MAX_COLUMNS:
+        raise InputError(f"{what} {count} names", f"{MAX_COLUMNS} at most")
 
 
 _HEAD = struct.Struct("<BQ")
@@ -314,7 +317,7 @@ _CHUNK = struct.Struct("<QQQII")
 class ChunkList:
     """Stands in for the list in which an MCAP writer remembers its chunks until the file's end.
 
-    An hour has some 36,000 chunks, whose entries take 22 MB in memory. Eight bytes of each are kept here,
+    An hour has some 36,000 chunks, whose entries take 22 MB in memory. Eight bytes of each are stored here,
     where it begins; the rest is read back from the file when the end is written.
     """
 

@@ -8,7 +8,7 @@ from tests.sessions.forged import mutated, refused_or_done
 
 from monochord.capture.recording.from_files import from_files
 from monochord.core.errors import InputError
-from monochord.sessions import Session, check, read_session
+from monochord.sessions import SessionReader, check, read_session
 
 RATE = 44100
 
@@ -20,7 +20,7 @@ def sound(path: Path, *, channels: int = 2, subtype: str | None = None, seconds:
     return read.T
 
 
-def imported(audio: Path, table: str | None = None, **described: Any) -> Session:
+def imported(audio: Path, table: str | None = None, **described: Any) -> SessionReader:
     labels = None
     if table is not None:
         labels = audio.with_suffix(".csv")

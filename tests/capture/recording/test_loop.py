@@ -20,7 +20,7 @@ from monochord.capture.sources.base import Source, Stream
 from monochord.core.clock import clock_offsets
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio, Block, Signal
-from monochord.sessions import Session, check, read_session
+from monochord.sessions import SessionReader, check, read_session
 
 RATE = 44100
 
@@ -29,7 +29,7 @@ def samples_of(file: Path) -> Audio:
     return soundfile.read(file, always_2d=True)[0].T.astype(np.float32)
 
 
-def recorded(job: RecordingJob) -> tuple[RecordingSummary, Session]:
+def recorded(job: RecordingJob) -> tuple[RecordingSummary, SessionReader]:
     """Record, and read the session, which must be whole and say what the summary says."""
     summary = record(job)
     report = check(job.path)
@@ -45,7 +45,7 @@ def recorded(job: RecordingJob) -> tuple[RecordingSummary, Session]:
     return summary, session
 
 
-def kinds(session: Session) -> list[str]:
+def kinds(session: SessionReader) -> list[str]:
     return [event.kind for event in session.events]
 
 

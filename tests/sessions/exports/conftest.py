@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import POSE, WRENCH, Block, Feed, Readings, StringParams
-from monochord.sessions import Description, Session, SessionClock, SessionWriter, read_session
+from monochord.sessions import Description, SessionClock, SessionReader, SessionWriter, read_session
 
 RATE = 16000
 TEXTS = ("", "plain", 'a "quoted", text', "zwei\nZeilen\r\nund Ümläute", "=1+1", " space ", "over\rwritten")
@@ -103,7 +103,7 @@ def _readings(rng: np.random.Generator, feed: Feed, time: float) -> Readings:
     )
 
 
-def assert_equal(one: Session, other: Session) -> None:
+def assert_equal(one: SessionReader, other: SessionReader) -> None:
     """Fail where two sessions differ in anything that a reader can see, to the bit."""
     assert one.description == other.description
     assert one.clock == other.clock

@@ -11,7 +11,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import WRENCH, Block, Feed, Readings
-from monochord.sessions import Description, Session, SessionClock, SessionWriter, read_session
+from monochord.sessions import Description, SessionClock, SessionReader, SessionWriter, read_session
 from monochord.sessions.exports import lerobot
 from monochord.sessions.exports.lerobot import LeRobot
 
@@ -19,7 +19,7 @@ RATE, FPS = 16000, 50
 FEED = Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3, rate=1000.0)
 
 
-def session(path: Path, *, seconds: float = 1.01, frames_lost: int = 0, **described: Any) -> Session:
+def session(path: Path, *, seconds: float = 1.01, frames_lost: int = 0, **described: Any) -> SessionReader:
     """A session whose force in N is its time in s, and whose microphones count its frames."""
     described = {"name": path.stem, "sample_rate": RATE, "feeds": (FEED,), "object": "plastic", **described}
     clock = SessionClock(epoch_ns=10**18, origin=5.0)
@@ -48,7 +48,7 @@ def session(path: Path, *, seconds: float = 1.01, frames_lost: int = 0, **descri
 
 
 @pytest.fixture
-def takes(tmp_path: Path) -> list[Session]:
+def takes(tmp_path: Path) -> list[SessionReader]:
     """Three episodes of two tasks."""
     return [
         session(tmp_path / "a.mcap"),
@@ -70,7 +70,7 @@ def load(root: Path) -> tuple[dict[str, Any], pa.Table, list[dict[str, Any]]]:
 ARROW = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
 
 
-def test_features_are_as_they_are_told(takes: list[Session], tmp_path: Path) -> None:
+def test_features_are_as_they_are_told(takes: list[SessionReader], tmp_path: Path) -> None:
     LeRobot(fps=FPS, force=True).write(takes, tmp_path / "set")
     info, data, episodes = load(tmp_path / "set")
     assert info["codebase_version"] == "v3.0"
@@ -95,7 +95,7 @@ def test_features_are_as_they_are_told(takes: list[Session], tmp_path: Path) -> 
     assert info["splits"] == {"train": "0:3"}
 
 
-def test_an_episode_is_where_its_row_says(takes: list[Session], tmp_path: Path) -> None:
+def test_an_episode_is_where_its_row_says(takes: list[SessionReader], tmp_path: Path) -> None:
     LeRobot(fps=FPS, force=True).write(takes, tmp_path / "set")
     info, data, episodes = load(tmp_path / "set")
     assert data["index"].to_pylist() == list(range(data.num_rows))
@@ -118,7 +118,9 @@ def test_an_episode_is_where_its_row_says(takes: list[Session], tmp_path: Path) 
     assert tasks["task"] == ["touch the string with plastic", "rest"]
 
 
-def test_frames_hold_all_audio_and_no_reading_of_the_future(takes: list[Session], tmp_path: Path) -> None:
+def test_frames_hold_all_audio_and_no_reading_of_the_future(
+    takes: list[SessionReader], tmp_path: Path
+) -> None:
     LeRobot(fps=FPS, force=True).write(takes, tmp_path / "set")
     _, data, episodes = load(tmp_path / "set")
     for take, episode in zip(takes, episodes, strict=True):
@@ -139,7 +141,7 @@ def test_frames_hold_all_audio_and_no_reading_of_the_future(takes: list[Session]
     assert gaps[episodes[1]["dataset_from_index"] + 5]
 
 
-def test_statistics_are_those_of_the_frames(takes: list[Session], tmp_path: Path) -> None:
+def test_statistics_are_those_of_the_frames(takes: list[SessionReader], tmp_path: Path) -> None:
     LeRobot(fps=FPS, force=True).write(takes, tmp_path / "set")
     info, data, episodes = load(tmp_path / "set")
     stats = json.loads((tmp_path / "set/meta/stats.json").read_text())
@@ -161,14 +163,14 @@ def test_statistics_are_those_of_the_frames(takes: list[Session], tmp_path: Path
     assert episodes[1]["stats/label.position/count"] == [0]
 
 
-def test_tasks_are_a_table_whose_index_is_the_text(takes: list[Session], tmp_path: Path) -> None:
+def test_tasks_are_a_table_whose_index_is_the_text(takes: list[SessionReader], tmp_path: Path) -> None:
     LeRobot(force=True).write(takes, tmp_path / "set")
     told = json.loads(pq.read_schema(tmp_path / "set/meta/tasks.parquet").metadata[b"pandas"])
     assert told["index_columns"] == ["task"]
 
 
 def test_a_file_that_is_full_is_followed_by_another(
-    takes: list[Session], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    takes: list[SessionReader], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(lerobot, "MEGABYTES", 0.01)
     monkeypatch.setattr(lerobot, "FILES_A_CHUNK", 2)
@@ -186,8 +188,8 @@ def test_a_session_of_one_microphone_and_no_instrument(tmp_path: Path) -> None:
     assert "observation.microphone_2" not in info["features"]
 
 
-def test_what_does_not_fit_is_refused_in_one_line(takes: list[Session], tmp_path: Path) -> None:
-    def refuse(match: str, *sessions: Session, fps: int = 50) -> None:
+def test_what_does_not_fit_is_refused_in_one_line(takes: list[SessionReader], tmp_path: Path) -> None:
+    def refuse(match: str, *sessions: SessionReader, fps: int = 50) -> None:
         with pytest.raises(InputError, match=match) as caught:
             LeRobot(fps=fps, force=True).write(sessions, tmp_path / f"set {match}")
         assert "\n" not in str(caught.value)
@@ -203,7 +205,7 @@ def test_what_does_not_fit_is_refused_in_one_line(takes: list[Session], tmp_path
 
 
 def test_a_session_that_is_not_on_one_clock_is_refused_unless_forced(
-    takes: list[Session], tmp_path: Path
+    takes: list[SessionReader], tmp_path: Path
 ) -> None:
     with pytest.raises(
         InputError, match=r"a\.mcap: there are no taps in wrench.*force=true or aligned=false"

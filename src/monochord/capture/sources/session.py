@@ -14,7 +14,7 @@ from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack, one_window_labels
 from monochord.core.types import Audio, Signal, Truth
 from monochord.core.units import Samples
-from monochord.sessions import Session, read_session
+from monochord.sessions import SessionReader, read_session
 from monochord.sessions.alignment import AUDIO, Alignment, align, calibration_spans
 
 MAX_CHANNELS = 2
@@ -69,7 +69,7 @@ class SessionSource(Source):
 
 
 class _SessionStream(PacedStream):
-    def __init__(self, session: Session, options: SessionSource) -> None:
+    def __init__(self, session: SessionReader, options: SessionSource) -> None:
         about, track = session.description, session.audio
         signal = Signal(sample_rate=about.sample_rate, channels=about.channels, string=about.string)
         end = track.samples.shape[1]

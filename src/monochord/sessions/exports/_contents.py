@@ -1,4 +1,4 @@
-"""What a session holds as plain columns, and back: what every form that loses nothing has in common."""
+"""What a session holds as plain columns, and back: shared by the forms that lose nothing."""
 
 import json
 from collections.abc import Generator, Iterable, Iterator, Mapping
@@ -13,19 +13,19 @@ from monochord.core.config import Tree
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Block, Feed, Readings
 from monochord.core.units import Samples, Seconds
-from monochord.sessions import Description, Session, SessionClock, SessionWriter
-from monochord.sessions.bounds import LARGEST_TEXT, LONGEST, MOST_COLUMNS, json_object
-from monochord.sessions.writer import MESSAGE
+from monochord.sessions import Description, SessionClock, SessionReader, SessionWriter
+from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_TEXT, json_object
+from monochord.sessions.writer import AUDIO_MESSAGE
 
 ABOUT = "session.json"
 """The file that says what the others are."""
-OF_ALL = ("labels", "events", "clocks")
+COMMON_TABLES = ("labels", "events", "clocks")
 """Tables that every session has; each stream of readings has one of its own name beside them."""
 Columns: TypeAlias = dict[str, np.ndarray[Any, np.dtype[Any]]]
 """Columns (n,) by name; text is of type object. The first is ``time`` in s since the session's begin."""
-KEPT_BESIDE = {"sequence": np.int64, "device_time": np.int64, "status": np.uint32}
-"""What is kept of a reading beside its time and its values, under the types it has in a session."""
-LONGEST_STRETCH = 1 << 25
+READING_COLUMNS = {"sequence": np.int64, "device_time": np.int64, "status": np.uint32}
+"""Columns of a reading beside its time and its values, with the types they have in a session."""
+MAX_STRETCH = 1 << 25
 """Frames of a stretch, which is read and written in one piece: some 10 minutes."""
 
 
@@ -45,7 +45,7 @@ class Stretch:
     samples: Audio
 
 
-def stretches(session: Session) -> Iterator[Stretch]:
+def stretches(session: SessionReader) -> Iterator[Stretch]:
     """Yield a session's audio as it lies in the file."""
     for message, block in session.decoded("/audio"):
         yield Stretch(
@@ -58,12 +58,12 @@ def stretches(session: Session) -> Iterator[Stretch]:
         )
 
 
-def tables(session: Session) -> dict[str, Columns]:
+def tables(session: SessionReader) -> dict[str, Columns]:
     """Return everything else that a session holds, by the name that its file has."""
     found: dict[str, Columns] = {}
     for stream in session.streams:
         track = session.readings(stream)
-        beside = {name: getattr(track, name) for name in KEPT_BESIDE}
+        beside = {name: getattr(track, name) for name in READING_COLUMNS}
         values = {name: track.values[:, number] for number, name in enumerate(_columns(track.feed))}
         found[stream] = {"time": track.time, **beside, **values}
     labels, events, clocks = session.labels, session.events, session.clocks
@@ -81,8 +81,8 @@ def tables(session: Session) -> dict[str, Columns]:
     return found
 
 
-def about(session: Session, form: str) -> Tree:
-    """Return what tells a reader of the form which session this is."""
+def about(session: SessionReader, form: str) -> Tree:
+    """Return the content of `ABOUT`: which session this is, for a reader of the form."""
     return {
         "form": form,
         "clock": session.clock.dump(),
@@ -93,41 +93,41 @@ def about(session: Session, form: str) -> Tree:
 
 def form_of(folder: Path) -> str:
     """Return which form a folder was exported as; raises `InputError` where it is no session's."""
-    return str(_told(folder, "a folder that a session was exported to")["form"])
+    return str(_read_json(folder, "a folder that a session was exported to")["form"])
 
 
 def read_about(folder: Path, form: str) -> tuple[Description, SessionClock]:
-    """Read what `about` told, from a folder that a form wrote; raises `InputError` where it is none."""
+    """Read what `about` content, from a folder that a form wrote; raises `InputError` where it is none."""
     allowed = f"a folder that was exported as {form}"
-    told = _told(folder, allowed)
-    if told["form"] != form:
-        raise InputError(f"folder {folder} ({told['form']})", allowed)
-    parts = {name: told.get(name) for name in ("description", "clock")}
+    content = _read_json(folder, allowed)
+    if content["form"] != form:
+        raise InputError(f"folder {folder} ({content['form']})", allowed)
+    parts = {name: content.get(name) for name in ("description", "clock")}
     for name, part in parts.items():
         if not isinstance(part, dict):
             raise InputError(f"file {folder / ABOUT} (not as it was written: no table '{name}')", allowed)
     try:
-        return Description.load(json.dumps(parts["description"])), SessionClock.load(told["clock"])
+        return Description.load(json.dumps(parts["description"])), SessionClock.load(content["clock"])
     except InputError as error:
         given = f"file {folder / ABOUT} (not as it was written: {error.given})"
         raise InputError(given, error.allowed, error.remedy) from error
 
 
-def _told(folder: Path, allowed: str) -> Tree:
+def _read_json(folder: Path, allowed: str) -> Tree:
     path = folder / ABOUT
     try:
         with path.open("rb") as file:
-            content = file.read(4 * LARGEST_TEXT + 1)  # of one character, UTF-8 makes 4 bytes at most
-        told = json_object(content.decode())
+            raw = file.read(4 * MAX_TEXT + 1)  # of one character, UTF-8 makes 4 bytes at most
+        content = json_object(raw.decode())
     except OSError as error:
         raise InputError(f"folder {folder} (no {ABOUT}: {error.strerror})", allowed) from error
     except UnicodeDecodeError as error:
         raise InputError(f"file {path} (not as it was written: {error})", "JSON in UTF-8") from error
     except InputError as error:
         raise InputError(f"file {path} (not as it was written: {error.given})", error.allowed) from error
-    if not isinstance(told.get("form"), str):
+    if not isinstance(content.get("form"), str):
         raise InputError(f"file {path} (not as it was written: it names no form)", allowed)
-    return told
+    return content
 
 
 def checked(path: Path, name: str, columns: Columns, description: Description) -> Columns:
@@ -143,13 +143,13 @@ def checked(path: Path, name: str, columns: Columns, description: Description) -
     if missing := sorted(set(needed) - set(columns)):
         raise InputError(f"file {path} without {', '.join(missing)}", ", ".join(needed))
     extra = [key for key in columns if key not in needed] if name in ("labels", "clocks") else []
-    if len(extra) > MOST_COLUMNS:
-        raise InputError(f"file {path} with {len(extra)} columns", f"{MOST_COLUMNS} at most")
+    if len(extra) > MAX_COLUMNS:
+        raise InputError(f"file {path} with {len(extra)} columns", f"{MAX_COLUMNS} at most")
     found = {key: _cells(f"file {path}, column {key}", name, key, columns[key]) for key in (*needed, *extra)}
-    wrong = np.flatnonzero(~(np.abs(found["time"]) <= LONGEST))
+    wrong = np.flatnonzero(~(np.abs(found["time"]) <= MAX_DURATION))
     if len(wrong):
         given = f"file {path}, {wrong[0] + 1}. time {found['time'][wrong[0]]:g}"
-        raise InputError(given, f"seconds since the session's begin, at most {LONGEST:g} either way")
+        raise InputError(given, f"seconds since the session's begin, at most {MAX_DURATION:g} either way")
     for number, data in enumerate(found["data"] if name == "events" else (), start=1):
         try:
             json_object(data)
@@ -168,8 +168,8 @@ def _cells(
         return column
     if column.dtype.kind not in "fiub":
         raise InputError(f"{what} of {column.dtype}", "numbers")
-    if name not in OF_ALL and key in KEPT_BESIDE:
-        return _whole(what, column, KEPT_BESIDE[key])
+    if name not in COMMON_TABLES and key in READING_COLUMNS:
+        return _whole(what, column, READING_COLUMNS[key])
     return column.astype(np.float64)
 
 
@@ -189,7 +189,7 @@ def write_back(
     description: Description,
     clock: SessionClock,
     audio: Iterable[Stretch],
-    held: Mapping[str, Columns],
+    tables: Mapping[str, Columns],
 ) -> None:
     """Write a session of what the others gave, everything in the order of its time.
 
@@ -197,7 +197,7 @@ def write_back(
     stretch that no session can hold is refused here, with `InputError`.
     """
     with _whole_or_not_at_all(SessionWriter(path, description, clock)) as writer:
-        rest = {name: _Rest(writer, name, columns) for name, columns in held.items()}
+        rest = {name: _PendingRows(writer, name, columns) for name, columns in tables.items()}
         for stretch in audio:
             _refuse_stretch(stretch, description)
             for each in rest.values():
@@ -211,20 +211,20 @@ def write_back(
                     frame_time=None if stretch.device_frame < 0 else stretch.device_frame,
                 )
             )
-            if stretch.samples.shape[1] < MESSAGE * description.sample_rate:
+            if stretch.samples.shape[1] < AUDIO_MESSAGE * description.sample_rate:
                 writer.flush()  # or it would be joined to the next one
         for each in rest.values():
             each.write(np.inf)
 
 
 def _refuse_stretch(stretch: Stretch, description: Description) -> None:
-    stop, most = stretch.start + stretch.samples.shape[1], round(LONGEST * description.sample_rate)
+    stop, most = stretch.start + stretch.samples.shape[1], round(MAX_DURATION * description.sample_rate)
     if not (stretch.start >= 0 and stop <= most and 0 <= stretch.dropped <= most):
         given = f"audio from frame {stretch.start} to {stop}, {stretch.dropped} lost before"
-        raise InputError(given, f"0 to {most} frames, or {LONGEST:g} s")
-    if not abs(stretch.time) <= LONGEST:
+        raise InputError(given, f"0 to {most} frames, or {MAX_DURATION:g} s")
+    if not abs(stretch.time) <= MAX_DURATION:
         given = f"audio at {stretch.time:g} s"
-        raise InputError(given, f"seconds since the session's begin, at most {LONGEST:g} either way")
+        raise InputError(given, f"seconds since the session's begin, at most {MAX_DURATION:g} either way")
     if not -1 <= stretch.device_frame < 2**63:
         raise InputError(f"device frame {stretch.device_frame}", f"-1, or 0 to {2**63 - 1}")
 
@@ -239,8 +239,8 @@ def _whole_or_not_at_all(writer: SessionWriter) -> Generator[SessionWriter]:
         raise
 
 
-class _Rest:
-    """What of a table is not yet written."""
+class _PendingRows:
+    """The rows of a table that are not yet written."""
 
     def __init__(self, writer: SessionWriter, name: str, columns: Columns) -> None:
         self._writer, self._name, self._columns = writer, name, columns
@@ -282,18 +282,18 @@ class _Rest:
 
 def _columns(feed: Feed) -> tuple[str, ...]:
     """Return names for a feed's columns that no other column of its table has."""
-    taken = {"time", *KEPT_BESIDE}
+    taken = {"time", *READING_COLUMNS}
     return tuple(f"value_{name}" if name in taken else name for name in feed.columns)
 
 
 def columns_of(name: str, description: Description) -> tuple[str, ...]:
     """Return the columns that a table must have."""
-    if name in OF_ALL:
+    if name in COMMON_TABLES:
         return ("time", "kind", "text", "data") if name == "events" else ("time",)
-    return "time", *KEPT_BESIDE, *_columns(description.feed(name))
+    return "time", *READING_COLUMNS, *_columns(description.feed(name))
 
 
 def table_names(description: Description) -> tuple[str, ...]:
     """Return the names of all tables that a session of this description is written as."""
-    streams = (feed.stream for feed in description.feeds if feed.stream not in OF_ALL)
-    return *streams, *OF_ALL
+    streams = (feed.stream for feed in description.feeds if feed.stream not in COMMON_TABLES)
+    return *streams, *COMMON_TABLES

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.errors import InputError
-from monochord.sessions import Session
+from monochord.sessions import SessionReader
 
 
 class Export(ABC):
     """Options of an export, as a frozen keyword-only dataclass."""
 
     @abstractmethod
-    def write(self, sessions: Sequence[Session], out: Path) -> list[Path]:
+    def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
         """Write sessions below the folder `out`, which is made, and return what was written.
 
         Raises `InputError` where `out` holds something already or a session lacks what the form needs.
@@ -51,7 +51,7 @@ def new_folder(out: Path) -> Path:
     return out
 
 
-def folder_each(sessions: Sequence[Session], out: Path) -> list[tuple[Session, Path]]:
+def folder_each(sessions: Sequence[SessionReader], out: Path) -> list[tuple[SessionReader, Path]]:
     """Make a folder below `out` for each session, called as its file is; refuses what `new_folder` does."""
     names = [session.path.stem for session in sessions]
     if len(set(names)) < len(names):

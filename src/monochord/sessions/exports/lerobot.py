@@ -10,7 +10,7 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.sessions import Session
+from monochord.sessions import SessionReader
 from monochord.sessions.alignment import AUDIO, Alignment, align, aligned_readings
 from monochord.sessions.exports.base import Export, arrow, new_folder
 
@@ -42,7 +42,7 @@ class LeRobot(Export):
     What is left out: readings between the frames; sequence, device time and status of readings, their
     arrival and the converter's clock (a frame's time is k/`fps`, as LeRobot has it); events, clock offsets,
     the plan; the last part of a frame, and digits beyond float32. There is no ``action``: a session knows
-    where the robot was, not what it was told. All sessions must have the same microphones, instruments and
+    where the robot was, not its command. All sessions must have the same microphones, instruments and
     labels.
     """
 
@@ -50,7 +50,7 @@ class LeRobot(Export):
     aligned: bool = True
     force: bool = False
 
-    def write(self, sessions: Sequence[Session], out: Path) -> list[Path]:
+    def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
         """Write the sessions as the data set `out`, episode by episode in the order given."""
         if self.fps < 1:
             raise InputError(f"{self.fps} frames a second", "1 or more")
@@ -143,7 +143,7 @@ def _numbered(frames: Frames, fps: int, episode: int, first: int, task: int) -> 
     }
 
 
-def _features(frames: Frames, session: Session) -> dict[str, Any]:
+def _features(frames: Frames, session: SessionReader) -> dict[str, Any]:
     names = {"observation.state": state_names(session)}
     return {
         name: {
@@ -164,28 +164,28 @@ def _episode(number: int, tasks: list[str], place: dict[str, int], stats: Stats)
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,
     }
-    told = {
+    places = {
         f"stats/{name}/{key}": value.tolist() for name, each in stats.items() for key, value in each.items()
     }
-    return row | told
+    return row | places
 
 
 def _tasks(pa: Any, tasks: list[str]) -> Any:
-    """Return the table of tasks; pandas, through which LeRobot reads it, is told that text is its index."""
+    """Return the table of tasks, for pandas, through which LeRobot reads it, with text as its index."""
     kinds = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     columns = [
         {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
         for name, (kind, numpy) in kinds.items()
     ]
-    told = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
+    layout = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
     table = pa.table(
         {"task_index": pa.array(range(len(tasks)), pa.int64()), "task": pa.array(tasks, pa.string())}
     )
-    return table.replace_schema_metadata({"pandas": json.dumps(told | {"pandas_version": "2.0.0"})})
+    return table.replace_schema_metadata({"pandas": json.dumps(layout | {"pandas_version": "2.0.0"})})
 
 
 def _info(
-    sessions: Sequence[Session], fps: int, frames: int, tasks: list[str], features: dict[str, Any]
+    sessions: Sequence[SessionReader], fps: int, frames: int, tasks: list[str], features: dict[str, Any]
 ) -> dict[str, Any]:
     simulated = any(session.description.simulated for session in sessions)
     return {
@@ -206,10 +206,10 @@ def _info(
 
 
 STATE, GAP, LABEL = "observation.state", "observation.gap", "label."
-MOST_FRAMES_A_SECOND = 200
+MAX_FPS = 200
 
 
-def refuse_unlike(sessions: Sequence[Session]) -> None:
+def refuse_unlike(sessions: Sequence[SessionReader]) -> None:
     """Raise `InputError` where the sessions' features would not be the same; all episodes share them."""
     if not sessions:
         raise InputError("no session", "1 or more")
@@ -221,14 +221,14 @@ def refuse_unlike(sessions: Sequence[Session]) -> None:
                 raise InputError(given, f"{first}, as {sessions[0].path} has", "export them apart")
 
 
-def _form(session: Session) -> dict[str, Any]:
-    told = session.description
-    names = {stream: told.feed(stream).columns for stream in session.streams}
-    microphones = f"{told.channels} at {told.sample_rate} Hz"
+def _form(session: SessionReader) -> dict[str, Any]:
+    description = session.description
+    names = {stream: description.feed(stream).columns for stream in session.streams}
+    microphones = f"{description.channels} at {description.sample_rate} Hz"
     return {"microphones": microphones, "streams": names, "labels": sorted(session.labels.columns)}
 
 
-def frames_of(session: Session, fps: int, *, aligned: bool, force: bool = False) -> Frames:
+def frames_of(session: SessionReader, fps: int, *, aligned: bool, force: bool = False) -> Frames:
     """Return a session's frames; raises `InputError` where a frame is not a whole number of samples.
 
     With `aligned`, readings count from when they were taken, and what taps tell of the streams' offsets is
@@ -238,17 +238,17 @@ def frames_of(session: Session, fps: int, *, aligned: bool, force: bool = False)
     audio = session.audio
     size, rest = divmod(audio.sample_rate, fps)
     if rest:
-        fitting = (n for n in range(1, MOST_FRAMES_A_SECOND + 1) if audio.sample_rate % n == 0)
+        fitting = (n for n in range(1, MAX_FPS + 1) if audio.sample_rate % n == 0)
         allowed = ", ".join(map(str, fitting)) + f" at {audio.sample_rate} Hz"
         raise InputError(f"{fps} frames a second", allowed, "or a frame is no whole number of samples")
     count = audio.samples.shape[1] // size
     if not count:
         raise InputError(f"session {session.path} (shorter than a frame)", f"{1 / fps:g} s or more")
     parts = audio.samples[:, : count * size].reshape(-1, count, size)
-    found: Frames = {f"observation.microphone_{n}": part for n, part in enumerate(parts, start=1)}
-    found[GAP] = np.zeros(count, dtype=bool)
+    frames: Frames = {f"observation.microphone_{n}": part for n, part in enumerate(parts, start=1)}
+    frames[GAP] = np.zeros(count, dtype=bool)
     for first, stop in audio.gaps:
-        found[GAP][first // size : -(-stop // size)] = True
+        frames[GAP][first // size : -(-stop // size)] = True
     ends = audio.time(size * np.arange(1, count + 1))
     alignment = align(session) if aligned and session.streams else None
     if alignment and alignment.flags and not force:
@@ -256,27 +256,27 @@ def frames_of(session: Session, fps: int, *, aligned: bool, force: bool = False)
         given = f"session {session.path}: {first}" + (f" (and {len(others)} more)" if others else "")
         raise InputError(given, "streams on one clock", "leave it out, or set force=true or aligned=false")
     when = ends if alignment is None else alignment.correct(AUDIO, ends)
-    states = [_held(session, stream, when, alignment) for stream in session.streams]
+    states = [_latest(session, stream, when, alignment) for stream in session.streams]
     if states:
         with np.errstate(over="ignore"):  # what float32 does not hold is infinite there
             state = np.concatenate(states, axis=1).astype(np.float32)
-        found[STATE] = state if state.shape[1] > 1 else state[:, 0]
+        frames[STATE] = state if state.shape[1] > 1 else state[:, 0]
     labels = session.labels
     for name, column in sorted(labels.columns.items()):
         if len(labels.time):
             latest = np.searchsorted(np.maximum.accumulate(labels.time), when, side="right") - 1
             values = np.where(latest < 0, np.nan, column[np.maximum(latest, 0)])
-            found[LABEL + name] = values.astype(np.float32)
-    return found
+            frames[LABEL + name] = values.astype(np.float32)
+    return frames
 
 
-def state_names(session: Session) -> list[str]:
+def state_names(session: SessionReader) -> list[str]:
     """Return the names of the state's values."""
     feeds = (session.description.feed(stream) for stream in session.streams)
     return [f"{feed.stream}.{column}" for feed in feeds for column in feed.columns]
 
 
-def _held(session: Session, stream: str, at: Floats, alignment: Alignment | None) -> Floats:
+def _latest(session: SessionReader, stream: str, at: Floats, alignment: Alignment | None) -> Floats:
     """Return the latest reading at each time, so that none is of the future; the first one before that."""
     bare = alignment is None
     track = session.readings(stream) if bare else aligned_readings(session, stream, alignment)
@@ -287,11 +287,11 @@ def _held(session: Session, stream: str, at: Floats, alignment: Alignment | None
     return track.values[np.maximum(latest, 0)]
 
 
-def task_of(session: Session) -> str:
+def task_of(session: SessionReader) -> str:
     """Return what the episode is about, in words."""
-    told = session.description
-    touched = "touch the string" + (f" with {told.object}" if told.object else "")
-    return told.more.get("task", touched)
+    description = session.description
+    touched = "touch the string" + (f" with {description.object}" if description.object else "")
+    return description.more.get("task", touched)
 
 
 def stats_of(frames: Frames) -> Stats:
@@ -316,7 +316,7 @@ def _of(column: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:
 
 def joined(episodes: Sequence[Stats]) -> Stats:
     """Return the statistics of all episodes together, from their own (Chan et al. 1979)."""
-    found: Stats = {}
+    stats: Stats = {}
     for name in episodes[0]:
         parts = [each[name] for each in episodes if each[name]["count"][0]] or [episodes[0][name]]
         counts = np.array([part["count"][0] for part in parts], dtype=np.float64)
@@ -324,11 +324,11 @@ def joined(episodes: Sequence[Stats]) -> Stats:
         means = np.stack([part["mean"] for part in parts])
         mean = (weights * means).sum(axis=0)
         spread = np.stack([part["std"] for part in parts]) ** 2 + (means - mean) ** 2
-        found[name] = {
+        stats[name] = {
             "min": np.min([part["min"] for part in parts], axis=0),
             "max": np.max([part["max"] for part in parts], axis=0),
             "mean": mean,
             "std": np.sqrt((weights * spread).sum(axis=0)),
             "count": np.array([int(counts.sum())]),
         }
-    return found
+    return stats

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.sessions import Description, Session
-from monochord.sessions.bounds import MOST_COLUMNS, refuse_unpacking
+from monochord.sessions import Description, SessionReader
+from monochord.sessions.bounds import MAX_COLUMNS, refuse_unpacking
 from monochord.sessions.exports._contents import (
     ABOUT,
-    KEPT_BESIDE,
-    LONGEST_STRETCH,
+    MAX_STRETCH,
+    READING_COLUMNS,
     Columns,
     Stretch,
     about,
@@ -30,11 +30,11 @@ from monochord.sessions.exports.base import Export, arrow, folder_each
 
 FORM = "parquet"
 ROWS = 64
-"""Stretches of audio, some seconds of it, that are held in memory at once."""
+"""Stretches of audio, some seconds of it, that are in memory at once."""
 CHECKED = {"write_page_checksum": True}
 """Damage shows when a page is read; without it, other values would be read for those that were written."""
-MOST_TABLE_COLUMNS = MOST_COLUMNS + len(KEPT_BESIDE) + 1
-"""Columns of a file: those of a stream, what is kept beside them, and the times."""
+MAX_TABLE_COLUMNS = MAX_COLUMNS + len(READING_COLUMNS) + 1
+"""Columns of a file: those of a stream, what lies beside them, and the times."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +49,7 @@ class Parquet(Export):
 
     compression: str = "zstd"
 
-    def write(self, sessions: Sequence[Session], out: Path) -> list[Path]:
+    def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
         """Write each session to a folder of its file's name below `out`."""
         known = ("zstd", "snappy", "gzip", "none")
         if self.compression not in known:
@@ -60,7 +60,7 @@ class Parquet(Export):
             written.append(self._write_audio(pa, pq, session, folder / "audio.parquet"))
             for name, columns in tables(session).items():
                 path = folder / f"{name}.parquet"
-                # Text is told to be text, or a table without rows would not know.
+                # The type of text is given, since a table without rows would not have it.
                 texts = {key: pa.string() for key, column in columns.items() if column.dtype.kind == "O"}
                 arrays = {key: pa.array(column, texts.get(key)) for key, column in columns.items()}
                 pq.write_table(pa.table(arrays), path, compression=self.compression, **CHECKED)
@@ -74,18 +74,18 @@ class Parquet(Export):
         """Write the session that a folder holds to the new file `path`."""
         pa, pq = arrow(FORM)
         description, clock = read_about(folder, FORM)
-        held: dict[str, Columns] = {}
+        tables_read: dict[str, Columns] = {}
         for name in table_names(description):
-            held[name] = _table_of(pa, pq, folder / f"{name}.parquet", name, description)
+            tables_read[name] = _table_of(pa, pq, folder / f"{name}.parquet", name, description)
         path_of_audio, schema = folder / "audio.parquet", _audio_schema(pa, description.channels)
         with _opened(pa, pq, path_of_audio) as file:
             if tuple(file.schema_arrow.names) != tuple(schema.names):
                 given = f"file {path_of_audio} with {', '.join(file.schema_arrow.names)}"
                 raise InputError(given, ", ".join(schema.names))
             _refuse_groups(pa, path_of_audio, file.metadata)
-            write_back(path, description, clock, _stretches(pa, file, path_of_audio, schema), held)
+            write_back(path, description, clock, _stretches(pa, file, path_of_audio, schema), tables_read)
 
-    def _write_audio(self, pa: Any, pq: Any, session: Session, path: Path) -> Path:
+    def _write_audio(self, pa: Any, pq: Any, session: SessionReader, path: Path) -> Path:
         schema = _audio_schema(pa, session.description.channels)
         rows: list[dict[str, Any]] = []
         with pq.ParquetWriter(path, schema, compression=self.compression, **CHECKED) as writer:
@@ -131,37 +131,37 @@ def _stretches(pa: Any, file: Any, path: Path, schema: Any) -> Iterator[Stretch]
                 return
             rows = _columns(pa, path, batch, schema)
         for columns in zip(*rows.values(), strict=True):
-            told = dict(zip(rows, columns, strict=True))
-            samples = [told.pop(name) for name in schema.names if name.startswith("channel_")]
+            row_values = dict(zip(rows, columns, strict=True))
+            samples = [row_values.pop(name) for name in schema.names if name.startswith("channel_")]
             frames = len(samples[0])
-            if any(len(each) != frames for each in samples) or frames > LONGEST_STRETCH:
+            if any(len(each) != frames for each in samples) or frames > MAX_STRETCH:
                 given = f"file {path} row {row}, with {', '.join(str(len(each)) for each in samples)} samples"
-                raise InputError(given, f"as many in each channel, {LONGEST_STRETCH} at most")
+                raise InputError(given, f"as many in each channel, {MAX_STRETCH} at most")
             row += 1
-            yield Stretch(samples=np.stack(samples), **told)
+            yield Stretch(samples=np.stack(samples), **row_values)
 
 
 def _columns(pa: Any, path: Path, batch: Any, schema: Any) -> dict[str, list[Any]]:
     """Return the columns of a batch of audio, a value or an array of samples for each row."""
     table = pa.Table.from_batches([batch]).cast(schema).combine_chunks()
     table.validate(full=True)
-    found: dict[str, list[Any]] = {}
+    cells: dict[str, list[Any]] = {}
     for name in schema.names:
         column = table[name]
         lists = pa.types.is_list(column.type)
         if column.null_count or (lists and any(part.flatten().null_count for part in column.chunks)):
             raise InputError(f"file {path}, column {name} with empty cells", "a value in each")
-        found[name] = [each.values.to_numpy() for each in column] if lists else column.to_pylist()
-    return found
+        cells[name] = [each.values.to_numpy() for each in column] if lists else column.to_pylist()
+    return cells
 
 
 def _table_of(pa: Any, pq: Any, path: Path, name: str, description: Description) -> Columns:
     """Return a table of a session other than the audio."""
     with _opened(pa, pq, path) as file:
         names, rows = file.schema_arrow.names, file.metadata.num_rows
-        if len(set(names)) < len(names) or len(names) > MOST_TABLE_COLUMNS:
+        if len(set(names)) < len(names) or len(names) > MAX_TABLE_COLUMNS:
             given = f"file {path} with {len(names)} columns"
-            raise InputError(given, f"{MOST_TABLE_COLUMNS} at most, each with a name of its own")
+            raise InputError(given, f"{MAX_TABLE_COLUMNS} at most, each with a name of its own")
         claimed = 8 * max(rows, 0) * len(names)
         refuse_unpacking(f"file {path}", path.stat().st_size, claimed, "export the session again")
         _refuse_groups(pa, path, file.metadata)

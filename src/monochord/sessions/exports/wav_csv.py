@@ -14,11 +14,11 @@ import soundfile
 from monochord.core.errors import InputError
 from monochord.core.types import Audio
 from monochord.core.units import Samples
-from monochord.sessions import Session
+from monochord.sessions import SessionReader
 from monochord.sessions.exports._contents import (
     ABOUT,
-    KEPT_BESIDE,
-    LONGEST_STRETCH,
+    MAX_STRETCH,
+    READING_COLUMNS,
     Columns,
     Stretch,
     about,
@@ -35,10 +35,10 @@ FORM = "wav_csv"
 SOUND, STRETCHES = "audio.wav", "audio.csv"
 FORMATS = ("WAV", "WAVEX", "RF64")
 """What the sound may be read from; of others no file's size says how long they can be."""
-LONGEST_WAV = 0xFFFF0000
+MAX_WAV = 0xFFFF0000
 """Bytes of sound that a WAV file can tell of; more is written as RF64."""
 KINDS: dict[str, Any] = {
-    **KEPT_BESIDE,
+    **READING_COLUMNS,
     **dict.fromkeys(("start", "frames", "dropped", "timed", "device_frame"), np.int64),
     **dict.fromkeys(("kind", "text", "data"), str),
 }
@@ -55,7 +55,7 @@ class WavCsv(Export):
     There are no options.
     """
 
-    def write(self, sessions: Sequence[Session], out: Path) -> list[Path]:
+    def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
         """Write each session to a folder of its file's name below `out`."""
         written: list[Path] = []
         for session, folder in folder_each(sessions, out):
@@ -70,29 +70,31 @@ class WavCsv(Export):
     def read(self, folder: Path, path: Path) -> None:
         """Write the session that a folder holds to the new file `path`."""
         description, clock = read_about(folder, FORM)
-        held: dict[str, Columns] = {}
+        tables_read: dict[str, Columns] = {}
         for name in table_names(description):
             file = folder / f"{name}.csv"
-            held[name] = checked(file, name, read_csv(file, KINDS), description)
+            tables_read[name] = checked(file, name, read_csv(file, KINDS), description)
         with _opened(folder / SOUND) as sound:
             if (sound.samplerate, sound.channels) != (description.sample_rate, description.channels):
                 given = f"file {folder / SOUND} with {sound.channels} channels at {sound.samplerate} Hz"
                 raise InputError(given, f"{description.channels} at {description.sample_rate} Hz")
-            write_back(path, description, clock, _stretches(folder, sound), held)
+            write_back(path, description, clock, _stretches(folder, sound), tables_read)
 
 
-def _write_sound(session: Session, folder: Path) -> Path:
+def _write_sound(session: SessionReader, folder: Path) -> Path:
     """Write sound and its table as they are read: a long session needs no more memory than a short one."""
-    path, told = folder / SOUND, session.description
+    path, description = folder / SOUND, session.description
     rows: list[tuple[Any, ...]] = []
     ends = [stretch.start + stretch.samples.shape[1] for stretch in stretches(session)]
-    size = max(ends, default=0) * told.channels * 4
-    form = "RF64" if size > LONGEST_WAV else "WAV"
-    with soundfile.SoundFile(path, "w", told.sample_rate, told.channels, "FLOAT", format=form) as sound:
+    size = max(ends, default=0) * description.channels * 4
+    form = "RF64" if size > MAX_WAV else "WAV"
+    with soundfile.SoundFile(
+        path, "w", description.sample_rate, description.channels, "FLOAT", format=form
+    ) as sound:
         for stretch in stretches(session):
             while stretch.start > sound.tell():
-                lost = min(stretch.start - sound.tell(), LONGEST_STRETCH)
-                sound.write(np.zeros((lost, told.channels), np.float32))
+                lost = min(stretch.start - sound.tell(), MAX_STRETCH)
+                sound.write(np.zeros((lost, description.channels), np.float32))
             sound.write(np.ascontiguousarray(stretch.samples.T))
             frames = stretch.samples.shape[1]
             beside = (stretch.timed, stretch.device_frame)
@@ -129,9 +131,9 @@ def _stretches(folder: Path, sound: soundfile.SoundFile) -> Iterator[Stretch]:
     for row, (time, start, frames, dropped, timed, device_frame) in enumerate(
         zip(*(rows[n].tolist() for n in names), strict=True), start=2
     ):
-        if not (reached <= start <= start + frames <= sound.frames and frames <= LONGEST_STRETCH):
+        if not (reached <= start <= start + frames <= sound.frames and frames <= MAX_STRETCH):
             given = f"file {path} row {row}, frames {start} to {start + frames}"
-            allowed = f"those of {SOUND}, {reached} to {sound.frames}, {LONGEST_STRETCH} at most"
+            allowed = f"those of {SOUND}, {reached} to {sound.frames}, {MAX_STRETCH} at most"
             raise InputError(given, allowed, "give rows in order, none over the other")
         reached = start + frames
         yield Stretch(

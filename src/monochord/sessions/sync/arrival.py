@@ -13,17 +13,17 @@ from monochord.core.units import Seconds
 
 STRETCH: Seconds = 60.0
 """How long two clocks are taken to keep their ratio; a longer recording has a line for each stretch."""
-WATCH: Seconds = 2.0
+STEP_WINDOW: Seconds = 2.0
 """Over how long the least delay must have changed before the sender's clock counts as stepped."""
-SURE: Seconds = 1.0
+CERTAIN_STEP: Seconds = 1.0
 """A change of so much is a step wherever it is; a smaller one must be seen for so long on both sides."""
-LOST = 64
+MAX_LOST_RUN = 64
 """So many readings in a row are seldom lost: a count that leaps further has been stepped."""
-LEAST_STEP: Seconds = 2e-3
+MIN_STEP: Seconds = 2e-3
 """No smaller step of the sender's clock is looked for; jitter raises it."""
-SLACK: Seconds = 0.1
-"""Median delay over the line beyond which a count tells nothing of time."""
-APART: Seconds = 1e-9
+MAX_MEDIAN_DELAY: Seconds = 0.1
+"""Median delay over the line beyond which a count is not proportional to time."""
+MIN_SPACING: Seconds = 1e-9
 """What readings with equal times are set apart by."""
 
 
@@ -32,7 +32,7 @@ class Piece:
     """A run of readings [first, stop) over which the sender's count went on evenly.
 
     `rate` is the count's fitted rate in ticks a second of the host's clock and `ppm` how far that is from the
-    nominal one, in millionths (NaN where none is given). `jitter_median` and `jitter_p99` tell how much later
+    nominal one, in millionths (NaN where none is given). `jitter_median` and `jitter_p99` are how much later
     than the fastest of them readings arrived. Where not `steady`, the count was of no use and arrivals stand.
     """
 
@@ -63,7 +63,7 @@ def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float
     negative. Of all lines under the points (k, arrival) the one with the least mean distance to them is
     taken: that is the edge of their lower convex hull above their mean (Moon, Skelly and Towsley 1999).
     Jitter and packets that come in bunches lie above it and do not move it, and lost ones do not matter. The
-    least delay itself cannot be told from the sender's clock being late; taps tell it.
+    least delay itself cannot be distinguished from a late sender's clock; taps measure it.
 
     Readings are cut into pieces where the count restarted or its clock stepped by more than some
     milliseconds, and long pieces into stretches of a minute, between the middles of which times run linearly,
@@ -111,9 +111,9 @@ def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float
     edges = [0, *_breaks(arrival - elapsed / own, own, elapsed), arrival.size]
     for first, stop in pairwise(edges):
         cut = slice(first, stop)
-        time[cut], found = _fit(arrival[cut], elapsed[cut], own)
+        time[cut], fitted = _fit(arrival[cut], elapsed[cut], own)
         late = arrival[cut] - time[cut]
-        steady = bool(np.median(late) <= SLACK)
+        steady = bool(np.median(late) <= MAX_MEDIAN_DELAY)
         if not steady:
             time[cut] = arrival[cut]
         median, high = np.quantile(late, (0.5, 0.99))
@@ -121,8 +121,8 @@ def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float
             Piece(
                 first=first,
                 stop=stop,
-                rate=found,
-                ppm=1e6 * (found / rate - 1.0) if rate > 0.0 else math.nan,
+                rate=fitted,
+                ppm=1e6 * (fitted / rate - 1.0) if rate > 0.0 else math.nan,
                 jitter_median=float(median),
                 jitter_p99=float(high),
                 steady=steady,
@@ -136,7 +136,7 @@ def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float
 
 def _rising(time: Floats, order: NDArray[np.int64]) -> Floats:
     """Return times that rise strictly in an order, changed no more than that takes."""
-    apart = APART * np.arange(order.size)
+    apart = MIN_SPACING * np.arange(order.size)
     risen = np.empty_like(time)
     risen[order] = np.maximum.accumulate(time[order] - apart) + apart
     return risen
@@ -162,7 +162,9 @@ def _breaks(residual: Floats, rate: float, elapsed: Floats) -> list[int]:
         return []
     ticks = np.diff(elapsed)
     each = float(np.median(np.abs(ticks)))
-    reach, seen = (int(max(span * rate / each, 8.0)) if each > 0.0 else 16 for span in (WATCH, SURE))
+    reach, seen = (
+        int(max(span * rate / each, 8.0)) if each > 0.0 else 16 for span in (STEP_WINDOW, CERTAIN_STEP)
+    )
     before = minimum_filter1d(
         residual, min(reach, n), mode="constant", cval=np.inf, origin=(min(reach, n) - 1) // 2
     )
@@ -172,21 +174,21 @@ def _breaks(residual: Floats, rate: float, elapsed: Floats) -> list[int]:
     change = after[1:] - before[:-1]
     usual = float(np.median(np.abs(change - np.median(change))))
     # At either end a hold-up of the network looks like a step, if the count goes on.
-    least = np.full(n - 1, max(LEAST_STEP, 12.0 * usual))
+    least = np.full(n - 1, max(MIN_STEP, 12.0 * usual))
     ends = np.ones(n - 1, np.bool_)
     ends[seen : n - seen] = False
-    least[ends & (ticks > 0.0) & (ticks < LOST * each)] = SURE
+    least[ends & (ticks > 0.0) & (ticks < MAX_LOST_RUN * each)] = CERTAIN_STEP
     later = np.flatnonzero(change > least) + 1
     sooner = np.flatnonzero(residual[1:] < before[:-1] - least) + 1
-    found: list[int] = []
+    breaks: list[int] = []
     for place in sorted({*later[np.diff(later, prepend=-2) > 1].tolist(), *sooner.tolist()}):
         # For a while, what comes after a break is still compared with what was before it.
-        since = residual[found[-1] : place] if found else residual[:0]
+        since = residual[breaks[-1] : place] if breaks else residual[:0]
         level, enough = since.min(initial=np.inf), least[place - 1]
         fell, rose = residual[place] < level - enough, after[place] > level + enough
         if not 0 < since.size < reach or fell or rose:
-            found.append(int(place))
-    return found
+            breaks.append(int(place))
+    return breaks
 
 
 def _fit(arrival: Floats, elapsed: Floats, rate: float) -> tuple[Floats, float]:
@@ -226,8 +228,8 @@ def line_under(x: Floats, y: Floats) -> tuple[float, float]:
     """Return the line under all points whose mean distance to them is least.
 
     Of the lines y = a + b x with a + b x_i <= y_i for all i, the highest at the mean of x: the
-    edge of the lower convex hull that lies there (Moon, Skelly and Towsley 1999). It is found in the
-    time that sorting takes. Among more than some thousand points only the lowest of each bin of x count,
+    edge of the lower convex hull that lies there (Moon, Skelly and Towsley 1999). It takes the
+    time of a sort. Among more than some thousand points only the lowest of each bin of x count,
     which is exact where the line is all but level: take the nominal slope out of y first.
 
     Parameters
@@ -264,8 +266,8 @@ def _lowest_of_bins(x: Floats, y: Floats, low: float, high: float) -> tuple[Floa
     place = x if x.size <= BINS else np.floor((x - low) * (BINS / (high - low)))
     order = np.lexsort((y, place))
     place = place[order]
-    kept = order[np.concatenate([[True], place[1:] > place[:-1]])]
-    return x[kept], y[kept]
+    lowest = order[np.concatenate([[True], place[1:] > place[:-1]])]
+    return x[lowest], y[lowest]
 
 
 def _lower_hull(x: Floats, y: Floats) -> list[int]:

@@ -7,20 +7,20 @@ from monochord.core.units import Samples
 
 ORDER = 48
 """Order of the prediction; it follows two dozen sinusoids."""
-FAINT = 0.1
+MIN_ONSET_SHARE = 0.1
 """Share of the greatest error below which no onset begins: waves of high pitch run ahead of a touch's own."""
-LOUDER = 3.0
+MIN_LOUDNESS_RATIO = 3.0
 """How many times louder than before an event must be that comes before a louder one."""
-APART: Samples = 8
+ONSET_MARGIN: Samples = 8
 """Frames left out before that one, which its own begin may reach into."""
-STRIKING = 5.0
+MAX_NOVELTY = 5.0
 """Nepers of power beyond which all is equally new; it keeps one loud event from standing for many."""
 FLOOR = 1e-7
 """Share of white noise that is added, below which nothing is predicted away."""
 
 
 def surprise(samples: Audio | Floats) -> Floats:
-    """Return what linear prediction cannot tell of each channel from its past, over its usual size.
+    """Return the linear prediction error of each channel over its usual size.
 
     The best linear prediction over the whole stretch takes away what goes on: a ringing string, hum, tones of
     music. What comes new stands out, and is as broad in frequency as its cause was sudden.
@@ -80,14 +80,15 @@ def novelty(sound: Audio | Floats, size: Samples) -> Floats:
     level = np.log(np.mean(power / np.where(usual > 0.0, usual, 1.0), axis=0) + 1e-12)
     padded = np.concatenate([np.full(20, level[:20].max(initial=0.0)), level])
     before = np.lib.stride_tricks.sliding_window_view(padded, 20)[:frames]
-    return np.clip(level - np.quantile(before, 0.9, axis=1), 0.0, STRIKING)
+    return np.clip(level - np.quantile(before, 0.9, axis=1), 0.0, MAX_NOVELTY)
 
 
 def pick(errors: Floats) -> float:
     """Return where noise turns into an event, by Akaike's criterion, as a sample index; NaN if nowhere.
 
     The index k at which k log var(e[:k]) + (n - k - 1) log var(e[k:]) is least (Maeda 1985): two stretches of
-    constant variance that tell most. A hundredth of the greatest square is added to both variances.
+    constant variance of the greatest likelihood. A hundredth of the greatest square is added to both
+    variances.
 
     Parameters
     ----------
@@ -104,13 +105,13 @@ def pick(errors: Floats) -> float:
     n = errors.size
     if n < 16 or not np.any(errors):
         return float("nan")
-    count, tiny = np.arange(1, n), float(FAINT * np.abs(errors).max()) ** 2
+    count, tiny = np.arange(1, n), float(MIN_ONSET_SHARE * np.abs(errors).max()) ** 2
     total, square = np.cumsum(errors), np.cumsum(errors**2)
     left = square[:-1] / count - (total[:-1] / count) ** 2
     right = (square[-1] - square[:-1]) / (n - count) - ((total[-1] - total[:-1]) / (n - count)) ** 2
-    told = count * np.log(left + tiny) + (n - count - 1) * np.log(right + tiny)
+    cost = count * np.log(left + tiny) + (n - count - 1) * np.log(right + tiny)
     inner = slice(6, n - 8)
-    return float(np.argmin(told[inner]) + inner.start + 1)
+    return float(np.argmin(cost[inner]) + inner.start + 1)
 
 
 def first_onset(errors: Floats) -> float:
@@ -132,14 +133,14 @@ def first_onset(errors: Floats) -> float:
     >>> abs(pick(errors) - 450) <= 3, abs(first_onset(errors) - 250) <= 3
     (True, True)
     """
-    found, least = pick(errors), FAINT * float(np.abs(errors).max(initial=0.0))
-    while np.isfinite(found):
-        stop = int(found) - APART
+    onset, smallest = pick(errors), MIN_ONSET_SHARE * float(np.abs(errors).max(initial=0.0))
+    while np.isfinite(onset):
+        stop = int(onset) - ONSET_MARGIN
         sooner = pick(errors[: max(stop, 0)])
         if not np.isfinite(sooner):
             break
         noise, event = (np.sqrt(np.mean(e**2)) for e in (errors[: int(sooner)], errors[int(sooner) : stop]))
-        if event < max(LOUDER * noise, 0.5 * least):
+        if event < max(MIN_LOUDNESS_RATIO * noise, 0.5 * smallest):
             break
-        found = sooner
-    return found
+        onset = sooner
+    return onset

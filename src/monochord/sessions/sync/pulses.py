@@ -10,22 +10,22 @@ from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.core.units import Metres, Newtons, Seconds
 
-LONGEST: Seconds = 0.04
+MAX_TAP: Seconds = 0.04
 QUIET: Seconds = 0.06
 BLOCK: Seconds = 0.1
 BOUNCE: Seconds = 0.008
 """A force that is gone for no longer belongs to the same tap."""
 CLEAR = 5.0
 """How many standard deviations of the noise count as touched."""
-FAINT: Newtons = 0.02
+MIN_FORCE: Newtons = 0.02
 """No less force than this counts as touched, however quiet the sensor."""
-TELLING = 2.2
+SOFT_EDGE = 2.2
 """The same beside a touch that is sure."""
 BUILD_UP: Seconds = 3e-4
 """How long the first wave takes from a touch to an end of the string and back."""
 RISING = 1.2
 """How much more the next reading must have for the slope to count."""
-LOWEST: Metres = 1e-3
+MIN_DIP: Metres = 1e-3
 """Least depth of a dip."""
 
 
@@ -84,16 +84,16 @@ def taps_of_force(time: Floats, force: Floats, *, least: Newtons = 0.1) -> Taps:
     if time.size < 4 * size:
         return Taps(begin=np.zeros(0), end=np.zeros(0), spacing=spacing)
     level, noise = _level(force, size)
-    noise = max(noise, FAINT / CLEAR)
+    noise = max(noise, MIN_FORCE / CLEAR)
     above = CLEAR * noise
     rest = force - level
     runs = _runs(time, rest > above, BOUNCE)
-    found = [
+    edges = [
         (_edge(time, rest, i, -1, noise), _edge(time, rest, j, 1, noise))
-        for i, j in _alone(time, runs, LONGEST)
+        for i, j in _alone(time, runs, MAX_TAP)
         if rest[i : j + 1].max() >= max(least, 2.0 * above)
     ]
-    begin, end = np.array(found, dtype=np.float64).reshape(-1, 2).T
+    begin, end = np.array(edges, dtype=np.float64).reshape(-1, 2).T
     return Taps(begin=begin, end=end, spacing=spacing)
 
 
@@ -101,7 +101,7 @@ def taps_of_height(time: Floats, height: Floats, *, longest: Seconds = 0.08) -> 
     """Return the taps in a tool's height: dips, deeper than a millimetre, that last no longer than 80 ms.
 
     A dip's middle is that of its area, which does not depend on where the readings fall in it. Its begin and
-    end are the same, for the height does not tell them.
+    end are the same, for the height does not show them.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def taps_of_height(time: Floats, height: Floats, *, longest: Seconds = 0.08) -> 
     if time.size < 8 or time[-1] - time[0] < 2.0 * reach:
         return Taps(begin=np.zeros(0), end=np.zeros(0), spacing=spacing)
     down = dip(time, height)
-    runs = _runs(time, down > LOWEST, 0.0)
+    runs = _runs(time, down > MIN_DIP, 0.0)
     middles = [
         middle_of_dip(time, down, 0.5 * (time[i] + time[j])) for i, j in runs if time[j] - time[i] < longest
     ]
@@ -196,7 +196,7 @@ def _refuse_unordered(time: Floats, values: Floats) -> Seconds:
 def _level(force: Floats, size: int) -> tuple[Floats, float]:
     """Return the level of no touch (n,) and the standard deviation of the noise about it.
 
-    A sensor that repeats a reading, as before it begins, tells nothing of its noise then.
+    A sensor that repeats a reading, as before it begins, does not show its noise then.
     """
     blocks = force[: force.size // size * size].reshape(-1, size)
     middle = np.median(blocks, axis=1)
@@ -225,7 +225,7 @@ def _runs(time: Floats, on: np.ndarray, gap: Seconds) -> list[tuple[int, int]]:
 def _edge(time: Floats, rest: Floats, inside: int, step: int, noise: Newtons) -> Seconds:
     """Return where a pulse begins (step -1) or ends (1), from a reading that is surely inside it.
 
-    A soft touch begins with less than what stands out surely: the mean over some 0.3 ms still tells. Where
+    A soft touch begins with less than what stands out surely: the mean over some 0.3 ms still shows it. Where
     readings are as far apart as that, the line through the first of them is followed back to no force, though
     no further than a reading and a half.
     """
@@ -233,7 +233,7 @@ def _edge(time: Floats, rest: Floats, inside: int, step: int, noise: Newtons) ->
     many = max(round(BUILD_UP / usual), 1)
     for _ in range(len(rest) if many > 1 else 0):
         beyond = inside + step * np.arange(1, many + 1)
-        if beyond[-1] not in range(len(rest)) or rest[beyond].mean() <= TELLING * noise / math.sqrt(many):
+        if beyond[-1] not in range(len(rest)) or rest[beyond].mean() <= SOFT_EDGE * noise / math.sqrt(many):
             break
         inside += step
     beyond = min(max(inside + step, 0), len(time) - 1)
@@ -249,10 +249,10 @@ def _edge(time: Floats, rest: Floats, inside: int, step: int, noise: Newtons) ->
 
 def _alone(time: Floats, runs: list[tuple[int, int]], longest: Seconds) -> list[tuple[int, int]]:
     """Return the runs that are short, and quiet around, and whole."""
-    kept: list[tuple[int, int]] = []
+    alone: list[tuple[int, int]] = []
     for k, (i, j) in enumerate(runs):
         before = time[runs[k - 1][1]] if k else time[0]
         after = time[runs[k + 1][0]] if k + 1 < len(runs) else time[-1]
         if time[j] - time[i] < longest and time[i] - before >= QUIET and after - time[j] >= QUIET:
-            kept.append((i, j))
-    return kept
+            alone.append((i, j))
+    return alone

@@ -19,16 +19,16 @@ REACH: Seconds = 1.0
 FRAME: Seconds = 1e-3
 """Resolution of the search over a group of taps."""
 BEFORE, AFTER = 0.012, 0.0015
-"""Where, around what the group tells, a tap's onset is looked for."""
-UNSURE = 0.8
+"""Where, around the place that the group gives, a tap's onset is searched."""
+MAX_RIVAL = 0.8
 """A second peak this high, of the first, leaves the offset open."""
-AGREED: Seconds = 0.5e-3
+AGREEMENT_STD: Seconds = 0.5e-3
 """Standard uncertainty below which three taps or more agree as chance would not have it."""
-BEATEN = 3.0
+RIVAL_STD_RATIO = 3.0
 """How many times more uncertain a rival must be to be left out."""
-ALONE: Seconds = 2e-3
+FEW_TAPS_SCATTER: Seconds = 2e-3
 """Scatter allowed to fewer than three taps, of which a wrong one does not show."""
-PROMPT: Seconds = 0.1e-3
+ONSET_STD: Seconds = 0.1e-3
 """How well an onset's instant is defined: a contact takes that long to build up."""
 
 
@@ -55,7 +55,7 @@ class Offset:
         >>> offset_of(np.array([0.01, 0.0102]), spacing=1e-3).known
         True
         """
-        return self.taps > 0 and self.rival < UNSURE
+        return self.taps > 0 and self.rival < MAX_RIVAL
 
 
 def offset_of(each: Floats, *, spacing: Seconds, rival: float = 0.0) -> Offset:
@@ -77,23 +77,23 @@ def offset_of(each: Floats, *, spacing: Seconds, rival: float = 0.0) -> Offset:
 
     Examples
     --------
-    >>> found = offset_of(np.array([0.0101, 0.0099, 0.0100, 0.3]), spacing=1e-4)
-    >>> round(found.value, 6), found.taps
+    >>> offset = offset_of(np.array([0.0101, 0.0099, 0.0100, 0.3]), spacing=1e-4)
+    >>> round(offset.value, 6), offset.taps
     (0.01, 3)
     """
-    kept = np.array(each, dtype=np.float64)
-    if not np.isfinite(kept).any():
-        return Offset(value=math.nan, std=math.inf, taps=0, rival=rival, each=kept)
-    off = np.abs(kept - np.nanmedian(kept))
-    kept[~(off <= max(6.0 * float(np.nanmedian(off)), spacing, 2.0 * PROMPT))] = np.nan
-    good = kept[np.isfinite(kept)]
+    used = np.array(each, dtype=np.float64)
+    if not np.isfinite(used).any():
+        return Offset(value=math.nan, std=math.inf, taps=0, rival=rival, each=used)
+    off = np.abs(used - np.nanmedian(used))
+    used[~(off <= max(6.0 * float(np.nanmedian(off)), spacing, 2.0 * ONSET_STD))] = np.nan
+    good = used[np.isfinite(used)]
     n = good.size
     floor = spacing * math.sqrt(1.0 / 12.0)
-    scatter = max(float(np.std(good, ddof=1)) if n > 1 else 0.0, floor, ALONE if n < 3 else 0.0)
-    # Few taps tell their own scatter badly: the factor is that of Student's distribution.
+    scatter = max(float(np.std(good, ddof=1)) if n > 1 else 0.0, floor, FEW_TAPS_SCATTER if n < 3 else 0.0)
+    # Few taps estimate their own scatter badly: the factor is that of Student's distribution.
     wide = math.sqrt((n - 1) / (n - 3)) if n > 3 else 1.7
-    std = math.hypot(scatter * (wide if scatter > floor else 1.0) / math.sqrt(n), PROMPT)
-    return Offset(value=float(good.mean()), std=std, taps=n, rival=rival, each=kept)
+    std = math.hypot(scatter * (wide if scatter > floor else 1.0) / math.sqrt(n), ONSET_STD)
+    return Offset(value=float(good.mean()), std=std, taps=n, rival=rival, each=used)
 
 
 def audio_offset(
@@ -144,8 +144,8 @@ def audio_offset(
     >>> for place in np.rint((begin + 0.05) * 44100).astype(int):
     ...     sound[:, place : place + 200] += 0.1
     >>> taps = Taps(begin=begin, end=begin + 0.006, spacing=1 / 7000)
-    >>> found = audio_offset(taps, sound.astype(np.float32), first=0.0, rate=44100.0)
-    >>> round(found.value, 3), found.taps
+    >>> offset = audio_offset(taps, sound.astype(np.float32), first=0.0, rate=44100.0)
+    >>> round(offset.value, 3), offset.taps
     (0.05, 3)
     """
     channels = samples.shape[0]
@@ -161,7 +161,7 @@ def audio_offset(
     when = np.arange(news.size, dtype=np.float64) * (size / rate) + (first + 0.5 * size / rate)
     spacing = math.hypot(taps.spacing, 1.0 / rate)
 
-    def heard(shift: Seconds) -> Floats:
+    def onset_offsets(shift: Seconds) -> Floats:
         """Return the offset of each tap, from its onset near where a shift puts it."""
         each = np.full((len(taps), channels), np.nan)
         for k, begin in enumerate(taps.begin):
@@ -174,7 +174,7 @@ def audio_offset(
 
     return _most_agreed(
         [
-            offset_of(heard(shift), spacing=spacing, rival=share)
+            offset_of(onset_offsets(shift), spacing=spacing, rival=share)
             for shift, share in shifts_of_group(taps.begin, when, news, reach)
         ]
     )
@@ -207,8 +207,8 @@ def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = 
     >>> taps = Taps(begin=middle - 0.003, end=middle + 0.003, spacing=1 / 7000)
     >>> time = np.arange(0.0, 4.0, 0.004)
     >>> height = np.minimum(np.abs(time[:, None] - 0.1 - middle).min(axis=1) * 0.2, 3e-3)
-    >>> found = height_offset(taps, time, height)
-    >>> abs(found.value - 0.1) < 2e-3, found.taps
+    >>> offset = height_offset(taps, time, height)
+    >>> abs(offset.value - 0.1) < 2e-3, offset.taps
     (True, 3)
     """
     if time.ndim != 1 or time.shape != height.shape:
@@ -242,21 +242,21 @@ def travel_time(length: Metres, wave_speed: float, position: Metres | None = Non
 
 
 def _most_agreed(candidates: list[Offset]) -> Offset:
-    """Return the candidate whose taps agree best, of those whose share, held in `rival`, is near the best.
+    """Return the candidate whose taps agree best, of those whose share, in `rival`, is near the best.
 
     Its `rival` becomes the greatest share, of its own, of those whose taps agree too or that are well below.
     With fewer than three taps there is no agreement, and the greatest share it is.
     """
-    near = [offset for offset in candidates if offset.rival >= UNSURE]
+    near = [offset for offset in candidates if offset.rival >= MAX_RIVAL]
     agreed = [o for o in near if o.taps >= max(3, o.each.size - o.each.size // 5)]
     chosen = min(agreed, key=lambda offset: offset.std) if agreed else candidates[0]
-    sure = bool(agreed) and chosen.std < AGREED
-    beaten = [o for o in near if sure and (o.taps < 3 or o.std > BEATEN * chosen.std)]
+    sure = bool(agreed) and chosen.std < AGREEMENT_STD
+    beaten = [o for o in near if sure and (o.taps < 3 or o.std > RIVAL_STD_RATIO * chosen.std)]
     others = [o.rival for o in candidates if o is not chosen and not any(o is b for b in beaten)]
     return replace(chosen, rival=max(others, default=0.0) / chosen.rival)
 
 
-ALIKE: Seconds = 0.03
+SAME_SHIFT: Seconds = 0.03
 """Shifts closer than this are one."""
 CANDIDATES = 4
 
@@ -264,7 +264,7 @@ CANDIDATES = 4
 def shifts_of_group(
     taps: Floats, when: Floats, notice: Floats, reach: Seconds
 ) -> list[tuple[Seconds, float]]:
-    """Return the shifts at which what is noticed at the taps adds up to most, with shares of the best.
+    """Return the shifts at which what is noticed at the taps adds up to peak, with shares of the best.
 
     The best comes first, and there is always one more. `when` (n,) is evenly spaced and `notice` (n,) not
     negative.
@@ -276,17 +276,17 @@ def shifts_of_group(
     at = np.rint((taps - when[0]) / step).astype(np.int64)
     place: NDArray[np.int64] = at[:, None] + shifts[None, :]
     inside = (place >= 0) & (place < notice.size)
-    heard = np.where(inside, wide[np.clip(place, 0, notice.size - 1)], 0.0)
-    told = heard.sum(axis=0)
-    most = float(told.max())
-    if not most > 0.0:
+    at_taps = np.where(inside, wide[np.clip(place, 0, notice.size - 1)], 0.0)
+    total = at_taps.sum(axis=0)
+    peak = float(total.max())
+    if not peak > 0.0:
         return [(0.0, 1.0), (0.0, 1.0)]
-    found: list[tuple[Seconds, float]] = []
+    candidates: list[tuple[Seconds, float]] = []
     for _ in range(CANDIDATES):
-        best = int(np.argmax(told))
+        best = int(np.argmax(total))
         first = max(best - 8, 0)
-        plateau = np.flatnonzero(told[first : best + 9] >= told[best] * (1.0 - 1e-9)) + first
+        plateau = np.flatnonzero(total[first : best + 9] >= total[best] * (1.0 - 1e-9)) + first
         shift = float(shifts[plateau].mean()) * step
-        found.append((shift, float(told[best]) / most))
-        told[np.abs(shifts * step - shift) <= ALIKE] = 0.0
-    return found
+        candidates.append((shift, float(total[best]) / peak))
+        total[np.abs(shifts * step - shift) <= SAME_SHIFT] = 0.0
+    return candidates
