@@ -218,7 +218,7 @@ def sung(number: int) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
 def learnable(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset of eight sessions from which position, force, contact and slip can be learned in seconds."""
     from monochord.core.types import Block
-    from monochord.datasets.build import Options, build_dataset
+    from monochord.datasets.build import BuildOptions, build_dataset
     from monochord.datasets.split import split_dataset
     from monochord.sessions import Description, SessionClock, SessionWriter
 
@@ -231,7 +231,7 @@ def learnable(tmp_path_factory: pytest.TempPathFactory) -> Path:
         with SessionWriter(files[-1], told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
             writer.audio(Block(samples=samples, start=0, adc_time=0.0))
             writer.labels(time, labels)
-    dataset = build_dataset(files, home / "dataset", Options())
+    dataset = build_dataset(files, home / "dataset", BuildOptions())
     split_dataset(dataset, fractions=(0.5, 0.25, 0.25)).write(dataset.path / "split.json")
     return dataset.path
 
@@ -240,14 +240,14 @@ def learnable(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def reseal() -> Callable[[Path], None]:
     """Return what makes the checksums of a dataset, and its split, those of the files that are there now."""
     from monochord.datasets.checksums import file_sums
-    from monochord.datasets.manifest import FILE, checksum
+    from monochord.datasets.manifest import FILE, file_checksum
 
     def sealed(folder: Path) -> None:
         text, file = json.loads((folder / FILE).read_text()), folder / "split.json"
         text["files"] = {name: asdict(file_sums(folder / name)) for name in text["files"]}
         (folder / FILE).write_text(json.dumps(text))
         if file.is_file():
-            split = json.loads(file.read_text()) | {"dataset": checksum(folder / FILE)}
+            split = json.loads(file.read_text()) | {"dataset": file_checksum(folder / FILE)}
             file.write_text(json.dumps(split))
 
     return sealed

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Block
-from monochord.datasets.build import Options, build_dataset
+from monochord.datasets.build import BuildOptions, build_dataset
 from monochord.datasets.store import Dataset
 from monochord.sessions import Description, SessionClock, SessionWriter
 
@@ -76,7 +76,7 @@ def make(tmp_path: Path, write: Write) -> Make:
     def made(sessions: Mapping[str, Mapping[str, Any]], **options: Any) -> Dataset:
         files = [write(name, **told) for name, told in sessions.items()]
         number = sum(path.name.startswith("dataset") for path in tmp_path.iterdir())
-        return build_dataset(files, tmp_path / f"dataset{number}", Options(**options))
+        return build_dataset(files, tmp_path / f"dataset{number}", BuildOptions(**options))
 
     return made
 

@@ -9,7 +9,7 @@ import pytest
 from tests.sessions.made import make as make_session
 
 from monochord.core.errors import InputError
-from monochord.datasets.build import Options, build_dataset, find_sessions
+from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
 from monochord.sessions import read_session
 
@@ -83,11 +83,11 @@ def test_what_fails_midway_leaves_nothing(write: Write, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="bad"):
         build_dataset(files, tmp_path / "out")
     assert sorted(tmp_path.iterdir()) == before
-    dataset = build_dataset(files, tmp_path / "out", Options(skip=True))
+    dataset = build_dataset(files, tmp_path / "out", BuildOptions(skip=True))
     assert [part.name for part in dataset.manifest.parts] == ["a", "z"]
     assert list(dataset.manifest.refused) == ["bad"]
     with pytest.raises(InputError, match="no session that can be used"):
-        build_dataset([bad], tmp_path / "none", Options(skip=True))
+        build_dataset([bad], tmp_path / "none", BuildOptions(skip=True))
 
 
 def test_sessions_of_one_name_are_told_apart_by_their_folders(write: Write, tmp_path: Path) -> None:
@@ -110,9 +110,9 @@ def test_nothing_and_nowhere_are_refused(write: Write, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="which is not there"):
         build_dataset([write("one")], tmp_path / "absent" / "out")
     with pytest.raises(InputError, match="window 0 s"):
-        Options(window=0.0)
+        BuildOptions(window=0.0)
     with pytest.raises(InputError, match="hop 100 s"):
-        Options(hop=100.0)
+        BuildOptions(hop=100.0)
 
 
 def test_a_session_shorter_than_a_window_has_none(make: Make) -> None:

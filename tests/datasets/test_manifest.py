@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.datasets.manifest import FILE, Manifest, checksum
+from monochord.datasets.manifest import FILE, Manifest, file_checksum
 from monochord.datasets.store import Dataset
 
 
@@ -45,7 +45,7 @@ def test_it_tells_whether_there_was_music_and_an_older_one_does_not(
 
 def test_checksums_are_those_of_the_session_files(several: Dataset) -> None:
     for part in several.manifest.parts:
-        assert part.checksum == checksum(several.path.parent / "sessions" / part.source)
+        assert part.checksum == file_checksum(several.path.parent / "sessions" / part.source)
     assert len({part.audio_checksum for part in several.manifest.parts}) == 10
 
 

@@ -16,7 +16,7 @@ from tests.conftest import LEARNABLE, sung
 
 from monochord.core.errors import InputError
 from monochord.core.types import Block
-from monochord.datasets.build import Options, build_dataset
+from monochord.datasets.build import BuildOptions, build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.evaluation.ablation import DONE, AblationError, ablate, compared, split_like
@@ -145,7 +145,7 @@ def test_the_comparison_has_a_row_for_each_variation_and_baseline(oracle: Oracle
 def test_other_windows_are_split_like_the_first(several: Dataset, tmp_path: Path) -> None:
     split = split_dataset(several, fractions=(0.5, 0.25, 0.25))
     files = sorted(several.path.parent.glob("*.mcap"))
-    other = build_dataset(files, tmp_path / "short", Options(window=0.05, hop=0.05))
+    other = build_dataset(files, tmp_path / "short", BuildOptions(window=0.05, hop=0.05))
     same = split_like(other, several, split)
     for name, rows in split.parts.items():
         one = {several.manifest.parts[at].name for at in several.session[rows].tolist()}

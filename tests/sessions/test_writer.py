@@ -20,8 +20,8 @@ def test_the_same_content_gives_the_same_bytes(tmp_path: Path) -> None:
         make(tmp_path / f"{name}.mcap", seconds=0.5)
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
     make(tmp_path / "c.mcap", seconds=0.5, seed=1)
-    assert check(tmp_path / "a.mcap").checksum == check(tmp_path / "b.mcap").checksum
-    assert check(tmp_path / "a.mcap").checksum != check(tmp_path / "c.mcap").checksum
+    assert check(tmp_path / "a.mcap").content_checksum == check(tmp_path / "b.mcap").content_checksum
+    assert check(tmp_path / "a.mcap").content_checksum != check(tmp_path / "c.mcap").content_checksum
 
 
 def test_an_existing_file_is_refused_and_left_alone(tmp_path: Path) -> None:

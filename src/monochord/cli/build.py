@@ -13,8 +13,8 @@ from monochord.cli._output import echo, progress_bar
 from monochord.core.errors import InputError
 from monochord.datasets.audit import audit as audit_split
 from monochord.datasets.build import (
+    BuildOptions,
     Labelling,
-    Options,
     build_dataset,
     find_sessions,
     named_sessions,
@@ -85,7 +85,7 @@ def build(
     """  # noqa: D301
     files = find_sessions(sessions)
     _refuse_split(by or _default_split(len(files)), files, held_out)
-    options = Options(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
+    options = BuildOptions(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
     with progress_bar() as progress:
         dataset = build_dataset(files, out, options, progress)
     for line in dataset.manifest.refused.values():

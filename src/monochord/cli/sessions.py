@@ -62,7 +62,7 @@ def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
             "flags": list(alignment.flags),
             "offsets": offsets,
         }
-        line = f"{'ok ' if good else 'bad'}  {report.seconds:9.1f} s  {report.checksum[:12]}  {file}"
+        line = f"{'ok ' if good else 'bad'}  {report.seconds:9.1f} s  {report.content_checksum[:12]}  {file}"
         apart = ", ".join(f"{name} {1e3 * each[0]:+.2f} ms" for name, each in offsets.items() if each)
         notes = [*report.faults, *notes, *([f"against {alignment.reference}: {apart}"] if apart else [])]
         return good, tree, f"{line}: {'; '.join(notes)}" if notes else line
@@ -222,7 +222,7 @@ def facts_of(session: SessionReader) -> Tree:
         "begin": datetime.fromtimestamp(session.clock.epoch_ns / 1e9, UTC).isoformat(timespec="milliseconds"),
         "ending": ending,
         "seconds": frames / description.sample_rate,
-        "checksum": session.ending.get("checksum"),
+        "content_checksum": session.ending.get("checksum"),
         "audio": {
             "channels": description.channels,
             "sample_rate": description.sample_rate,
@@ -288,8 +288,8 @@ def facts_lines(facts: Tree) -> list[str]:
     say("events", ", ".join(counted[:MAX_KINDS] + more) or "none")
     if about.get("notes"):
         say("notes", " ".join(about["notes"].split()))
-    if facts["checksum"]:
-        say("checksum", facts["checksum"])
+    if facts["content_checksum"]:
+        say("content", facts["content_checksum"])
     if "figure" in facts:
         say("figure", facts["figure"])
     return lines

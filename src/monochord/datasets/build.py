@@ -18,7 +18,7 @@ from monochord.core.ownership import part_folder
 from monochord.core.units import Samples, Seconds
 from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
-from monochord.datasets.manifest import TABLE, Manifest, Part, audio_name, checksum
+from monochord.datasets.manifest import TABLE, Manifest, Part, audio_name, file_checksum
 from monochord.datasets.measured import Thresholds
 from monochord.datasets.store import (
     Dataset,
@@ -29,7 +29,7 @@ from monochord.datasets.store import (
     write_array,
     write_table,
 )
-from monochord.datasets.truth import Truth, truth_of
+from monochord.datasets.truth import SessionTruth, truth_of
 from monochord.sessions import AudioTrack, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
 
@@ -41,7 +41,7 @@ Progress: TypeAlias = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
+class BuildOptions:
     """How sessions become a dataset.
 
     Parameters
@@ -75,7 +75,7 @@ class Options:
                 raise InputError(f"{name} {span:g} s", "0.001 to 60 s")
 
 
-USUAL = Options()
+DEFAULT_OPTIONS = BuildOptions()
 
 
 def find_sessions(names: Iterable[str]) -> list[Path]:
@@ -100,7 +100,10 @@ def find_sessions(names: Iterable[str]) -> list[Path]:
 
 
 def build_dataset(
-    sessions: Sequence[Path], out: Path, options: Options = USUAL, progress: Progress = lambda *_: None
+    sessions: Sequence[Path],
+    out: Path,
+    options: BuildOptions = DEFAULT_OPTIONS,
+    progress: Progress = lambda *_: None,
 ) -> Dataset:
     """Return the dataset that sessions make, written to the new folder `out`; `store` tells what is in it.
 
@@ -176,7 +179,7 @@ def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
 class _Writer:
     """A dataset that is being written into an empty folder, session by session."""
 
-    def __init__(self, folder: Path, options: Options) -> None:
+    def __init__(self, folder: Path, options: BuildOptions) -> None:
         self.folder, self.options = folder, options
         self.parts: list[Part] = []
         self.files: dict[str, FileSums] = {}
@@ -216,7 +219,7 @@ class _Writer:
             Part(
                 name=name,
                 source=path.name,
-                checksum=checksum(path),
+                checksum=file_checksum(path),
                 audio=file,
                 audio_checksum=hashlib.sha256(samples.tobytes()).hexdigest(),
                 frames=samples.shape[1],
@@ -305,7 +308,9 @@ def _any_within(frames: Flags, starts: Indices, size: Samples) -> Flags:
     return counts[starts + size] > counts[starts]
 
 
-def _labels(audio: AudioTrack, truth: Truth, starts: Indices, size: Samples, rules: Rules) -> LabelColumns:
+def _labels(
+    audio: AudioTrack, truth: SessionTruth, starts: Indices, size: Samples, rules: Rules
+) -> LabelColumns:
     """Return the labels of a session's windows, all of them NaN while it is calibrated."""
     begin, end = (truth.time_of(audio.time(frames)) for frames in (starts, starts + size))
     calibrating = np.zeros(len(starts), bool)

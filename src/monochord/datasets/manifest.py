@@ -197,7 +197,7 @@ def _contradictions_of_parts(manifest: Manifest) -> Iterator[str]:
             yield f"parts[{number}] of {part.windows} windows from {part.first} on, in {part.frames} frames"
 
 
-def checksum(file: Path) -> str:
+def file_checksum(file: Path) -> str:
     """Return the sha256 of a file in hexadecimal digits."""
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

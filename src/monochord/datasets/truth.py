@@ -17,7 +17,7 @@ WRENCH, POSE = "wrench", "pose"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Truth:
+class SessionTruth:
     """What is true of a session: `labels` on the clock of the alignment's reference, and their `source`.
 
     `calibrating` are the spans on that clock in which the string is not driven, so that the taps stand out.
@@ -35,7 +35,7 @@ class Truth:
 
 def truth_of(
     session: SessionReader, source: str = "", thresholds: Thresholds = THRESHOLDS, *, force: bool = False
-) -> Truth:
+) -> SessionTruth:
     """Return what is true of a session, its streams aligned by their taps.
 
     Parameters
@@ -77,7 +77,7 @@ def truth_of(
     if not recorded:
         wrench, pose = (aligned_readings(session, stream, alignment) for stream in (WRENCH, POSE))
         labels = measured_truth(_sound(wrench, faulty=force), pose, thresholds)
-    return Truth(
+    return SessionTruth(
         labels=labels,
         source=RECORDED if recorded else MEASURED,
         alignment=alignment,

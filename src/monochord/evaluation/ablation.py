@@ -25,8 +25,8 @@ from monochord.core.config import Tree, load_toml, override, to_tree
 from monochord.core.errors import InputError, MonochordError
 from monochord.core.interruption import interruption
 from monochord.core.types import Audio
-from monochord.datasets.build import Options, build_dataset, find_sessions
-from monochord.datasets.manifest import FILE, checksum
+from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
+from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.evaluation.evaluate import SPLIT, Draw, EvaluationSettings, evaluate, write
@@ -94,8 +94,8 @@ class Job:
         grid, variation = to_tree(self.grid), self.variation
         named = ("sensor",) if variation.estimator else ("sensor", "config", "set", "seed")
         tree = {name: grid[name] for name in named}
-        tree["dataset"] = checksum(self.grid.dataset / FILE)
-        tree["split"] = checksum(self.grid.split or self.grid.dataset / SPLIT)
+        tree["dataset"] = file_checksum(self.grid.dataset / FILE)
+        tree["split"] = file_checksum(self.grid.split or self.grid.dataset / SPLIT)
         own = to_tree(replace(variation, feature="", sessions=self.sessions if variation.is_built else ()))
         return json.loads(json.dumps({"grid": tree, "variation": own}))
 
@@ -259,7 +259,7 @@ def split_like(dataset: Dataset, base: Dataset, split: Split, share: float = 1.0
     return replace(
         split,
         parts=parts,
-        dataset=checksum(dataset.path / FILE),
+        dataset=file_checksum(dataset.path / FILE),
         left_out=len(dataset) - sum(len(rows) for rows in parts.values()),
         groups={name: tuple(group) for name, group in groups.items()},
     )
@@ -285,7 +285,7 @@ def _built(job: Job, base: Dataset, progress: Callable[..., None]) -> Dataset:
     if folder.exists():
         return open_dataset(folder)
     folder.parent.mkdir(exist_ok=True)
-    return build_dataset(find_sessions(job.sessions), folder, Options(window=window, hop=hop), progress)
+    return build_dataset(find_sessions(job.sessions), folder, BuildOptions(window=window, hop=hop), progress)
 
 
 def _carry_out(

@@ -19,7 +19,7 @@ from monochord.core.ownership import scratch_folder
 from monochord.core.types import Audio, StringParams
 from monochord.core.units import Newtons
 from monochord.datasets.audit import audit
-from monochord.datasets.build import Options, build_dataset, find_sessions
+from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.evaluation.baselines import baseline_results
@@ -435,7 +435,7 @@ def _dataset_of_sessions(
     window = hop = 0.1
     if definition is not None:
         window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
-    dataset = build_dataset(files, scratch / "dataset", Options(window=window, hop=hop), progress)
+    dataset = build_dataset(files, scratch / "dataset", BuildOptions(window=window, hop=hop), progress)
     sessions = {path.stem: read_session(path) for path in files}
     strings = [session.description.string for session in sessions.values()]
     floors = {name: force_floor(session, window) for name, session in sessions.items()}

@@ -1,7 +1,7 @@
 """A recording on disk: audio, instruments, labels and events on one clock, in one MCAP file."""
 
 from monochord.core.labels import LabelTrack
-from monochord.sessions.check import Report, check
+from monochord.sessions.check import CheckReport, check
 from monochord.sessions.description import Description, SessionClock
 from monochord.sessions.reader import SessionReader, read_session
 from monochord.sessions.recover import Recovery, recover
@@ -10,13 +10,13 @@ from monochord.sessions.writer import SessionWriter
 
 __all__ = [
     "AudioTrack",
+    "CheckReport",
     "ClockTrack",
     "Description",
     "Event",
     "LabelTrack",
     "ReadingTrack",
     "Recovery",
-    "Report",
     "SessionClock",
     "SessionReader",
     "SessionWriter",

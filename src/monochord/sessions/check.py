@@ -31,16 +31,17 @@ DISTURBANCES = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class CheckReport:
     """The result of a check of a session.
 
-    `faults` make the file less than what was recorded: damage, a missing end, a checksum that is not right.
+    `content_checksum` is SHA-256 over the messages of all topics: sessions of the same content have the same,
+    in whatever order a file has them. `faults` make the file less than what was recorded: damage, a missing end, a checksum that is not right.
     `remarks` are what the recording itself says went wrong: lost frames, missing readings, a stepped clock.
     """
 
     path: Path
     seconds: Seconds
-    checksum: str
+    content_checksum: str
     messages: dict[str, int]
     faults: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
@@ -51,7 +52,7 @@ class Report:
         return not self.faults
 
 
-def check(path: Path) -> Report:
+def check(path: Path) -> CheckReport:
     """Read all of a session and say what is wrong with it.
 
     Raises
@@ -63,14 +64,14 @@ def check(path: Path) -> Report:
     session = read_session(path)  # which refuses what would unpack to too much
     contents = scan(walk.mapped(path))
     digests, messages = _by_topic(session, contents)
-    checksum = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
+    content_checksum = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
     faults = _damage(contents)
     if not contents.ended:
         where = f"cut off after {contents.end} of {path.stat().st_size} bytes: was not closed"
         faults += ["its ending is damaged"] if contents.closed else [] if recording else [where]
     elif not (session.complete or session.recovered):
         faults.append("its checksums are missing")
-    if session.complete and checksum != session.ending.get("checksum"):
+    if session.complete and content_checksum != session.ending.get("checksum"):
         wrong = ", ".join(t for t, digest in _written(session).items() if digests.get(t) != digest)
         faults.append(f"checksum is not what was written ({wrong or 'its own is damaged'})")
     if not _described_twice(session):
@@ -82,10 +83,10 @@ def check(path: Path) -> Report:
     elif not contents.whole:
         faults.append("repair it: monochord sessions recover")
     audio = session.audio
-    return Report(
+    return CheckReport(
         path=path,
         seconds=audio.samples.shape[1] / audio.sample_rate,
-        checksum=checksum,
+        content_checksum=content_checksum,
         messages=messages,
         faults=tuple(faults),
         remarks=tuple(remarks),

@@ -9,7 +9,7 @@ from tests.fuzz.base import Input, Target, command, taken_from
 
 from monochord.core.errors import InputError
 from monochord.core.types import Block
-from monochord.datasets.build import Options, build_dataset
+from monochord.datasets.build import BuildOptions, build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import open_dataset
 from monochord.perception.training.examples import chosen, examples_of, read_split, training_data
@@ -40,7 +40,7 @@ class Fuzz(Target):
                 slides = (time > 0.15).astype(float) + known
                 labels = {"contact": touched, "position": 0.1 + known, "force": 1.0 + known, "slip": slides}
                 writer.labels(time, labels)
-        dataset = build_dataset(files, folder / "dataset", Options(window=0.02, hop=0.02))
+        dataset = build_dataset(files, folder / "dataset", BuildOptions(window=0.02, hop=0.02))
         for by in ("session", "time"):
             split_dataset(dataset, by=by, fractions=(0.5, 0.25, 0.25)).write(dataset.path / "split.json")
             yield taken_from(dataset.path)

@@ -10,7 +10,7 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal
-from monochord.datasets.manifest import FILE, checksum
+from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, Flags, Indices
 from monochord.perception.features import FEATURES
@@ -64,7 +64,7 @@ def read_split(settings: Settings, dataset: Dataset) -> Split:
     """Return the split that the settings name; raises `InputError` if it is not one of this dataset."""
     file = settings.split or dataset.path / "split.json"
     split = Split.read(file)
-    if split.dataset and split.dataset != checksum(dataset.path / FILE):
+    if split.dataset and split.dataset != file_checksum(dataset.path / FILE):
         raise InputError(f"split {file} of another dataset", f"one of {dataset.path}", "split that one again")
     if any(rows.size and rows.max() >= len(dataset) for rows in split.parts.values()):
         raise InputError(f"split {file} of more windows", f"{len(dataset)}, as there are", "split it again")
@@ -106,7 +106,7 @@ def training_data(settings: Settings, dataset: Dataset, split: Split) -> Trainin
         heads={name: HeadRecord(task=task) for name, task in settings.tasks().items()},
         string=string,
         simulated=any(manifest.parts[number].simulated for number in used),
-        dataset=checksum(dataset.path / FILE),
+        dataset=file_checksum(dataset.path / FILE),
         sessions={manifest.parts[number].name: manifest.parts[number].checksum for number in used},
         versions={name: version(name) for name in ("monochord", "numpy", "torch")},
     )

@@ -21,7 +21,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio
 from monochord.core.units import Samples
 from monochord.datasets.augment import Augmentation
-from monochord.datasets.manifest import FILE, checksum
+from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.store import Dataset, Indices
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.probe import probed
@@ -101,7 +101,7 @@ class Rows:
             "columns": list(self.extractor.columns),
             "does": fingerprint(self.extractor, self.dataset.manifest.channels, self.dataset.manifest.window),
             "window": self.dataset.manifest.window,
-            "dataset": checksum(self.dataset.path / FILE),
+            "dataset": file_checksum(self.dataset.path / FILE),
             "noise": None if noise is None else {"copy": noise.copy, **to_tree(noise.augmentation)},
             "rows": hashlib.sha256(np.ascontiguousarray(rows, np.int64).tobytes()).hexdigest(),
         }
