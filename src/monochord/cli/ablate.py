@@ -60,7 +60,7 @@ def ablate(
 ) -> None:
     """Train and evaluate every variation of GRID, a preset's name or a TOML file, and compare them.
 
-    BuildOptions replace values of the grid. After an interruption, or with more variations, the same command goes
+    Options replace values of the grid. After an interruption, or with more variations, the same command goes
     on. A variation that fails is reported, and the others go on; then the exit status is 1.
 
     \b

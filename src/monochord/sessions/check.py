@@ -34,9 +34,10 @@ DISTURBANCES = (
 class CheckReport:
     """The result of a check of a session.
 
-    `content_checksum` is SHA-256 over the messages of all topics: sessions of the same content have the same,
-    in whatever order a file has them. `faults` make the file less than what was recorded: damage, a missing end, a checksum that is not right.
-    `remarks` are what the recording itself says went wrong: lost frames, missing readings, a stepped clock.
+    `content_checksum` is SHA-256 over the messages of all topics, in their order; the checksum of the file is
+    another. `faults` make the file less than what was recorded: damage, a missing end, a content checksum
+    that differs. `remarks` are what the recording itself says went wrong: lost frames, missing readings, a
+    stepped clock.
     """
 
     path: Path
