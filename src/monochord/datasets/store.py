@@ -9,7 +9,7 @@
     valid/COLUMN.npy         (windows,) bool: where the label is valid
 
 Everything is plain NumPy, so that any program can read it. Audio is stored once and windows are cut from it
-when they are asked for, so that a smaller hop costs no space.
+when they are read, so that a smaller hop costs no space.
 """
 
 from collections import OrderedDict

@@ -55,7 +55,7 @@ def truth_of(
     Raises
     ------
     InputError
-        If the alignment warns of something, or the session lacks the labels or the streams that are asked
+        If the alignment warns of something, or the session lacks the labels or the streams that are needed
         for.
     """
     name = session.path.name

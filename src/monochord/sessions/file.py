@@ -67,7 +67,7 @@ class SessionFile:
         return self._size
 
     def flush(self) -> None:
-        """Do nothing: nothing is held back."""
+        """Do nothing: nothing is buffered."""
 
     def reserve(self, ending: int = 0) -> None:
         """Set space aside ahead of the end for an ending of so many bytes and more; note if there is none."""
@@ -107,7 +107,7 @@ def size_limit() -> int:
 
 
 def _sync_name(path: Path) -> None:
-    """Wait until the folder knows the file: what is synced later is found by name after a power cut."""
+    """Wait until the folder lists the file, so that it has its name after a power cut."""
     with suppress(OSError):  # not every file system can
         folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
         try:

@@ -60,25 +60,25 @@ def stretches(session: SessionReader) -> Iterator[Stretch]:
 
 def tables(session: SessionReader) -> dict[str, Columns]:
     """Return everything else that a session holds, by the name that its file has."""
-    found: dict[str, Columns] = {}
+    by_name: dict[str, Columns] = {}
     for stream in session.streams:
         track = session.readings(stream)
         beside = {name: getattr(track, name) for name in READING_COLUMNS}
         values = {name: track.values[:, number] for number, name in enumerate(_columns(track.feed))}
-        found[stream] = {"time": track.time, **beside, **values}
+        by_name[stream] = {"time": track.time, **beside, **values}
     labels, events, clocks = session.labels, session.events, session.clocks
     if "time" in labels.columns or "time" in clocks.offsets:
         given = f"session {session.path} with a label or a clock called 'time'"
         raise InputError(given, "other names beside the times of a table")
-    found["labels"] = {"time": labels.time, **labels.columns}
-    found["events"] = {
+    by_name["labels"] = {"time": labels.time, **labels.columns}
+    by_name["events"] = {
         "time": np.array([event.time for event in events], dtype=np.float64),
         "kind": np.array([event.kind for event in events], dtype=object),
         "text": np.array([event.text for event in events], dtype=object),
         "data": np.array([json.dumps(event.data, sort_keys=True) for event in events], dtype=object),
     }
-    found["clocks"] = {"time": clocks.time, **clocks.offsets}
-    return found
+    by_name["clocks"] = {"time": clocks.time, **clocks.offsets}
+    return by_name
 
 
 def about(session: SessionReader, form: str) -> Tree:
@@ -145,17 +145,17 @@ def checked(path: Path, name: str, columns: Columns, description: Description) -
     extra = [key for key in columns if key not in needed] if name in ("labels", "clocks") else []
     if len(extra) > MAX_COLUMNS:
         raise InputError(f"file {path} with {len(extra)} columns", f"{MAX_COLUMNS} at most")
-    found = {key: _cells(f"file {path}, column {key}", name, key, columns[key]) for key in (*needed, *extra)}
-    wrong = np.flatnonzero(~(np.abs(found["time"]) <= MAX_DURATION))
+    table = {key: _cells(f"file {path}, column {key}", name, key, columns[key]) for key in (*needed, *extra)}
+    wrong = np.flatnonzero(~(np.abs(table["time"]) <= MAX_DURATION))
     if len(wrong):
-        given = f"file {path}, {wrong[0] + 1}. time {found['time'][wrong[0]]:g}"
+        given = f"file {path}, {wrong[0] + 1}. time {table['time'][wrong[0]]:g}"
         raise InputError(given, f"seconds since the session's begin, at most {MAX_DURATION:g} either way")
-    for number, data in enumerate(found["data"] if name == "events" else (), start=1):
+    for number, data in enumerate(table["data"] if name == "events" else (), start=1):
         try:
             json_object(data)
         except InputError as error:
             raise InputError(f"file {path}, {number}. data ({error.given})", error.allowed) from error
-    return found
+    return table
 
 
 def _cells(
