@@ -222,9 +222,11 @@ def bombed(path: Path, packed: bytes, size: int, compression: str, count: int = 
 
 
 def zeros(size: int) -> bytes:
-    packer = zstandard.ZstdCompressor().compressobj(size=size)
-    parts = [packer.compress(bytes(1 << 24)) for _ in range(size >> 24)]
-    return b"".join([*parts, packer.flush()])
+    """Return a zstd frame of zeros: blocks of 128 KiB, each a length and the byte that is repeated."""
+    head = b"\x28\xb5\x2f\xfd\xe0" + struct.pack("<Q", size)
+    block = ((1 << 17) << 3 | 1 << 1).to_bytes(3, "little") + b"\0"
+    last = ((1 << 17) << 3 | 1 << 1 | 1).to_bytes(3, "little") + b"\0"
+    return head + block * ((size >> 17) - 1) + last
 
 
 def lz4_zeros(size: int) -> bytes:
@@ -233,17 +235,22 @@ def lz4_zeros(size: int) -> bytes:
     return lz4.frame.compress(bytes(size))
 
 
-BOMBS: dict[str, tuple[bytes, int, str, int]] = {
-    "zstd of 1 GiB": (zeros(1 << 30), 1 << 30, "zstd", 1),
-    "zstd of 1 GiB that claims little": (zeros(1 << 30), 1 << 20, "zstd", 1),
-    "zstd of 16 MiB, many times": (zeros(1 << 24), 1 << 24, "zstd", 1000),
-    "zstd that claims everything": (b"\x28\xb5\x2f\xfd", 2**64 - 1, "zstd", 100),
-    "lz4 of 256 MiB": (lz4_zeros(1 << 28), 1 << 28, "lz4", 1),
-    "lz4 of 256 MiB that claims little": (lz4_zeros(1 << 28), 1 << 20, "lz4", 1),
-    "nothing that claims GBs, many times": (b"", 1 << 32, "zstd", 10_000),
-    "a compression of its own": (b"", 0, "x" * 1000, 1),
-    "plain bytes that claim GBs": (bytes(1000), 1 << 40, "", 10),
-}
+def bombs() -> dict[str, tuple[bytes, int, str, int]]:
+    """Return chunks by name: what is packed, the size that is claimed, the compression, how many of them."""
+    lz4 = lz4_zeros(1 << 28)
+    return {
+        "zstd of 1 GiB": (zeros(1 << 30), 1 << 30, "zstd", 1),
+        "zstd of 1 GiB that claims little": (zeros(1 << 30), 1 << 20, "zstd", 1),
+        "zstd of 16 MiB, many times": (zeros(1 << 24), 1 << 24, "zstd", 1000),
+        "zstd that claims everything": (b"\x28\xb5\x2f\xfd", 2**64 - 1, "zstd", 100),
+        "lz4 of 256 MiB": (lz4, 1 << 28, "lz4", 1),
+        "lz4 of 256 MiB that claims little": (lz4, 1 << 20, "lz4", 1),
+        "nothing that claims GBs, many times": (b"", 1 << 32, "zstd", 10_000),
+        "a compression of its own": (b"", 0, "x" * 1000, 1),
+        "plain bytes that claim GBs": (bytes(1000), 1 << 40, "", 10),
+    }
+
+
 CHILD = """
 import resource, sys
 from tests.sessions.test_forged import read_all, limit_memory
@@ -268,7 +275,9 @@ def limit_memory() -> None:
 
 
 def test_no_compressed_chunk_takes_memory_that_is_not_due(tmp_path: Path) -> None:
-    paths = [bombed(tmp_path / f"{k}.mcap", *args) for k, args in enumerate(BOMBS.values())]
+    assert zstandard.decompress(zeros(1 << 20)) == bytes(1 << 20)
+    chunks = bombs()
+    paths = [bombed(tmp_path / f"{k}.mcap", *args) for k, args in enumerate(chunks.values())]
     paths.append(forge(tmp_path / "gap.mcap", [Forgery("/audio", audio(start=44100 * 600_000))]))
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
@@ -281,7 +290,7 @@ def test_no_compressed_chunk_takes_memory_that_is_not_due(tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr[-2000:]
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 30.0  # s
-    found = dict(zip([*BOMBS, "gap"], (line.split()[0] for line in done.stdout.splitlines()), strict=True))
+    found = dict(zip([*chunks, "gap"], (line.split()[0] for line in done.stdout.splitlines()), strict=True))
     refused = {name for name, word in found.items() if word == "refused"}
     assert refused == {
         "zstd of 1 GiB",
