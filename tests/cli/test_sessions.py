@@ -247,7 +247,7 @@ def test_a_stream_whose_rate_is_not_known_is_told_so(tmp_path: Path, capsys: Cap
     assert run(["sessions", "show", str(path)]) == 0
     said = capsys.readouterr().out
     assert "1 channel at 44100 Hz" in said
-    assert "x y z qx qy qz qw at no rate told; 0 missing" in said
+    assert "x y z qx qy qz qw at rate unknown; 0 missing" in said
 
 
 def test_what_damage_cost_is_told_and_kept_beside(tmp_path: Path, capsys: Capture) -> None:
@@ -258,6 +258,6 @@ def test_what_damage_cost_is_told_and_kept_beside(tmp_path: Path, capsys: Captur
     assert run(["sessions", "recover", str(path)]) == 0
     said = capsys.readouterr().out
     assert "bytes of unfinished or damaged records lost" in said
-    assert f"kept in {path}.cut" in said
+    assert f"saved in {path}.cut" in said
     assert Path(f"{path}.cut").read_bytes()[:1000] in content
     assert run(["sessions", "check", str(path)]) == 0
