@@ -20,7 +20,7 @@ Write = Callable[..., Path]
 Same = Callable[[Path, Path], None]
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 2**32))
 def test_a_round_trip_loses_nothing(write_random: Write, assert_same: Same, seed: int) -> None:
     with tempfile.TemporaryDirectory() as name:

@@ -54,7 +54,7 @@ def test_mutated_exports_end_in_a_session_or_in_one_line(
     exported: dict[str, Path], tmp_path: Path, form: str
 ) -> None:
     names = sorted(path.name for path in exported[form].iterdir())
-    for seed in range(100):
+    for seed in range(40):
         shutil.rmtree(tmp_path / "take", ignore_errors=True)
         shutil.copytree(exported[form], tmp_path / "take")
         path = tmp_path / "take" / names[seed % len(names)]
