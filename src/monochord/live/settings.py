@@ -28,12 +28,12 @@ MAX_WINDOW: Seconds = 60.0
 
 
 def recording_source(path: str | Path) -> str | None:
-    """Return the name of the source that reads a recording, None for what is neither a recording nor a file.
+    """Return the name of the source that reads a recording, None for what no file is called.
 
     >>> recording_source("take.WAV"), recording_source("take.mcap"), recording_source("system:capture_1")
     ('wav', 'session', None)
     """
-    usual = "wav" if Path(path).is_file() else None
+    usual = "wav" if Path(path).exists() else None
     return RECORDINGS.get(Path(path).suffix.lower(), usual)
 
 

@@ -10,7 +10,7 @@ from monochord.physics.theory import open_frequency, segment_frequencies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SplitStringModel(Simulator):
+class SplitStringSimulator(Simulator):
     """Two independent, driven segments: `monochord.physics.split_string`.
 
     Parameters

@@ -49,7 +49,7 @@ class TwinCase:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TwinModel(Simulator):
+class TwinSimulator(Simulator):
     """The virtual sensor: `monochord.physics.twin`, plucked at time zero and touched at once.
 
     A touch of 0 N rests against the string and does not divide it.
