@@ -115,7 +115,7 @@ def test_the_twin_tells_what_was_true_as_well(capsys: pytest.CaptureFixture[str]
         ),
         (["appendix", "--out", "nowhere/touch.wav"], "make 'nowhere' first"),
         (["appendix", "--set", "drive.amplitud=1"], "did you mean 'amplitude'?"),
-        (["appendix", "--set", "mixing=[0.5, 0.5]", "--route", "modal"], "hear the segments differently"),
+        (["appendix", "--set", "mixing=[0.5, 0.5]", "--route", "modal"], "mixing l1 + l2 = 1"),
         ([], "Missing argument 'PRESET'"),
     ],
 )
