@@ -14,15 +14,19 @@ import psutil
 import pytest
 from tests.conftest import LEARNABLE, sung
 
+from monochord.core.config import load_toml, override
 from monochord.core.errors import InputError
 from monochord.core.types import Block
 from monochord.datasets.build import BuildOptions, build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.evaluation.ablation import DONE, AblationError, ablate, compared, split_like
-from monochord.evaluation.grids import WHOLE, Grid, Variation
+from monochord.evaluation.grids import WHOLE, Grid, Variation, grid_names, load_grid
 from monochord.evaluation.results import Results
 from monochord.evaluation.scorecard import scorecard
+from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.training.configs import config_path
+from monochord.perception.training.settings import TrainingSettings
 from monochord.sessions import Description, SessionClock, SessionWriter
 
 Oracle = Callable[..., Results]
@@ -209,3 +213,19 @@ def test_other_windows_need_sessions(options: dict[str, float]) -> None:
     assert Grid(variations={"other": variation}, sessions=("sessions",)).compared["other"].is_built
     assert not Variation(share=0.5).is_built
     assert Variation(sessions=("one",)).is_built
+
+
+@pytest.mark.parametrize("name", grid_names())
+def test_every_preset_names_settings_that_exist(name: str) -> None:
+    grid = load_grid(name)
+    for variation in grid.compared.values():
+        if variation.estimator:
+            ESTIMATORS.build(variation.estimator, override({}, variation.estimator_set))
+        tree = load_toml(config_path(variation.config or grid.config))
+        TrainingSettings.read(override(tree, [*grid.set, *variation.set])).resolved()
+
+
+def test_overrides_replace_what_a_preset_says() -> None:
+    grid = load_grid("parts", {"dataset": "d", "part": "test"}, ['variations.one_driver.sessions=["one"]'])
+    assert (grid.dataset, grid.part) == (Path("d"), "test")
+    assert grid.compared["one_driver"].sessions == ("one",)

@@ -27,6 +27,9 @@ MAX_TRAINING_WINDOWS = 20_000
 """Of more training windows this many are used, spread evenly."""
 BATCH = 64
 """Windows whose features are computed at once."""
+MAX_DEVIATION = 8.0
+"""Bound on scaled features, in standard deviations of the training windows, as the model bounds its own: a
+column that hardly varies in training would otherwise carry a linear map anywhere."""
 
 
 def baseline_results(
@@ -118,15 +121,16 @@ def _fit(baseline: str, name: str, features: Floats, label: Floats) -> Any:
     from sklearn.exceptions import ConvergenceWarning  # noqa: PLC0415
     from sklearn.linear_model import LogisticRegression, RidgeCV  # noqa: PLC0415
     from sklearn.pipeline import make_pipeline  # noqa: PLC0415
-    from sklearn.preprocessing import StandardScaler  # noqa: PLC0415
+    from sklearn.preprocessing import FunctionTransformer, StandardScaler  # noqa: PLC0415
 
     if baseline == "extra_trees":
         kind: Any = ExtraTreesClassifier if name in PROBABILITIES else ExtraTreesRegressor
         return kind(50, max_features=0.1, min_samples_leaf=2, random_state=0).fit(features, label)
     linear = LogisticRegression(max_iter=300) if name in PROBABILITIES else RidgeCV(np.logspace(-3.0, 3.0, 7))
+    bound = FunctionTransformer(np.clip, kw_args={"a_min": -MAX_DEVIATION, "a_max": MAX_DEVIATION})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        return make_pipeline(StandardScaler(), linear).fit(features, label)
+        return make_pipeline(StandardScaler(), bound, linear).fit(features, label)
 
 
 def _columns(models: Mapping[str, Any], rows: Audio, usable: NDArray[np.bool_]) -> dict[str, Any]:

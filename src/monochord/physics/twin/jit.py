@@ -1,6 +1,6 @@
 """How the parts of the twin are compiled, and how their kernel is cached.
 
-The parts are plain functions that are inlined into one kernel. numba's cache watches the kernel's own file
+The parts are plain functions that numba inlines into one kernel. numba's cache watches the kernel's own file
 only: a part inlined from another file would stay as it was after a change. The kernel therefore carries the
 `fingerprint` of every file in its cache key.
 """
@@ -25,18 +25,14 @@ results."""
 
 
 def inlined(function: Function) -> Function:
-    """Compile a function that LLVM inlines into its caller; it is not cached by itself.
-
-    Inlining by LLVM, not by numba (``inline="always"``), halves the time that the kernel takes to compile:
-    each part is typed once and alone, and a number of modes that is known where the kernel is made reaches it
-    as a literal, so that its loops are as long as they say. As fast as before, measured.
+    """Compile a function that numba inlines into the kernel; it is not cached by itself.
 
     Examples
     --------
     >>> inlined(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return COMPILE(fastmath=FAST, forceinline=True, **_options(function))(function)
+    return COMPILE(fastmath=FAST, error_model="numpy", inline="always")(function)
 
 
 def called(function: Function) -> Function:
@@ -47,7 +43,7 @@ def called(function: Function) -> Function:
     >>> called(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return COMPILE(fastmath=FAST, **_options(function))(function)
+    return COMPILE(fastmath=FAST, error_model="numpy", _nrt=False)(function)
 
 
 def exact(function: Function) -> Function:
@@ -60,22 +56,7 @@ def exact(function: Function) -> Function:
     >>> exact(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return COMPILE(fastmath=False, **_options(function))(function)
-
-
-def _options(function: Callable[..., Any]) -> dict[str, Any]:
-    """Return what all parts are compiled with.
-
-    A private part, whose name begins with an underscore, gets no entry point for Python, which would take as
-    long to compile as the part itself; Python must not call it.
-    """
-    private = function.__name__.startswith("_")
-    return {
-        "error_model": "numpy",
-        "_nrt": False,
-        "no_cpython_wrapper": private,
-        "no_cfunc_wrapper": private,
-    }
+    return COMPILE(fastmath=False, error_model="numpy", _nrt=False)(function)
 
 
 def fingerprint(modules: Iterable[ModuleType]) -> int:
