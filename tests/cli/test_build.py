@@ -113,7 +113,7 @@ def test_a_session_that_cannot_be_used_is_told_in_one_line(
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (["--split", "window"], "windows beside each other hear one touch"),
+        (["--split", "window"], "windows beside each other contain one touch"),
         (["--split", "sesion"], "did you mean 'session'"),
         (["--split", "time", "--held-out", "wood"], "a split by session or object"),
         (["--split", "day"], "without a day"),

@@ -117,4 +117,4 @@ def test_two_inputs_that_are_no_run_are_refused(capsys: pytest.CaptureFixture[st
     assert run(["live", "one.wav", "two.wav", "--source", "wav"]) == 2
     assert "model one.wav (not there): allowed is a folder that monochord train" in capsys.readouterr().err
     assert run(["live", "one.wav", "two.wav", "three.wav", "--source", "wav"]) == 2
-    assert "one RUN at most, and one INPUT at most" in capsys.readouterr().err
+    assert "one MODEL at most, and one INPUT at most" in capsys.readouterr().err

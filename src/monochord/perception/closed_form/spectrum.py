@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal, StringParams
 from monochord.core.units import Hertz, Metres, Samples
-from monochord.perception.closed_form.modes import ModeReading, StringModel, read_modes
+from monochord.perception.closed_form import modes
+from monochord.perception.closed_form.modes import ModeReading, StringModel
 from monochord.physics.theory import open_frequency
 
 MIN_BINS = 14
@@ -127,7 +128,7 @@ class SpectrumAnalyser:
         power = hann_power(transform, self.size)
         lowest = LOWEST_LINE * self.nominal
         frequency, height = strongest_lines(transform, power, self.bin_spacing, lowest, HIGHEST_LINE)
-        reading = read_modes(frequency, height, power, self.bin_spacing, self.model)
+        reading = modes.read_modes(frequency, height, power, self.bin_spacing, self.model)
         return Spectrum(samples, transform, power, reading)
 
     def partials(self, fundamental: Hertz, segment: Metres, count: int) -> Floats:
