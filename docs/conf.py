@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -28,9 +29,22 @@ autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
 autodoc_default_options = {"members": True}
 add_module_names = False
+suppress_warnings = [
+    "autodoc"
+]  # the loaders of presets are methods bound to a module's name, whose signature it leaves out
+MADE_BY_SCIKIT_LEARN = {"set_fit_request", "set_score_request", "set_predict_request"}
+"""Members of its estimators' subclasses, whose docstrings link to its own documentation."""
 
 html_theme = "furo"
 html_title = f"Monochord {release}"
 html_show_sphinx = False
 
 folders.write(Path(__file__).parent / "reference")
+
+
+def setup(app: Any) -> None:
+    """Leave out what other libraries add to our classes."""
+    app.connect(
+        "autodoc-skip-member",
+        lambda _app, _what, name, _obj, skip, _options: skip or name in MADE_BY_SCIKIT_LEARN,
+    )
