@@ -63,9 +63,10 @@ def test_the_readmes_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
         promised = re.findall(r"^print\(.*  # (.*?)(?: m)?$", block, re.MULTILINE)
         exec(block, {})  # noqa: S102
         printed = capsys.readouterr().out.split("\n")[:-1]
+        assert promised
         assert printed
-        assert len(promised) in (0, len(printed))  # what comes of a run in real time is not promised
-        for said, is_so in zip(promised, printed, strict=False):
+        # What comes of a run in real time is not promised, and is printed first.
+        for said, is_so in zip(promised, printed[-len(promised) :], strict=True):
             assert numbers(is_so) == pytest.approx(numbers(said), abs=1e-9)
 
 
@@ -84,10 +85,14 @@ def test_the_readmes_touch_is_simulated_and_found_again(
     ]
     simulate, locate = sorted(readme, key=lambda words: words[0], reverse=True)
     assert run(simulate) == 0
-    capsys.readouterr()
-    assert run(locate) == 0
-    last = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert last["position"] == pytest.approx(float(simulate[simulate.index("--at") + 1]), abs=5e-4)
+    place, force = (float(simulate[simulate.index(name) + 1]) for name in ("--at", "--force"))
+    last: dict[str, dict[str, float]] = {}
+    for command in (locate, ["live", *locate[1:]]):
+        capsys.readouterr()
+        assert run(command) == 0
+        last[command[0]] = json.loads(capsys.readouterr().out.splitlines()[-1])
+        assert last[command[0]]["position"] == pytest.approx(place, abs=5e-4)
+    assert last["live"]["force"] == pytest.approx(force, abs=0.05)
 
 
 @pytest.mark.slow

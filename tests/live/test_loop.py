@@ -171,8 +171,9 @@ def test_latency_counts_from_the_converter_where_the_source_knows_it() -> None:
     block = Block(samples=NOISE[:, :100], start=0, adc_time=now - 5.1)
     keep = Keep()
     summary = run(session(Script([block]), keep))
-    assert 5.0 <= keep.seen[0].prediction.latency < 8.0  # collecting garbage of a large process takes a while
-    assert 5.0 <= summary.stages["capture"].longest < 8.0
+    longest = 5.0 + time.monotonic() - now  # the window begins with the block, and is 0.1 s long
+    assert 5.0 <= keep.seen[0].prediction.latency <= longest
+    assert 5.0 <= summary.stages["capture"].longest <= longest
     assert summary.deadline_misses == 1
 
 

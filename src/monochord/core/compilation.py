@@ -20,10 +20,10 @@ REDRAW_PERIOD: Seconds = 0.1
 
 @contextmanager
 def compilation_shown(file: TextIO | None = None) -> Generator[None]:
-    """Say on standard error that kernels are compiled, if any are; print nothing where all are on disk.
+    """Show a person on a terminal that kernels are compiled, if any are: ``compiling, once, about 40 s``.
 
-    One line, ``compiling, once, about 40 s``; on a terminal with a bar, which is erased at the end. The bar
-    moves whenever a function of a kernel is compiled, and shows the time spent of the usual one.
+    Behind the words a bar moves whenever a function of a kernel is compiled, and shows the time spent of the
+    usual one; at the end the line is erased. A log, a pipe or a file gets nothing.
 
     Parameters
     ----------
@@ -37,13 +37,21 @@ def compilation_shown(file: TextIO | None = None) -> Generator[None]:
     """
     from numba.core import event  # noqa: PLC0415  (loads a compiler)
 
-    line = _Line(sys.stderr if file is None else file)
+    file = sys.stderr if file is None else file
+    if not file.isatty():
+        yield
+        return
+    line = _Line(file)
 
     class Listener(event.Listener):
+        """Passes numba's starts and ends on to the line."""
+
         def on_start(self, event: Any) -> None:  # noqa: ARG002
+            """Note that a compilation starts, perhaps within another."""
             line.start()
 
         def on_end(self, event: Any) -> None:  # noqa: ARG002
+            """Note that one has ended."""
             line.stop()
 
     # numba compiles in one thread at a time, so that starts and ends nest.
@@ -56,9 +64,9 @@ def compilation_shown(file: TextIO | None = None) -> Generator[None]:
 
 class _Line:
     def __init__(self, file: TextIO) -> None:
-        self._file, self._draws = file, file.isatty()
+        self._file = file
         self._depth, self._since, self._before = 0, 0.0, 0.0
-        self._announced, self._drawn = False, -REDRAW_PERIOD
+        self._drawn: Seconds | None = None
 
     def start(self) -> None:
         self._depth += 1
@@ -75,21 +83,16 @@ class _Line:
 
     def erase(self) -> None:
         """Clear the bar: what comes next may draw on the same line."""
-        if self._draws and self._announced:
+        if self._drawn is not None:
             self._file.write("\r\x1b[K")
             self._file.flush()
 
     def _show(self) -> None:
         now = time.monotonic()
-        if not self._draws:
-            if not self._announced:
-                self._file.write(f"compiling, once, about {USUAL_TIME:.0f} s\n")
-                self._file.flush()
-        elif now - self._drawn >= REDRAW_PERIOD:
+        if self._drawn is None or now - self._drawn >= REDRAW_PERIOD:
             spent = self._before + now - self._since
             full = round(BAR_WIDTH * min(1.0, spent / USUAL_TIME))
             bar = "#" * full + "." * (BAR_WIDTH - full)
             self._file.write(f"\rcompiling, once, about {USUAL_TIME:.0f} s [{bar}] {spent:.0f} s\x1b[K")
             self._file.flush()
             self._drawn = now
-        self._announced = True

@@ -139,11 +139,14 @@ def network_of(weights: Weights, frames: int) -> Any:
     model.config.max_length = frames
 
     class Pooled(torch.nn.Module):
+        """The encoder with what goes before and after it: scaled energies in, 1536 numbers out."""
+
         def __init__(self) -> None:
             super().__init__()
             self.model = model
 
         def forward(self, energies: Any) -> Any:
+            """Return mean and maximum over the tokens."""
             state = self.model((energies - MEAN) / (2.0 * DEVIATION)).last_hidden_state[:, 2:]
             return torch.cat([state.mean(dim=1), state.amax(dim=1)], dim=1)
 
