@@ -14,7 +14,7 @@ from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 from monochord.perception.model import Stream, load
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train, window_of
 
 
@@ -26,7 +26,7 @@ def main() -> None:
         dataset = build_dataset(sessions, folder / "dataset")
         split = split_dataset(dataset, by="time", seed=1)
         split.write(dataset.path / "split.json")
-        settings = Settings.read(
+        settings = TrainingSettings.read(
             {"dataset": str(dataset.path), "optimiser": {"batch": 64, "epochs": 20, "decay": 1.0}}
         )
         result = train(settings, folder / "run")

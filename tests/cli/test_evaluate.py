@@ -24,7 +24,7 @@ from monochord.live import run as live
 from monochord.live.settings import WindowSettings
 from monochord.live.sinks.base import Listener, Moment
 from monochord.perception.estimators.model import ModelEstimator
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train
 
 PHYSICS = ("--set", "tension_law=geometric")
@@ -112,7 +112,7 @@ def test_an_empty_test_and_a_split_of_another_dataset_are_refused(
 def trained(lesson: dict[str, Any], out: Path) -> Path:
     """Train a small run; skip without torch."""
     pytest.importorskip("torch")
-    train(Settings.read(lesson), out)
+    train(TrainingSettings.read(lesson), out)
     return out
 
 

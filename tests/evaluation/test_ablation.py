@@ -26,7 +26,7 @@ from monochord.evaluation.results import Results
 from monochord.evaluation.scorecard import scorecard
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.training.configs import config_path
-from monochord.perception.training.settings import Settings as TrainingSettings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.sessions import Description, SessionClock, SessionWriter
 
 Oracle = Callable[..., Results]

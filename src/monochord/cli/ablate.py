@@ -19,7 +19,7 @@ from monochord.evaluation.ablation import ablate as run_ablation
 from monochord.evaluation.grids import Grid, load_grid
 from monochord.evaluation.paper import keep_rows
 from monochord.perception.training.configs import config_path
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 
 
 @click.command()
@@ -88,7 +88,7 @@ def _refuse_impossible(grid: Grid) -> None:
         try:
             if not variation.estimator:
                 config = load_toml(config_path(variation.config or grid.config))
-                Settings.read(override(config, [*grid.set, *variation.set])).resolved()
+                TrainingSettings.read(override(config, [*grid.set, *variation.set])).resolved()
             if variation.is_built:
                 find_sessions(variation.sessions or grid.sessions)
         except InputError as error:

@@ -24,7 +24,7 @@ from monochord.lab.plans import load_plan, plan_names
 from monochord.live import LiveSettings
 from monochord.perception.model import load
 from monochord.perception.model.bundled import bundled_names
-from monochord.perception.training.settings import Settings as TrainingSettings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.physics.materials import load_material, material_names
 from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.simulators import SIMULATORS

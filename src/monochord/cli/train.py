@@ -17,7 +17,7 @@ from monochord.figures import FIGURES
 from monochord.perception.heads.base import Task
 from monochord.perception.training.configs import DEFAULT, config_path
 from monochord.perception.training.rows import Progress
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import HeadScores, TrainingResult
 from monochord.perception.training.train import train as train_model
 
@@ -48,7 +48,7 @@ def train(
     tree = load_toml(config_path(config))
     if dataset is not None:
         tree["dataset"] = dataset
-    settings = Settings.read(override(tree, assignments))
+    settings = TrainingSettings.read(override(tree, assignments))
     with _progress() as progress:
         result = train_model(settings, out, progress)
     _draw(out)

@@ -33,7 +33,7 @@ from monochord.evaluation.evaluate import SPLIT, Draw, EvaluationSettings, evalu
 from monochord.evaluation.grids import SHARED, WHOLE, Grid, Variation
 from monochord.evaluation.paper import RANDOM_WEIGHTS, PaperRow, labelled, paper_rows
 from monochord.perception.training.configs import config_path
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train
 
 Report: TypeAlias = Callable[[str, str], None]
@@ -124,13 +124,13 @@ class Job:
         """Return whether nothing is left to do."""
         return self.stored().get("evaluation") == self.evaluation
 
-    def settings(self) -> Settings:
+    def settings(self) -> TrainingSettings:
         """Return the settings of its training."""
         grid, variation = self.grid, self.variation
         tree = load_toml(config_path(variation.config or grid.config))
         tree |= {"dataset": str(self.dataset), "split": str(self.split)}
         tree = override(tree, [*grid.set, *variation.set])
-        return Settings.read(tree | ({"sensor": grid.sensor} if grid.sensor else {}))
+        return TrainingSettings.read(tree | ({"sensor": grid.sensor} if grid.sensor else {}))
 
     def evaluation_settings(self) -> EvaluationSettings:
         """Return the settings of its evaluation."""

@@ -13,7 +13,7 @@ from monochord.datasets.build import BuildOptions, build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import open_dataset
 from monochord.perception.training.examples import chosen, examples_of, read_split, training_data
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.sessions import Description, SessionClock, SessionWriter
 
 RATE = 16000
@@ -51,7 +51,7 @@ class Fuzz(Target):
             command("audit", folder, "--json")
         except InputError as error:
             refused = error
-        settings = replace(Settings(), dataset=folder, feature=FEATURE)
+        settings = replace(TrainingSettings(), dataset=folder, feature=FEATURE)
         settings = replace(settings, context=replace(settings.context, feature=FEATURE))
         dataset = open_dataset(folder)
         split = read_split(settings, dataset)

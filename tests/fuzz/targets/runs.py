@@ -12,7 +12,7 @@ from monochord.core.errors import InputError
 from monochord.figures import FIGURES
 from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.run_folder import CHECKPOINT, CONFIG, claim, write_history, write_metrics
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 
 HISTORY = [
     {"epoch": float(n), "loss": 1.0 / n, "contact": 0.5 / n, "position": 0.01 / n} for n in range(1, 4)
@@ -29,7 +29,7 @@ class Fuzz(Target):
     def seeds(self, folder: Path) -> Iterator[Input]:
         out = folder / "run"
         heads = {"contact": {}, "position": {}}
-        claim(out, Settings.read({"title": "made", "dataset": "dataset", "heads": heads}).resolved())
+        claim(out, TrainingSettings.read({"title": "made", "dataset": "dataset", "heads": heads}).resolved())
         weights = {"contact.0.weight": np.ones((1, 4), np.float32)}
         Checkpoint(
             epoch=3, data="ab12", weights=weights, best=weights,

@@ -16,7 +16,7 @@ from monochord.evaluation.grids import load_grid
 from monochord.lab.collection import chosen
 from monochord.lab.plans import load_plan
 from monochord.live import LiveSettings
-from monochord.perception.training.settings import Settings as TrainSettings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
@@ -73,7 +73,7 @@ title="a text"
 
 
 def _train(file: Path, assignments: Sequence[str]) -> None:
-    settings = TrainSettings.read(override(load_toml(file), assignments))
+    settings = TrainingSettings.read(override(load_toml(file), assignments))
     settings.tasks()
     settings.noise.augmentation(settings.seed, 44100)
     dump_toml(settings.resolved())

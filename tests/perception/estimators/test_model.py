@@ -15,7 +15,7 @@ from monochord.live import LiveSettings, run
 from monochord.live.sinks.base import Listener, Moment
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.model import ModelEstimator
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train, window_of
 
 pytest.importorskip("torch")
@@ -25,7 +25,7 @@ SIGNAL = Signal(sample_rate=16000, channels=2)
 
 @pytest.fixture
 def trained(lesson: dict[str, Any], tmp_path: Path) -> Path:
-    train(Settings.read({**lesson, "optimiser": {"epochs": 4}}), tmp_path / "run")
+    train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 4}}), tmp_path / "run")
     return tmp_path / "run"
 
 

@@ -12,7 +12,7 @@ from monochord.core.types import Estimates, Signal, Window
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train
 from monochord.physics.strings import load_string
 
@@ -75,7 +75,7 @@ def test_a_model_of_one_microphone_ignores_the_other(lesson: dict[str, Any], tmp
     lesson["feature"] = {**alone, "feature": {"name": "bands"}}
     lesson["context"] = {"feature": {**alone, "feature": {"name": "bands", "count": 4}}}
     lesson["optimiser"] = {**lesson["optimiser"], "epochs": 2}
-    train(Settings.read(lesson), tmp_path / "run")
+    train(TrainingSettings.read(lesson), tmp_path / "run")
     noise = np.random.default_rng(0).normal(size=(2, 1600)).astype(np.float32)
     other = noise * np.array([[3.0], [1.0]], np.float32)
     estimates: list[Estimates] = []

@@ -14,7 +14,7 @@ from monochord.perception.model import Stream, folder_of, load
 from monochord.perception.model.bundled import bundled_folder, bundled_names
 from monochord.perception.model.definition import FeatureRecord
 from monochord.perception.training.configs import DEFAULT, config_path
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.physics.sensors import load_sensor
 
 SIGNAL = Signal(sample_rate=44100, channels=2, string=load_sensor("prototype").string)
@@ -42,7 +42,7 @@ def built(record: FeatureRecord) -> Feature:
 @pytest.mark.parametrize("name", bundled_names())
 def test_it_is_what_its_configuration_asks_for(name: str) -> None:
     definition = load(name).definition
-    settings = Settings.read(load_toml(config_path(DEFAULT)))
+    settings = TrainingSettings.read(load_toml(config_path(DEFAULT)))
     assert definition.title == settings.title, AGAIN
     assert built(definition.feature) == FEATURES.build(*settings.feature_named()), AGAIN
     assert {head: record.task for head, record in definition.heads.items()} == settings.tasks(), AGAIN

@@ -9,7 +9,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.perception.training.run_folder import board
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train
 
 pytest.importorskip("torch")
@@ -71,11 +71,11 @@ def test_a_run_has_its_history_on_the_board_also_when_asked_for_it_later(
 ) -> None:
     pytest.importorskip("tensorboard")
     short = {**lesson, "optimiser": {"epochs": 2, "batch": 64}}
-    train(Settings.read(short), tmp_path)
+    train(TrainingSettings.read(short), tmp_path)
     assert not (tmp_path / "board").exists()
     for again in range(2):
         time.sleep(1.1 * again)
-        train(Settings.read({**short, "board": True}), tmp_path)
+        train(TrainingSettings.read({**short, "board": True}), tmp_path)
         curves = read(tmp_path / "board")
         assert {name: len(points) for name, points in curves.items()} == {
             "training/loss": 2,
@@ -92,7 +92,7 @@ def test_without_the_package_it_is_refused_before_anything_is_written(
     with pytest.raises(
         InputError, match=r"board = true without tensorboard.* pip install tensorboard"
     ) as error:
-        train(Settings.read({**lesson, "board": True}), tmp_path / "run")
+        train(TrainingSettings.read({**lesson, "board": True}), tmp_path / "run")
     assert "\n" not in str(error.value)
     assert not (tmp_path / "run").exists()
     assert not Path(lesson["cache"]).exists()

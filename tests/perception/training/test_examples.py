@@ -30,7 +30,7 @@ from monochord.perception.training.examples import (
     training_data,
     with_objects,
 )
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")
@@ -115,8 +115,8 @@ def test_labels_that_do_not_count_are_zeros(dataset: Dataset) -> None:
     assert examples.labels["position"][examples.masks["position"]].all()
 
 
-def made(lesson: dict[str, Any], **more: Any) -> tuple[Settings, TrainingData, np.ndarray]:
-    settings = Settings.read({**lesson, **more})
+def made(lesson: dict[str, Any], **more: Any) -> tuple[TrainingSettings, TrainingData, np.ndarray]:
+    settings = TrainingSettings.read({**lesson, **more})
     dataset = open_dataset(settings.dataset)
     split = read_split(settings, dataset)
     return settings, training_data(settings, dataset, split), split.train
@@ -183,7 +183,7 @@ def test_a_stream_is_all_usable_windows_of_a_part(lesson: dict[str, Any]) -> Non
 
 
 def test_a_split_of_another_dataset_is_refused(lesson: dict[str, Any], tmp_path: Path) -> None:
-    settings = Settings.read(lesson)
+    settings = TrainingSettings.read(lesson)
     dataset = open_dataset(settings.dataset)
     split = read_split(settings, dataset)
     file = tmp_path / "split.json"
@@ -232,7 +232,7 @@ def test_a_feature_without_compliance_augmentation_is_refused(lesson: dict[str, 
     examples = examples_of(source, part, "train")
     with pytest.raises(InputError, match=r"'bands' .* set objects.copies = 0"):
         with_objects(source, examples, settings)
-    assert with_objects(source, examples, Settings.read(lesson)) is examples
+    assert with_objects(source, examples, TrainingSettings.read(lesson)) is examples
 
 
 def test_a_touch_is_a_run_of_windows_in_one_session(dataset: Dataset) -> None:

@@ -9,32 +9,35 @@ import pytest
 from monochord.core.config import dump_toml
 from monochord.core.errors import InputError
 from monochord.perception.training.configs import config_names, config_path
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 
 
 @pytest.mark.parametrize("name", config_names())
 def test_a_preset_has_the_four_heads(name: str) -> None:
-    settings = Settings.read(tomllib.loads(config_path(name).read_text(encoding="utf-8")))
+    settings = TrainingSettings.read(tomllib.loads(config_path(name).read_text(encoding="utf-8")))
     assert list(settings.tasks()) == ["contact", "slip", "position", "force"]
 
 
 @pytest.mark.usefixtures("made_up_features")
 def test_all_of_it_is_written_down_and_read_again(lesson: dict[str, Any]) -> None:
-    tree = Settings.read(lesson).resolved()
+    tree = TrainingSettings.read(lesson).resolved()
     assert tree["context"]["feature"] == {"name": "bands", "count": 4}
     assert tree["heads"]["position"]["loss"] == "laplace"
-    assert Settings.read(tomllib.loads(dump_toml(tree))).resolved() == tree
+    assert TrainingSettings.read(tomllib.loads(dump_toml(tree))).resolved() == tree
 
 
 @pytest.mark.usefixtures("made_up_features")
 def test_a_board_makes_no_other_run(lesson: dict[str, Any]) -> None:
-    assert Settings.read({**lesson, "board": True}).resolved() == Settings.read(lesson).resolved()
+    assert (
+        TrainingSettings.read({**lesson, "board": True}).resolved()
+        == TrainingSettings.read(lesson).resolved()
+    )
 
 
 @pytest.mark.usefixtures("made_up_features")
 def test_relative_paths_are_written_in_full(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
-    tree = Settings.read(
+    tree = TrainingSettings.read(
         {"feature": {"name": "bands"}, "context": {"on": False}, "split": "mine.json"}
     ).resolved()
     assert (tree["dataset"], tree["split"]) == (str(tmp_path / "dataset"), str(tmp_path / "mine.json"))
@@ -58,19 +61,19 @@ def test_relative_paths_are_written_in_full(monkeypatch: pytest.MonkeyPatch, tmp
 )
 def test_what_makes_no_sense_is_refused_in_a_line(tree: dict[str, Any], line: str) -> None:
     with pytest.raises(InputError, match=line):
-        Settings.read(tree)
+        TrainingSettings.read(tree)
 
 
 def test_an_unknown_head_is_refused_with_a_suggestion() -> None:
     with pytest.raises(InputError, match="did you mean 'position'"):
-        Settings.read({"heads": {"positon": {}}}).tasks()
+        TrainingSettings.read({"heads": {"positon": {}}}).tasks()
 
 
 def test_a_feature_needs_a_name() -> None:
     with pytest.raises(InputError, match="feature without a name"):
-        Settings.read({"feature": {"bands": 3}}).feature_named()
+        TrainingSettings.read({"feature": {"bands": 3}}).feature_named()
 
 
 def test_the_rule_of_the_reference_is_checked() -> None:
     with pytest.raises(InputError, match="feature without a name"):
-        Settings.read({"context": {"feature": {}}}).context.rule()
+        TrainingSettings.read({"context": {"feature": {}}}).context.rule()

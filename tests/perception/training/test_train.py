@@ -18,7 +18,7 @@ from monochord.core.errors import InputError
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
 from monochord.perception.model import Stream, load
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import probability_scores, quantity_scores, replay, train, window_of
 
 pytest.importorskip("torch")
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("made_up_features")
 def test_it_beats_the_mean_label_by_far_on_sessions_not_trained_on(
     lesson: dict[str, Any], tmp_path: Path
 ) -> None:
-    result = train(Settings.read(lesson), tmp_path / "run")
+    result = train(TrainingSettings.read(lesson), tmp_path / "run")
     dataset = open_dataset(Path(lesson["dataset"]))
     test = Split.read(dataset.path / "split.json").test
     model, stream = load(tmp_path / "run"), Stream()
@@ -52,7 +52,7 @@ def test_it_beats_the_mean_label_by_far_on_sessions_not_trained_on(
 
 def test_its_folder_is_complete(lesson: dict[str, Any], tmp_path: Path) -> None:
     out = tmp_path / "run"
-    result = train(Settings.read({**lesson, "optimiser": {"epochs": 3, "batch": 64}}), out)
+    result = train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 3, "batch": 64}}), out)
     assert sorted(each.name for each in out.iterdir()) == [
         "checkpoint.safetensors",
         "config.toml",
@@ -72,9 +72,9 @@ def test_its_folder_is_complete(lesson: dict[str, Any], tmp_path: Path) -> None:
 
 def test_equal_settings_give_equal_bytes(lesson: dict[str, Any], tmp_path: Path) -> None:
     short = {**lesson, "optimiser": {"epochs": 2, "batch": 64}, "noise": {"copies": 1}}
-    train(Settings.read(short), tmp_path / "one")
+    train(TrainingSettings.read(short), tmp_path / "one")
     again = tmp_path / "elsewhere"
-    train(Settings.read({**short, "cache": str(again)}), tmp_path / "two")
+    train(TrainingSettings.read({**short, "cache": str(again)}), tmp_path / "two")
     for name in ("model/weights.safetensors", "model/model.json", "metrics.json", "history.csv"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
 
@@ -92,7 +92,7 @@ def test_shuffled_labels_teach_nothing(
         label[valid] = rng.permutation(label[valid])
         np.save(folder / "labels" / name, label)
     reseal(folder)
-    scores = train(Settings.read({**lesson, "dataset": str(folder)}), tmp_path / "run").scores
+    scores = train(TrainingSettings.read({**lesson, "dataset": str(folder)}), tmp_path / "run").scores
     for name in ("position", "force"):
         assert scores[name]["mae"] > 0.93 * scores[name]["baseline_mae"]
         assert abs(scores[name]["r"]) < 0.2
@@ -102,7 +102,7 @@ def test_a_refusal_leaves_nothing_behind(lesson: dict[str, Any], tmp_path: Path)
     split = tmp_path / "split.json"
     split.write_text(json.dumps({"by": "session", "parts": {"train": [[0, 100]], "validation": []}}))
     with pytest.raises(InputError, match="a split that leaves nothing to validation"):
-        train(Settings.read({**lesson, "split": str(split)}), tmp_path / "run")
+        train(TrainingSettings.read({**lesson, "split": str(split)}), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
@@ -112,14 +112,14 @@ from pathlib import Path
 from monochord.perception import features
 features.__path__.append(sys.argv[1])
 from monochord.core.config import load_toml
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train
-train(Settings.read(load_toml(Path(sys.argv[2]))), Path(sys.argv[3]))
+train(TrainingSettings.read(load_toml(Path(sys.argv[2]))), Path(sys.argv[3]))
 """
 
 
 def test_a_session_is_a_stream_of_its_own(lesson: dict[str, Any], tmp_path: Path) -> None:
-    train(Settings.read({**lesson, "optimiser": {"epochs": 2}}), tmp_path / "run")
+    train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 2}}), tmp_path / "run")
     dataset, model = open_dataset(Path(lesson["dataset"])), load(tmp_path / "run")
     rows = np.arange(len(dataset))
     both = dict(replay(model, dataset, rows[dataset.session < 2]))

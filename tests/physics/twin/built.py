@@ -12,7 +12,7 @@ from monochord.physics.strings import load_string
 from monochord.physics.theory import Losses
 from monochord.physics.twin import Ebow, Key, Pickups, Sensor, Touch, Twin, advance, stream
 from monochord.physics.twin import records as layout
-from monochord.physics.twin.rate import Plan
+from monochord.physics.twin.rate import RatePlan
 from monochord.physics.twin.records import rows
 
 STRING = load_string("prototype").string
@@ -69,9 +69,9 @@ def with_touch(twin: Twin, **values: float) -> Twin:
 
 def planned(patch: pytest.MonkeyPatch, oversampling: int, count: int = 16, beta: float = 0.44) -> None:
     """Let every twin that begins have these steps a frame and modes."""
-    plan = Plan(oversampling=oversampling, count=count, beta=beta, error=0.0)
+    plan = RatePlan(oversampling=oversampling, count=count, beta=beta, error=0.0)
 
-    def given(*_: Any, **__: Any) -> Plan:
+    def given(*_: Any, **__: Any) -> RatePlan:
         return plan
 
     patch.setattr(stream, "plan", given)

@@ -20,7 +20,7 @@ from monochord.perception.model.context import Stream, context_row, step
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.probe import probed
 from monochord.perception.training.rows import Noise, Progress, Rows
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.physics.sensors import load_sensor
 
 MIN_DEVIATION = 1e-6
@@ -60,7 +60,7 @@ class Examples:
     masks: Mapping[str, Flags]
 
 
-def read_split(settings: Settings, dataset: Dataset) -> Split:
+def read_split(settings: TrainingSettings, dataset: Dataset) -> Split:
     """Return the split that the settings name; raises `InputError` if it is not one of this dataset."""
     file = settings.split or dataset.path / "split.json"
     split = Split.read(file)
@@ -71,7 +71,7 @@ def read_split(settings: Settings, dataset: Dataset) -> Split:
     return split
 
 
-def training_data(settings: Settings, dataset: Dataset, split: Split) -> TrainingData:
+def training_data(settings: TrainingSettings, dataset: Dataset, split: Split) -> TrainingData:
     """Return features and definition of what is to be trained, with every head still in a scale of 1.
 
     Raises
@@ -263,7 +263,7 @@ def examples_of(
     return assembled(dataset, rows, data.tasks, base, context)
 
 
-def with_objects(data: TrainingData, examples: Examples, settings: Settings) -> Examples:
+def with_objects(data: TrainingData, examples: Examples, settings: TrainingSettings) -> Examples:
     """Return examples with copies, after all others, as objects of another compliance would have sounded.
 
     Raises
@@ -349,7 +349,7 @@ def quietest(dataset: Dataset, rows: Indices) -> float:
     return 0.5 * float(np.quantile(levels, 0.001))
 
 
-def noises_of(settings: Settings, sample_rate: int) -> tuple[Noise, ...]:
+def noises_of(settings: TrainingSettings, sample_rate: int) -> tuple[Noise, ...]:
     """Return the noise of each copy that the settings ask for."""
     if not settings.noise.copies:
         return ()

@@ -131,7 +131,7 @@ class OptimiserSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class TrainingSettings:
     """A training run as configured.
 
     Parameters
@@ -182,7 +182,7 @@ class Settings:
     board: bool = False
 
     @classmethod
-    def read(cls, tree: Mapping[str, Any]) -> "Settings":
+    def read(cls, tree: Mapping[str, Any]) -> "TrainingSettings":
         """Build from plain values, strictly; relative paths are those of the caller."""
         settings = from_tree(cls, tree)
         if settings.seed < 0:

@@ -47,7 +47,7 @@ from monochord.perception.training.run_folder import (
     write_history,
     write_metrics,
 )
-from monochord.perception.training.settings import Settings
+from monochord.perception.training.settings import TrainingSettings
 
 HeadScores = dict[str, float]
 
@@ -62,7 +62,7 @@ class TrainingResult:
     epochs: int
 
 
-def train(settings: Settings, out: Path, progress: Progress = lambda *_: None) -> TrainingResult:
+def train(settings: TrainingSettings, out: Path, progress: Progress = lambda *_: None) -> TrainingResult:
     """Train a model into the folder `out`, or go on where a run of the same settings was interrupted.
 
     Parameters

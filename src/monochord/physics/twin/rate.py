@@ -35,7 +35,7 @@ MAX_BISECTIONS = 44
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class RatePlan:
     """Steps a frame, `count` of modes a polarisation, exponent `beta`, and the `error` in cents."""
 
     oversampling: int
@@ -52,7 +52,7 @@ def plan(
     tolerance: float = 0.05,
     partials: int = 4,
     oversampling: int | None = None,
-) -> Plan:
+) -> RatePlan:
     """Return the cheapest plan that keeps the lowest partials of a clamped string within a tolerance.
 
     Parameters
@@ -70,7 +70,7 @@ def plan(
 
     Returns
     -------
-    Plan
+    RatePlan
         The most exact one, if none meets the tolerance.
 
     Examples
@@ -81,7 +81,7 @@ def plan(
     """
     if oversampling is not None and oversampling not in (*OVERSAMPLINGS, 16, 32):
         raise InputError(f"{oversampling} steps a frame", "1, 2, 4, 8, 16 or 32")
-    plans: list[Plan] = []
+    plans: list[RatePlan] = []
     for steps in OVERSAMPLINGS if oversampling is None else (oversampling,):
         plans = [_best(string, rate, steps, partials, top) for top in TOP_FREQUENCIES]
         good = [one for one in plans if one.error <= tolerance]
@@ -129,19 +129,19 @@ def touch_weights(omega: Floats, step: float, beta: float) -> Floats:
     return (turn / np.sin(turn)) ** beta
 
 
-def _best(string: StringParams, rate: Hertz, oversampling: int, partials: int, top: float) -> Plan:
+def _best(string: StringParams, rate: Hertz, oversampling: int, partials: int, top: float) -> RatePlan:
     step = 1.0 / (rate * oversampling)
     count = mode_count(string, 1.0 / step, top)
     omega = mode_frequencies(string, EXACT_MODES * count)
     if omega[count - 1] * step > 0.9 * np.pi:
-        return Plan(oversampling=oversampling, count=0, beta=0.0, error=np.inf)
+        return RatePlan(oversampling=oversampling, count=0, beta=0.0, error=np.inf)
     mass = 0.5 * string.linear_density * string.length
     at = TOUCH_POSITIONS * string.length
     shape = np.sin(np.outer(at, np.arange(1, omega.size + 1)) * np.pi / string.length) ** 2 / mass
     whole = static_compliance(string, at)
     partials = min(partials, count - 1)
     true = _zeros(shape, omega**2, whole - (shape / omega**2).sum(axis=1), partials, omega, lambda w: w * w)
-    best = Plan(oversampling=oversampling, count=count, beta=0.0, error=np.inf)
+    best = RatePlan(oversampling=oversampling, count=count, beta=0.0, error=np.inf)
     pole = np.tan(0.5 * omega[:count] * step) ** 2
     for beta in BETAS:
         static = shape[:, :count] * touch_weights(omega[:count], step, beta) / omega[:count] ** 2
@@ -151,7 +151,7 @@ def _best(string: StringParams, rate: Hertz, oversampling: int, partials: int, t
         zeros = _zeros(static * pole, pole, rest, partials, omega, lambda w: np.tan(0.5 * w * step) ** 2)
         error = float(np.abs(1200.0 * np.log2(zeros / true)).max())
         if error < best.error:
-            best = Plan(oversampling=oversampling, count=count, beta=float(beta), error=error)
+            best = RatePlan(oversampling=oversampling, count=count, beta=float(beta), error=error)
     return best
 
 

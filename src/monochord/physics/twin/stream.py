@@ -26,7 +26,7 @@ from monochord.physics.theory import (
     static_compliance,
     stretch_stiffness,
 )
-from monochord.physics.twin.rate import Plan, mode_frequencies, padded, plan, touch_weights
+from monochord.physics.twin.rate import RatePlan, mode_frequencies, padded, plan, touch_weights
 from monochord.physics.twin.records import (
     DECAY,
     DRIVE_1,
@@ -120,7 +120,7 @@ class Twin:
     scene: Scene
     sample_rate: int
     seed: int
-    plan: Plan
+    plan: RatePlan
     start: Samples
     parameters: Parameters
     state: State
@@ -384,7 +384,7 @@ def _record(kind: type, **fields: float) -> Records:
     return record
 
 
-def _bank(sensor: Sensor, chosen: Plan, step: float) -> Floats:
+def _bank(sensor: Sensor, chosen: RatePlan, step: float) -> Floats:
     """Return the rows of the bank that belong to the string, its modes at rest."""
     string, half, count = sensor.string, padded(chosen.count), chosen.count
     omega = mode_frequencies(string, count)
@@ -413,7 +413,7 @@ def _bank(sensor: Sensor, chosen: Plan, step: float) -> Floats:
 
 
 def _constants(
-    sensor: Sensor, scene: Scene, chosen: Plan, rate: Hertz, seed: int, tolerance: float
+    sensor: Sensor, scene: Scene, chosen: RatePlan, rate: Hertz, seed: int, tolerance: float
 ) -> Records:
     string, linear, axial = sensor.string, scene.tension_law == "linear", stretch_stiffness(sensor.string)
     return _record(
@@ -478,7 +478,7 @@ def _outside(scene: Scene) -> Audio:
     return samples * np.float32(scene.outside.level)
 
 
-def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: Plan, rate: Hertz) -> dict[str, Any]:
+def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: RatePlan, rate: Hertz) -> dict[str, Any]:
     """Return the fields of `Parameters` that belong to the touches."""
     string, step = sensor.string, 1.0 / (rate * chosen.oversampling)
     omega = mode_frequencies(string, chosen.count)
@@ -542,7 +542,7 @@ def _compliance(sensor: Sensor, width: float) -> Floats:
     return point - np.sin(np.outer(place, np.arange(1, WIDTH_MODES + 1)) * pi) ** 2 @ lost
 
 
-def _plucked(sensor: Sensor, pluck: Pluck | None, chosen: Plan) -> Floats:
+def _plucked(sensor: Sensor, pluck: Pluck | None, chosen: RatePlan) -> Floats:
     """Return the displacement in m of every mode of the bank at the start."""
     half = padded(chosen.count)
     q = np.zeros(2 * half)
