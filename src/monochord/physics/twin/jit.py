@@ -1,6 +1,6 @@
 """How the parts of the twin are compiled, and how their kernel is cached.
 
-The parts are plain functions that numba inlines into one kernel. numba's cache watches the kernel's own file
+The parts are plain functions that are inlined into one kernel. numba's cache watches the kernel's own file
 only: a part inlined from another file would stay as it was after a change. The kernel therefore carries the
 `fingerprint` of every file in its cache key.
 """
@@ -25,14 +25,18 @@ results."""
 
 
 def inlined(function: Function) -> Function:
-    """Compile a function that numba inlines into the kernel; it is not cached by itself.
+    """Compile a function that LLVM inlines into its caller.
+
+    LLVM, not numba (``inline="always"``), which takes twice as long: each part is typed once and alone. A
+    number of modes that is known where the kernel is made still reaches it as a constant, so that LLVM
+    unrolls its loops; the kernel is as fast.
 
     Examples
     --------
     >>> inlined(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return COMPILE(fastmath=FAST, error_model="numpy", inline="always")(function)
+    return COMPILE(fastmath=FAST, forceinline=True, error_model="numpy", _nrt=False)(function)
 
 
 def called(function: Function) -> Function:
