@@ -37,11 +37,11 @@ def compilation_shown(file: TextIO | None = None) -> Generator[None]:
     """
     from numba.core import event  # noqa: PLC0415  (loads a compiler)
 
-    file = sys.stderr if file is None else file
-    if not file.isatty():
+    screen = sys.stderr if file is None else file
+    if not screen.isatty():
         yield
         return
-    line = _Line(file)
+    line = _Line(screen)
 
     class Listener(event.Listener):
         """Passes numba's starts and ends on to the line."""
