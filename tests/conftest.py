@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from _pytest.runner import runtestprotocol
 from hypothesis import settings
+from tests.stalls import FAILED_ATTEMPTS, Stalls, watched
 
 from monochord.core.errors import DeviceError
 from monochord.evaluation import realstrings
@@ -53,6 +55,40 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if any(item.path.is_relative_to(place) for place in alone):
             item.add_marker("real_time")
+
+
+WATCHING = pytest.StashKey[Stalls]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Watch for stalls of the machine, where tests run one at a time."""
+    if not hasattr(config, "workerinput") and not config.getoption("numprocesses", default=None):
+        folder = Path(tempfile.mkdtemp(prefix="monochord-stalls-"))
+        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+        stack = ExitStack()
+        config.add_cleanup(stack.close)
+        config.stash[WATCHING] = stack.enter_context(watched(folder / "stalls"))
+
+
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Try a test in real time again, twice at most, where it failed while this machine stood still."""
+    stalls = item.config.stash.get(WATCHING, None)
+    if stalls is None or not item.get_closest_marker("real_time"):
+        return None
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    for attempts_left in reversed(range(FAILED_ATTEMPTS + 1)):
+        begin = time.monotonic()
+        reports = runtestprotocol(item, nextitem=nextitem, log=False)
+        stall = stalls.longest_since(begin)
+        failed = next((report for report in reports if report.failed), None)
+        if failed is None or failed.when == "setup" or stall == 0.0 or attempts_left == 0:
+            break
+        reporter = item.config.pluginmanager.get_plugin("terminalreporter")
+        reporter.write_line(f"\n{item.nodeid} failed; this machine stood still for {stall:.3f} s: again")
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
 
 
 @contextmanager

@@ -50,4 +50,7 @@ def test_every_command_works_and_the_learning_path_ends_well(
             print(f"\n{time.monotonic() - began:6.1f} s  {used:6.1f} s of processor  {line}", end="")  # noqa: T201
     assert learning < CORES * 180.0
     scores = json.loads((tmp_path / "report" / "scores.json").read_text(encoding="utf-8"))
-    assert scores
+    (touched,) = (row for row in scores["table"] if row["state"] == "touched" and row["condition"] == "clean")
+    assert touched["position"]["mae"]["value"] < 0.5e-3
+    assert touched["force"]["mae"]["value"] < 0.2
+    assert touched["position"]["answered"] == touched["force"]["answered"] == 1.0

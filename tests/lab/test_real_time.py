@@ -12,7 +12,7 @@ from monochord.lab.offline import make
 from monochord.lab.plan import Assignment, Plan, assignments
 from monochord.lab.real_time import perform
 from monochord.sessions import check, read_session
-from monochord.sessions.alignment import align
+from monochord.sessions.alignment import Limits, align
 
 pytestmark = pytest.mark.jack
 PLAN = {
@@ -24,7 +24,7 @@ PLAN = {
 
 
 Played = tuple[Assignment, Path, RecordingSummary]
-ATTEMPTS = 5
+ATTEMPTS = 3
 MAX_UNEVENNESS = 3e-4  # delays to half a millisecond require a server with better timing
 
 
@@ -32,13 +32,14 @@ MAX_UNEVENNESS = 3e-4  # delays to half a millisecond require a server with bett
 def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
     """A session played in real time; again where this machine was too busy for its JACK server."""
     session = assignments(from_tree(Plan, PLAN))[0]
-    for _ in range(ATTEMPTS):
+    tries: list[Played] = []
+    while len(tries) < ATTEMPTS:
         path = tmp_path_factory.mktemp("stage") / "hold.mcap"
         with own_server() as server:
-            summary = perform(session, path, server=server.name, domain=77)
+            tries.append((session, path, perform(session, path, server=server.name, domain=77)))
         if read_session(path).audio.unevenness < MAX_UNEVENNESS:
-            return session, path, summary
-    pytest.fail(f"this machine is too busy for a JACK server; {ATTEMPTS} of its runs lost periods")
+            break
+    return min(tries, key=lambda played: read_session(played[1]).audio.unevenness)
 
 
 @pytest.mark.timeout(240)
@@ -60,7 +61,13 @@ def test_the_delays_are_recovered(played: Played) -> None:
     session, path, _ = played
     made = read_session(path)
     delays, alignment = json.loads(made.description.more["delays"]), align(made)
-    for stream, near in (("audio", 0.5e-3), ("pose", 1.0 / session.plan.pose_rate)):
+    uneven = made.audio.unevenness
+    if uneven > Limits().stray:
+        assert [flag for flag in alignment.flags if "stray" in flag], "a starved server goes unnoticed"
+        return
+    # On a server that kept its time, to half a millisecond; else worse by what the session shows of it.
+    audio = 0.5e-3 + (uneven if uneven > MAX_UNEVENNESS else 0.0)
+    for stream, near in (("audio", audio), ("pose", 1.0 / session.plan.pose_rate)):
         true = delays[stream] - delays["wrench"]
         for offset in alignment.lateness[stream].offsets:
             assert offset.value == pytest.approx(true, abs=near), stream
