@@ -76,15 +76,16 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     if stalls is None or not item.get_closest_marker("real_time"):
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    for attempts_left in reversed(range(FAILED_ATTEMPTS + 1)):
+    begin = time.monotonic()
+    reports = runtestprotocol(item, nextitem=nextitem, log=False)
+    for _ in range(FAILED_ATTEMPTS):
+        stall = stalls.longest_since(begin)
+        if stall == 0.0 or not any(report.failed for report in reports):
+            break
+        print(f"\n{item.nodeid} failed; this machine stood still for {stall:.3f} s: again")  # noqa: T201
+        item.session._setupstate.teardown_exact(None)  # fixtures of modules may have failed, too
         begin = time.monotonic()
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
-        stall = stalls.longest_since(begin)
-        failed = next((report for report in reports if report.failed), None)
-        if failed is None or failed.when == "setup" or stall == 0.0 or attempts_left == 0:
-            break
-        reporter = item.config.pluginmanager.get_plugin("terminalreporter")
-        reporter.write_line(f"\n{item.nodeid} failed; this machine stood still for {stall:.3f} s: again")
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)

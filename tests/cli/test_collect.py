@@ -120,8 +120,14 @@ def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit
 
 
 @pytest.mark.jack
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("sign", ["temporary/monochord-scratch-*/player.npz", "out/hold_000.mcap.part"])
+@pytest.mark.parametrize(
+    ("number", "sign"),
+    [
+        (signal.SIGINT, "temporary/monochord-scratch-*/player.npz"),
+        (signal.SIGTERM, "out/hold_000.mcap.part"),
+        (signal.SIGHUP, "out/hold_000.mcap.part"),
+    ],
+)
 @pytest.mark.real_time
 def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
     number: signal.Signals, sign: str, jack_server: JackServer, tmp_path: Path
