@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.conftest import LESSON
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
@@ -13,6 +14,7 @@ from monochord.core.types import Signal
 from monochord.datasets.store import open_dataset
 from monochord.live import LiveSettings, run
 from monochord.live.sinks.base import Listener, Moment
+from monochord.perception import features
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.training.settings import TrainingSettings
@@ -21,12 +23,29 @@ from monochord.perception.training.train import train, window_of
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")
 SIGNAL = Signal(sample_rate=16000, channels=2)
+MADE_UP = Path(__file__).parents[2] / "made_up_features"
+SESSIONS = (0, 3)
 
 
-@pytest.fixture
-def trained(lesson: dict[str, Any], tmp_path: Path) -> Path:
-    train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 4}}), tmp_path / "run")
-    return tmp_path / "run"
+@pytest.fixture(scope="module")
+def trained(learnable: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    home = tmp_path_factory.mktemp("trained")
+    lesson = {**LESSON, "dataset": str(learnable), "cache": str(home / "features")}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(features, "__path__", [*features.__path__, str(MADE_UP)])
+        train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 4}}), home / "run")
+    return home / "run"
+
+
+@pytest.fixture(scope="module")
+def offline(trained: Path, learnable: Path) -> list[str]:
+    """The estimates of all windows of two sessions, read from the dataset."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(features, "__path__", [*features.__path__, str(MADE_UP)])
+        estimate = ESTIMATORS.build("model", {"path": str(trained)}).prepare(SIGNAL, 1600)
+    dataset = open_dataset(learnable)
+    rows = np.flatnonzero(np.isin(dataset.session, SESSIONS))
+    return [str(dict(estimate(window_of(dataset, row)))) for row in rows.tolist()]
 
 
 class Recorder(Listener):
@@ -40,9 +59,9 @@ class Recorder(Listener):
 
 
 @pytest.mark.parametrize("block", [512, 800, 3001])
-def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, block: int) -> None:
+def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, offline: list[str], block: int) -> None:
     dataset, recorder = open_dataset(learnable), Recorder()
-    for number in (0, 3):
+    for number in SESSIONS:
         name = dataset.manifest.parts[number].name
         live = LiveSettings.read(
             {
@@ -53,9 +72,6 @@ def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, block: int) 
             }
         ).build()
         run(from_sinks(live, recorder))
-    estimate = ESTIMATORS.build("model", {"path": str(trained)}).prepare(SIGNAL, 1600)
-    rows = np.flatnonzero(np.isin(dataset.session, [0, 3]))
-    offline = [str(dict(estimate(window_of(dataset, row)))) for row in rows.tolist()]
     assert recorder.estimates == offline
     assert len(offline) == 480
 
@@ -88,11 +104,10 @@ def test_prediction_needs_no_torch(trained: Path, learnable: Path) -> None:
     import subprocess
     import sys
 
-    made_up = Path(__file__).parents[2] / "made_up_features"
     code = f"""
 import sys
 from monochord.perception import features
-features.__path__.append({str(made_up)!r})
+features.__path__.append({str(MADE_UP)!r})
 import dataclasses
 from pathlib import Path
 from monochord.datasets.store import open_dataset
