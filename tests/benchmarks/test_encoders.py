@@ -12,7 +12,7 @@ def test_every_way_stands_beside_the_spectrogram(monkeypatch: pytest.MonkeyPatch
     pytest.importorskip("transformers", reason="transformers is not installed")
     three_layers = Sizes(depth=3, width=768, inner=3072, columns=9)
     monkeypatch.setattr(ast, "Weights", partial(Weights, sizes=three_layers))
-    options = {"windows": 3, "window": 0.05, "ways": ["ast_torch"]}
+    options = {"windows": 3, "window": 0.05, "variants": ["ast_torch"]}
     rows = {row.name: row for row in BENCHMARKS.build("encoders", options).run()}
     assert len(rows) == 2 * 4
     assert rows["log_mel, median"].ratio == 1.0
@@ -25,7 +25,7 @@ def test_every_way_stands_beside_the_spectrogram(monkeypatch: pytest.MonkeyPatch
 
 def test_what_is_not_there_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MONOCHORD_YAMNET", "/nowhere")
-    rows = BENCHMARKS.build("encoders", {"windows": 2, "ways": ["yamnet"]}).run()
+    rows = BENCHMARKS.build("encoders", {"windows": 2, "variants": ["yamnet"]}).run()
     assert {row.name.partition(",")[0] for row in rows} == {"log_mel"}
 
 
@@ -34,7 +34,7 @@ def test_what_is_not_there_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ({"windows": 0}, "0 windows: allowed is 1 or more"),
         ({"window": 0.001}, r"window 0\.001 s: allowed is 0\.03 to 1 s"),
-        ({"ways": ["ast_torh"]}, "did you mean 'ast_torch'"),
+        ({"variants": ["ast_torh"]}, "did you mean 'ast_torch'"),
     ],
 )
 def test_options_that_cannot_be_are_refused(options: dict[str, object], match: str) -> None:

@@ -38,10 +38,10 @@ def test_a_quiet_channel_counts_as_much_as_a_loud_one() -> None:
 def test_room_and_fewer_bins_change_no_number() -> None:
     sound = np.stack([tones(500.0), tones(900.0)]).astype(np.float32)
     whole = power_spectrum(sound, TAPER, PADDED)
-    room = np.full(PADDED // 2 + 1, np.nan, np.complex128)
+    buffer = np.full(PADDED // 2 + 1, np.nan, np.complex128)
     assert whole.shape == (2, PADDED // 2 + 1)
     for _ in range(2):
-        np.testing.assert_array_equal(power_spectrum(sound, TAPER, PADDED, 2000, room), whole[:, :2000])
+        np.testing.assert_array_equal(power_spectrum(sound, TAPER, PADDED, 2000, buffer), whole[:, :2000])
 
 
 def test_the_floor_rests_on_the_quantile_of_each_block() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.evaluation.results import Results
+from monochord.evaluation.results import Results, Trial
 from monochord.evaluation.scores import (
     blocks_of,
     by_speed,
@@ -121,7 +121,7 @@ def test_an_oracle_detects_every_event_at_its_first_window(oracle: Oracle) -> No
     score = detection(oracle(), "contact")
     assert (score.accuracy.value, score.area.value, score.brier) == (1.0, 1.0, 0.0)
     assert (score.windows, score.positive, score.answered) == (KNOWN, TOUCHED, 1.0)
-    assert (score.events, score.found, score.false_alarms) == (60, 1.0, 0.0)
+    assert (score.events, score.detected, score.false_alarms) == (60, 1.0, 0.0)
     assert score.delay == pytest.approx((0.1, 0.1))
     slip = detection(oracle(), "slip")
     assert (slip.windows, slip.accuracy.value, slip.area.value, slip.events) == (TOUCHED, 1.0, 1.0, 30)
@@ -137,9 +137,41 @@ def test_always_yes_detects_no_event(oracle: Oracle) -> None:
     results = oracle()
     score = detection(with_estimates(results, "contact", np.ones(len(results))), "contact")
     assert score.accuracy.value == pytest.approx(140 / 190)
-    assert (score.area.value, score.found) == (0.5, 0.0)
+    assert (score.area.value, score.detected) == (0.5, 0.0)
     assert score.false_alarms is not None
     assert score.false_alarms > 0.0
+
+
+@pytest.mark.parametrize(
+    ("touched", "alarm", "detected", "delay", "alarms"),
+    [
+        ([*range(8, 13)], 11, 1.0, (0.875, 0.875), 0),  # known at 1.875 s, before the event's end at 2 s
+        ([*range(8, 13)], 12, 0.0, (), 1),  # known at 2 s, when the event is over
+        ([*range(8, 13), *range(15, 18)], 11, 0.5, (0.0, 0.0), 0),  # the next event begins at 1.875 s
+    ],
+)
+def test_an_event_lasts_to_the_end_of_its_last_window(
+    touched: list[int], alarm: int, detected: float, delay: tuple[float, ...], alarms: int
+) -> None:
+    at = np.arange(20)
+    contact, value = np.isin(at, touched).astype(float), (at == alarm).astype(float)
+    results = Results(
+        estimator="by hand",
+        window=0.5,
+        hop=0.125,
+        trials=(Trial(session="take"),),
+        trial=np.zeros(20, np.int32),
+        start=at / 8.0,
+        usable=np.ones(20, bool),
+        truth={"contact": contact},
+        value={"contact": value},
+        std={},
+        why={},
+    )
+    score = detection(results, "contact", draws=0)
+    quiet = (20 - len(touched)) / 8.0
+    assert (score.events, score.detected, score.delay) == (round(len(touched) / 4), detected, delay)
+    assert (score.quiet, score.false_alarms) == (quiet, 60.0 * alarms / quiet)
 
 
 def test_false_alarms_are_counted_per_quiet_minute(oracle: Oracle) -> None:
@@ -156,7 +188,7 @@ def test_each_band_of_speeds_is_scored_against_all_rest(oracle: Oracle) -> None:
     results = oracle()
     assert np.nanmax(speed(results)) == 0.01
     (band,) = by_speed(results).values()
-    assert (band.windows, band.found.value, band.area.value) == (6 * 70, 1.0, 1.0)
+    assert (band.windows, band.detected.value, band.area.value) == (6 * 70, 1.0, 1.0)
     assert by_speed(replace(results, value={})) == {}
     slow = (np.arange(len(results)) // 20 % 4 == 1) & (results.label("slip") == 1.0)
     across = np.where(slow, 0.001, results.label("slip_across"))
@@ -164,7 +196,7 @@ def test_each_band_of_speeds_is_scored_against_all_rest(oracle: Oracle) -> None:
     for estimate, area in ((0.1, 0.0), (np.nan, None)):
         missed = np.where(slow, estimate, results.estimate("slip"))
         bands = by_speed(replace(results, value={"slip": missed}), draws=0)
-        assert [band.found.value for band in bands.values()] == [0.0, 1.0]
+        assert [band.detected.value for band in bands.values()] == [0.0, 1.0]
         areas = [band.area.value for band in bands.values()]
         assert areas[1] == 1.0
         assert (areas[0] is None) == (area is None)

@@ -19,7 +19,7 @@ RATE = 44100
 WARM_UP = 3
 """Windows before the clock starts."""
 BASELINE = "log_mel"
-WAYS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     BASELINE: ("log_mel", {}),
     "ast_torch": ("ast", {"random": True, "backend": "torch"}),
     "ast_onnx": ("ast", {"random": True, "backend": "onnx"}),
@@ -45,32 +45,32 @@ class Encoders(Benchmark):
         How many are timed.
     window
         Their length in s.
-    ways
+    variants
         Which of log_mel, ast_torch, ast_onnx, ast_int8, ast_openvino, ast_cuda (a GPU) and yamnet; all, if
         empty.
     """
 
     windows: int = 100
     window: Seconds = 0.1
-    ways: tuple[str, ...] = ()
+    variants: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.windows < 1:
             raise InputError(f"{self.windows} windows", "1 or more")
         if not 0.03 <= self.window <= 1.0:
             raise InputError(f"window {self.window:g} s", "0.03 to 1 s")
-        for way in self.ways:
-            if way not in WAYS:
-                raise InputError(f"way '{way}'", ", ".join(WAYS), did_you_mean(way, WAYS))
+        for name in self.variants:
+            if name not in VARIANTS:
+                raise InputError(f"variant '{name}'", ", ".join(VARIANTS), did_you_mean(name, VARIANTS))
 
     def run(self) -> Iterator[Row]:
-        """Make every way ready, time them, and yield the rows of each."""
+        """Make every variant ready, time them, and yield the rows of each."""
         size = round(self.window * RATE)
         rng = np.random.default_rng(0)
         sounds = 0.1 * rng.standard_normal((WARM_UP + self.windows, 1, 2, size), np.float32)
         with one_core():
             ready: dict[str, Extractor] = {}
-            for name in {BASELINE: None, **dict.fromkeys(self.ways or WAYS)}:
+            for name in {BASELINE: None, **dict.fromkeys(self.variants or VARIANTS)}:
                 start = time.perf_counter()
                 try:
                     ready[name] = _extractor(name, size)
@@ -99,7 +99,7 @@ class Encoders(Benchmark):
 
 
 def _extractor(name: str, size: Samples) -> Extractor:
-    feature, options = WAYS[name]
+    feature, options = VARIANTS[name]
     return FEATURES.build(feature, options).prepare(Signal(sample_rate=RATE, channels=2), size)
 
 

@@ -78,7 +78,7 @@ class Live(Benchmark):
         summary = _whole(run(self._session(tree, self.seconds, baseline)))
         seen, beside = summary.stages["latency"], baseline.histogram.percentiles()
         for percentile, label in (("p50", "p50"), ("p95", "p95"), ("p99", "p99"), ("longest", "max")):
-            value, compared = (1e3 * getattr(found, percentile) for found in (seen, beside))
+            value, compared = (1e3 * getattr(summary, percentile) for summary in (seen, beside))
             yield _row(f"{name} {label}", value, "ms", AUTOCORRELATION, compared)
         return summary
 

@@ -58,20 +58,20 @@ class ModelBenchmark(Benchmark):
 
     def run(self) -> Iterator[Row]:
         """Make both ready, time them window by window, and yield median, p99 and largest of each, twice."""
-        told = load(self.path).definition if self.path else None
-        length = told.window / told.sample_rate if told else 0.1
+        definition = load(self.path).definition if self.path else None
+        length = definition.window / definition.sample_rate if definition else 0.1
         with SOURCES.build("twin", {"speed": 0.0, "seed": 1}).open() as stream, one_core():
             signal = stream.signal
             size = round(length * signal.sample_rate)
-            ways: dict[str, Prepared] = {
+            estimators: dict[str, Prepared] = {
                 BASELINE: ESTIMATORS.build("closed_form").prepare(signal, size),
                 "model": _estimate(self._model(signal, size), signal, size),
             }
-            times: dict[str, list[tuple[Seconds, Seconds]]] = {name: [] for name in ways}
+            times: dict[str, list[tuple[Seconds, Seconds]]] = {name: [] for name in estimators}
             hop = round(HOP * signal.sample_rate)
             stream_windows = windows(stream, size=size, hop=hop, sample_rate=signal.sample_rate)
             for window in islice(stream_windows, WARM_UP + self.count):
-                for name, estimate in ways.items():
+                for name, estimate in estimators.items():
                     times[name].append(_duration(estimate, window))
         for clock, kind in enumerate(("", " of processor time")):
             taken, baseline = (np.array(times[name][WARM_UP:])[:, clock] for name in ("model", BASELINE))

@@ -137,9 +137,9 @@ def _scene(name: str, sensor: Sensor) -> Scene:
     if name == "touch":
         return Scene(touches=(hold(here, 1.0, plastic),))
     across = [Key(time=0.4 * i, position=here + 2e-3 * (i % 2), force=1.0, across=0.03) for i in range(60)]
-    room = np.random.default_rng(0).normal(0.0, 1e-3, RATE).astype(np.float32)
+    noise = np.random.default_rng(0).normal(0.0, 1e-3, RATE).astype(np.float32)
     return Scene(
-        touches=(Touch(material=plastic, motion=tuple(across), rolls=False),), outside=Outside(samples=room)
+        touches=(Touch(material=plastic, motion=tuple(across), rolls=False),), outside=Outside(samples=noise)
     )
 
 

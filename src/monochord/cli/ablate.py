@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from monochord.cli._drawings import drawings
-from monochord.cli._options import refuse_without
+from monochord.cli._options import refuse_without, set_option
 from monochord.cli._output import echo
 from monochord.cli.evaluate import music
 from monochord.core.config import load_toml, override
@@ -30,7 +30,7 @@ from monochord.perception.training.settings import TrainingSettings
 )
 @click.option("--part", type=click.Choice(["validation", "test"]), help="Part that is evaluated.")
 @click.option("--noise", multiple=True, metavar="KIND:DB", help="Also evaluate with noise; repeatable.")
-@click.option("--set", "assignments", multiple=True, metavar="A.B=C", help="Override a setting of the grid.")
+@set_option("monochord list settings ablate")
 @click.option("--only", multiple=True, metavar="NAME", help="Only this variation; repeatable.")
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("ablation"), show_default=True, help="Folder."

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from monochord.capture.recording.from_files import from_files
-from monochord.cli._options import radius, refuse_unwritable
+from monochord.cli._options import radius, refuse_unwritable, set_option
 from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
 from monochord.core.config import Tree, override, to_tree
@@ -117,7 +117,7 @@ def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
 @click.argument("form")
 @some_files
 @click.option("--out", type=FILE, required=True, metavar="DIR", help="A new folder.")
-@click.option("--set", "assignments", multiple=True, metavar="A=B", help="Set an option of the form.")
+@set_option("monochord list exports")
 @json_object
 def export(
     form: str, files: tuple[Path, ...], *, out: Path, assignments: tuple[str, ...], as_json: bool

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from monochord.cli._options import set_option
 from monochord.cli._output import echo
 from monochord.core.config import load_toml, override
 from monochord.core.printable import printable
@@ -31,7 +32,7 @@ LEARNING = "learning"
     "--out", type=click.Path(path_type=Path), default=Path("run"), show_default=True, help="Folder."
 )
 @click.option("--dataset", type=click.Path(), metavar="DIR", help="Dataset that monochord build made.")
-@click.option("--set", "assignments", multiple=True, metavar="A.B=C", help="Override a setting; repeatable.")
+@set_option("monochord list settings train")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def train(
     config: str, *, out: Path, dataset: str | None, assignments: tuple[str, ...], as_json: bool

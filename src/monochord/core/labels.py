@@ -14,7 +14,7 @@ shares are of time, so labels at any rate, even or not, give the same answer. Fo
   beside it, and that tenth has no position. **force_std** is the deviation of the force within: how far one
   number can stand for the window.
 - **slip** is 1 where contact is 1 and the touch slides for `sliding` of the touched time or more, 0 for
-  `still` or less, and NaN between. Sliding is heard even in part of a window, so 50 % counts; a shorter
+  `still` or less, and NaN between. Sliding is audible even in part of a window, so 50 % counts; a shorter
   slide is neither. Without contact slip is NaN: nothing is there to slide.
 - **any other column** is its mean over the known time.
 

@@ -43,7 +43,7 @@ class Series:
 class PitchFinder:
     """Finds stiff harmonic series in windows of one size, looking for f0 in [lowest, highest].
 
-    Series outside that range are told where they are relatives of one inside, such as its lower octave.
+    Series outside that range are reported where they are relatives of one inside, such as its lower octave.
 
     Parameters
     ----------
@@ -65,8 +65,9 @@ class PitchFinder:
     --------
     >>> time = np.arange(4410) / 44100
     >>> tone = sum(np.sin(2 * np.pi * 220 * n * time) / n for n in range(1, 9))
-    >>> found = PitchFinder(sample_rate=44100, size=4410, lowest=80.0, highest=800.0).find(tone[np.newaxis])
-    >>> round(found[0].frequency, 1)
+    >>> finder = PitchFinder(sample_rate=44100, size=4410, lowest=80.0, highest=800.0)
+    >>> candidates = finder.find(tone[np.newaxis])
+    >>> round(candidates[0].frequency, 1)
     220.0
     """
 

@@ -70,5 +70,5 @@ class Resampler:
 
         ends = ((0, 0), (self._lead, self._lead))
         wide = np.pad(samples.astype(np.float32, copy=False), ends, mode="reflect", reflect_type="odd")
-        heard = np.asarray(soxr.resample(wide.T, *self._rates, quality="HQ"), np.float32).T
-        return np.ascontiguousarray(heard[:, self._first : self._first + self.length])
+        resampled = np.asarray(soxr.resample(wide.T, *self._rates, quality="HQ"), np.float32).T
+        return np.ascontiguousarray(resampled[:, self._first : self._first + self.length])

@@ -125,9 +125,9 @@ def fit_series(
             return f0, np.inf, inharmonicity, np.inf, 0
         det = a11 * a22 - a12 * a12
         bend = inharmonicity + (a11 * b2 - a12 * b1) / det
-        kept = min(max(bend, LEAST_B), MOST_B)
-        f0 += (b1 * a22 - b2 * a12) / det if kept == bend else (b1 - a12 * (kept - inharmonicity)) / a11
-        inharmonicity = kept
+        clamped = min(max(bend, LEAST_B), MOST_B)
+        f0 += (b1 * a22 - b2 * a12) / det if clamped == bend else (b1 - a12 * (clamped - inharmonicity)) / a11
+        inharmonicity = clamped
         excess = np.sqrt(max(1.0, chi2 / max(weights - 1.0, 1.0)))
         std, bend_std = np.sqrt(a22 / det) * excess, np.sqrt(a11 / det) * excess
     return f0, std, inharmonicity, bend_std, used

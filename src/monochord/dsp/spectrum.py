@@ -35,7 +35,7 @@ class Peaks(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analyser:
-    """Spectra of windows of one size, up to a highest frequency; it keeps room for one, so one thread's only.
+    """Spectra of windows of one size, up to a highest frequency; one thread only: it reuses its memory.
 
     Parameters
     ----------
@@ -54,14 +54,14 @@ class Analyser:
     taper: Floats = field(init=False, repr=False, compare=False)
     padded: Samples = field(init=False, repr=False)
     bins: int = field(init=False, repr=False)
-    _room: NDArray[np.complex128] = field(init=False, repr=False, compare=False)
+    _buffer: NDArray[np.complex128] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "top", min(self.top, 0.45 * self.sample_rate))
         object.__setattr__(self, "taper", np.hanning(self.size + 1)[:-1])
         object.__setattr__(self, "padded", 1 << int(np.ceil(np.log2(3.0 * self.size))))
         object.__setattr__(self, "bins", int(1.05 * self.top / self.spacing))
-        object.__setattr__(self, "_room", np.empty(self.padded // 2 + 1, np.complex128))
+        object.__setattr__(self, "_buffer", np.empty(self.padded // 2 + 1, np.complex128))
 
     @property
     def spacing(self) -> Hertz:
@@ -70,12 +70,12 @@ class Analyser:
 
     @property
     def resolution(self) -> Hertz:
-        """One over the window's duration: what frequencies can be told apart."""
+        """One over the window's duration: the least distance of two frequencies that are resolved."""
         return self.sample_rate / self.size
 
     def powers(self, samples: Floats | Audio) -> Floats:
         """Return the power spectrum of every channel, (channels, bins), each channel scaled to unit power."""
-        return power_spectrum(samples, self.taper, self.padded, self.bins, self._room)
+        return power_spectrum(samples, self.taper, self.padded, self.bins, self._buffer)
 
     def salience(self, power: Floats) -> Floats:
         """Return the logarithmic height of a power spectrum (bins,) over its noise floor."""
@@ -96,12 +96,12 @@ def power_spectrum(
     taper: Floats,
     size: Samples,
     bins: int | None = None,
-    room: NDArray[np.complex128] | None = None,
+    buffer: NDArray[np.complex128] | None = None,
 ) -> Floats:
     """Return the power spectrum of each channel, scaled to unit power.
 
     Scaling lets a quiet channel count as much as a loud one, so that two transducers of different gain can be
-    heard together.
+    analysed together.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def power_spectrum(
         Length of the zero-padded transform, at least n.
     bins
         How many bins from 0 Hz on are wanted; all size // 2 + 1 if None.
-    room
+    buffer
         Memory for one transform, (size // 2 + 1,). Fresh memory of this size costs a live loop more than the
         transform does: the system clears every page of it again for each window.
 
@@ -129,9 +129,9 @@ def power_spectrum(
     1000
     """
     power = np.empty((samples.shape[0], size // 2 + 1 if bins is None else bins))
-    for channel, told in zip(_levelled(samples, taper), power, strict=True):
-        half = np.fft.rfft(channel, size, out=room)[: told.size]
-        told[:] = half.real**2 + half.imag**2
+    for channel, row in zip(_levelled(samples, taper), power, strict=True):
+        half = np.fft.rfft(channel, size, out=buffer)[: row.size]
+        row[:] = half.real**2 + half.imag**2
     return power
 
 
@@ -139,7 +139,7 @@ def power_spectrum(
 def _levelled(samples: Floats | Audio, taper: Floats) -> Floats:
     """Return each channel about its mean, scaled to unit power and tapered; a silent one stays silent."""
     levelled = np.empty(samples.shape)
-    for channel, told in zip(samples, levelled):  # noqa: B905  (numba knows no strict)
+    for channel, row in zip(samples, levelled):  # noqa: B905  (numba knows no strict)
         total = square = 0.0
         for sample in channel:
             total += sample
@@ -149,7 +149,7 @@ def _levelled(samples: Floats | Audio, taper: Floats) -> Floats:
         rms = np.sqrt(square / channel.size)
         scale = rms if rms > 0.0 else 1.0
         for i in range(channel.size):
-            told[i] = (channel[i] - mean) / scale * taper[i]
+            row[i] = (channel[i] - mean) / scale * taper[i]
     return levelled
 
 

@@ -3,7 +3,7 @@
 Yi, Xing, Manchester and Fazeli, Sound of Touch, tables of contact location and of force under acoustic noise:
 one real sensor, features of an Audio Spectrogram Transformer, windows of 0.1 s; the noise is pop music from a
 loudspeaker 20 cm away. The paper reports slip and contact as detected without error. Its figures are a
-reference, not a rival: a simulated sensor has no wear, no glue and no room.
+reference, not a rival: a simulated sensor has no wear, no glue and no room noise.
 
 A row of ours is a feature, an object and a condition: errors in mm and N, shares and correlations over all
 touched windows, None where a feature does not estimate. `keep_rows` keeps them in a JSON file, `paper_page`

@@ -99,7 +99,7 @@ class Detection:
 
     Of the `windows` of known truth `positive` are yes, and the share `answered` has an estimate; `accuracy`
     is over all of them, `area` under the curve, `brier` score and `calibration` error over the answered ones.
-    `found` is the share of the `events` that were detected while they lasted; `delay` holds the median and
+    `detected` is the share of the `events` whose alarm began while they lasted; `delay` holds the median and
     the ninetieth percentile of the time that took, in s. `false_alarms` counts alarms a minute in the `quiet`
     seconds without an event.
     """
@@ -113,7 +113,7 @@ class Detection:
     brier: float | None = None
     calibration: float | None = None
     events: int = 0
-    found: float | None = None
+    detected: float | None = None
     delay: tuple[Seconds, ...] = ()
     quiet: Seconds = 0.0
     false_alarms: float | None = None
@@ -123,12 +123,12 @@ class Detection:
 class SpeedBand:
     """How well sliding in one band of speeds is detected.
 
-    `found` is the share of its sliding `windows` that is detected, an abstention being a miss; `area` is
+    `detected` is the share of its sliding `windows` that is, an abstention being a miss; `area` is
     under the curve of these windows against all windows at rest, over the answered ones.
     """
 
     windows: int
-    found: Score = NO_SCORE
+    detected: Score = NO_SCORE
     area: Score = NO_SCORE
 
 
@@ -245,7 +245,7 @@ def detection(results: Results, name: str, rows: Rows | None = None, *, draws: i
 
 
 def by_speed(results: Results, *, draws: int = DRAWS) -> dict[str, SpeedBand]:
-    """Return how well sliding is told from rest by bands of its speed in m/s, without empty bands.
+    """Return how well sliding is distinguished from rest by bands of its speed in m/s, without empty bands.
 
     The sliding windows of each band stand against all windows at rest.
 
@@ -268,7 +268,7 @@ def by_speed(results: Results, *, draws: int = DRAWS) -> dict[str, SpeedBand]:
         blocks = blocks_of(part.where(compared))[0]
         bands[f"{low:g} to {high:g}"] = SpeedBand(
             windows=len(band),
-            found=score_of(lambda at, right=right: float(right[at].mean()), blocks_of(band)[0], draws),
+            detected=score_of(lambda at, right=right: float(right[at].mean()), blocks_of(band)[0], draws),
             area=area(slides[compared], estimate[compared], blocks, draws),
         )
     return bands
@@ -342,7 +342,7 @@ def _with_events(detection: Detection, results: Results, name: str) -> Detection
     return replace(
         detection,
         events=len(events),
-        found=float(detected.mean()) if len(events) else None,
+        detected=float(detected.mean()) if len(events) else None,
         delay=tuple(np.quantile(delays[detected], [0.5, 0.9]).round(6).tolist()) if detected.any() else (),
         quiet=quiet,
         false_alarms=60.0 * false_alarms(events, alarms) / quiet if quiet > 0.0 else None,

@@ -1,4 +1,4 @@
-"""How well sliding is told from rest in the sound of the twin, by speed. All of it is simulated.
+"""How well sliding is distinguished from rest in the sound of the twin, by speed. All of it is simulated.
 
 Two plain features of a window, each from the physics. A string and its two segments have no partial below the
 open string's fundamental, and a touch at rest exerts no force on it slower than that. Sliding does: friction

@@ -41,7 +41,7 @@ class Drag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slip(Measured):
-    """Sliding told from rest by two plain features of 0.1 s windows, and one touch that sticks and slips.
+    """Sliding against rest by two plain features of 0.1 s windows, and one touch that sticks and slips.
 
     A: area under the curve of hits against false alarms by sliding speed, with 95 % intervals over runs;
     0.5 is chance, 1 is always; in quiet, and with pink noise. B to D: a touch dragged slowly across:

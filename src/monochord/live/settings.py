@@ -101,9 +101,8 @@ class LiveSettings:
         """Build every plug-in; raises `InputError` for an unknown name or option."""
         estimator = _build(ESTIMATORS, self.estimator)
         sinks = [SINKS.build(name, options, where=f"sinks.{name}") for name, options in self.sinks.items()]
-        length = getattr(estimator, "length", None)
-        if length:
-            sinks = [sink.for_length(length) for sink in sinks]
+        if estimator.string_length:
+            sinks = [sink.for_length(estimator.string_length) for sink in sinks]
         if any(sink.fills_standard_output for sink in sinks):
             sinks = [sink if sink.fills_standard_output else sink.off_standard_output() for sink in sinks]
         return LiveRun(

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 
 from monochord.core.types import Prepared, Signal
-from monochord.core.units import Samples
+from monochord.core.units import Metres, Samples
 
 
 class Estimator(ABC):
@@ -20,3 +20,8 @@ class Estimator(ABC):
         window that does not begin after the one before begins a new stream, without any state. Options
         that the signal cannot serve raise `InputError` here.
         """
+
+    @property
+    def string_length(self) -> Metres | None:
+        """Length of the string in m where an option states it, for sinks that draw the string; else None."""
+        return None

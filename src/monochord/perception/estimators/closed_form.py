@@ -60,6 +60,11 @@ class ClosedForm(Estimator):
     tension_law: TensionLaw = "linear"
     most_force: Newtons = 2.5
 
+    @property
+    def string_length(self) -> Metres | None:
+        """The option `length`."""
+        return self.length
+
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Choose the form that `sides` asks for and the signal allows, and prepare it."""
         both = signal.channels == 2 and signal.string is not None and self.open_frequency is None

@@ -16,7 +16,7 @@ class SplitStringSimulator(Simulator):
     Parameters
     ----------
     route
-        "fdtd", "modal" or "reference": three ways through the same physics.
+        "fdtd", "modal" or "reference": three methods for the same physics.
     sample_rate
         Of the sound, in Hz.
     """

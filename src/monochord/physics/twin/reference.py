@@ -343,12 +343,12 @@ def _pressed(
         return 0.0, gap, 0.0
 
     def force_to(s: float) -> float:
-        work = way = 0.0
+        work = distance = 0.0
         for node, weight in GAUSS:
             between = 0.5 * (s + s_old) + 0.5 * (s - s_old) * node
             slope = 2.0 * between + residual * between * (2.0 * k1 + 3.0 * k2 * between)
-            work, way = work + weight * slope * _elastic(between, k1, k2), way + weight * slope
-        mean = work / way if eta_old >= 0.0 else work * s / (way * s - eta_old)
+            work, distance = work + weight * slope * _elastic(between, k1, k2), distance + weight * slope
+        mean = work / distance if eta_old >= 0.0 else work * s / (distance * s - eta_old)
         both = _elastic(s, k1, k2) + _elastic(s_old, k1, k2)
         return max(0.0, mean + 0.5 * beta * both * (s * s - s_old * s_old))
 

@@ -292,19 +292,20 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     rate = float(twin.sample_rate)
     parameters = _single(twin.parameters)._replace(**_touches(twin.sensor, touches, twin.plan, rate))
     state = _single(twin.state)
-    kept, count, size = min(len(touches), len(twin.scene.touches)), len(touches), 2 * padded(twin.plan.count)
+    count, size = len(touches), 2 * padded(twin.plan.count)
+    continued = min(count, len(twin.scene.touches))
     bank = np.zeros((rows(count), size))
-    bank[: rows(kept)] = state.bank.reshape(-1, size)[: rows(kept)]
+    bank[: rows(continued)] = state.bank.reshape(-1, size)[: rows(continued)]
     bank[[FORCE, NORMAL, TANGENTIAL]] = 0.0
     if count > 0:
         bank[NORMAL, : size // 2] = bank[SHAPE, : size // 2]
         bank[TANGENTIAL, size // 2 :] = bank[SHAPE, : size // 2]
     contact, motion = _new_contacts(touches, twin.start / twin.sample_rate, bank)
     ahead = motion.copy()
-    contact[:kept], motion[:kept], ahead[:kept] = (
-        state.contact[:kept],
-        state.motion[:kept],
-        state.ahead[:kept],
+    contact[:continued], motion[:continued], ahead[:continued] = (
+        state.contact[:continued],
+        state.motion[:continued],
+        state.ahead[:continued],
     )
     memory = state.memory.copy()
     memory["touches_changed"] = 1.0
