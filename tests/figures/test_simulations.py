@@ -10,7 +10,7 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats
 from monochord.figures import convergence, modes, touch
-from monochord.figures.convergence import STEADY, TRANSIENT, Convergence, Segment, envelope, spectrum
+from monochord.figures.convergence import STEADY, TRANSIENT, Convergence, SegmentSound, envelope, spectrum
 from monochord.figures.modes import PATTERN_TOLERANCE, Modes
 from monochord.figures.slip import Slip
 from monochord.figures.touch import PHASES, RATE, SIZE, Touch
@@ -29,14 +29,14 @@ FEW_TOUCHES = Slip(runs=3, speeds=(0.01, 0.1), seconds=0.12)
 
 
 @pytest.fixture(scope="module")
-def segments() -> list[Segment]:
+def segments() -> list[SegmentSound]:
     contact = Contact(position=0.35 * APPENDIX.length, force=0.0)
     recording = simulate(SplitString(string=APPENDIX, contact=contact), 0.4, route="modal")
     both = zip(recording.segments, segment_frequencies(APPENDIX, contact), strict=True)
-    return [Segment(velocity=v, rate=float(recording.sample_rate), expected=f) for v, f in both]
+    return [SegmentSound(velocity=v, rate=float(recording.sample_rate), expected=f) for v, f in both]
 
 
-def test_a_touch_settles_on_the_frequencies_of_theory(segments: list[Segment]) -> None:
+def test_a_touch_settles_on_the_frequencies_of_theory(segments: list[SegmentSound]) -> None:
     for segment in segments:
         others: list[float] = []
         for span in (TRANSIENT, STEADY):
@@ -54,7 +54,7 @@ def test_a_touch_settles_on_the_frequencies_of_theory(segments: list[Segment]) -
 def test_the_envelope_of_a_decaying_tone_is_its_amplitude() -> None:
     t = np.arange(0.0, 0.2, 1e-4)
     amplitude = np.exp(-t / 0.5)
-    tone = Segment(velocity=amplitude * np.sin(2 * np.pi * 200.0 * t), rate=1e4, expected=200.0)
+    tone = SegmentSound(velocity=amplitude * np.sin(2 * np.pi * 200.0 * t), rate=1e4, expected=200.0)
     np.testing.assert_allclose(envelope(tone)[50:-50], amplitude[50:-50], rtol=0.02)
 
 

@@ -10,7 +10,15 @@ from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.errors import InputError
 from monochord.core.units import Seconds
-from monochord.physics.split_string import Pluck, Recording, Route, SplitString, peaks, simulate, time_step
+from monochord.physics.split_string import (
+    PluckShape,
+    Route,
+    SimulatedSound,
+    SplitString,
+    peaks,
+    simulate,
+    time_step,
+)
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
 
@@ -95,7 +103,7 @@ def _distances(setup: SplitString, expected: tuple[float, float]) -> Iterator[Ro
         off = np.abs(np.divide(peaks(recording), expected) - 1.0).max()
         yield _row(f"peaks of {name} off theory, relative", float(off), "bound", 1e-3)
     # A broad pluck: the partials of a narrow one are too high for either grid to be near its limit.
-    broad = replace(setup, pluck=Pluck(width=0.02))
+    broad = replace(setup, pluck=PluckShape(width=0.02))
     finer = replace(broad, nodes=2 * setup.nodes - 1, time_step=time_step(setup) / 2.0)
     limit = simulate(broad, 0.4, route="modal")
     coarse, fine = (_difference(limit, simulate(each, 0.4)) for each in (broad, finer))
@@ -103,7 +111,7 @@ def _distances(setup: SplitString, expected: tuple[float, float]) -> Iterator[Ro
     yield _row("the same at half the steps", fine, "FDTD", coarse)
 
 
-def _difference(reference: Recording, estimate: Recording) -> float:
+def _difference(reference: SimulatedSound, estimate: SimulatedSound) -> float:
     """RMS of the difference over RMS of the reference, both segments together."""
     apart = estimate.segments - reference.segments
     return float(np.sqrt((apart**2).mean() / (reference.segments**2).mean()))

@@ -18,7 +18,7 @@ from monochord.core.windows import windows
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
-from monochord.perception.model import Definition, Model, Stream, load
+from monochord.perception.model import Definition, Model, ModelState, load
 from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.probe import probed
 from monochord.physics.sensors import load_sensor
@@ -91,11 +91,11 @@ class ModelBenchmark(Benchmark):
 def _estimate(model: Model, signal: Signal, size: int) -> Prepared:
     """Return the function from a window to a model's estimates, with the state of its stream."""
     model.check(signal, size)
-    stream = Stream()
+    state = ModelState()
 
     def estimate(window: Window) -> Estimates:
-        nonlocal stream
-        stream, estimates = model.predict(stream, window)
+        nonlocal state
+        state, estimates = model.predict(state, window)
         return estimates
 
     return estimate

@@ -10,7 +10,7 @@ from monochord.core.types import Floats
 from monochord.core.units import Seconds
 from monochord.evaluation.realstrings import (
     POSITION_TOLERANCE,
-    Calibration,
+    KnownTouches,
     Protocol,
     RealTake,
     autocorrelation_errors,
@@ -74,7 +74,7 @@ class Realstrings(Benchmark):
         )
 
 
-def _with_one_more(fretted: list[RealTake], calibration: Calibration, protocol: Protocol) -> list[Floats]:
+def _with_one_more(fretted: list[RealTake], calibration: KnownTouches, protocol: Protocol) -> list[Floats]:
     """Return the errors of all other takes of a string, for every choice of one further calibration take."""
     errors: list[Floats] = []
     for known in fretted:

@@ -30,7 +30,7 @@ RATE = 44100
 """Sample rate in Hz of the recordings of interference and of the takes that they are added to."""
 REMEDY = "set the environment variable MONOCHORD_REALSTRINGS to it"
 
-Calibration: TypeAlias = tuple[tuple[float, ...], ...]
+KnownTouches: TypeAlias = tuple[tuple[float, ...], ...]
 """Known touches in the closed-form estimator's form; the open note comes first."""
 Mix: TypeAlias = Callable[[Audio], Audio]
 """Changes the samples (channels, n) of a take, as by adding interference."""
@@ -171,14 +171,14 @@ def recorded_strings() -> RecordedStrings:
     return RecordedStrings(open_notes=opens, fretted=fretted)
 
 
-def calibrated_strings(protocol: Protocol) -> Iterator[tuple[str, Calibration, list[RealTake]]]:
+def calibrated_strings(protocol: Protocol) -> Iterator[tuple[str, KnownTouches, list[RealTake]]]:
     """Yield each recorded string: its name, the calibration from its open note, and its fretted takes."""
     strings = recorded_strings()
     for name, take in strings.open_notes.items():
         yield name, open_note(take, protocol), strings.fretted[name]
 
 
-def open_note(take: RealTake, protocol: Protocol) -> Calibration:
+def open_note(take: RealTake, protocol: Protocol) -> KnownTouches:
     """Return an open take as calibration: the median frequency and inharmonicity of its windows.
 
     Computed from the audio alone: ``((frequency in Hz, 0.0, inharmonicity),)``.
@@ -201,7 +201,7 @@ def open_note(take: RealTake, protocol: Protocol) -> Calibration:
 
 
 def located(
-    take: RealTake, calibration: Calibration, protocol: Protocol, mix: Mix | None = None
+    take: RealTake, calibration: KnownTouches, protocol: Protocol, mix: Mix | None = None
 ) -> list[Mapping[str, Estimate]]:
     """Return the estimates of the closed-form estimator for every window of a take.
 

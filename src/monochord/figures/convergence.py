@@ -27,7 +27,7 @@ MIN_LEVEL = -70.0  # dB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Segment:
+class SegmentSound:
     """One segment as simulated: velocity (n,) in m/s, its sample rate, and the fundamental of theory."""
 
     velocity: Floats
@@ -92,7 +92,7 @@ class Convergence(Figure):
         page = _style.canvas(155.0)
         panels = page.subplots(3, 2, gridspec_kw={"height_ratios": [1.0, 1.1, 1.1]})
         for side in (0, 1):
-            signal = Segment(
+            signal = SegmentSound(
                 velocity=recording.segments[side], rate=float(recording.sample_rate), expected=expected[side]
             )
             waves, times, spectra = panels[:, side]
@@ -113,7 +113,7 @@ class Convergence(Figure):
         return page
 
 
-def envelope(segment: Segment) -> Floats:
+def envelope(segment: SegmentSound) -> Floats:
     """Return the amplitude of a segment's velocity: its greatest magnitude within half a period either side.
 
     Same shape and unit as the velocity; the half window at both ends uses what there is.
@@ -124,7 +124,7 @@ def envelope(segment: Segment) -> Floats:
     return maximum_filter1d(np.abs(segment.velocity), reach, mode="nearest")
 
 
-def spectrum(segment: Segment, span: tuple[Seconds, Seconds]) -> tuple[Floats, Floats]:
+def spectrum(segment: SegmentSound, span: tuple[Seconds, Seconds]) -> tuple[Floats, Floats]:
     """Return the spectrum of a segment's velocity within a span of time, under a Hann window.
 
     Returns
@@ -140,7 +140,7 @@ def spectrum(segment: Segment, span: tuple[Seconds, Seconds]) -> tuple[Floats, F
     return np.asarray(np.arange(level.size) * (segment.rate / size), float), _decibels(level)
 
 
-def spectrogram(segment: Segment, highest: Hertz) -> tuple[Floats, Floats, Floats]:
+def spectrogram(segment: SegmentSound, highest: Hertz) -> tuple[Floats, Floats, Floats]:
     """Return a segment's spectrogram: Hann windows of 30 ms, or ten periods if that is longer, every 2 ms.
 
     Returns
@@ -164,7 +164,7 @@ def _decibels(level: Floats) -> Floats:
     return 20.0 * np.log10(level / level.max() + 1e-12)
 
 
-def _draw_waves(axes: Axes, segment: Segment, colour: str) -> None:
+def _draw_waves(axes: Axes, segment: SegmentSound, colour: str) -> None:
     # A band from the lowest to the highest value of each period: hundreds of periods drawn as a line would
     # interfere with the dots of a screen or a printer.
     columns = np.arange(0.0, segment.velocity.size, segment.rate / segment.expected).astype(int)
@@ -186,7 +186,7 @@ def _draw_waves(axes: Axes, segment: Segment, colour: str) -> None:
         spine.set(linewidth=0.5, color=_style.INK)
 
 
-def _draw_times(axes: Axes, segment: Segment, highest: Hertz, colour: str) -> QuadMesh:
+def _draw_times(axes: Axes, segment: SegmentSound, highest: Hertz, colour: str) -> QuadMesh:
     times, frequencies, levels = spectrogram(segment, highest)
     image = axes.pcolormesh(
         1e3 * times, frequencies, levels, cmap=_style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0,
@@ -198,7 +198,7 @@ def _draw_times(axes: Axes, segment: Segment, highest: Hertz, colour: str) -> Qu
     return image
 
 
-def _draw_spectra(axes: Axes, segment: Segment, highest: Hertz, colour: str) -> None:
+def _draw_spectra(axes: Axes, segment: SegmentSound, highest: Hertz, colour: str) -> None:
     for span, name, look in ((TRANSIENT, "transient", _style.PALE), (STEADY, "steady", _style.INK)):
         frequencies, levels = spectrum(segment, span)
         label = f"{name}, {1e3 * span[0]:.0f} to {1e3 * span[1]:.0f} ms"

@@ -11,7 +11,7 @@ from tests.fuzz.base import Input, Target, taken_from
 from monochord.core.types import Signal, Window
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
-from monochord.perception.model import Definition, Model, Stream, load
+from monochord.perception.model import Definition, Model, ModelState, load
 from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.files import TEXT, WEIGHTS, save
 from monochord.perception.model.probe import probed
@@ -58,10 +58,10 @@ class Fuzz(Target):
             return edited
 
     def run(self, folder: Path) -> None:
-        model, stream = load(folder), Stream()
+        model, state = load(folder), ModelState()
         model.check(SIGNAL)
         for number in range(3):
             samples = np.random.default_rng(number).normal(size=(2, SIZE)).astype(np.float32)
-            stream, _ = model.predict(
-                stream, Window(samples=samples, start=number * SIZE, sample_rate=RATE, has_gap=False)
+            state, _ = model.predict(
+                state, Window(samples=samples, start=number * SIZE, sample_rate=RATE, has_gap=False)
             )

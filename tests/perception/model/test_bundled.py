@@ -10,7 +10,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Signal, Window
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
-from monochord.perception.model import Stream, folder_of, load
+from monochord.perception.model import ModelState, folder_of, load
 from monochord.perception.model.bundled import bundled_folder, bundled_names
 from monochord.perception.model.definition import FeatureRecord
 from monochord.perception.training.configs import DEFAULT, config_path
@@ -64,7 +64,7 @@ def test_the_features_are_what_they_were_when_it_was_trained(name: str) -> None:
         pytest.fail(f"{error}\n{AGAIN}")
     rng = np.random.default_rng(0)
     samples = 0.1 * rng.standard_normal((2, 4410), np.float32)
-    _, estimates = model.predict(Stream(), Window(samples=samples, start=0, sample_rate=44100))
+    _, estimates = model.predict(ModelState(), Window(samples=samples, start=0, sample_rate=44100))
     assert estimates.keys() == {"contact", "slip", "position", "force"}
 
 

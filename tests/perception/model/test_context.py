@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Audio
-from monochord.perception.model.context import Stream, context_row, step
+from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.definition import FeatureRecord, Reference
 
 FEATURE = FeatureRecord(name="untouched", options={}, columns=("pitch", "level"))
@@ -18,11 +18,11 @@ def rule(**options: float) -> Reference:
 
 def fold(rule: Reference, contact: Sequence[float], hop: float = 0.1) -> list[float]:
     """Return the first number of the reference before each window, NaN before any; row k holds k."""
-    stream, reference = Stream(), list[float]()
+    state, reference = ModelState(), list[float]()
     for k, chance in enumerate(contact):
-        row = context_row(stream, 3)
+        row = context_row(state, 3)
         reference.append(float(row[0]) if row[-1] else float("nan"))
-        stream = step(stream, rule, hop * k, chance, lambda k=k: np.array([k, 1.0], np.float32))
+        state = step(state, rule, hop * k, chance, lambda k=k: np.array([k, 1.0], np.float32))
     return reference
 
 
@@ -69,18 +69,18 @@ def test_the_feature_is_computed_only_where_it_is_needed() -> None:
     def never() -> Audio:
         raise AssertionError
 
-    stream = step(Stream(), rule(), 0.0, 1.0, never)
-    stream = step(stream, rule(), 0.1, 0.0, never)
-    assert stream.touched == 0.0
+    state = step(ModelState(), rule(), 0.0, 1.0, never)
+    state = step(state, rule(), 0.1, 0.0, never)
+    assert state.touched == 0.0
 
 
 @pytest.mark.parametrize("hop", [0.01, 0.1, 0.05])
 def test_the_state_is_bounded(hop: float) -> None:
-    stream = Stream()
+    state = ModelState()
     for k in range(500):
-        stream = step(stream, rule(), hop * k, 0.0, lambda: np.zeros(2, np.float32))
-    assert len(stream.rows) == 8
-    assert len(stream.pending) <= 2
+        state = step(state, rule(), hop * k, 0.0, lambda: np.zeros(2, np.float32))
+    assert len(state.rows) == 8
+    assert len(state.pending) <= 2
 
 
 @pytest.mark.parametrize("options", [{"below": 0.0}, {"keep": 0}, {"settle": -1.0}, {"every": 100.0}])

@@ -9,7 +9,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Window
-from monochord.perception.model import Model, Stream, folder_of, load, save
+from monochord.perception.model import Model, ModelState, folder_of, load, save
 
 Sound = Callable[..., Window]
 
@@ -24,7 +24,7 @@ def test_what_was_saved_is_what_is_loaded(drawn: Model, folder: Path, sound: Sou
     loaded = load(folder)
     assert {**drawn.weights}.keys() == loaded.weights.keys()
     for k in range(8):
-        one, other = (each.predict(Stream(), sound(k))[1] for each in (drawn, loaded))
+        one, other = (each.predict(ModelState(), sound(k))[1] for each in (drawn, loaded))
         assert str(one) == str(other)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Estimates, Signal, Window
-from monochord.perception.model import Definition, Model, Stream
+from monochord.perception.model import Definition, Model, ModelState
 from monochord.perception.model.definition import Calibration
 from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
 from monochord.physics.strings import load_string
@@ -19,11 +19,11 @@ Sound = Callable[..., Window]
 CONFIDENT = Output(value=9.0)
 
 
-def predict(model: Model, windows: Iterable[Window], stream: Stream | None = None) -> list[Estimates]:
+def predict(model: Model, windows: Iterable[Window], state: ModelState | None = None) -> list[Estimates]:
     """Return the estimates of windows of one stream."""
-    stream, results = stream or Stream(), list[Estimates]()
+    state, results = state or ModelState(), list[Estimates]()
     for window in windows:
-        stream, estimates = model.predict(stream, window)
+        state, estimates = model.predict(state, window)
         results.append(estimates)
     return results
 
@@ -41,12 +41,12 @@ def test_equal_streams_give_equal_bits(drawn: Model, sound: Sound) -> None:
 
 
 def test_the_state_is_all_that_earlier_windows_change(drawn: Model, sound: Sound) -> None:
-    stream, window = Stream(), sound(40)
-    quiet = Stream(median=np.zeros(10, np.float32), rows=(np.zeros(10, np.float32),))
-    alone, after = (dict(drawn.outputs(each, window)[1]) for each in (stream, quiet))
+    state, window = ModelState(), sound(40)
+    quiet = ModelState(median=np.zeros(10, np.float32), rows=(np.zeros(10, np.float32),))
+    alone, after = (dict(drawn.outputs(each, window)[1]) for each in (state, quiet))
     assert alone["contact"] == after["contact"]
     assert alone["force"] != after["force"]
-    assert stream == Stream()
+    assert state == ModelState()
 
 
 def test_a_window_that_does_not_follow_begins_another_stream(drawn: Model, sound: Sound) -> None:
@@ -57,9 +57,9 @@ def test_a_window_that_does_not_follow_begins_another_stream(drawn: Model, sound
 
 def test_a_gap_or_silence_is_an_abstention_and_keeps_the_reference(drawn: Model, sound: Sound) -> None:
     model = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, quietest=1e-3))
-    stream = Stream()
+    state = ModelState()
     for k in range(5):
-        stream, _ = model.predict(stream, sound(k))
+        state, _ = model.predict(state, sound(k))
     for window, reason in (
         (dataclasses.replace(sound(5), samples=5e-3 * sound(5).samples), "silence"),
         (sound(5, has_gap=True), "gap"),
@@ -69,9 +69,9 @@ def test_a_gap_or_silence_is_an_abstention_and_keeps_the_reference(drawn: Model,
             "samples that are not numbers",
         ),
     ):
-        after, estimates = model.predict(stream, window)
+        after, estimates = model.predict(state, window)
         assert {each.why_not for each in estimates.values()} == {reason}
-        assert dataclasses.replace(after, start=stream.start) == stream
+        assert dataclasses.replace(after, start=state.start) == state
         assert estimates["force"].unit == "N"
 
 
@@ -99,7 +99,7 @@ def test_windows_of_another_length_are_refused(drawn: Model, signal: Signal, sou
     short = dataclasses.replace(sound(0), samples=sound(0).samples[:, :700])
     line = r"700 frames for a model: allowed is 800 frames at 8000 Hz; set --window 0.1"
     with pytest.raises(InputError, match=line):
-        drawn.predict(Stream(), short)
+        drawn.predict(ModelState(), short)
     with pytest.raises(InputError, match=line):
         drawn.check(signal, 700)
 

@@ -17,7 +17,7 @@ from monochord.core.config import dump_toml
 from monochord.core.errors import InputError
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
-from monochord.perception.model import Stream, load
+from monochord.perception.model import ModelState, load
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import probability_scores, quantity_scores, replay, train, window_of
 
@@ -31,10 +31,10 @@ def test_it_beats_the_mean_label_by_far_on_sessions_not_trained_on(
     result = train(TrainingSettings.read(lesson), tmp_path / "run")
     dataset = open_dataset(Path(lesson["dataset"]))
     test = Split.read(dataset.path / "split.json").test
-    model, stream = load(tmp_path / "run"), Stream()
+    model, state = load(tmp_path / "run"), ModelState()
     errors, right = dict[str, list[float]](), list[bool]()
     for row in test.tolist():
-        stream, estimates = model.predict(stream, window_of(dataset, row))
+        state, estimates = model.predict(state, window_of(dataset, row))
         contact = dataset.label("contact")[row]
         if np.isfinite(contact):
             right.append((estimates["contact"].value >= 0.5) == (contact == 1.0))

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Contact, Floats
-from monochord.physics.split_string import Drive, Pluck, Recording, Route, SplitString, peaks, simulate
-from monochord.physics.split_string.grid import Grid, lay_out, time_step
+from monochord.physics.split_string import (
+    Drive,
+    PluckShape,
+    Route,
+    SimulatedSound,
+    SplitString,
+    peaks,
+    simulate,
+)
+from monochord.physics.split_string.grid import SegmentGrid, lay_out, time_step
 from monochord.physics.split_string.kernels import leapfrog
 from monochord.physics.split_string.segments import split
 from monochord.physics.split_string.simulate import step_grid
@@ -19,7 +27,7 @@ SETUP = SplitString(string=APPENDIX.string, contact=APPENDIX.contact)
 UNDRIVEN = replace(SETUP, drive=Drive(amplitude=0.0))
 
 
-def loudness(recording: Recording, start: float, stop: float) -> Floats:
+def loudness(recording: SimulatedSound, start: float, stop: float) -> Floats:
     cut = slice(round(start * recording.sample_rate), round(stop * recording.sample_rate))
     return np.sqrt((recording.segments[:, cut] ** 2).mean(axis=1))
 
@@ -35,7 +43,7 @@ def test_the_scheme_is_of_second_order() -> None:
     """Halve spacing and step together: the error against the exact modes falls fourfold."""
     smooth = replace(
         SETUP,
-        pluck=Pluck(width=0.03),
+        pluck=PluckShape(width=0.03),
         drive=Drive(width=0.03, start_frequencies=(660.0, 400.0), feedback="off"),
     )
     exact = simulate(smooth, 0.02, route="modal", sample_rate=100000).segments
@@ -51,7 +59,7 @@ def test_the_scheme_is_of_second_order() -> None:
 
 def test_refining_the_grid_leads_to_the_modal_route() -> None:
     """With the feedback running; the two routes share no line of the propagation."""
-    case = replace(SETUP, pluck=Pluck(width=0.02))
+    case = replace(SETUP, pluck=PluckShape(width=0.02))
     exact = simulate(case, 0.3, route="modal").segments
     coarse, fine = (
         simulate(replace(case, nodes=nodes, time_step=step), 0.3).segments
@@ -76,14 +84,14 @@ def test_turning_the_string_round_swaps_the_channels(route: Route) -> None:
 
 @pytest.mark.parametrize("route", ["fdtd", "modal"])
 def test_an_untouched_string_sounds_at_its_fundamental_and_hears_no_difference(route: Route) -> None:
-    middle = replace(SETUP, contact=None, pluck=Pluck(place=0.5))
+    middle = replace(SETUP, contact=None, pluck=PluckShape(place=0.5))
     recording = simulate(middle, 0.4, route=route)
     assert peaks(recording) == pytest.approx((243.25, 243.25), rel=1e-3)
     difference = np.abs(recording.segments[0] - recording.segments[1]).max()
     assert difference < 1e-6 * np.abs(recording.segments).max()
 
 
-def energy(grid: Grid, courant: float) -> float:
+def energy(grid: SegmentGrid, courant: float) -> float:
     """The scheme's own energy, of both steps at hand, up to a constant factor."""
     motion = ((grid.now - grid.before) ** 2).sum()
     return motion + courant**2 * (np.diff(grid.now) * np.diff(grid.before)).sum()

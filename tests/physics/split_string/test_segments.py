@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats
-from monochord.physics.split_string import Drive, Pluck, SplitString, grid, kernels, simulate
+from monochord.physics.split_string import Drive, PluckShape, SplitString, grid, kernels, simulate
 from monochord.physics.split_string.grid import lay_out, leapfrog, time_step
 from monochord.physics.split_string.kernels import ring
 from monochord.physics.split_string.modes import find_modes, free_motion, plucked, response
@@ -67,7 +67,7 @@ def test_a_printed_driver_pushes_its_middle_node_with_its_amplitude() -> None:
 
 
 def test_a_pluck_sums_to_its_rounded_triangle() -> None:
-    pluck = Pluck(height=1e-3, place=0.3, width=1e-3)
+    pluck = PluckShape(height=1e-3, place=0.3, width=1e-3)
     (whole,) = split(SplitString(string=STRING))
     count = gaussian_modes(pluck.width, whole.length)
     places = np.array([0.0, 0.1, 0.3, 0.8]) * whole.length
@@ -131,7 +131,9 @@ def test_no_drive_and_no_pluck_mean_silence() -> None:
     assert not rest.audible.push.any()
 
 
-GRIDDED = SplitString(string=APPENDIX.string, contact=APPENDIX.contact, nodes=101, pluck=Pluck(width=1e-3))
+GRIDDED = SplitString(
+    string=APPENDIX.string, contact=APPENDIX.contact, nodes=101, pluck=PluckShape(width=1e-3)
+)
 
 
 def test_a_plucked_segment_starts_as_a_triangle_at_rest() -> None:

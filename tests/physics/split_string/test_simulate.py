@@ -8,7 +8,15 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Contact
-from monochord.physics.split_string import Drive, Pluck, Recording, Route, SplitString, peaks, simulate
+from monochord.physics.split_string import (
+    Drive,
+    PluckShape,
+    Route,
+    SimulatedSound,
+    SplitString,
+    peaks,
+    simulate,
+)
 from monochord.physics.split_string.simulate import _resample
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, segment_frequencies
@@ -84,11 +92,11 @@ def test_nothing_folds_back_from_the_grid_s_rate_and_what_passes_keeps_its_time(
     assert np.abs(stopped).max() < 1e-6
 
 
-def recording(own: float, loud: float = 1.0, seconds: float = 0.4) -> Recording:
+def recording(own: float, loud: float = 1.0, seconds: float = 0.4) -> SimulatedSound:
     times = np.arange(round(seconds * 44100)) / 44100
     tones = (np.sin(2.0 * np.pi * 695.0 * times), loud * np.sin(2.0 * np.pi * 374.2 * times))
     mixing = mixing_matrix(own, own)
-    return Recording(
+    return SimulatedSound(
         segments=np.stack(tones),
         microphones=mixing @ np.stack(tones),
         sample_rate=44100,
@@ -170,4 +178,4 @@ def test_a_drive_that_cannot_be_is_refused(options: dict[str, Any], line: str) -
 @pytest.mark.parametrize("options", [{"place": 1.0}, {"width": -1.0}, {"height": float("nan")}])
 def test_a_pluck_that_cannot_be_is_refused(options: dict[str, float]) -> None:
     with pytest.raises(InputError, match="pluck"):
-        Pluck(**options)
+        PluckShape(**options)

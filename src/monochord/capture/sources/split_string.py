@@ -20,7 +20,7 @@ from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack, one_window_labels
 from monochord.core.types import Audio, Contact, Floats, Signal, StringParams, Truth
 from monochord.core.units import MetresPerSecond, Newtons, Samples, Seconds
-from monochord.physics.split_string import Drive, Pluck, Ringing, SplitString, advance, begin, touch
+from monochord.physics.split_string import Drive, PluckShape, Ringing, SplitString, advance, begin, touch
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, open_frequency
 
@@ -124,7 +124,7 @@ def _setup(string: StringParams, level: MetresPerSecond) -> SplitString:
     return SplitString(
         string=string,
         drive=Drive(amplitude=level * string.damping * string.length / 2.0),
-        pluck=Pluck(height=level / (2.0 * math.pi * open_frequency(string))),
+        pluck=PluckShape(height=level / (2.0 * math.pi * open_frequency(string))),
     )
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from monochord.core.types import Estimates, Prepared, Signal, Window
 from monochord.core.units import Samples
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.model import Stream, load
+from monochord.perception.model import ModelState, load
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,12 +25,12 @@ class ModelEstimator(Estimator):
 
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Load the model and check that it fits the signal."""
-        model, stream = load(self.path), Stream()
+        model, state = load(self.path), ModelState()
         model.check(signal, size)
 
         def estimate(window: Window) -> Estimates:
-            nonlocal stream
-            stream, estimates = model.predict(stream, window)
+            nonlocal state
+            state, estimates = model.predict(state, window)
             return estimates
 
         return estimate

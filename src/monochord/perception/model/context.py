@@ -25,8 +25,8 @@ TIME_TOLERANCE: Seconds = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stream:
-    """The state of a model on one stream of windows, passed in and out; ``Stream()`` is its begin.
+class ModelState:
+    """The state of a model on one stream of windows, passed in and out; it begins as ``ModelState()``.
 
     `start` is the first frame of the last window. `rows` are the windows of the reference, oldest first, and
     `median` is theirs, None before any. `pending` are those that enter if no touch begins right after
@@ -42,12 +42,14 @@ class Stream:
     touched: Seconds = NEVER
 
 
-def step(stream: Stream, rule: Reference, time: Seconds, contact: float, row: Callable[[], Audio]) -> Stream:
+def step(
+    state: ModelState, rule: Reference, time: Seconds, contact: float, row: Callable[[], Audio]
+) -> ModelState:
     """Return the state after one more window.
 
     Parameters
     ----------
-    stream
+    state
         The state before it.
     rule
         How the reference is updated.
@@ -62,35 +64,35 @@ def step(stream: Stream, rule: Reference, time: Seconds, contact: float, row: Ca
     --------
     >>> from monochord.perception.model.definition import FeatureRecord
     >>> feature = FeatureRecord(name="untouched", options={}, columns=("tension",))
-    >>> stream, rule = Stream(), Reference(feature=feature)
+    >>> state, rule = ModelState(), Reference(feature=feature)
     >>> for k, contact in enumerate([0.0, 0.0, 0.0, 1.0]):
-    ...     stream = step(stream, rule, 0.1 * k, contact, lambda k=k: np.array([k], np.float32))
-    >>> stream.median.tolist()
+    ...     state = step(state, rule, 0.1 * k, contact, lambda k=k: np.array([k], np.float32))
+    >>> state.median.tolist()
     [0.5]
     """
     if not contact < rule.below:
-        return replace(stream, pending=(), touched=time)
-    entering = [each for each in stream.pending if each[0] + rule.guard <= time + TIME_TOLERANCE]
-    pending = stream.pending[len(entering) :]
-    accepted = stream.accepted
+        return replace(state, pending=(), touched=time)
+    entering = [each for each in state.pending if each[0] + rule.guard <= time + TIME_TOLERANCE]
+    pending = state.pending[len(entering) :]
+    accepted = state.accepted
     is_due = time - accepted >= rule.every - TIME_TOLERANCE
-    if is_due and time - stream.touched >= rule.settle - TIME_TOLERANCE:
+    if is_due and time - state.touched >= rule.settle - TIME_TOLERANCE:
         pending, accepted = (*pending, (time, row())), time
     if not entering:
-        return replace(stream, pending=pending, accepted=accepted)
-    rows = (*stream.rows, *(each for _, each in entering))[-rule.keep :]
+        return replace(state, pending=pending, accepted=accepted)
+    rows = (*state.rows, *(each for _, each in entering))[-rule.keep :]
     median = np.median(np.stack(rows), axis=0).astype(np.float32)
-    return replace(stream, rows=rows, median=median, pending=pending, accepted=accepted)
+    return replace(state, rows=rows, median=median, pending=pending, accepted=accepted)
 
 
-def context_row(stream: Stream, width: int) -> Audio:
+def context_row(state: ModelState, width: int) -> Audio:
     """Return the reference (width,) with a last column that is 1 where there is one; zeros before any.
 
-    >>> context_row(Stream(), 3).tolist()
+    >>> context_row(ModelState(), 3).tolist()
     [0.0, 0.0, 0.0]
     """
     row = np.zeros(width, np.float32)
-    if stream.median is not None:
-        row[:-1] = stream.median
+    if state.median is not None:
+        row[:-1] = state.median
         row[-1] = 1.0
     return row

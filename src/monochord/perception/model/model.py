@@ -12,7 +12,7 @@ from monochord.core.units import Samples
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.model.context import Stream, context_row, step
+from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.network import Network, Output, estimates_of, probability
 from monochord.perception.model.probe import probed, refuse_another
@@ -37,10 +37,10 @@ class Model:
     Examples
     --------
     >>> from monochord.perception.model import load
-    >>> model, stream = load("demo"), Stream()
+    >>> model, state = load("demo"), ModelState()
     >>> silence = np.zeros((2, model.definition.window), np.float32)
     >>> window = Window(samples=silence, start=0, sample_rate=44100, has_gap=False)
-    >>> stream, estimates = model.predict(stream, window)
+    >>> state, estimates = model.predict(state, window)
     >>> estimates["position"].why_not
     'silence'
     """
@@ -75,13 +75,13 @@ class Model:
             self._check_size(size)
         _ = self._extractors
 
-    def predict(self, stream: Stream, window: Window) -> tuple[Stream, Estimates]:
+    def predict(self, state: ModelState, window: Window) -> tuple[ModelState, Estimates]:
         """Return the state after a window, and the estimates for it.
 
         Parameters
         ----------
-        stream
-            The state before the window; ``Stream()`` at the begin. A window that does not begin after the
+        state
+            The state before the window; ``ModelState()`` at the begin. A window that does not begin after the
             one before it is the first of another stream.
         window
             Of the length of the training.
@@ -92,33 +92,33 @@ class Model:
             If the window has another length.
         """
         self._check_size(window.samples.shape[-1])
-        stream, outputs = self.outputs(stream, window)
+        state, outputs = self.outputs(state, window)
         if not outputs:
             reason = self.why_not(window)
             heads = self.definition.heads.items()
-            return stream, {name: Estimate.abstain(record.task.unit, reason) for name, record in heads}
-        return stream, estimates_of(self.definition, outputs)
+            return state, {name: Estimate.abstain(record.task.unit, reason) for name, record in heads}
+        return state, estimates_of(self.definition, outputs)
 
-    def outputs(self, stream: Stream, window: Window) -> tuple[Stream, Mapping[str, Output]]:
+    def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
         """Return the state after a window, and the output of each head, which calibration does not change.
 
         A window is read against the reference of the windows before it. One that cannot be used has no
         outputs and leaves the reference as it is.
         """
         trained, network = self.definition, self._network
-        stream = replace(stream if window.start > stream.start else Stream(), start=window.start)
+        state = replace(state if window.start > state.start else ModelState(), start=window.start)
         if self.why_not(window):
-            return stream, {}
+            return state, {}
         feature, reference = self._extractors
         samples = window.samples[None]
         base = network.scaled(feature(samples)[0])
-        context = network.scaled_context(context_row(stream, trained.widths[1]))
+        context = network.scaled_context(context_row(state, trained.widths[1]))
         outputs = {name: network.output(name, base, context) for name in trained.heads}
         if reference is not None and trained.reference is not None:
             contact = probability(outputs[trained.gate], trained.heads[trained.gate])
             time = window.start / window.sample_rate
-            stream = step(stream, trained.reference, time, contact, lambda: reference(samples)[0])
-        return stream, outputs
+            state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
+        return state, outputs
 
     def why_not(self, window: Window) -> str:
         """Return why a window cannot be used, or an empty string."""

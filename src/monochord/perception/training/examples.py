@@ -16,7 +16,7 @@ from monochord.datasets.store import Dataset, Flags, Indices
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import SupportsCompliance
 from monochord.perception.heads.base import CONTACT, Task
-from monochord.perception.model.context import Stream, context_row, step
+from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.probe import probed
 from monochord.perception.training.rows import Noise, Progress, Rows
@@ -202,13 +202,13 @@ def references(
     """
     width = len(rule.feature.columns) + 1
     result = np.zeros((len(rows), width), np.float32)
-    stream, session, rate = Stream(), -1, dataset.manifest.sample_rate
+    state, session, rate = ModelState(), -1, dataset.manifest.sample_rate
     for number, row in enumerate(rows.tolist()):
         if dataset.session[row] != session:
-            stream, session = Stream(), int(dataset.session[row])
-        result[number] = context_row(stream, width)
+            state, session = ModelState(), int(dataset.session[row])
+        result[number] = context_row(state, width)
         time = int(dataset.start[row]) / rate
-        stream = step(stream, rule, time, float(contact[number]), lambda row=row: features[row])
+        state = step(state, rule, time, float(contact[number]), lambda row=row: features[row])
     return result
 
 

@@ -13,7 +13,7 @@ from monochord.core.types import Floats, Window
 from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, Indices, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
-from monochord.perception.model.context import Stream
+from monochord.perception.model.context import ModelState
 from monochord.perception.model.definition import Calibration, Definition
 from monochord.perception.model.files import INSIDE_A_RUN, save
 from monochord.perception.model.model import Model
@@ -162,11 +162,11 @@ def replay(model: Model, dataset: Dataset, rows: Indices) -> Iterator[tuple[int,
 
     `rows` (n,) are in the order of their sessions and of time; each session is a stream of its own.
     """
-    stream, session = Stream(), -1
+    state, session = ModelState(), -1
     for row in rows.tolist():
         if dataset.session[row] != session:
-            stream, session = Stream(), int(dataset.session[row])
-        stream, outputs = model.outputs(stream, window_of(dataset, row))
+            state, session = ModelState(), int(dataset.session[row])
+        state, outputs = model.outputs(state, window_of(dataset, row))
         yield row, outputs
 
 

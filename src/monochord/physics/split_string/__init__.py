@@ -5,16 +5,16 @@
 """
 
 from monochord.physics.split_string.grid import time_step
-from monochord.physics.split_string.setup import Drive, Pluck, SplitString
-from monochord.physics.split_string.simulate import Recording, Route, peaks, simulate
+from monochord.physics.split_string.setup import Drive, PluckShape, SplitString
+from monochord.physics.split_string.simulate import Route, SimulatedSound, peaks, simulate
 from monochord.physics.split_string.stream import Ringing, advance, begin, touch
 
 __all__ = [
     "Drive",
-    "Pluck",
-    "Recording",
+    "PluckShape",
     "Ringing",
     "Route",
+    "SimulatedSound",
     "SplitString",
     "advance",
     "begin",

@@ -30,7 +30,7 @@ MAX_DIVISOR = 100
 
 
 @dataclass(slots=True, kw_only=True)
-class Grid:
+class SegmentGrid:
     """One segment's displacements, now and one step before, which stepping changes, and its constants."""
 
     now: Floats
@@ -52,7 +52,7 @@ class Grid:
             self.now, self.before = self.before, self.now
 
 
-def lay_out(setup: SplitString, segment: Segment) -> Grid:
+def lay_out(setup: SplitString, segment: Segment) -> SegmentGrid:
     """Return a segment on its grid at time zero; raises `InputError` for a step that would be unstable."""
     dt, count = time_step(setup), setup.nodes
     places = np.linspace(0.0, segment.length, count)
@@ -69,7 +69,7 @@ def lay_out(setup: SplitString, segment: Segment) -> Grid:
     loads *= dt**2 / (segment.linear_density * (1.0 + loss))
     pickup_at = np.array(segment.pickups) / segment.spacing
     nodes = np.minimum(pickup_at.astype(np.int64), count - 2)
-    return Grid(
+    return SegmentGrid(
         now=now,
         before=before,
         coefficients=(

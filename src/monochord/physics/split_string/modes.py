@@ -15,7 +15,7 @@ from monochord.physics.split_string.segments import (
     split,
     support,
 )
-from monochord.physics.split_string.setup import Pluck, SplitString
+from monochord.physics.split_string.setup import PluckShape, SplitString
 
 MAX_AUDIBLE_SHARE = 0.456
 """Share of the sample rate up to which modes are audible: the cutoff of the FDTD route's resampler."""
@@ -126,7 +126,7 @@ def response(modes: Modes, frequencies: Floats) -> Complexes:
     return amplitude * np.sign(w)
 
 
-def plucked(pluck: Pluck | None, string: ModalString) -> Floats:
+def plucked(pluck: PluckShape | None, string: ModalString) -> Floats:
     """Return the displacements (audible,) in m of modes whose every segment is plucked, or at rest."""
     if pluck is None:
         return np.zeros(sum(string.counts))

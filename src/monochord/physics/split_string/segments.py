@@ -8,7 +8,7 @@ import numpy as np
 
 from monochord.core.types import Floats
 from monochord.core.units import KilogramsPerMetre, Metres, MetresPerSecond
-from monochord.physics.split_string.setup import Drive, Pluck, SplitString
+from monochord.physics.split_string.setup import Drive, PluckShape, SplitString
 from monochord.physics.theory import damping_under, tension_from_force
 
 GAUSSIAN_EXTENT = 6.5
@@ -105,7 +105,7 @@ def gaussian_modes(width: Metres, length: Metres) -> int:
     return max(1, ceil(GAUSSIAN_EXTENT * length / (pi * width)))
 
 
-def pluck_amplitudes(pluck: Pluck, segment: Segment, count: int) -> Floats:
+def pluck_amplitudes(pluck: PluckShape, segment: Segment, count: int) -> Floats:
     """Return the modal amplitudes in m of a plucked segment.
 
     a_n = 2 h sin(n pi p) / (n^2 pi^2 p (1 - p)) exp(-(n pi w / L)^2 / 2): a triangle with its tip at p L,

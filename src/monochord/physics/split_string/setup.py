@@ -14,7 +14,7 @@ Damping: TypeAlias = Literal["continuous", "printed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pluck:
+class PluckShape:
     """The shape that a string is released from, at rest: a triangle rounded by a Gaussian.
 
     Parameters
@@ -145,7 +145,7 @@ class SplitString:
     contact: Contact | None = None
     tension_law: TensionLaw = "linear"
     initial: Literal["plucked", "rest"] = "plucked"
-    pluck: Pluck = field(default_factory=Pluck)
+    pluck: PluckShape = field(default_factory=PluckShape)
     drive: Drive = field(default_factory=Drive)
     mixing: tuple[float, float] = (0.85, 0.85)
     pickup_place: float = 0.25

@@ -25,7 +25,7 @@ this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
+class SimulatedSound:
     """Two segments' velocities, and what the microphones pick up of them.
 
     Parameters
@@ -59,7 +59,7 @@ class Recording:
 
 def simulate(
     setup: SplitString, seconds: Seconds, *, route: Route = "fdtd", sample_rate: int = 44100
-) -> Recording:
+) -> SimulatedSound:
     """Simulate a split string from time zero.
 
     Parameters
@@ -80,7 +80,7 @@ def simulate(
 
     Returns
     -------
-    Recording
+    SimulatedSound
         Velocities and microphones.
 
     Raises
@@ -111,7 +111,7 @@ def simulate(
     velocity, tones = _ROUTES[route](setup, count, sample_rate)
     mixing = mixing_matrix(*setup.mixing)
     intervals = ceil(seconds / setup.drive.hop - 1e-9)
-    return Recording(
+    return SimulatedSound(
         segments=velocity,
         microphones=mixing @ velocity,
         sample_rate=sample_rate,
@@ -121,7 +121,7 @@ def simulate(
     )
 
 
-def peaks(recording: Recording, *, settle: Seconds = 0.15) -> tuple[Hertz, Hertz]:
+def peaks(recording: SimulatedSound, *, settle: Seconds = 0.15) -> tuple[Hertz, Hertz]:
     """Return the dominant frequency of each segment from the microphones, after the transient.
 
     The mixing of Eq. 5 is undone, since the louder segment would otherwise be the maximum of both

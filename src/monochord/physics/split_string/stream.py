@@ -12,7 +12,7 @@ from monochord.physics.split_string import feedback
 from monochord.physics.split_string.feedback import Complexes, Drivers
 from monochord.physics.split_string.modes import ModalString, find_modes, plucked, response
 from monochord.physics.split_string.segments import Segment
-from monochord.physics.split_string.setup import Pluck, SplitString
+from monochord.physics.split_string.setup import PluckShape, SplitString
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +82,7 @@ def advance(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
     return np.concatenate(parts, axis=1), ringing
 
 
-def touch(ringing: Ringing, contact: Contact | None, *, pluck: Pluck | None = None) -> Ringing:
+def touch(ringing: Ringing, contact: Contact | None, *, pluck: PluckShape | None = None) -> Ringing:
     """Return the same string under another touch, or under none, from its next sample on.
 
     Shape and velocity are projected onto the modes of the new segments, see `project_motion`. A finger that
