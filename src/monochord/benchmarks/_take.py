@@ -7,7 +7,7 @@ import numpy as np
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
 from monochord.physics.strings import StringPreset
-from monochord.physics.theory import segment_inharmonicity, stiff_partials
+from monochord.physics.theory import inharmonicity, stiff_partials
 
 PLUCKS: Seconds = 2.0  # from one to the next
 PARTIALS = np.arange(1.0, 13.0)
@@ -25,7 +25,7 @@ def _pressed(preset: StringPreset, seconds: Seconds, sample_rate: int) -> Audio:
     length = 0.6 * preset.string.length
     frequencies = stiff_partials(
         preset.open_frequency * preset.string.length / length,
-        segment_inharmonicity(preset.string, length),
+        inharmonicity(preset.string, length),
         PARTIALS,
     )
     t = np.arange(round(seconds * sample_rate)) / sample_rate

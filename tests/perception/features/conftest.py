@@ -9,7 +9,7 @@ import pytest
 from monochord.core.types import Audio, Signal
 from monochord.perception.features import FEATURES
 from monochord.physics.strings import load_string
-from monochord.physics.theory import open_frequency, segment_inharmonicity, stiff_partials
+from monochord.physics.theory import inharmonicity, open_frequency, stiff_partials
 
 RATE = 44100
 STRING = load_string("prototype").string
@@ -57,7 +57,7 @@ def _sing(
     tones: list[np.ndarray] = []
     for length, mode in zip(segments, modes, strict=True):
         fundamental = open_frequency(string) * string.length / length
-        line = stiff_partials(fundamental, segment_inharmonicity(string, length), float(mode))
+        line = stiff_partials(fundamental, inharmonicity(string, length), float(mode))
         sines = [np.sin(2.0 * np.pi * n * line * time + n) / n for n in range(1, partials + 1)]
         tones.append(0.2 * np.exp(-decay * time) * np.sum(sines, axis=0))
     both = np.stack(tones)

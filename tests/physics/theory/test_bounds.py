@@ -17,7 +17,7 @@ from monochord.physics.theory.segments import (
     split_frequencies,
     tension_from_segments,
 )
-from monochord.physics.theory.stiffness import partial_numbers, segment_inharmonicity
+from monochord.physics.theory.stiffness import inharmonicity, partial_numbers
 from monochord.physics.theory.tension import TensionLaw, force_from_tension
 
 STRING = StringParams(
@@ -97,7 +97,7 @@ def test_contact_bound_is_what_the_inverse_makes_of_noisy_frequencies() -> None:
     rng = np.random.default_rng(2)
     heard: list[Floats] = []
     for f, length in zip(split_frequencies(STRING, 0.2, 1.0), (0.2, 0.45), strict=True):
-        b = segment_inharmonicity(STRING, length)
+        b = inharmonicity(STRING, length)
         error = series_bound(
             f, partial_numbers(highest, f, b), snr, duration=0.1, sample_rate=8000.0, inharmonicity=b
         )

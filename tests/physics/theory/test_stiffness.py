@@ -16,7 +16,6 @@ from monochord.physics.theory import Losses, bending_stiffness, decay_rates, out
 from monochord.physics.theory.stiffness import (
     inharmonicity,
     partial_numbers,
-    segment_inharmonicity,
     stiff_partials,
 )
 
@@ -36,7 +35,7 @@ def test_flexible_string_is_harmonic() -> None:
 
 @given(st.floats(0.01, 0.65))
 def test_segment_coefficient_goes_with_one_over_length_squared(length: float) -> None:
-    assert segment_inharmonicity(PLAIN, length) * length**2 == pytest.approx(inharmonicity(PLAIN) * 0.65**2)
+    assert inharmonicity(PLAIN, length) * length**2 == pytest.approx(inharmonicity(PLAIN) * 0.65**2)
 
 
 @given(st.floats(20.0, 2000.0), st.floats(0.0, 1e-3))
@@ -66,7 +65,7 @@ def test_partial_numbers_are_all_that_fit(f0: float, b: float, highest: float) -
 
 def test_impossible_is_refused() -> None:
     with pytest.raises(InputError, match="length 0"):
-        segment_inharmonicity(PLAIN, 0.0)
+        inharmonicity(PLAIN, 0.0)
     with pytest.raises(InputError, match="stretch of partials"):
         stiff_partials(100.0, -0.1, 10.0)
 

@@ -38,7 +38,6 @@ from monochord.physics.theory.stiffness import (
     inharmonicity,
     outer_diameter,
     partial_numbers,
-    segment_inharmonicity,
     stiff_partials,
 )
 from monochord.physics.theory.tension import (
@@ -78,7 +77,6 @@ __all__ = [
     "partial_numbers",
     "position_from_far_segment",
     "segment_frequencies",
-    "segment_inharmonicity",
     "series_bound",
     "split_frequencies",
     "static_compliance",

@@ -12,7 +12,7 @@ from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Newtons, Seconds
 from monochord.physics.theory._checks import Number, refuse_not_positive
 from monochord.physics.theory.segments import split_frequencies
-from monochord.physics.theory.stiffness import partial_numbers, segment_inharmonicity, stiff_partials
+from monochord.physics.theory.stiffness import inharmonicity, partial_numbers, stiff_partials
 from monochord.physics.theory.tension import TensionLaw, stretch_stiffness, tension_from_force
 
 
@@ -71,12 +71,8 @@ def far_segment_sensitivity(frequency: Number, open_frequency: Hertz, length: Me
 
     Parameters
     ----------
-    frequency
-        Fundamental of the sounding segment in Hz.
-    open_frequency
-        Fundamental of the untouched string in Hz.
-    length
-        L in m.
+    frequency, open_frequency, length
+        As in `position_from_far_segment`.
 
     Returns
     -------
@@ -262,7 +258,7 @@ def contact_bound(
     f = split_frequencies(string, contact.position, contact.force, law)
     variances = np.empty(2)
     for side in (0, 1):
-        b = segment_inharmonicity(string, lengths[side])
+        b = inharmonicity(string, lengths[side])
         numbers = partial_numbers(highest, f[side], b)
         refuse_not_positive(**{f"partials_of_segment_{side + 1}_below_{highest:g}_Hz": numbers.size})
         variances[side] = (

@@ -64,9 +64,7 @@ def hertz_stiffness(
     >>> f"{hertz_stiffness(plain, 5.0e-3, 2.0e9, 0.35):.2e}"
     '1.08e+08'
     """
-    modulus = _contact_modulus(string, young_modulus, poisson_ratio)
-    _, integral, part = _ellipse(string, radius)
-    major_per_force = 3.0 * part / (2.0 * math.pi * modulus * _least_curvature(string, radius))
+    modulus, _, integral, major_per_force = _hertz(string, radius, young_modulus, poisson_ratio)
     return (2.0 * math.pi * modulus / (3.0 * integral)) ** 1.5 * math.sqrt(major_per_force)
 
 
@@ -110,9 +108,7 @@ def contact_width(
     0.36
     """
     refuse_negative_force(force)
-    modulus = _contact_modulus(string, young_modulus, poisson_ratio)
-    squared, _, part = _ellipse(string, radius)
-    major_per_force = 3.0 * part / (2.0 * math.pi * modulus * _least_curvature(string, radius))
+    _, squared, _, major_per_force = _hertz(string, radius, young_modulus, poisson_ratio)
     along = 1.0 if radius >= outer_diameter(string) / 2.0 else math.sqrt(squared)
     wrap = radius * force / string.tension - 2.0 * math.sqrt(bending_stiffness(string) / string.tension)
     return 2.0 * along * (major_per_force * force) ** (1.0 / 3.0) + wrap * (wrap > 0.0)  # pyright: ignore[reportReturnType]
@@ -153,22 +149,25 @@ def mindlin_ratio(poisson_ratio: float) -> float:
     return 2.0 * (1.0 - poisson_ratio) / (2.0 - poisson_ratio)
 
 
-def _contact_modulus(string: StringParams, young_modulus: Pascals, poisson_ratio: float) -> Pascals:
-    """Return E*, the modulus of both bodies together."""
+def _hertz(
+    string: StringParams, radius: Metres, young_modulus: Pascals, poisson_ratio: float
+) -> tuple[Pascals, float, float, float]:
+    """Return E*, the modulus of both bodies, and of the ellipse: squared axis ratio, K, long axis^3 over F.
+
+    The long axis is half the ellipse's length, and A the lesser curvature of the gap A x^2 + B y^2.
+    """
     refuse_not_positive(young_modulus_of_the_string=string.young_modulus, young_modulus=young_modulus)
     _refuse_poisson(poisson_ratio)
     string_part = (1.0 - STEEL_POISSON_RATIO**2) / string.young_modulus
-    return 1.0 / (string_part + (1.0 - poisson_ratio**2) / young_modulus)
+    modulus = 1.0 / (string_part + (1.0 - poisson_ratio**2) / young_modulus)
+    squared, integral, part = _ellipse(string, radius)
+    least_curvature = 0.5 / max(radius, outer_diameter(string) / 2.0)
+    return modulus, squared, integral, 3.0 * part / (2.0 * math.pi * modulus * least_curvature)
 
 
 def _refuse_poisson(poisson_ratio: float) -> None:
     if not -1.0 < poisson_ratio <= 0.5:
         raise InputError(f"Poisson ratio {poisson_ratio:g}", "above -1 and at most 0.5")
-
-
-def _least_curvature(string: StringParams, radius: Metres) -> float:
-    """Return A of the gap A x^2 + B y^2 between the bodies, x along the ellipse's longer axis, in 1/m."""
-    return 0.5 / max(radius, outer_diameter(string) / 2.0)
 
 
 def _ellipse(string: StringParams, radius: Metres) -> tuple[float, float, float]:

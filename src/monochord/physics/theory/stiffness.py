@@ -73,8 +73,8 @@ def bending_stiffness(string: StringParams) -> float:
     return string.young_modulus * math.pi * string.core_diameter**4 / 64.0
 
 
-def inharmonicity(string: StringParams) -> float:
-    """Return the inharmonicity coefficient of the untouched string.
+def inharmonicity(string: StringParams, length: Metres | None = None) -> float:
+    """Return the inharmonicity coefficient of the untouched string, or of a segment of it.
 
     B = pi^3 E d^4 / (64 T L^2), with d the diameter of the core: a wound string bends by its core. Zero for a
     string of no core diameter, which is ideally flexible. Holds for B n^2 well below one.
@@ -83,34 +83,8 @@ def inharmonicity(string: StringParams) -> float:
     ----------
     string
         The string.
-
-    Returns
-    -------
-    float
-        B, without unit.
-
-    References
-    ----------
-    Fletcher (1964), Normal vibration frequencies of a stiff piano string, J. Acoust. Soc. Am. 36, 203.
-
-    Examples
-    --------
-    >>> plain = StringParams(length=0.65, linear_density=4.0e-4, tension=73.0, core_diameter=2.54e-4)
-    >>> f"{inharmonicity(plain):.2e}"
-    '1.31e-05'
-    """
-    return segment_inharmonicity(string, string.length)
-
-
-def segment_inharmonicity(string: StringParams, length: Metres) -> float:
-    """Return the inharmonicity coefficient of a segment: B goes with one over the square of its length.
-
-    Parameters
-    ----------
-    string
-        The string that the segment is part of.
     length
-        Length of the segment in m, above zero.
+        L in m, above zero: that of a segment, or by default of the whole string.
 
     Returns
     -------
@@ -122,12 +96,17 @@ def segment_inharmonicity(string: StringParams, length: Metres) -> float:
     InputError
         If the length is not above zero.
 
+    References
+    ----------
+    Fletcher (1964), Normal vibration frequencies of a stiff piano string, J. Acoust. Soc. Am. 36, 203.
+
     Examples
     --------
     >>> plain = StringParams(length=0.65, linear_density=4.0e-4, tension=73.0, core_diameter=2.54e-4)
-    >>> round(segment_inharmonicity(plain, 0.325) / inharmonicity(plain), 6)
-    4.0
+    >>> f"{inharmonicity(plain):.2e}, {inharmonicity(plain, 0.325):.2e}"
+    '1.31e-05, 5.23e-05'
     """
+    length = string.length if length is None else length
     refuse_not_positive(length=length)
     bending = math.pi**3 * string.young_modulus * string.core_diameter**4 / 64.0
     return bending / (string.tension * length**2)
