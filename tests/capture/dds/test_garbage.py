@@ -31,29 +31,29 @@ from monochord.capture.dds.participant import Participant
 def resident():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
-heard = []
+received = []
 turn = ros.Quaternion(0.0, 0.0, 0.0, 1.0)
 pose = ros.Pose(position=ros.Point(1.0, 0.0, 0.0), orientation=turn)
-said = ros.PoseStamped(header=ros.header(1, "f"), pose=pose)
+message = ros.PoseStamped(header=ros.header(1, "f"), pose=pose)
 with Participant(domain={DOMAIN}) as here, Participant(domain={DOMAIN}) as there:
-    here.reader("pose", "PoseStamped", lambda message, _: heard.append(message))
+    here.reader("pose", "PoseStamped", lambda message, _: received.append(message))
     writer = there.writer("pose", "PoseStamped")
     while not writer.listeners:
         time.sleep(0.01)
-    writer.write(said, 0)
-    while not heard:
+    writer.write(message, 0)
+    while not received:
         time.sleep(0.01)
-    heard.clear()
+    received.clear()
     before = resident()
     print("ready", flush=True)
     sys.stdin.readline()
     for k in range(200):
-        writer.write(said, k)
+        writer.write(message, k)
         time.sleep(0.002)
     deadline = time.monotonic() + 30.0
-    while len(heard) < 200 and time.monotonic() < deadline:
+    while len(received) < 200 and time.monotonic() < deadline:
         time.sleep(0.01)
-    print(len(heard), resident() - before, flush=True)
+    print(len(received), resident() - before, flush=True)
     sys.stdin.readline()
 """
 
@@ -99,13 +99,13 @@ class Listener:
         return sum(int(row.split()[-1]) for row in rows if row.split()[1] in ports)
 
     def outcome(self) -> tuple[int, int]:
-        """How many of 200 poses it heard, and by how many bytes it grew."""
+        """How many of 200 poses it received, and by how many bytes it grew."""
         assert self.process.stdin
         assert self.process.stdout
         self.process.stdin.write("\n")
         self.process.stdin.flush()
-        heard, grown = map(int, self.process.stdout.readline().split())
-        return heard, grown
+        received, grown = map(int, self.process.stdout.readline().split())
+        return received, grown
 
 
 @contextmanager
@@ -127,8 +127,8 @@ def listener(errors: Path, *before: str) -> Generator[Listener]:
 def test_garbage_from_this_machine_is_not_logged_and_takes_no_memory(tmp_path: Path) -> None:
     with listener(tmp_path / "errors") as here:
         send("127.0.0.1", PORT)
-        heard, grown = here.outcome()
-    assert heard == 200
+        received, grown = here.outcome()
+    assert received == 200
     assert grown < GROWTH
     assert (tmp_path / "errors").stat().st_size < LOGGED
 
@@ -164,8 +164,8 @@ def test_what_comes_from_another_network_does_not_get_in(tmp_path: Path) -> None
             root = str(Path(__file__).parent)
             subprocess.run([*outside, sys.executable, "-c", SEND, root, address, str(PORT)], check=True)
             dropped = here.dropped()
-            heard, grown = here.outcome()
+            received, grown = here.outcome()
     assert dropped >= PACKETS
-    assert heard == 200
+    assert received == 200
     assert grown < GROWTH
     assert (tmp_path / "errors").stat().st_size < LOGGED

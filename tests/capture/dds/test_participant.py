@@ -18,7 +18,7 @@ DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
 def wait_for(condition: Callable[[], object], seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < end, "it did not come about"
+        assert time.monotonic() < end, "the condition did not come true in time"
         time.sleep(0.005)
 
 
@@ -33,25 +33,25 @@ def threads() -> int:
     return len(list(Path("/proc/self/task").iterdir()))
 
 
-def test_what_is_written_is_heard_in_order_with_its_time() -> None:
-    heard: list[tuple[Any, float]] = []
+def test_messages_arrive_in_order_with_their_time() -> None:
+    received: list[tuple[Any, float]] = []
     before = threads()
     with Participant(domain=DOMAIN) as here, Participant(domain=DOMAIN) as there:
         writer = here.writer("pose", "PoseStamped")
-        reader = there.reader("/pose", "PoseStamped", lambda said, now: heard.append((said, now)))
+        reader = there.reader("/pose", "PoseStamped", lambda message, now: received.append((message, now)))
         wait_for(lambda: writer.listeners and reader.writers)
         began = time.monotonic()
         for k in range(500):
             writer.write(pose(float(k)), time.time_ns())
-        wait_for(lambda: len(heard) == 500)
+        wait_for(lambda: len(received) == 500)
         ended = time.monotonic()
-    assert [said.pose.position.x for said, _ in heard] == [float(k) for k in range(500)]
-    assert all(began <= now <= ended for _, now in heard)
+    assert [message.pose.position.x for message, _ in received] == [float(k) for k in range(500)]
+    assert all(began <= now <= ended for _, now in received)
     wait_for(lambda: threads() == before)
     assert URI not in os.environ
 
 
-def test_another_process_is_heard() -> None:
+def test_messages_of_another_process_arrive() -> None:
     code = (
         "import select, sys\n"
         "from monochord.capture.dds import messages as ros\n"
@@ -63,15 +63,15 @@ def test_another_process_is_heard() -> None:
         "    while not select.select([sys.stdin], [], [], 0.05)[0]:\n"
         "        writer.write(ros.WrenchStamped(header=ros.header(5, 'x'), wrench=wrench), 5)\n"
     )
-    heard: list[Any] = []
+    received: list[Any] = []
     with Participant(domain=DOMAIN) as here:
-        here.reader("far", "WrenchStamped", lambda said, _: heard.append(said))
+        here.reader("far", "WrenchStamped", lambda message, _: received.append(message))
         with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE) as process:
-            wait_for(lambda: heard)
+            wait_for(lambda: received)
             assert process.stdin
             process.stdin.close()
             assert process.wait(60) == 0
-    assert heard[0].wrench.torque.z == 6.0
+    assert received[0].wrench.torque.z == 6.0
 
 
 def test_domains_do_not_mix(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,7 +121,7 @@ def test_without_the_library_one_line_says_what_to_install(monkeypatch: pytest.M
         Participant()
 
 
-def test_importing_the_room_loads_no_dds() -> None:
+def test_importing_the_package_loads_no_dds() -> None:
     code = "import sys, monochord.capture.dds.participant; print('cyclonedds' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "False\n"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.capture.dds import messages as ros
-from monochord.capture.dds.participant import Participant, Writer
+from monochord.capture.dds.participant import Participant, TopicWriter
 from monochord.capture.instruments import pose_dds
 from monochord.capture.instruments.base import Connection
 from monochord.capture.instruments.pose_dds import PoseDds
@@ -22,13 +22,13 @@ UPRIGHT = ros.Quaternion(0.0, 0.0, 0.0, 1.0)
 def collect(connection: Connection, count: int, seconds: float = 60.0) -> list[Readings]:
     end, parts = time.monotonic() + seconds, list[Readings]()
     while sum(part.time.size for part in parts) < count:
-        assert time.monotonic() < end, "nothing more came"
+        assert time.monotonic() < end, "no more readings within the time"
         time.sleep(0.005)
         parts += connection.poll()
     return parts
 
 
-def wait_for_reader(writer: Writer) -> None:
+def wait_for_reader(writer: TopicWriter) -> None:
     end = time.monotonic() + 60.0
     while not writer.listeners:
         assert time.monotonic() < end, "the reader was not discovered within 60 s"
@@ -61,7 +61,7 @@ def test_a_published_pose_is_read_with_its_stamp() -> None:
     assert np.median(late) < 0.02
 
 
-def test_of_the_transforms_the_one_that_is_asked_for_is_read() -> None:
+def test_the_transform_of_the_frame_is_read() -> None:
     def part(child: str, x: float) -> ros.TransformStamped:
         moved = ros.Transform(translation=ros.Vector3(x, 0.0, 0.0), rotation=UPRIGHT)
         return ros.TransformStamped(header=ros.header(7, "base"), child_frame_id=child, transform=moved)
@@ -71,9 +71,9 @@ def test_of_the_transforms_the_one_that_is_asked_for_is_read() -> None:
         writer = robot.writer("tf", "TFMessage")
         wait_for_reader(writer)
         writer.write(ros.TFMessage(transforms=[part("elbow", 1.0), part("tool", 2.0)]), 7)
-        (got,) = collect(connection, 1)
-    assert got.values.tolist() == [[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]
-    assert got.device_time.tolist() == [7]
+        (readings,) = collect(connection, 1)
+    assert readings.values.tolist() == [[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]
+    assert readings.device_time.tolist() == [7]
 
 
 def test_what_is_no_pose_is_counted_and_a_stamp_that_goes_back_too() -> None:
@@ -103,7 +103,7 @@ class Raw(str):
         return b"\xff\xfe\x80"
 
 
-def test_what_nobody_can_mean_is_counted_and_what_follows_is_read() -> None:
+def test_nonsense_is_counted_and_the_next_message_is_read() -> None:
     def pose(x: float, sec: int = 1, nanosec: int = 0, frame: str = "f") -> ros.PoseStamped:
         inside = ros.Pose(position=ros.Point(x, 0.0, 0.0), orientation=UPRIGHT)
         header = ros.Header(stamp=ros.Time(sec=sec, nanosec=nanosec), frame_id=frame)
@@ -112,7 +112,7 @@ def test_what_nobody_can_mean_is_counted_and_what_follows_is_read() -> None:
     with PoseDds(topic="/mad", domain=DOMAIN).open() as connection, Participant(domain=DOMAIN) as robot:
         writer = robot.writer("mad", "PoseStamped")
         wait_for_reader(writer)
-        for said in (
+        for message in (
             pose(1e308),
             pose(float("-inf")),
             pose(1.0, sec=-1),
@@ -122,7 +122,7 @@ def test_what_nobody_can_mean_is_counted_and_what_follows_is_read() -> None:
             pose(2.0, sec=(1 << 31) - 1),
             pose(3.0, sec=0, nanosec=999_999_999),
         ):
-            writer.write(said, 1)
+            writer.write(message, 1)
         parts = collect(connection, 2)
         assert connection.health.faulty == 6
     assert np.concatenate([part.values for part in parts])[:, 0].tolist() == [2.0, 3.0]
@@ -166,7 +166,7 @@ def test_a_message_longer_than_the_limit_is_not_put_together() -> None:
 def test_poses_that_nobody_polls_are_counted_as_missing_beyond_a_bound(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(pose_dds, "HELD", 10)
+    monkeypatch.setattr(pose_dds, "MAX_PENDING", 10)
     with PoseDds(topic="/many", domain=DOMAIN).open() as connection, Participant(domain=DOMAIN) as robot:
         writer = robot.writer("many", "PoseStamped")
         wait_for_reader(writer)
@@ -177,8 +177,8 @@ def test_poses_that_nobody_polls_are_counted_as_missing_beyond_a_bound(
         while connection.health.missing < 15:
             assert time.monotonic() < end
             time.sleep(0.01)
-        (got,) = connection.poll()
-        assert got.values[:, 0].tolist() == list(range(15, 25))
+        (readings,) = connection.poll()
+        assert readings.values[:, 0].tolist() == list(range(15, 25))
         assert connection.health.missing == 15
 
 

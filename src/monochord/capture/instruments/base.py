@@ -7,20 +7,20 @@ from monochord.core.types import Feed, InstrumentHealth, Readings
 
 
 class Connection(ABC):
-    """An open instrument, read by polling: whoever polls often enough loses nothing, and needs no thread.
+    """An open instrument, read by polling: frequent polls lose nothing, and no thread is needed.
 
-    An instrument that falls silent or goes away is no error: `poll` gives nothing, tries to come back, and
-    `health` counts. Nothing is made up for what was lost.
+    An instrument that falls silent or goes away is no error: `poll` returns nothing and tries to reconnect,
+    and `health` counts. Lost readings are never made up.
     """
 
     @property
     @abstractmethod
     def feed(self) -> Feed:
-        """What the readings are."""
+        """Description of the readings."""
 
     @abstractmethod
     def poll(self) -> list[Readings]:
-        """Return what has come since the last poll, oldest first, without waiting."""
+        """Return the readings since the last poll, oldest first, without waiting."""
 
     @property
     @abstractmethod
@@ -37,4 +37,4 @@ class Instrument(ABC):
 
     @abstractmethod
     def open(self) -> AbstractContextManager[Connection]:
-        """Connect; leaving the context lets the device go."""
+        """Connect; leaving the context releases the device."""

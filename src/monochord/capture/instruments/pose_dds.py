@@ -1,4 +1,4 @@
-"""The robot's pose as ROS 2 says it, over DDS, without ROS."""
+"""The robot's pose from ROS 2, over DDS, without ROS."""
 
 from collections import deque
 from collections.abc import Generator, Iterator
@@ -14,35 +14,36 @@ from monochord.core.types import Feed, InstrumentHealth, Readings
 from monochord.core.units import Hertz, Seconds
 
 if TYPE_CHECKING:
-    from monochord.capture.dds.participant import Reader
+    from monochord.capture.dds.participant import TopicReader
 
-HELD = 100_000  # poses that wait for a poll
+MAX_PENDING = 100_000
+"""Poses that wait for a poll; older ones count as missing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseDds(Instrument):
     """A pose on a `topic` of ROS 2; needs the extra ``ros``, but no ROS.
 
-    Each reading bears the time at which it came, seen by a thread of DDS, and as `device_time` its header's
-    stamp in ns of the sender's wall clock. A publisher that goes and comes back is followed. What is no pose
-    counts as faulty, and so does a place more than 1e7 m away or a stamp that is no time. CycloneDDS listens
-    at all addresses; what comes in over another interface is dropped by the kernel.
+    Each reading has its time of arrival, taken by a thread of DDS, and as `device_time` its header's stamp in
+    ns of the sender's wall clock. A publisher that goes and returns is followed. A message that is no pose
+    counts as faulty, and so does a position more than 1e7 m away or an invalid stamp. CycloneDDS binds to all
+    addresses; packets from another interface are dropped by the kernel.
 
     Parameters
     ----------
     topic
-        Name of the topic as ROS 2 has it.
+        Name of the topic in ROS 2.
     kind
         ``pose`` for ``geometry_msgs/PoseStamped``, ``tf`` for ``tf2_msgs/TFMessage``.
     frame
-        Of ``tf``, the child frame whose transform is the pose; of ``pose``, the header's frame, empty for
+        For ``tf``, the child frame whose transform is the pose; for ``pose``, the header's frame, empty for
         any.
     domain
         DDS domain; None for ``$ROS_DOMAIN_ID``, or else 0.
     interface
-        Network interface; ``lo`` keeps to this machine, empty lets the library choose.
+        Network interface; ``lo`` is this machine alone, empty lets the library choose.
     rate
-        Poses a second that are due; 0 where that is not known.
+        Expected poses a second; 0 if unknown.
     """
 
     topic: str = "/pose"
@@ -54,7 +55,7 @@ class PoseDds(Instrument):
 
     @contextmanager
     def open(self) -> Generator["_PoseDdsConnection"]:
-        """Join the domain; raises `InputError` without the library. That nobody publishes is no error."""
+        """Join the domain; raises `InputError` without the library. No publisher is no error."""
         if self.kind == "tf" and not self.frame:
             raise InputError("kind 'tf' without a frame", "a frame", "set frame=tool0")
         from monochord.capture.dds.participant import Participant  # noqa: PLC0415
@@ -64,7 +65,7 @@ class PoseDds(Instrument):
         with Participant(domain=self.domain, interface=self.interface) as participant:
             connection = _PoseDdsConnection(self, feed)
             message = "PoseStamped" if self.kind == "pose" else "TFMessage"
-            connection.reader = participant.reader(self.topic, message, connection.hear)
+            connection.reader = participant.reader(self.topic, message, connection.add)
             yield connection
 
 
@@ -72,8 +73,8 @@ class _PoseDdsConnection(Connection):
     def __init__(self, options: PoseDds, feed: Feed) -> None:
         self._options = options
         self._collected = Collected(feed)
-        self.reader: Reader | None = None
-        self._heard: deque[tuple[tuple[float, ...] | None, int, Seconds]] = deque(maxlen=HELD)
+        self.reader: TopicReader | None = None
+        self._pending: deque[tuple[tuple[float, ...] | None, int, Seconds]] = deque(maxlen=MAX_PENDING)
         self._lost = 0
 
     @property
@@ -92,21 +93,21 @@ class _PoseDdsConnection(Connection):
             reconnects=reader.returns,
         )
 
-    def hear(self, message: Any, now: Seconds) -> None:
-        """Keep the poses of a message for the next poll; called by a thread of DDS."""
+    def add(self, message: Any, now: Seconds) -> None:
+        """Store the poses of a message for the next poll; called by a thread of DDS."""
         for header, position, orientation in self._poses(message):
             pose = unit_pose(
                 (position.x, position.y, position.z),
                 (orientation.x, orientation.y, orientation.z, orientation.w),
             )
             stamp = header.stamp
-            right = pose if stamp.sec >= 0 and stamp.nanosec < 1_000_000_000 else None
-            self._lost += len(self._heard) == HELD
-            self._heard.append((right, stamp.sec * 1_000_000_000 + stamp.nanosec, now))
+            valid = pose if stamp.sec >= 0 and stamp.nanosec < 1_000_000_000 else None
+            self._lost += len(self._pending) == MAX_PENDING
+            self._pending.append((valid, stamp.sec * 1_000_000_000 + stamp.nanosec, now))
 
     def poll(self) -> list[Readings]:
-        for _ in range(len(self._heard)):
-            pose, tick, now = self._heard.popleft()
+        for _ in range(len(self._pending)):
+            pose, tick, now = self._pending.popleft()
             if pose is None:
                 self._collected.refuse()
             else:
@@ -114,7 +115,7 @@ class _PoseDdsConnection(Connection):
         return self._collected.take()
 
     def _poses(self, message: Any) -> Iterator[tuple[Any, Any, Any]]:
-        """Yield header, place and orientation of each pose in a message that is the one asked for."""
+        """Yield header, position and orientation of each pose of the selected frame in a message."""
         frame = self._options.frame
         if self._options.kind == "pose":
             if frame in {"", message.header.frame_id}:

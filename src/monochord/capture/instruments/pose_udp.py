@@ -1,4 +1,4 @@
-"""The robot's pose as JSON datagrams: the least that a robot controller can be asked for."""
+"""The robot's pose as JSON datagrams, which most robot controllers can send."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -16,16 +16,16 @@ class PoseUdp(Instrument):
     """Poses sent to `address`, each a datagram of JSON.
 
     A datagram is ``{"stamp": 1.5, "position": [x, y, z], "orientation": [x, y, z, w], "sequence": 7}``:
-    seconds of the sender's clock, metres, a quaternion and the sender's count; all but the position may be
-    left out. The stamp becomes `device_time`, in ns. What cannot be read counts as faulty,
-    and so does a place more than 1e7 m away.
+    seconds of the sender's clock, metres, a quaternion and the sender's count; all but the position are
+    optional. The stamp becomes `device_time`, in ns. A datagram that cannot be read counts as faulty, and so
+    does a position more than 1e7 m away.
 
     Parameters
     ----------
     address
-        Where to listen: ``HOST:PORT``, or ``PORT`` for this machine alone.
+        Address to bind: ``HOST:PORT``, or ``PORT`` for this machine alone.
     rate
-        Poses a second that are due; 0 where that is not known.
+        Expected poses a second; 0 if unknown.
     """
 
     address: str = "127.0.0.1:9871"
@@ -33,10 +33,10 @@ class PoseUdp(Instrument):
 
     @contextmanager
     def open(self) -> Generator["JsonConnection[_Pose]"]:
-        """Listen; raises `DeviceError` if the port is taken. That nobody sends is no error."""
+        """Listen; raises `DeviceError` if the port is taken. A missing sender is no error."""
         feed = pose_feed(self.rate, {"address": self.address})
         with listening(self.address) as sock:
-            yield JsonConnection(sock, feed, _Pose, lambda said: unit_pose(said.position, said.orientation))
+            yield JsonConnection(sock, feed, _Pose, lambda pose: unit_pose(pose.position, pose.orientation))
 
 
 class _Pose(Stamped, kw_only=True):
