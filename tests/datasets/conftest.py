@@ -51,9 +51,9 @@ def write_session(
     samples = sound(sum(name.encode()) + len(name)) if samples is None else samples
     (home / folder).mkdir(exist_ok=True)
     path = home / folder / f"{name}.mcap"
-    told = Description(name=name, sample_rate=RATE, **description)
+    described = Description(name=name, sample_rate=RATE, **description)
     time, usual = touches(samples.shape[1] / RATE)
-    with SessionWriter(path, told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+    with SessionWriter(path, described, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
         for first, stop in ((0, lost[0]), (lost[1], samples.shape[1])):
             if stop > first:
                 dropped = lost[1] - lost[0] if first else 0
@@ -74,7 +74,7 @@ def make(tmp_path: Path, write: Write) -> Make:
     """Return what builds a dataset of sessions, given as keywords of `write` by name."""
 
     def made(sessions: Mapping[str, Mapping[str, Any]], **options: Any) -> Dataset:
-        files = [write(name, **told) for name, told in sessions.items()]
+        files = [write(name, **options) for name, options in sessions.items()]
         number = sum(path.name.startswith("dataset") for path in tmp_path.iterdir())
         return build_dataset(files, tmp_path / f"dataset{number}", BuildOptions(**options))
 

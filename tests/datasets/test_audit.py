@@ -25,7 +25,7 @@ def rows_of(dataset: Dataset, *sessions: int) -> list[int]:
     return np.flatnonzero(np.isin(dataset.session, sessions)).tolist()
 
 
-def kinds_found(dataset: Dataset, split: Split) -> dict[str, int]:
+def leaks(dataset: Dataset, split: Split) -> dict[str, int]:
     return {leak.kind: leak.many for leak in audit(dataset, split).leaks}
 
 
@@ -35,15 +35,15 @@ def two(make: Make) -> Dataset:
 
 
 def test_a_clean_split_passes(two: Dataset) -> None:
-    found = audit(two, split_of(two, rows_of(two, 0), rows_of(two, 1), by="object"))
-    assert found.clean
-    assert not found.notes
-    found.refuse_leaks()
+    result = audit(two, split_of(two, rows_of(two, 0), rows_of(two, 1), by="object"))
+    assert result.clean
+    assert not result.notes
+    result.refuse_leaks()
 
 
 def test_a_window_in_two_parts(two: Dataset) -> None:
     split = split_of(two, rows_of(two, 0), [*rows_of(two, 1), 5, 7])
-    assert kinds_found(two, split)["shared window"] == 2
+    assert leaks(two, split)["shared window"] == 2
     with pytest.raises(
         InputError, match=r"shared window: train and test, 2 windows \(rows 5, 7\), and \d more"
     ):
@@ -51,37 +51,37 @@ def test_a_window_in_two_parts(two: Dataset) -> None:
 
 
 def test_a_window_twice_in_one_part(two: Dataset) -> None:
-    assert kinds_found(two, split_of(two, [1, 1, 2, 2, 2], rows_of(two, 1))) == {"repeated window": 3}
+    assert leaks(two, split_of(two, [1, 1, 2, 2, 2], rows_of(two, 1))) == {"repeated window": 3}
 
 
 def test_windows_that_overlap(make: Make) -> None:
     dataset = make({"one": {}}, hop=0.04)  # windows up to two apart share samples
     for first, many in ((102, 0), (101, 1), (100, 2)):
         split = split_of(dataset, range(100), range(first, 200), by="time")
-        assert kinds_found(dataset, split).get("shared samples", 0) == many
+        assert leaks(dataset, split).get("shared samples", 0) == many
 
 
 def test_a_guard_gap_that_is_too_small(two: Dataset) -> None:
     size, hop = two.manifest.window, two.manifest.hop
     for first, leak in ((51, True), (52, False)):  # a gap of 0.1 and of 0.2 s, which a window and a hop are
         split = split_of(two, range(50), range(first, 100), by="time", guard=0)
-        assert (kinds_found(two, split) == {"guard gap": 1}) == leak
+        assert (leaks(two, split) == {"guard gap": 1}) == leak
     wide = split_of(two, range(50), range(52, 100), by="time", guard=size + 2 * hop)
-    assert kinds_found(two, wide) == {"guard gap": 1}
+    assert leaks(two, wide) == {"guard gap": 1}
 
 
 def test_sessions_days_and_objects_that_are_in_two_parts(make: Make) -> None:
-    told = {"a": ("wood", 1), "b": ("wood", 2), "c": ("steel", 1), "d": ("steel", 2)}
-    dataset = make({name: {"object": body, "day": day} for name, (body, day) in told.items()})
+    takes = {"a": ("wood", 1), "b": ("wood", 2), "c": ("steel", 1), "d": ("steel", 2)}
+    dataset = make({name: {"object": body, "day": day} for name, (body, day) in takes.items()})
     shared = split_of(dataset, range(60), range(100, 240), by="session")
-    assert kinds_found(dataset, shared) == {"shared session": 20}
-    assert kinds_found(dataset, replace(shared, by="time")) == {}
+    assert leaks(dataset, shared) == {"shared session": 20}
+    assert leaks(dataset, replace(shared, by="time")) == {}
     days = split_of(dataset, rows_of(dataset, 0), rows_of(dataset, 2), by="day")
-    assert kinds_found(dataset, days) == {"shared day": 120}
+    assert leaks(dataset, days) == {"shared day": 120}
     objects = split_of(dataset, rows_of(dataset, 0), rows_of(dataset, 1), by="object")
-    assert kinds_found(dataset, objects) == {"shared object": 120}
-    assert kinds_found(dataset, replace(objects, by="session")) == {}
-    assert kinds_found(dataset, replace(objects, by="session", held_out=("wood",))) == {"held out": 120}
+    assert leaks(dataset, objects) == {"shared object": 120}
+    assert leaks(dataset, replace(objects, by="session")) == {}
+    assert leaks(dataset, replace(objects, by="session", held_out=("wood",))) == {"held out": 120}
 
 
 def test_validation_may_share_the_objects_of_the_training(make: Make) -> None:
@@ -101,8 +101,8 @@ def test_the_same_samples_under_another_name(make: Make) -> None:
     )
     names = [part.name for part in dataset.manifest.parts]
     copy, one, two = (rows_of(dataset, names.index(name)) for name in ("copy", "one", "two"))
-    assert kinds_found(dataset, split_of(dataset, one + two, copy)) == {"same checksum": 120}
-    assert kinds_found(dataset, split_of(dataset, one + copy, two)) == {}
+    assert leaks(dataset, split_of(dataset, one + two, copy)) == {"same checksum": 120}
+    assert leaks(dataset, split_of(dataset, one + copy, two)) == {}
 
 
 def changed(samples: np.ndarray, how: str) -> np.ndarray:
@@ -134,14 +134,14 @@ def test_a_copy_that_was_changed(make: Make, how: str) -> None:
 
 
 def test_a_split_of_another_dataset(two: Dataset, several: Dataset) -> None:
-    assert kinds_found(two, split_dataset(several)) == {"other dataset": 0} | {
-        kind: many for kind, many in kinds_found(two, split_dataset(several)).items() if many
+    assert leaks(two, split_dataset(several)) == {"other dataset": 0} | {
+        kind: many for kind, many in leaks(two, split_dataset(several)).items() if many
     }
-    assert kinds_found(two, split_of(two, range(10), [20, 10_000])) == {"other dataset": 1}
+    assert leaks(two, split_of(two, range(10), [20, 10_000])) == {"other dataset": 1}
 
 
 def test_a_torn_touch_is_noted(two: Dataset) -> None:
     split = split_of(two, range(13), range(16, 120), by="time")  # touched from 1 to 2 s
-    found = audit(two, split)
-    assert found.clean
-    assert list(found.notes) == ["1 touch on both sides of a cut"]
+    result = audit(two, split)
+    assert result.clean
+    assert list(result.notes) == ["1 touch on both sides of a cut"]

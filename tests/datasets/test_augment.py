@@ -26,9 +26,9 @@ def ratios(windows: Audio, noisy: Audio) -> np.ndarray:
 
 
 def test_ratios_are_drawn_from_the_whole_range_against_each_windows_own_level(windows: Audio) -> None:
-    found = ratios(windows, Augmentation()(windows, range(60)))
-    assert 4.9 < found.min() < 7.0
-    assert 23.0 < found.max() < 25.1
+    measured = ratios(windows, Augmentation()(windows, range(60)))
+    assert 4.9 < measured.min() < 7.0
+    assert 23.0 < measured.max() < 25.1
     fixed = ratios(windows, Augmentation(ratios=(12.0, 12.0))(windows, range(60)))
     assert fixed == pytest.approx(12.0, abs=0.01)
 

@@ -36,7 +36,7 @@ def test_equal_sessions_give_equal_bytes_in_whatever_order(write: Write, tmp_pat
     assert [part.name for part in one.manifest.parts] == ["a", "b", "c"]
 
 
-def test_samples_are_kept_and_what_is_wrong_with_them_is_flagged(make: Make) -> None:
+def test_samples_are_unchanged_and_faults_are_flagged(make: Make) -> None:
     samples = 0.1 * np.random.default_rng(0).normal(size=(2, 4 * RATE)).astype(np.float32)
     samples[0, 850], samples[1, 2500], samples[0, 4100] = 1.0, np.nan, -np.inf
     dataset = make({"one": {"samples": samples, "lost": (5000, 6500)}})
@@ -61,9 +61,9 @@ def test_labels_follow_the_touches(make: Make) -> None:
 
 def test_columns_that_only_some_sessions_have(make: Make) -> None:
     time = np.arange(200) / 100
-    told = {"contact": np.ones(200), "grip": time}
+    labels = {"contact": np.ones(200), "grip": time}
     short = 0.1 * np.ones((2, 2 * RATE), np.float32)
-    dataset = make({"one": {"samples": short, "labels": told}, "two": {"samples": 2 * short}})
+    dataset = make({"one": {"samples": short, "labels": labels}, "two": {"samples": 2 * short}})
     assert np.isfinite(dataset.label("grip")).tolist() == [True] * 20 + [False] * 20
     assert np.isnan(dataset.label("force"))[:20].all()
 
@@ -90,7 +90,7 @@ def test_what_fails_midway_leaves_nothing(write: Write, tmp_path: Path) -> None:
         build_dataset([bad], tmp_path / "none", BuildOptions(skip=True))
 
 
-def test_sessions_of_one_name_are_told_apart_by_their_folders(write: Write, tmp_path: Path) -> None:
+def test_sessions_of_one_name_are_named_by_their_folders(write: Write, tmp_path: Path) -> None:
     files = [write("one", folder="monday"), write("one", folder="tuesday"), write("two")]
     dataset = build_dataset(files, tmp_path / "out")
     assert [part.name for part in dataset.manifest.parts] == ["monday/one", "tuesday/one", "two"]
@@ -120,10 +120,10 @@ def test_a_session_shorter_than_a_window_has_none(make: Make) -> None:
     assert [part.windows for part in dataset.manifest.parts] == [120, 0]
 
 
-def test_progress_is_told(write: Write, tmp_path: Path) -> None:
-    told: list[tuple[str, int, int]] = []
-    build_dataset([write("a"), write("b")], tmp_path / "out", progress=lambda *now: told.append(now))
-    assert told == [("a", 0, 2), ("b", 1, 2), ("", 2, 2)]
+def test_progress_is_reported(write: Write, tmp_path: Path) -> None:
+    calls: list[tuple[str, int, int]] = []
+    build_dataset([write("a"), write("b")], tmp_path / "out", progress=lambda *now: calls.append(now))
+    assert calls == [("a", 0, 2), ("b", 1, 2), ("", 2, 2)]
 
 
 def test_memory_holds_a_session_at_a_time(write: Write, tmp_path: Path) -> None:
@@ -133,9 +133,9 @@ def test_memory_holds_a_session_at_a_time(write: Write, tmp_path: Path) -> None:
     def peak(count: int) -> int:
         tracemalloc.start()
         build_dataset(files[:count], tmp_path / f"out{count}")
-        most = tracemalloc.get_traced_memory()[1]
+        peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        return most
+        return peak
 
     peak(1)
     assert peak(6) < 1.5 * peak(2)

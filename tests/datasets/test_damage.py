@@ -45,7 +45,7 @@ def refused(work: Callable[[], object], words: str) -> None:
     assert words in str(caught.value)
 
 
-def test_damage_in_any_file_is_found_on_opening(dataset: Dataset) -> None:
+def test_damage_in_any_file_is_detected_on_opening(dataset: Dataset) -> None:
     files = list(dataset.path.glob("*/*.npy"))
     assert len(files) == 2 + 5 + 2 * len(dataset.manifest.columns)
     for file in files:
@@ -62,13 +62,13 @@ def test_of_much_sound_a_draw_is_looked_at_and_the_audit_looks_at_all(make: Make
     split = split_dataset(dataset, by="time")
     assert len(dataset.manifest.files["audio/0000.npy"].blocks) == 10
     flip(dataset.path / "audio" / "0000.npy", at=5_000_000)
-    found = 0
+    refused = 0
     for seed in range(40):
         try:
             open_dataset(dataset.path, sampled=3, seed=seed)
         except InputError:
-            found += 1
-    assert 3 <= found <= 25, "three of ten blocks are looked at"
+            refused += 1
+    assert 3 <= refused <= 25, "three of ten blocks are looked at"
     refused(lambda: open_dataset(dataset.path), "bytes from 4194304 on")
     opened = open_dataset(dataset.path, sampled=0)
     assert len(pickle.loads(pickle.dumps(opened))) == len(opened), "a worker does not look again"  # noqa: S301

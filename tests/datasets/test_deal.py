@@ -36,8 +36,8 @@ def test_a_share_of_nought_gets_nothing_and_no_groups_are_fine() -> None:
 
 
 def test_the_order_is_drawn() -> None:
-    dealt = {
+    splits = {
         tuple(assign_groups([1] * 9, [""] * 9, (0.6, 0.4), np.random.default_rng(seed)).tolist())
         for seed in range(9)
     }
-    assert len(dealt) > 4
+    assert len(splits) > 4

@@ -38,49 +38,49 @@ def take(touches: int, seed: int, *, lifted: bool = False) -> Audio:
     return advance(twin, SECONDS * RATE)[0].microphones
 
 
-def found(*takes: Audio) -> list[tuple[int, int, int]]:
+def duplicates(*takes: Audio) -> list[tuple[int, int, int]]:
     pairs = combinations(range(len(takes)), 2)
     return [(each.first, each.second, each.lag) for each in find_duplicates(takes.__getitem__, pairs)]
 
 
 def test_takes_of_one_string_are_no_copies_of_each_other() -> None:
-    assert not found(*(take(touches, touches) for touches in range(5)))
+    assert not duplicates(*(take(touches, touches) for touches in range(5)))
 
 
 def test_a_string_that_sounds_on_untouched_is_like_every_other_take_of_it_and_no_copy() -> None:
     one, two = (take(0, seed, lifted=True) for seed in (1, 2))
     assert np.corrcoef(one.ravel(), two.ravel())[0, 1] > 0.99
-    assert not found(one, two, take(1, 3, lifted=True))
-    assert found(one, two, 0.5 * one[:, 5000:]) == [(0, 2, -5000)]
+    assert not duplicates(one, two, take(1, 3, lifted=True))
+    assert duplicates(one, two, 0.5 * one[:, 5000:]) == [(0, 2, -5000)]
 
 
 @pytest.mark.parametrize("ratio", [40.0, 20.0, 10.0, 5.0])
-def test_a_copy_is_found_through_noise_a_shift_and_a_scale(ratio: float) -> None:
+def test_a_copy_is_detected_despite_noise_shift_and_scale(ratio: float) -> None:
     cut = -0.4 * take(1, 1)[:, 12345:].astype(np.float64)
     rng = np.random.default_rng(0)
     for noise in (white, pink):
         copy = mixed(cut, noise(rng, cut.shape, RATE), ratio).astype(np.float32)
-        assert found(take(0, 0), take(1, 1), copy) == [(1, 2, -12345)]
+        assert duplicates(take(0, 0), take(1, 1), copy) == [(1, 2, -12345)]
 
 
-def test_a_third_of_a_take_is_found_in_it() -> None:
-    assert found(take(2, 2), take(2, 2)[:, 4 * RATE : 8 * RATE]) == [(0, 1, -4 * RATE)]
+def test_a_third_of_a_take_is_detected() -> None:
+    assert duplicates(take(2, 2), take(2, 2)[:, 4 * RATE : 8 * RATE]) == [(0, 1, -4 * RATE)]
 
 
 def test_the_same_music_beside_two_takes_is_no_copy() -> None:
     music = np.tile(pink(np.random.default_rng(5), (2 * RATE,), RATE), SECONDS // 2)
     noisy = [mixed(each.astype(float), np.stack([music] * 2), 10.0) for each in (take(0, 0), take(3, 3))]
-    assert not found(*(each.astype(np.float32) for each in noisy))
+    assert not duplicates(*(each.astype(np.float32) for each in noisy))
 
 
 def test_silence_and_what_is_too_short_are_no_copies() -> None:
     silent = np.zeros((2, RATE), np.float32)
     short = np.random.default_rng(0).normal(size=(2, 2000)).astype(np.float32)
-    assert not found(silent, silent, short, short)
+    assert not duplicates(silent, silent, short, short)
 
 
 def test_samples_that_are_no_numbers_count_as_silence() -> None:
     holed = take(0, 0).copy()
     holed[:, 5 * RATE : 5 * RATE + 100] = np.nan
     holed[0, 7 * RATE] = np.inf
-    assert found(take(0, 0), holed) == [(0, 1, 0)]
+    assert duplicates(take(0, 0), holed) == [(0, 1, 0)]

@@ -8,10 +8,10 @@ from monochord.datasets.store import Dataset
 
 
 def test_kinds_are_those_of_the_touches_that_were_played(several: Dataset) -> None:
-    found = kinds(several)
+    masks = kinds(several)
     # 12 s of 0.1 s each: half untouched; every touch is a second, and every other one slides for half of it
-    assert counts_of(found) == {"static": 450, "slip": 150, "no contact": 600, "transition": 0, "masked": 0}
-    assert several.manifest.counts == {**counts_of(found), "clipped": 0}
+    assert counts_of(masks) == {"static": 450, "slip": 150, "no contact": 600, "transition": 0, "masked": 0}
+    assert several.manifest.counts == {**counts_of(masks), "clipped": 0}
 
 
 def test_the_table_adds_up_to_the_split(several: Dataset) -> None:

@@ -18,8 +18,8 @@ def test_what_is_written_is_read(several: Dataset, tmp_path: Path) -> None:
 
 
 def test_it_tells_what_a_reader_needs_without_monochord(several: Dataset) -> None:
-    told = json.loads((several.path / FILE).read_text())
-    assert told["rules"] == {
+    manifest = json.loads((several.path / FILE).read_text())
+    assert manifest["rules"] == {
         "touched": 0.9,
         "untouched": 0.1,
         "sliding": 0.5,
@@ -27,17 +27,17 @@ def test_it_tells_what_a_reader_needs_without_monochord(several: Dataset) -> Non
         "known": 0.9,
         "hold": 0.2,
     }
-    assert "**contact** is 1 if" in told["labelling"]
-    assert told["versions"]["monochord"]
-    assert {part["labels"] for part in told["parts"]} == {"recorded"}
+    assert "**contact** is 1 if" in manifest["labelling"]
+    assert manifest["versions"]["monochord"]
+    assert {part["labels"] for part in manifest["parts"]} == {"recorded"}
     assert str(several.path.parent) not in (several.path / FILE).read_text()
 
 
 def test_it_tells_whether_there_was_music_and_an_older_one_does_not(
     make: Callable[..., Dataset], tmp_path: Path
 ) -> None:
-    told = {"a": {"more": {"music": "synthetic"}}, "b": {"more": {"music": ""}}, "c": {}}
-    dataset = make(told)
+    sessions = {"a": {"more": {"music": "synthetic"}}, "b": {"more": {"music": ""}}, "c": {}}
+    dataset = make(sessions)
     assert [part.music for part in dataset.manifest.parts] == ["synthetic", "", None]
     dataset.manifest.write(tmp_path)
     assert Manifest.read(tmp_path) == dataset.manifest

@@ -47,55 +47,55 @@ def truth(**options: float) -> LabelTrack:
 
 
 @pytest.mark.parametrize(("bias", "drift"), [(0.0, 0.0), (1.0, 0.0), (-3.0, 0.1), (0.2, -0.1)])
-def test_contact_is_found_to_some_ms_under_bias_and_drift(bias: float, drift: float) -> None:
-    found = truth(bias=bias, drift=drift)
-    edges = found.time[1:][np.diff(found.columns["contact"]) != 0]
+def test_contact_is_exact_to_some_ms_under_bias_and_drift(bias: float, drift: float) -> None:
+    labels = truth(bias=bias, drift=drift)
+    edges = labels.time[1:][np.diff(labels.columns["contact"]) != 0]
     assert edges == pytest.approx([5.0, 8.0, 12.0, 15.0], abs=0.015)
 
 
 @pytest.mark.parametrize("bias", [0.0, -2.0])
 def test_force_and_position_are_those_applied(bias: float) -> None:
-    found = truth(bias=bias)
-    hold = (found.time > 5.1) & (found.time < 7.9)
-    assert found.columns["force"][hold] == pytest.approx(0.8, abs=0.03)
-    assert found.columns["force"][hold].mean() == pytest.approx(0.8, abs=0.005)
-    assert found.columns["position"][hold] == pytest.approx(0.05, abs=1e-4)
-    assert found.columns["force"][found.time < 4.9] == pytest.approx(0.0, abs=0.02)
+    labels = truth(bias=bias)
+    hold = (labels.time > 5.1) & (labels.time < 7.9)
+    assert labels.columns["force"][hold] == pytest.approx(0.8, abs=0.03)
+    assert labels.columns["force"][hold].mean() == pytest.approx(0.8, abs=0.005)
+    assert labels.columns["position"][hold] == pytest.approx(0.05, abs=1e-4)
+    assert labels.columns["force"][labels.time < 4.9] == pytest.approx(0.0, abs=0.02)
 
 
 def test_a_tool_that_moves_in_contact_slides() -> None:
-    found = truth()
-    slips = found.columns["slip"] == 1.0
-    assert (slips == sliding(found.time))[np.abs(found.time - 13.0) > 0.03].mean() > 0.995
-    middle = (found.time > 13.1) & (found.time < 14.4)
-    assert found.columns["slip_along"][middle].mean() == pytest.approx(0.01, rel=0.02)
-    assert found.columns["slip_across"][middle].mean() == pytest.approx(0.0, abs=5e-4)
+    labels = truth()
+    slips = labels.columns["slip"] == 1.0
+    assert (slips == sliding(labels.time))[np.abs(labels.time - 13.0) > 0.03].mean() > 0.995
+    middle = (labels.time > 13.1) & (labels.time < 14.4)
+    assert labels.columns["slip_along"][middle].mean() == pytest.approx(0.01, rel=0.02)
+    assert labels.columns["slip_across"][middle].mean() == pytest.approx(0.0, abs=5e-4)
 
 
 def test_a_tool_that_moves_in_the_air_does_not() -> None:
     wrench, pose = bench()
     flying = track("pose", POSE, pose.time, x=0.05 + 0.02 * pose.time, y=0 * pose.time)
-    found = measured_truth(wrench, flying).columns
-    assert not found["slip"][found["contact"] == 0.0].any()
-    assert found["slip_along"][100:-100] == pytest.approx(0.02, rel=0.01)
+    labels = measured_truth(wrench, flying).columns
+    assert not labels["slip"][labels["contact"] == 0.0].any()
+    assert labels["slip_along"][100:-100] == pytest.approx(0.02, rel=0.01)
 
 
 def test_missing_readings_leave_what_is_between_unknown() -> None:
     wrench, pose = bench()
     keep = (wrench.time < 6.0) | (wrench.time > 6.5)
     holed = track("wrench", WRENCH, wrench.time[keep], fz=wrench.column("fz")[keep])
-    found = measured_truth(holed, pose)
-    gap = (found.time > 6.01) & (found.time < 6.49)
-    assert all(np.isnan(values[gap]).all() for values in found.columns.values())
-    assert np.isfinite(found.columns["contact"][~gap]).mean() > 0.998
+    labels = measured_truth(holed, pose)
+    gap = (labels.time > 6.01) & (labels.time < 6.49)
+    assert all(np.isnan(values[gap]).all() for values in labels.columns.values())
+    assert np.isfinite(labels.columns["contact"][~gap]).mean() > 0.998
 
 
-def test_a_session_touched_throughout_is_told_so() -> None:
+def test_a_session_touched_throughout_has_contact() -> None:
     time = np.arange(0.0, 3.0, 1e-3)
-    held = track("wrench", WRENCH, time, fz=np.where(time < 0.4, 0.0, 1.0))
+    wrench = track("wrench", WRENCH, time, fz=np.where(time < 0.4, 0.0, 1.0))
     still = track("pose", POSE, time[::4], x=np.full(time[::4].size, 0.05))
-    found = measured_truth(held, still)
-    assert (found.columns["contact"] == (found.time >= 0.4)).mean() > 0.99
+    labels = measured_truth(wrench, still)
+    assert (labels.columns["contact"] == (labels.time >= 0.4)).mean() > 0.99
 
 
 def test_streams_without_readings_and_odd_thresholds_are_refused() -> None:

@@ -29,7 +29,7 @@ def test_another_seed_gives_another_split(several: Dataset) -> None:
     assert len(tests) > 3
 
 
-def test_shares_are_kept_as_well_as_whole_sessions_allow(several: Dataset) -> None:
+def test_shares_are_as_close_as_whole_sessions_allow(several: Dataset) -> None:
     split = split_dataset(several, by="session", fractions=(0.6, 0.2, 0.2))
     assert [len(split.parts[name]) / len(several) for name in PARTS] == pytest.approx(
         [0.6, 0.2, 0.2], abs=0.01
@@ -80,8 +80,8 @@ def test_sessions_are_held_out_by_patterns_of_their_names(several: Dataset) -> N
 
 
 def test_folders_before_names_do_not_hide_what_is_held_out(make: Callable[..., Dataset]) -> None:
-    told = {"take_0": {}, "take_1": {}, "take_2": {}, "music_0": {"folder": "one"}}
-    dataset = make(told)
+    sessions = {"take_0": {}, "take_1": {}, "take_2": {}, "music_0": {"folder": "one"}}
+    dataset = make(sessions)
     parts = tuple(replace(part, name=f"monday/{part.name}") for part in dataset.manifest.parts)
     moved = replace(dataset, manifest=replace(dataset.manifest, parts=parts))
     assert "monday/music_0" in split_dataset(moved, held_out=["music*"]).groups["test"]

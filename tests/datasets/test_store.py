@@ -38,7 +38,7 @@ def test_windows_are_those_that_live_inference_sees(dataset: Dataset, tmp_path: 
     )
 
 
-def test_a_batch_is_a_copy_in_the_order_asked_for(dataset: Dataset) -> None:
+def test_a_batch_is_a_copy_in_the_given_order(dataset: Dataset) -> None:
     rows = np.array([len(dataset) - 1, 0, 7, 0])
     batch = dataset.batch(rows)
     assert batch.shape == (4, 2, dataset.manifest.window)
@@ -62,11 +62,11 @@ def test_a_dataset_goes_to_another_process_as_its_path(dataset: Dataset) -> None
 def test_more_sessions_than_may_be_open_at_once(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(store, "MOST_OPEN", 1)
     last = len(dataset) - 1
-    held = dataset.window(0)
-    before = held.copy()
+    window = dataset.window(0)
+    before = window.copy()
     for row in (last, 0, last):
         assert dataset.window(row).any()
-    assert (held == before).all()
+    assert (window == before).all()
     assert len(dataset._tracks) == 1
 
 
@@ -110,7 +110,7 @@ def test_arrays_are_written_as_numpy_writes_them(values: NDArray[Any], tmp_path:
     assert (tmp_path / "ours.npy").read_bytes() == (tmp_path / "theirs.npy").read_bytes()
 
 
-def test_a_disk_that_is_full_is_told_as_such(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_as_such(tmp_path: Path) -> None:
     (tmp_path / "full.npy").symlink_to("/dev/full")
     with pytest.raises(OSError, match=r"full\.npy") as error:
         write_array(tmp_path / "full.npy", np.zeros(100000))

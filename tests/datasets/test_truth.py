@@ -49,14 +49,14 @@ def test_measured_labels_agree_with_those_of_the_bench(slide: Path) -> None:
     def both(name: str) -> tuple[np.ndarray, np.ndarray]:
         return recorded.columns[name][at[inside]], measured.columns[name][inside]
 
-    touched, found = both("contact")
-    assert np.mean(touched == found) > 0.98
+    touched, measured = both("contact")
+    assert np.mean(touched == measured) > 0.98
     deep = (touched == 1.0) & (both("force")[0] > 0.2)
-    for name, most in (("position", 1e-4), ("force", 0.05)):
-        exact, told = both(name)
-        assert np.nanquantile(np.abs(told - exact)[deep], 0.95) < most
-    exact, told = both("slip")
-    assert np.mean((exact == told)[deep]) > 0.93
+    for name, limit in (("position", 1e-4), ("force", 0.05)):
+        exact, measured = both(name)
+        assert np.nanquantile(np.abs(measured - exact)[deep], 0.95) < limit
+    exact, measured = both("slip")
+    assert np.mean((exact == measured)[deep]) > 0.93
 
 
 def test_sound_is_late_by_what_the_taps_tell(slide: Path) -> None:
@@ -98,12 +98,12 @@ def silent(path: Path, *, taps: bool = False, events: bool = False, streams: boo
         Feed(stream=name, columns=columns, units=("1",) * len(columns), rate=1000.0)
         for name, columns in (("wrench", WRENCH), ("pose", POSE))
     )
-    told = Description(name=path.stem, sample_rate=8000, feeds=feeds if streams else ())
+    description = Description(name=path.stem, sample_rate=8000, feeds=feeds if streams else ())
     time = np.arange(0.0, 10.0, 1e-3)
-    with SessionWriter(path, told, SessionClock(epoch_ns=10**18)) as writer:
+    with SessionWriter(path, description, SessionClock(epoch_ns=10**18)) as writer:
         rng = np.random.default_rng(0)
         writer.audio(Block(samples=rng.normal(size=(2, 80000)).astype(np.float32), start=0, adc_time=0.0))
-        for feed in told.feeds:
+        for feed in description.feeds:
             values = np.zeros((time.size, len(feed.columns)))
             values[(time > 4.0) & (time < 6.0), 2] = 1.0
             count = np.arange(time.size)

@@ -17,21 +17,21 @@ def main() -> None:
     poses, wrenches, answers = map(int, sys.argv[1:])
     rclpy.init()
     node = Node("listener")
-    heard: list[str] = []
+    received: list[str] = []
     counts = {"pose": 0, "wrench": 0, "answer": 0}
 
-    def pose(said: Any) -> None:
+    def pose(message: Any) -> None:
         counts["pose"] += 1
-        place, turn, stamp = said.pose.position, said.pose.orientation, said.header.stamp
+        place, turn, stamp = message.pose.position, message.pose.orientation, message.header.stamp
         row = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
-        heard.append(
-            json.dumps({"pose": row, "frame": said.header.frame_id, "stamp": [stamp.sec, stamp.nanosec]})
+        received.append(
+            json.dumps({"pose": row, "frame": message.header.frame_id, "stamp": [stamp.sec, stamp.nanosec]})
         )
 
-    def wrench(said: Any) -> None:
+    def wrench(message: Any) -> None:
         counts["wrench"] += 1
-        force, torque = said.wrench.force, said.wrench.torque
-        heard.append(json.dumps({"wrench": [force.x, force.y, force.z, torque.x, torque.y, torque.z]}))
+        force, torque = message.wrench.force, message.wrench.torque
+        received.append(json.dumps({"wrench": [force.x, force.y, force.z, torque.x, torque.y, torque.z]}))
 
     node.create_subscription(PoseStamped, "/pose", pose, 10)
     node.create_subscription(WrenchStamped, "/wrench", wrench, 10)
@@ -55,7 +55,7 @@ def main() -> None:
         for topic in ("/pose", "/wrench")
         for info in node.get_publishers_info_by_topic(topic)
     }
-    print(*heard, json.dumps({"hashes": hashes}), sep="\n", flush=True)  # noqa: T201
+    print(*received, json.dumps({"hashes": hashes}), sep="\n", flush=True)  # noqa: T201
     node.destroy_node()
     rclpy.shutdown()
 

@@ -114,7 +114,7 @@ def test_a_dataset_becomes_arrays_with_labels_and_parts(learnable: Path) -> None
     assert np.array_equal(part[0][0].numpy(), x[parts == "train"][0])
 
 
-def test_the_virtual_sensor_does_what_it_is_told_step_by_step() -> None:
+def test_the_virtual_sensor_follows_commands_step_by_step() -> None:
     twin = mc.VirtualSensor("prototype", seed=1)
     twin.press(0.08, 1.0, material="plastic")
     sound, labels = twin.advance(0.3)

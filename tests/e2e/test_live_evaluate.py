@@ -40,16 +40,16 @@ def test_every_estimate_is_the_same(
     results = read_results(tmp_path / "report" / "results.npz")
     capsys.readouterr()
     assert run(["live", *options, str(session), "--source", "session", "--hop", "0.1", "--json"]) == 0
-    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    said = {round(line["time"] * 44100): line for line in told}
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    line_of = {round(line["time"] * 44100): line for line in lines}
     starts = np.rint(results.start * 44100).astype(int).tolist()
     assert len(starts) > 50
-    assert {*starts} <= said.keys()
+    assert {*starts} <= line_of.keys()
     assert {"contact", "position", "force"} <= results.value.keys()
     for name in results.value:
         for columns, key in ((results.value, name), (results.std, f"{name}_std")):
-            found = np.array([said[start][key] for start in starts], dtype=float)
-            np.testing.assert_array_equal(columns[name], found, strict=True)
+            live = np.array([line_of[start][key] for start in starts], dtype=float)
+            np.testing.assert_array_equal(columns[name], live, strict=True)
     assert np.isfinite(results.value["position"]).sum() > 10
     reasons = [results.reasons[number] for number in results.why["position"].tolist()]
-    assert reasons == [said[start]["why_not"] for start in starts]
+    assert reasons == [line_of[start]["why_not"] for start in starts]

@@ -67,9 +67,9 @@ def live(server: Any, *more: str) -> list[str]:
 
 
 def counted(name: str, text: str) -> int:
-    found = re.search(rf"\b{name} (\d+)", text)
-    assert found, f"no {name} in {text}"
-    return int(found[1])
+    match = re.search(rf"\b{name} (\d+)", text)
+    assert match, f"no {name} in {text}"
+    return int(match[1])
 
 
 @pytest.mark.parametrize("jack_server", [64, 512], indirect=True)
@@ -81,14 +81,14 @@ def test_positions_are_those_of_offline_while_the_main_thread_is_busy(
     script = Path(__file__).with_name("live_busy.py")
     command = [sys.executable, str(script), *live(jack_server, "--seconds", "2.9")]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=90, check=True)
-    heard = records(ended.stdout)
+    received = records(ended.stdout)
     # Every frame arrived, and every window that was not left out says what it says offline.
     assert (counted("dropped", ended.stderr), counted("gaps", ended.stderr)) == (0, 0)
     assert counted("frames", ended.stderr) >= 2.9 * RATE - 512
     assert counted("windows", ended.stderr) + counted("skipped", ended.stderr) == 281
-    assert len(heard) == counted("windows", ended.stderr) > 10
-    assert heard == {moment: expected[moment] for moment in heard}
-    assert any(line["valid"] for line in heard.values())
+    assert len(received) == counted("windows", ended.stderr) > 10
+    assert received == {moment: expected[moment] for moment in received}
+    assert any(line["valid"] for line in received.values())
 
 
 class Running:
@@ -118,42 +118,42 @@ class Running:
 
 @contextmanager
 def running(server: Any, out: Path) -> Generator[Running]:
-    verb = Running(server, out)
+    live = Running(server, out)
     try:
-        yield verb
+        yield live
     finally:
-        if verb.process.poll() is None:
-            verb.process.kill()
-        verb.process.communicate()
+        if live.process.poll() is None:
+            live.process.kill()
+        live.process.communicate()
 
 
-def test_the_live_verb_outlives_a_killed_server(
+def test_live_outlives_a_killed_server(
     jack_server: Any, play: Any, note: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     expected = offline(note, capsys)
     play(note)
-    with running(jack_server, tmp_path / "out.jsonl") as verb:
-        verb.wait_for(lambda lines: lines != [] and lines[-1]["time"] > 1.0)
+    with running(jack_server, tmp_path / "out.jsonl") as live:
+        live.wait_for(lambda lines: lines != [] and lines[-1]["time"] > 1.0)
         jack_server.kill()
         time.sleep(0.5)
-        before = len(verb.lines())
+        before = len(live.lines())
         jack_server.restart()
         play(note)
-        verb.wait_for(lambda lines: sum(line["gaps"] and line["why_not"] != "gap" for line in lines) > 50)
-        told = verb.interrupt()
-        lines = verb.lines()
-        assert verb.process.returncode == 0
-    assert "Traceback" not in told
-    assert (counted("gaps", told), counted("reconnects", told)) == (1, 1)
-    assert counted("dropped", told) > 0.4 * RATE
-    heard = [{key: line[key] for key in KEYS} for line in lines]
-    assert heard[:before] == [expected[line["time"]] for line in heard[:before]]
+        live.wait_for(lambda lines: sum(line["gaps"] and line["why_not"] != "gap" for line in lines) > 50)
+        summary = live.interrupt()
+        lines = live.lines()
+        assert live.process.returncode == 0
+    assert "Traceback" not in summary
+    assert (counted("gaps", summary), counted("reconnects", summary)) == (1, 1)
+    assert counted("dropped", summary) > 0.4 * RATE
+    outputs = [{key: line[key] for key in KEYS} for line in lines]
+    assert outputs[:before] == [expected[line["time"]] for line in outputs[:before]]
     # What touches the gap abstains and says why; then positions come again.
-    lost = [line for line in heard if line["why_not"] == "gap"]
+    lost = [line for line in outputs if line["why_not"] == "gap"]
     assert lost
     assert lost[0]["time"] > 0.9
     assert all(line["position"] is None for line in lost)
-    after = [line for line in heard if line["time"] > lost[-1]["time"]]
+    after = [line for line in outputs if line["time"] > lost[-1]["time"]]
     assert len(after) > 20
     assert not any(line["why_not"] == "gap" for line in after)
     # The recording began anew, so its beginning is what they are compared with.

@@ -14,7 +14,7 @@ import soundfile
 from monochord.sessions import check, read_session
 
 RATE = 44100
-ROOM = 9_000_000
+DISK_SIZE = 9_000_000
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip("only root mounts a small disk")
     folder = tmp_path / "disk"
     folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={ROOM}", "tmpfs", str(folder)]
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK_SIZE}", "tmpfs", str(folder)]
     made = subprocess.run(mount, capture_output=True, text=True, check=False)
     if made.returncode != 0:
         pytest.skip(f"no small disk: {made.stderr.strip()}")
@@ -65,7 +65,7 @@ def test_a_full_disk_ends_it_cleanly(
     free = ["--set", "disk.start=0", "--set", "disk.stop=0"]
     recorder = start_recorder(*fast, *net_ft, *free, out=small_disk / "take.mcap")
     summary = ended_full(recorder)
-    assert summary["size"] > 0.5 * ROOM
+    assert summary["size"] > 0.5 * DISK_SIZE
     saved = len(read_session(recorder.out).readings("wrench").time)
     assert 0 <= saved - summary["instruments"]["net_ft"]["readings"] < 0.5 * 7000
 
@@ -73,13 +73,13 @@ def test_a_full_disk_ends_it_cleanly(
 def test_it_ends_before_the_disk_is_full(
     start_recorder: Callable[..., Any], fast: list[str], small_disk: Path
 ) -> None:
-    free = ["--set", f"disk.start={ROOM // 2}", "--set", f"disk.stop={ROOM // 3}"]
+    free = ["--set", f"disk.start={DISK_SIZE // 2}", "--set", f"disk.stop={DISK_SIZE // 3}"]
     recorder = start_recorder(*fast, *free, out=small_disk / "take.mcap")
     ended_full(recorder)
     events = read_session(recorder.out).events
     assert [event.text for event in events if event.kind == "stop"] == ["the disk is full"]
-    found = os.statvfs(small_disk)
-    assert found.f_bavail * found.f_frsize > ROOM // 4
+    disk = os.statvfs(small_disk)
+    assert disk.f_bavail * disk.f_frsize > DISK_SIZE // 4
 
 
 def test_a_warning_comes_before_that(
@@ -93,7 +93,7 @@ def test_a_warning_comes_before_that(
     assert "space for" in recorder.shown
 
 
-def test_a_disk_with_too_little_room_is_refused(
+def test_a_disk_with_too_little_space_is_refused(
     start_recorder: Callable[..., Any], fast: list[str], small_disk: Path
 ) -> None:
     recorder = start_recorder(*fast, out=small_disk / "take.mcap")
@@ -114,7 +114,7 @@ def test_a_limit_on_the_size_of_files_ends_it_cleanly(
     assert read_session(recorder.out).complete
 
 
-def test_a_limit_that_leaves_no_room_for_a_session_is_refused(
+def test_a_limit_too_low_for_a_session_is_refused(
     start_recorder: Callable[..., Any], fast: list[str]
 ) -> None:
     limit = 1_000_000

@@ -58,10 +58,10 @@ def whole(recorder: Any, sound: Path) -> SessionReader:
     assert report.sound, report.faults
     session = read_session(recorder.out)
     assert session.complete
-    heard = session.audio.samples
+    recorded = session.audio.samples
     expected = soundfile.read(sound, always_2d=True)[0].astype(np.float32)
     assert session.audio.gaps == ()
-    assert np.array_equal(heard, np.resize(expected, (heard.shape[1], 2)).T)
+    assert np.array_equal(recorded, np.resize(expected, (recorded.shape[1], 2)).T)
     return session
 
 
@@ -178,7 +178,7 @@ def test_a_folder_that_cannot_be_written_is_refused(sound: Path, tmp_path: Path)
     assert not out.exists()
 
 
-def test_a_wall_clock_that_is_set_is_told_and_moves_nothing(
+def test_setting_the_wall_clock_is_recorded_and_moves_nothing(
     start_recorder: Callable[..., Any], net_ft: list[str], sound: Path, tmp_path: Path
 ) -> None:
     if not shutil.which("gcc"):

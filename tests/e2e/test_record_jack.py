@@ -77,14 +77,14 @@ def test_a_killed_server_is_a_gap_and_the_force_goes_on(
     away = (gap[1] - gap[0]) / RATE
     assert away == pytest.approx(returned - killed, abs=0.7)
     assert (summary["gaps"], summary["dropped"], summary["reconnects"]) == (1, gap[1] - gap[0], 1)
-    found = {event.kind: event for event in session.events if event.data.get("stream") == "audio"}
-    assert found["gap"].data["frames"] == gap[1] - gap[0]
-    assert {"silent", "back", "reconnect"} <= set(found)
-    assert found["silent"].time < found["back"].time
+    events = {event.kind: event for event in session.events if event.data.get("stream") == "audio"}
+    assert events["gap"].data["frames"] == gap[1] - gap[0]
+    assert {"silent", "back", "reconnect"} <= set(events)
+    assert events["silent"].time < events["back"].time
     wrench = session.readings("wrench")
     assert wrench.missing == summary["instruments"]["net_ft"]["missing"] == 0
-    meanwhile = (wrench.time > found["silent"].time) & (wrench.time < found["back"].time)
-    span = found["back"].time - found["silent"].time
+    meanwhile = (wrench.time > events["silent"].time) & (wrench.time < events["back"].time)
+    span = events["back"].time - events["silent"].time
     assert np.count_nonzero(meanwhile) == pytest.approx(7000 * span, rel=0.2)
     # The gap is as long as the time that passed: the last and the first anchor beside it are on one clock.
     begins = session.audio.anchor_time - session.audio.anchor_frame / RATE
@@ -108,7 +108,7 @@ def test_a_server_that_comes_back_at_another_rate_ends_it(
     assert "failed" in {event.kind for event in session.events}
 
 
-def test_a_clock_that_a_killed_client_put_wrong_is_told_of(
+def test_a_clock_set_wrong_by_a_killed_client_is_reported(
     jack_server: Any, play: Callable[[Path], Any], recording: Path, start_recorder: Any
 ) -> None:
     play(recording)

@@ -74,10 +74,10 @@ def test_a_kill_costs_half_a_second_at_most(
     time.sleep(np.random.default_rng(seed).uniform(0.1, 1.5))
     lost = look_over(recorder.out, recorder.kill())
     assert max(lost.values()) <= LOST
-    heard = read_session(recorder.out).audio.samples
+    recorded = read_session(recorder.out).audio.samples
     expected = soundfile.read(sound, always_2d=True)[0].T.astype(np.float32)
-    assert np.array_equal(heard, np.resize(expected.T, (heard.shape[1], 2)).T)
-    frames = heard.shape[1]
+    assert np.array_equal(recorded, np.resize(expected.T, (recorded.shape[1], 2)).T)
+    frames = recorded.shape[1]
     recover(recorder.out)
     assert read_session(recorder.out).audio.samples.shape[1] == frames
 

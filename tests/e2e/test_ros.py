@@ -36,7 +36,7 @@ def listener() -> Iterator["subprocess.Popen[str]"]:
         process.kill()
 
 
-def test_rclpy_and_monochord_hear_each_other(listener: "subprocess.Popen[str]") -> None:
+def test_rclpy_and_monochord_exchange_messages(listener: "subprocess.Popen[str]") -> None:
     poses = np.array([[0.01 * k, 0.0, 1e-3, *TURN] for k in range(100)])
     wrenches = np.tile([0.0, 0.1, 1.5, 0.0, 0.0, -0.2], (100, 1))
     settings = PublisherSettings(rate=200.0, wrench_rate=50.0, domain=DOMAIN, frame="string")
@@ -46,16 +46,17 @@ def test_rclpy_and_monochord_hear_each_other(listener: "subprocess.Popen[str]") 
         PosePublisher(poses, settings, wrenches=wrenches),
         PoseDds(topic="/answer", frame="robot", domain=DOMAIN).open() as sensor,
     ):
-        heard = [json.loads(line) for line in listener.stdout]
+        messages = [json.loads(line) for line in listener.stdout]
         readings = sensor.poll()
-    got = [said for said in heard if "pose" in said]
-    assert len(got) > 100
+    poses = [message for message in messages if "pose" in message]
+    assert len(poses) > 100
     assert all(
-        said["frame"] == "string" and np.allclose(said["pose"], [0.0, 0.0, 1e-3, *TURN]) for said in got
+        message["frame"] == "string" and np.allclose(message["pose"], [0.0, 0.0, 1e-3, *TURN])
+        for message in poses
     )
-    assert all(np.diff([sec + 1e-9 * ns for sec, ns in (said["stamp"] for said in got)]) > 0.0)
-    assert sum(said.get("wrench") == wrenches[0].tolist() for said in heard) > 25
-    hashes = heard[-1]["hashes"]
+    assert all(np.diff([sec + 1e-9 * ns for sec, ns in (message["stamp"] for message in poses)]) > 0.0)
+    assert sum(message.get("wrench") == wrenches[0].tolist() for message in messages) > 25
+    hashes = messages[-1]["hashes"]
     assert set(hashes) == {"geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"}
     for name, seen in hashes.items():
         assert TYPE_HASHES[name].removeprefix("RIHS01_") in seen.lower()

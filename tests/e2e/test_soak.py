@@ -35,7 +35,7 @@ WARM = 0.4
 PERIOD = 512
 BACK = 15.0
 """Seconds in which a recorder must be back once there is something to connect to."""
-LEAST = 4.0
+MIN_SECONDS = 4.0
 """Seconds that a server lives at least once the recorder is back, so that events tell of each by itself."""
 POSES = 250
 
@@ -154,9 +154,9 @@ def test_a_long_recording_through_five_killed_servers_has_all_or_says_what_it_la
     recorder.wait_for_bytes(200_000)
     poses, memory, begin = PoseSender(port), Memory(recorder.process.pid), time.monotonic()
     for life, until in enumerate(times):
-        _wait_until_it_is_heard(player, recorder)
+        _wait_until_recorded(player, recorder)
         following = Counter(jack_server.name, life + 1, tape) if life < KILLS else None
-        end = max(begin + until, time.monotonic() + LEAST)
+        end = max(begin + until, time.monotonic() + MIN_SECONDS)
         while time.monotonic() < end:
             time.sleep(0.1)
             assert recorder.process.poll() is None, recorder.process.communicate()
@@ -188,7 +188,7 @@ def test_a_long_recording_through_five_killed_servers_has_all_or_says_what_it_la
     assert figures["shared_end_mb"] < 1.01 * figures["shared_begin_mb"], figures
 
 
-def _wait_until_it_is_heard(player: Counter, recorder: Any) -> None:
+def _wait_until_recorded(player: Counter, recorder: Any) -> None:
     """Wait for the recorder to be connected; where it is not, let it say what it is at."""
     if player.says(BACK) != "playing":
         recorder.process.send_signal(signal.SIGABRT)
@@ -258,9 +258,9 @@ def _audio(
     elapsed = audio.anchor_time[-1] - audio.anchor_time[0]
     by_clock = elapsed * RATE - (audio.anchor_frame[-1] - audio.anchor_frame[0])
     # A server that is starved loses periods without counting them; then the recorder says by how much.
-    told = sum(float(event.data["seconds"]) for event in session.events if event.kind == "uncounted")
-    doubted = summary["flags"].get("clock_doubt", 0)
-    assert doubted or abs(by_clock - told * RATE) <= 0.1 * RATE, (by_clock, told)
+    uncounted = sum(float(event.data["seconds"]) for event in session.events if event.kind == "uncounted")
+    clock_doubts = summary["flags"].get("clock_doubt", 0)
+    assert clock_doubts or abs(by_clock - uncounted * RATE) <= 0.1 * RATE, (by_clock, uncounted)
     return {
         "frames": summary["frames"],
         "gap_frames": summary["dropped"],
@@ -269,8 +269,8 @@ def _audio(
         "silent_frames": silence,
         "played_but_lost_in_kills": sum(tails),
         "frames_less_than_by_clock": float(by_clock),
-        "of_these_told_of": told * RATE,
-        "clock_doubts": doubted,
+        "of_these_told_of": uncounted * RATE,
+        "clock_doubts": clock_doubts,
     }
 
 
@@ -286,14 +286,14 @@ def _tells_of_kills(session: SessionReader, summary: dict[str, Any], killed: lis
 
 
 def _wrench(session: SessionReader, summary: dict[str, Any]) -> dict[str, float]:
-    track, told = session.readings("wrench"), summary["instruments"]["net_ft"]
+    track, health = session.readings("wrench"), summary["instruments"]["net_ft"]
     steps = np.diff(track.sequence)
     assert np.all(steps >= 1)
     missing = int((steps - 1).sum())
     assert len(track.time) + missing == track.sequence[-1] - track.sequence[0] + 1
-    assert (told["readings"], told["missing"]) == (len(track.time), missing)
+    assert (health["readings"], health["missing"]) == (len(track.time), missing)
     assert missing == track.missing
-    assert told["faulty"] == 0
+    assert health["faulty"] == 0
     # The device's own samples go on with its records: what is counted is what was measured.
     assert np.array_equal(np.diff(track.device_time), steps)
     assert len(track.time) + missing == pytest.approx(7000 * summary["seconds"], rel=0.02)
@@ -301,9 +301,9 @@ def _wrench(session: SessionReader, summary: dict[str, Any]) -> dict[str, float]
 
 
 def _poses(session: SessionReader, summary: dict[str, Any], sent: int) -> dict[str, float]:
-    track, told = session.readings("pose"), summary["instruments"]["pose_udp"]
+    track, health = session.readings("pose"), summary["instruments"]["pose_udp"]
     assert len(track.time) + track.missing == sent - track.sequence[0]
-    assert (told["readings"], told["missing"]) == (len(track.time), track.missing)
+    assert (health["readings"], health["missing"]) == (len(track.time), track.missing)
     assert np.allclose(track.values[:, 0], 1e-6 * (track.sequence % 1000))
     return {"poses": len(track.time), "poses_sent": sent}
 
@@ -313,12 +313,12 @@ def _independent(path: Path, session: SessionReader, summary: dict[str, Any]) ->
     frames, sequence, poses = 0, list[np.ndarray](), 0
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        found = reader.get_summary()
-        assert found
-        assert found.statistics
+        contents = reader.get_summary()
+        assert contents
+        assert contents.statistics
         topics = {
-            channel.topic: found.statistics.channel_message_counts.get(number, 0)
-            for number, channel in found.channels.items()
+            channel.topic: contents.statistics.channel_message_counts.get(number, 0)
+            for number, channel in contents.channels.items()
         }
         counted = dict.fromkeys(topics, 0)
         for _, channel, _, message in reader.iter_decoded_messages():
@@ -335,5 +335,5 @@ def _independent(path: Path, session: SessionReader, summary: dict[str, Any]) ->
     return {
         "messages": sum(counted.values()),
         "bytes": path.stat().st_size,
-        "chunks": len(found.chunk_indexes),
+        "chunks": len(contents.chunk_indexes),
     }

@@ -39,19 +39,19 @@ def main() -> int:
           f"{'memory':>7}{'died':>5}{'places':>7}{'peak MB':>9}{'slowest s':>10}", flush=True)  # fmt: skip
     for name in options.targets or names:
         seeds = seeds_of(options.folder, name)
-        found = fuzz(options.folder, name, seeds, seconds=options.seconds, seed=options.seed)
-        count = found.counts
-        print(f"{name:<16}{found.cases:>8}{count['accepted']:>9}{count['refused']:>9}{count['traceback']:>10}"
-              f"{count['hang']:>6}{count['memory']:>7}{count['died']:>5}{len(found.failures):>7}"
-              f"{found.peak / 1e6:>9.0f}{found.slowest:>10.2f}", flush=True)  # fmt: skip
-        _keep(options.folder, name, found, options.out)
-        failed = failed or bool(found.failures)
+        findings = fuzz(options.folder, name, seeds, seconds=options.seconds, seed=options.seed)
+        count = findings.counts
+        print(f"{name:<16}{findings.cases:>8}{count['accepted']:>9}{count['refused']:>9}{count['traceback']:>10}"
+              f"{count['hang']:>6}{count['memory']:>7}{count['died']:>5}{len(findings.failures):>7}"
+              f"{findings.peak / 1e6:>9.0f}{findings.slowest:>10.2f}", flush=True)  # fmt: skip
+        _keep(options.folder, name, findings, options.out)
+        failed = failed or bool(findings.failures)
     return int(failed)
 
 
-def _keep(folder: Path, name: str, found: Findings, out: Path) -> None:
+def _keep(folder: Path, name: str, findings: Findings, out: Path) -> None:
     """Keep an input for each place that failed, smaller where that is possible, and say how to repeat it."""
-    for place, failure in found.failures.items():
+    for place, failure in findings.failures.items():
         given = shrunk(folder, name, failure.given, place) if failure.kind != "hang" else failure.given
         file, content = pack(hashlib.sha256(f"{failure.kind} {place}".encode()).hexdigest()[:10], given)
         (out / name).mkdir(parents=True, exist_ok=True)

@@ -96,10 +96,10 @@ def command(*arguments: object) -> str:
     """
     from monochord.cli import run
 
-    out, told = io.StringIO(), io.StringIO()
-    with redirect_stdout(out), redirect_stderr(told):
+    out, errors = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(errors):
         status = run([str(each) for each in arguments])
-    lines = told.getvalue().splitlines()
+    lines = errors.getvalue().splitlines()
     if status == 0:
         return out.getvalue()
     assert status == 2, f"status {status}: {lines}"

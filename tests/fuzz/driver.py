@@ -62,14 +62,14 @@ def seeds_of(folder: Path, name: str) -> tuple[Input, ...]:
 
 def fuzz(folder: Path, name: str, seeds: tuple[Input, ...], *, seconds: float, seed: int) -> Findings:
     """Feed a target with the seeds as they are, then edited, for so long."""
-    found = Findings()
+    findings = Findings()
     for _, verdict, given in verdicts(Work(folder=folder, name=name, given=seeds)):
-        found.add(verdict, given)
+        findings.add(verdict, given)
     for _, verdict, given in verdicts(
         Work(folder=folder, name=name, seed=seed, seeds=seeds, seconds=seconds)
     ):
-        found.add(verdict, given)
-    return found
+        findings.add(verdict, given)
+    return findings
 
 
 def verdicts(work: Work) -> Iterator[tuple[int, Verdict, Input | None]]:

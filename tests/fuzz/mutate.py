@@ -338,31 +338,31 @@ def packets(datagrams: list[bytes]) -> bytes:
 
 def datagrams(data: bytes) -> list[bytes]:
     """Return the datagrams in a file, as far as it is whole."""
-    found: list[bytes] = []
+    datagram_list: list[bytes] = []
     at = 0
     while at + 4 <= len(data):
         size = struct.unpack_from("<I", data, at)[0]
-        found.append(data[at + 4 : at + 4 + min(size, 60000)])
+        datagram_list.append(data[at + 4 : at + 4 + min(size, 60000)])
         at += 4 + size
-    return found
+    return datagram_list
 
 
 def _packets(random: Random, data: bytes) -> bytes:
-    found = datagrams(data) or [b""]
-    at = random.randrange(len(found))
+    parts = datagrams(data) or [b""]
+    at = random.randrange(len(parts))
     match random.randrange(6):
         case 0:
-            found[at : at + random.choice((1, 3))] = []
+            parts[at : at + random.choice((1, 3))] = []
         case 1:
-            found[at:at] = [found[at]] * random.choice((1, 2, 40))
+            parts[at:at] = [parts[at]] * random.choice((1, 2, 40))
         case 2:
-            other = random.randrange(len(found))
-            found[at], found[other] = found[other], found[at]
+            other = random.randrange(len(parts))
+            parts[at], parts[other] = parts[other], parts[at]
         case 3:
-            found[at] = found[at] * random.choice((0, 2, 200))
+            parts[at] = parts[at] * random.choice((0, 2, 200))
         case _:
-            found[at] = _json(random, found[at]) if found[at][:1] == b"{" else _integer(random, found[at])
-    return packets(found)
+            parts[at] = _json(random, parts[at]) if parts[at][:1] == b"{" else _integer(random, parts[at])
+    return packets(parts)
 
 
 # ---- MCAP ----
@@ -388,17 +388,17 @@ def _mcap(random: Random, data: bytes) -> bytes:
 
 
 def _records(data: bytes) -> tuple[list[tuple[int, bytes]], bytes]:
-    found: list[tuple[int, bytes]] = []
+    records: list[tuple[int, bytes]] = []
     at = 0
     while at + 9 <= len(data):
         opcode, size = struct.unpack_from("<BQ", data, at)
         if at + 9 + size > len(data):
             break
-        found.append((opcode, data[at + 9 : at + 9 + size]))
+        records.append((opcode, data[at + 9 : at + 9 + size]))
         at += 9 + size
         if opcode == FOOTER:
             break
-    return found, data[at:]
+    return records, data[at:]
 
 
 def _joined(records: list[list[Any]]) -> bytes:

@@ -49,12 +49,12 @@ def planted(tmp_path: Path) -> Path:
 def test_whatever_ends_badly_is_counted_and_the_rest_goes_on(planted: Path) -> None:
     texts = (b"fine", b"trace", b"fine", b"hang", b"bomb", b"other", b"die", b"fine")
     given = tuple({"a.txt": text} for text in texts)
-    found = list(verdicts(Work(folder=planted, name="planted", given=given)))
-    kinds = [verdict.kind for _, verdict, _ in found]
+    results = list(verdicts(Work(folder=planted, name="planted", given=given)))
+    kinds = [verdict.kind for _, verdict, _ in results]
     assert kinds == ["accepted", "traceback", "accepted", "hang", "memory", "refused", "died", "accepted"]
-    assert [case for case, _, _ in found] == list(range(8))
-    assert "KeyError" in found[1][1].place
-    assert [kept for _, _, kept in found if kept] == [given[n] for n in (1, 3, 4, 6)]
+    assert [case for case, _, _ in results] == list(range(8))
+    assert "KeyError" in results[1][1].place
+    assert [repeated for _, _, repeated in results if repeated] == [given[n] for n in (1, 3, 4, 6)]
 
 
 def test_equal_seeds_draw_equal_cases_and_a_failure_is_made_smaller(planted: Path) -> None:
@@ -91,9 +91,9 @@ def test_what_is_packed_is_unpacked(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", target_names(TARGETS))
 def test_a_second_of_each_target_ends_well(name: str) -> None:
-    found = fuzz(TARGETS, name, seeds_of(TARGETS, name), seconds=1.0, seed=0)
-    assert not found.failures, {place: failure.text for place, failure in found.failures.items()}
-    assert found.counts["accepted"] > 0
+    findings = fuzz(TARGETS, name, seeds_of(TARGETS, name), seconds=1.0, seed=0)
+    assert not findings.failures, {place: failure.text for place, failure in findings.failures.items()}
+    assert findings.counts["accepted"] > 0
 
 
 @pytest.mark.parametrize("name", sorted(folder.name for folder in CORPUS.iterdir()))

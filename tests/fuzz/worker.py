@@ -153,8 +153,8 @@ def _place(error: BaseException) -> str:
     for frame in traceback.extract_tb(error.__traceback__):
         if "/monochord/" in frame.filename:
             where = f"{frame.filename.rpartition('/monochord/')[2]}:{frame.name}"
-    said = f" ({str(error)[:60]})" if isinstance(error, AssertionError) else ""
-    return f"{type(error).__name__}{said} in {where}"
+    detail = f" ({str(error)[:60]})" if isinstance(error, AssertionError) else ""
+    return f"{type(error).__name__}{detail} in {where}"
 
 
 def _smaller(work: Work, target: Target, home: Path, beat: Any) -> Iterator[Input]:

@@ -136,7 +136,7 @@ def test_the_same_seed_writes_the_same_bytes_and_another_does_not(tmp_path: Path
     assert first.checksum == again.checksum != other.checksum
 
 
-def test_a_session_that_is_there_is_kept(tmp_path: Path) -> None:
+def test_an_existing_session_is_not_replaced(tmp_path: Path) -> None:
     first = make(session("hold_000"), tmp_path)
     stamp = first.path.stat().st_mtime_ns
     again = make(session("hold_000"), tmp_path)

@@ -27,5 +27,5 @@ def quiet(**changes: object) -> Plan:
 
 def session(name: str, plan: Plan | None = None, seed: int = 0) -> Assignment:
     """One session of a plan by its name."""
-    found = {one.name: one for one in assignments(plan or tiny(), seed)}
-    return found[name]
+    named = {one.name: one for one in assignments(plan or tiny(), seed)}
+    return named[name]

@@ -155,7 +155,7 @@ def test_less_than_a_hop_waiting_is_not_late() -> None:
     assert summary.skipped == 0
 
 
-def test_a_gap_reaches_the_estimator_and_the_pace_is_kept() -> None:
+def test_a_gap_reaches_the_estimator_at_the_same_pace() -> None:
     blocks = [Block(samples=NOISE[:, :500], start=0), Block(samples=NOISE[:, 530:], start=530, dropped=30)]
     keep = Keep()
     summary = run(session(Script(blocks), keep))

@@ -72,6 +72,6 @@ def test_the_resolved_tree_is_complete_and_means_the_same(tmp_path: Path) -> Non
         ({"seconds": 0}, "0 seconds"),
     ],
 )
-def test_what_is_wrong_is_said(change: dict[str, object], message: str) -> None:
+def test_the_error_names_the_setting(change: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         LiveSettings.read({**TREE, **change}).build()

@@ -28,7 +28,7 @@ class Forgery:
 
 
 def audio(**fields: Any) -> bytes:
-    told = {
+    defaults = {
         "header": codec.header(EPOCH),
         "start": 0,
         "dropped": 0,
@@ -38,11 +38,11 @@ def audio(**fields: Any) -> bytes:
         "channels": 2,
         "samples": np.zeros(882, np.float32),
     }
-    return codec.encode(codec.AUDIO, **{**told, **fields})
+    return codec.encode(codec.AUDIO, **{**defaults, **fields})
 
 
 def wrenches(**fields: Any) -> bytes:
-    told = {
+    defaults = {
         "header": codec.header(EPOCH),
         "arrival": EPOCH + np.arange(10) * NANO // 1000,
         "sequence": np.arange(10),
@@ -51,11 +51,11 @@ def wrenches(**fields: Any) -> bytes:
         "force": np.zeros(30),
         "torque": np.zeros(30),
     }
-    return codec.encode(codec.WRENCHES, **{**told, **fields})
+    return codec.encode(codec.WRENCHES, **{**defaults, **fields})
 
 
 def oven(**fields: Any) -> bytes:
-    told = {
+    defaults = {
         "header": codec.header(EPOCH),
         "columns": ["temperature", "door"],
         "arrival": np.array([EPOCH, EPOCH + NANO]),
@@ -64,27 +64,27 @@ def oven(**fields: Any) -> bytes:
         "status": np.zeros(2, np.uint32),
         "values": np.zeros(4),
     }
-    return codec.encode(codec.READINGS, **{**told, **fields})
+    return codec.encode(codec.READINGS, **{**defaults, **fields})
 
 
 def labels(**fields: Any) -> bytes:
-    told = {
+    defaults = {
         "header": codec.header(EPOCH),
         "columns": ["contact"],
         "time": np.array([EPOCH, EPOCH + NANO]),
         "values": np.zeros(2),
     }
-    return codec.encode(codec.LABELS, **{**told, **fields})
+    return codec.encode(codec.LABELS, **{**defaults, **fields})
 
 
 def event(**fields: Any) -> bytes:
-    told = {"header": codec.header(EPOCH), "kind": "note", "text": "", "data": "{}"}
-    return codec.encode(codec.EVENT, **{**told, **fields})
+    defaults = {"header": codec.header(EPOCH), "kind": "note", "text": "", "data": "{}"}
+    return codec.encode(codec.EVENT, **{**defaults, **fields})
 
 
 def clocks(**fields: Any) -> bytes:
-    told = {"header": codec.header(EPOCH), "names": ["jack"], "offsets": np.zeros(1)}
-    return codec.encode(codec.CLOCKS, **{**told, **fields})
+    defaults = {"header": codec.header(EPOCH), "names": ["jack"], "offsets": np.zeros(1)}
+    return codec.encode(codec.CLOCKS, **{**defaults, **fields})
 
 
 SOUND = (
@@ -105,13 +105,13 @@ def forge(
     messages: Iterable[Forgery] = SOUND,
     *,
     begin: dict[str, str] | None = None,
-    told: str | None = None,
+    description_text: str | None = None,
     end: dict[str, str] | None = None,
     compression: CompressionType = CompressionType.NONE,
     chunk_size: int = 1 << 20,
 ) -> Path:
     """Write a session of any messages; `begin` is laid over its metadata, `told` is its description."""
-    text = description().dump() if told is None else told
+    text = description().dump() if description_text is None else description_text
     metadata = {"format": "1", "epoch_ns": str(EPOCH), "origin": "100.0", "description": text}
     types = codec.TOPICS | {codec.topic_of(feed.stream): codec.type_of(feed) for feed in FEEDS}
     with path.open("wb") as file:

@@ -17,14 +17,14 @@ FEEDS = (
 
 
 def description(**more: object) -> Description:
-    told = {
+    fields = {
         "name": "made",
         "sample_rate": RATE,
         "simulated": True,
         "feeds": FEEDS,
         "plan": "title = 'made'\n",
     }
-    return Description(**{**told, **more})  # pyright: ignore[reportArgumentType]
+    return Description(**{**fields, **more})  # pyright: ignore[reportArgumentType]
 
 
 def block(k: int, samples: np.ndarray, *, start: int, dropped: int = 0) -> Block:

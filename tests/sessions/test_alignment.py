@@ -44,7 +44,7 @@ def true_offset(truth: Tapped, stream: str, time: Seconds) -> Seconds:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_known_offsets_at_both_ends_are_found(seed: int, tmp_path: Path) -> None:
+def test_known_offsets_at_both_ends_are_recovered(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     start = rng.uniform(-0.3, 0.3, 3)
     moved = rng.uniform(-0.4e-3, 0.4e-3, 3)
@@ -152,7 +152,7 @@ def test_too_few_taps_are_flagged(tmp_path: Path) -> None:
     assert "audio notices 2 taps at the end; 3 are needed" in flags
 
 
-def test_an_offset_beyond_the_limit_is_told(tmp_path: Path) -> None:
+def test_an_offset_beyond_the_limit_is_reported(tmp_path: Path) -> None:
     truth = replace(played(), late={"audio": (1.2, 1.2)})
     flags = align(recorded(tmp_path, truth)).flags
     assert flags == (
@@ -161,7 +161,7 @@ def test_an_offset_beyond_the_limit_is_told(tmp_path: Path) -> None:
     )
 
 
-def test_a_stream_that_hears_nothing_is_flagged(tmp_path: Path) -> None:
+def test_a_stream_without_taps_is_flagged(tmp_path: Path) -> None:
     truth = replace(played(), microphones=np.zeros((2, 12 * RATE), np.float32))
     alignment = align(recorded(tmp_path, truth))
     assert alignment.flags[0] == "audio notices no taps within 1 s at the begin"

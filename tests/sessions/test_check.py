@@ -17,7 +17,7 @@ def test_a_whole_session_has_no_faults_and_tells_what_is_missing(tmp_path: Path)
     assert report.messages["/labels"] == 200
 
 
-def test_a_flipped_bit_is_found(tmp_path: Path) -> None:
+def test_a_flipped_bit_is_detected(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     make(path)
     content = bytearray(path.read_bytes())
@@ -36,7 +36,7 @@ def test_a_session_that_was_not_closed_says_what_to_do(tmp_path: Path) -> None:
     assert any("cut off" in fault for fault in report.faults)
 
 
-def test_a_session_that_is_being_recorded_is_said_to_be(tmp_path: Path) -> None:
+def test_a_session_that_is_being_recorded_is_reported_so(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with make(path, seconds=0.5, close=False):
         report = check(path)

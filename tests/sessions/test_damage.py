@@ -44,7 +44,7 @@ def sound_frames(path: Path, whole: np.ndarray) -> int:
     return int(there.sum())
 
 
-def frames_told_independently(path: Path) -> int:
+def frames_by_mcap(path: Path) -> int:
     """Read every record in the order of the file, and the audio by way of the index, with another library."""
     with path.open("rb") as file:
         assert sum(1 for _ in StreamReader(file, validate_crcs=True).records) > 0
@@ -62,21 +62,21 @@ def mend(path: Path, content: bytes, at: int, bit: int, whole: np.ndarray) -> by
     hurt[at] ^= 1 << bit
     path.write_bytes(hurt)
     report = check(path)
-    told = f"bit {bit} of byte {at}: {report.faults}"
-    assert not report.sound, told
-    assert "was not closed" not in " ".join(report.faults), told
-    assert whole.shape[1] - sound_frames(path, whole) <= LOST * RATE, f"read without repair: {told}"
-    found = recover(path)
+    message = f"bit {bit} of byte {at}: {report.faults}"
+    assert not report.sound, message
+    assert "was not closed" not in " ".join(report.faults), message
+    assert whole.shape[1] - sound_frames(path, whole) <= LOST * RATE, f"read without repair: {message}"
+    recovery = recover(path)
     after = check(path)
-    assert found.repaired, told
-    assert after.sound, f"{told}, then {after.faults}"
+    assert recovery.repaired, message
+    assert after.sound, f"{message}, then {after.faults}"
     frames = sound_frames(path, whole)
-    assert whole.shape[1] - frames <= LOST * RATE, told
-    assert frames_told_independently(path) == frames, told
-    assert found.cut, told
+    assert whole.shape[1] - frames <= LOST * RATE, message
+    assert frames_by_mcap(path) == frames, message
+    assert recovery.cut, message
     # What is gone lies beside: of every byte that is not what it was, the damaged one is there.
-    assert found.cut.read_bytes().find(hurt[at : at + 1]) >= 0, told
-    assert not recover(path).repaired, told
+    assert recovery.cut.read_bytes().find(hurt[at : at + 1]) >= 0, message
+    assert not recover(path).repaired, message
     return path.read_bytes()
 
 
@@ -146,15 +146,15 @@ def test_a_session_that_was_cut_off_is_mended_too(tmp_path: Path) -> None:
         hurt = bytearray(content)
         hurt[at] ^= 4
         path.write_bytes(hurt[:-1000])
-        found = recover(path)
+        recovery = recover(path)
         assert check(path).sound
-        assert found.cut
+        assert recovery.cut
         frames = sound_frames(path, whole)
         assert whole.shape[1] - frames <= (1 + (at == chunks[4].offset + 5000)) * FLUSH * RATE
-        assert frames_told_independently(path) == frames
+        assert frames_by_mcap(path) == frames
 
 
-def test_what_lies_behind_a_hole_of_many_bytes_is_kept(short: Path, tmp_path: Path) -> None:
+def test_data_behind_a_hole_of_many_bytes_is_recovered(short: Path, tmp_path: Path) -> None:
     path, content = tmp_path / "a.mcap", short.read_bytes()
     whole = read_session(short).audio.samples
     chunks = [r for r in walk.records(walk.mapped(short)) if r.opcode == walk.CHUNK]
@@ -162,20 +162,20 @@ def test_what_lies_behind_a_hole_of_many_bytes_is_kept(short: Path, tmp_path: Pa
     for filling in (bytes(1400), np.random.default_rng(0).bytes(1400)):
         path.write_bytes(content[: hole.start] + filling + content[hole.stop :])
         assert not check(path).sound
-        found = recover(path)
+        recovery = recover(path)
         assert check(path).sound
-        assert found.cut
-        assert filling in found.cut.read_bytes()
+        assert recovery.cut
+        assert filling in recovery.cut.read_bytes()
         assert whole.shape[1] - sound_frames(path, whole) <= 2 * FLUSH * RATE
-        found.cut.unlink()
+        recovery.cut.unlink()
 
 
 def test_no_byte_of_begin_and_end_can_be_damaged_unnoticed(short: Path) -> None:
     content = bytearray(short.read_bytes())
     for at in aimed(short)[::12]:
         content[at] ^= 4
-        found = scan(memoryview(content))
-        assert not found.whole, at
+        result = scan(memoryview(content))
+        assert not result.whole, at
         content[at] ^= 4
     assert scan(memoryview(content)).whole
 

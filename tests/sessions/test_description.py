@@ -11,7 +11,7 @@ from monochord.sessions import Description, SessionClock
 
 
 def test_a_description_survives_as_text() -> None:
-    told = Description(
+    description = Description(
         name="a",
         sample_rate=48000,
         string=StringParams(length=0.2, linear_density=4e-4, tension=70.0),
@@ -21,19 +21,19 @@ def test_a_description_survives_as_text() -> None:
         feeds=FEEDS,
         more={"robot": "arm"},
     )
-    assert Description.load(told.dump()) == told
+    assert Description.load(description.dump()) == description
 
 
-def test_what_a_newer_version_added_is_kept() -> None:
+def test_fields_of_a_newer_version_are_preserved() -> None:
     text = json.dumps({**json.loads(Description(name="a", sample_rate=1).dump()), "humidity": 0.4})
     assert Description.load(text).more == {"humidity": "0.4"}
 
 
 @pytest.mark.parametrize("wrong", [{"name": ""}, {"sample_rate": 0}, {"channels": 0}])
 def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
-    told: dict[str, object] = {"name": "a", "sample_rate": 44100, **wrong}
+    fields: dict[str, object] = {"name": "a", "sample_rate": 44100, **wrong}
     with pytest.raises(InputError):
-        Description(**told)  # pyright: ignore[reportArgumentType]
+        Description(**fields)  # pyright: ignore[reportArgumentType]
 
 
 def test_the_clock_keeps_nanoseconds() -> None:

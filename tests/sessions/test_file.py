@@ -17,9 +17,9 @@ def test_space_is_set_aside_and_given_back(tmp_path: Path) -> None:
     file = SessionFile(path)
     file.write(b"x")
     assert path.stat().st_size == 1, "the size does not tell of it"
-    held = path.stat().st_blocks * 512
+    allocated = path.stat().st_blocks * 512
     file.close()
     file.close()
     assert path.stat().st_blocks * 512 <= 8192
-    assert held == 0 or held >= RESERVE, "a file system sets aside all or cannot"
+    assert allocated == 0 or allocated >= RESERVE, "a file system sets aside all or cannot"
     assert path.read_bytes() == b"x"

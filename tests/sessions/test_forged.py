@@ -202,7 +202,7 @@ def test_a_recording_of_twelve_hours_is_within_all_bounds(tmp_path: Path) -> Non
     path = forge(
         tmp_path / "a.mcap",
         [Forgery("/audio", audio(start=start, sample_rate=96_000), EPOCH + 12 * 3600 * NANO)],
-        told=described(sample_rate=96_000),
+        description_text=described(sample_rate=96_000),
     )
     session = read_session(path)
     assert [block.start for _, block in session.decoded("/audio")] == [start]
@@ -290,8 +290,10 @@ def test_no_compressed_chunk_takes_memory_that_is_not_due(tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr[-2000:]
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 30.0  # s
-    found = dict(zip([*chunks, "gap"], (line.split()[0] for line in done.stdout.splitlines()), strict=True))
-    refused = {name for name, word in found.items() if word == "refused"}
+    outcomes = dict(
+        zip([*chunks, "gap"], (line.split()[0] for line in done.stdout.splitlines()), strict=True)
+    )
+    refused = {name for name, word in outcomes.items() if word == "refused"}
     assert refused == {
         "zstd of 1 GiB",
         "zstd of 16 MiB, many times",
@@ -300,7 +302,7 @@ def test_no_compressed_chunk_takes_memory_that_is_not_due(tmp_path: Path) -> Non
         "nothing that claims GBs, many times",
         "gap",
     }
-    assert all(int(word) > 0 for name, word in found.items() if name not in refused)
+    assert all(int(word) > 0 for name, word in outcomes.items() if name not in refused)
 
 
 @pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])

@@ -65,8 +65,8 @@ def test_independent_readers_decode_every_message(tmp_path: Path) -> None:
                 samples += list(message.samples[: len(message.samples) // 2])
     ours = {topic: sum(1 for _ in session.messages(topic)) for topic in session.topics}
     assert counted == ours
-    kept = np.delete(session.audio.samples[0], slice(*session.audio.gaps[0]))
-    assert np.array_equal(np.array(samples, np.float32), kept)
+    without_gap = np.delete(session.audio.samples[0], slice(*session.audio.gaps[0]))
+    assert np.array_equal(np.array(samples, np.float32), without_gap)
     with AnyReader([path]) as bag:
         read = [bag.deserialize(raw, connection.msgtype) for connection, _, raw in bag.messages()]
     assert len(read) == sum(ours.values())

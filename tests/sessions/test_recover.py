@@ -27,14 +27,14 @@ def test_a_file_cut_anywhere_keeps_all_that_is_whole(tmp_path: Path) -> None:
         length = int(random.integers(begin + 20000, len(whole)))
         cut.write_bytes(whole[:length])
         before = read_session(cut).audio.samples
-        found = recover(cut)
+        recovery = recover(cut)
         after = read_session(cut)
-        assert found.repaired
-        assert found.cut is None, "but for the last writing there is nothing to keep"
+        assert recovery.repaired
+        assert recovery.cut is None, "but for the last writing there is nothing to keep"
         assert after.recovered
         assert (after.audio.samples == before).all()
         assert (frames[:, : before.shape[1]] == before).all()
-        assert count(cut) == found.messages
+        assert count(cut) == recovery.messages
         assert check(cut).sound
         assert not recover(cut).repaired, "the second time there is nothing to do"
 
@@ -43,8 +43,8 @@ def test_a_whole_file_is_left_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     make(path, seconds=0.5)
     before = path.read_bytes()
-    found = recover(path)
-    assert (found.repaired, found.lost_bytes) == (False, 0)
+    recovery = recover(path)
+    assert (recovery.repaired, recovery.lost_bytes) == (False, 0)
     assert path.read_bytes() == before
 
 
@@ -59,33 +59,33 @@ def test_damage_costs_its_chunk_and_nothing_behind_it(tmp_path: Path, *, close: 
     content[len(content) // 4] ^= 0xFF
     path.write_bytes(content)
     assert "1 damaged chunk" in check(path).faults
-    found = recover(path)
-    assert found.repaired
-    assert 0 < found.lost_bytes < len(content) // 4
-    assert found.cut
-    assert found.cut.read_bytes()[:100_000] in content, "the damaged chunk is kept"
+    recovery = recover(path)
+    assert recovery.repaired
+    assert 0 < recovery.lost_bytes < len(content) // 4
+    assert recovery.cut
+    assert recovery.cut.read_bytes()[:100_000] in content, "the damaged chunk is kept"
     there = read_session(path)
     assert there.audio.samples.shape == whole.shape
     assert (there.audio.samples == whole).mean() > 0.8
     assert len(there.audio.gaps) == 2, "one was recorded, one is the damage"
     assert check(path).sound
-    assert count(path) == found.messages
+    assert count(path) == recovery.messages
 
 
-def test_what_is_kept_beside_replaces_nothing(tmp_path: Path) -> None:
+def test_saved_remains_replace_nothing(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     make(path, seconds=1.0)
     whole = path.read_bytes()
-    kept: list[Path] = []
+    remains: list[Path] = []
     for part in (2, 3, 4):
         content = bytearray(whole)
         content[len(content) // part] ^= 1
         path.write_bytes(content)
         cut = recover(path).cut
         assert cut
-        kept.append(cut)
-    assert [cut.name for cut in kept] == ["a.mcap.cut", "a.mcap.cut2", "a.mcap.cut3"]
-    assert len({cut.read_bytes() for cut in kept}) == 3
+        remains.append(cut)
+    assert [cut.name for cut in remains] == ["a.mcap.cut", "a.mcap.cut2", "a.mcap.cut3"]
+    assert len({cut.read_bytes() for cut in remains}) == 3
 
 
 def test_a_session_that_is_being_recorded_is_left_alone(tmp_path: Path) -> None:
@@ -108,8 +108,8 @@ def test_zeros_that_a_power_cut_leaves_are_no_damage(tmp_path: Path) -> None:
     frames = read_session(path).audio.samples
     with path.open("ab") as file:
         file.write(bytes(5000))
-    found = recover(path)
-    assert (found.lost_bytes, found.cut) == (5000, None)
+    recovery = recover(path)
+    assert (recovery.lost_bytes, recovery.cut) == (5000, None)
     assert np.array_equal(read_session(path).audio.samples, frames)
 
 

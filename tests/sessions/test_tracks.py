@@ -16,7 +16,7 @@ def track(frames: np.ndarray, times: np.ndarray) -> AudioTrack:
 
 
 @pytest.mark.parametrize("off", [-80e-6, 0.0, 35e-6])
-def test_a_converter_s_own_rate_is_found(off: float) -> None:
+def test_the_rate_of_a_converter_is_estimated(off: float) -> None:
     random = np.random.default_rng(0)
     frames = np.arange(0.0, 60 * 44100, 4410)
     times = 0.25 + frames / 44100 * (1 + off) + 20e-6 * random.standard_normal(len(frames))

@@ -40,8 +40,8 @@ def test_a_walk_ends_where_the_file_was_cut(tmp_path: Path) -> None:
     ends = [record.end for record in walk.records(walk.mapped(path))]
     for length in range(len(walk.MAGIC), len(whole), 7):
         path.write_bytes(whole[:length])
-        found = [record.end for record in walk.records(walk.mapped(path))]
-        assert found == [end for end in ends if end <= length]
+        record_ends = [record.end for record in walk.records(walk.mapped(path))]
+        assert record_ends == [end for end in ends if end <= length]
 
 
 def test_damage_in_a_compressed_chunk_is_no_error(tmp_path: Path) -> None:

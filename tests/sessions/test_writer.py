@@ -151,7 +151,7 @@ def test_a_limit_on_the_size_of_files_ends_the_file_well(tmp_path: Path, limit: 
 
 
 @pytest.mark.slow
-def test_an_hour_has_room_for_its_ending(tmp_path: Path) -> None:
+def test_an_hour_has_space_for_its_ending(tmp_path: Path) -> None:
     """The summary grows with the number of chunks: what is set aside below a limit must grow with it."""
     path, before = tmp_path / "a.mcap", resource.getrlimit(resource.RLIMIT_FSIZE)
     limit = 12_000_000

@@ -53,7 +53,7 @@ EXCERPT: Samples = 1 << 13
 PLACES = 16
 """Frames of an excerpt that is compared at the full rate, and how many there are."""
 LONG: Samples = 1 << 16
-NEAR: Samples = 200
+LAG_REACH: Samples = 200
 """Frames of an excerpt by which the exact lag is measured, and how far about the rough lag it is searched."""
 
 Track = Callable[[int], Audio]
@@ -161,15 +161,15 @@ def _exact(one: Audio, other: Audio, lag: Samples) -> Samples:
     first, last = _overlap(one, other, lag)
     size = min(LONG, last - first)
     fade = np.hanning(size)
-    total = np.zeros(2 * NEAR + 1)
+    total = np.zeros(2 * LAG_REACH + 1)
     for begin in np.linspace(first, last - size, PLACES // 4).astype(int).tolist():
         a, b = (
             np.fft.rfft(fade * _mono(each, at, size)) for each, at in ((one, begin), (other, begin + lag))
         )
         cross = a.conj() * b
         curve = np.fft.irfft(cross / np.maximum(np.abs(cross), 1e-30), size)
-        total += np.concatenate([curve[-NEAR:], curve[: NEAR + 1]])
-    return lag + int(np.abs(total).argmax()) - NEAR
+        total += np.concatenate([curve[-LAG_REACH:], curve[: LAG_REACH + 1]])
+    return lag + int(np.abs(total).argmax()) - LAG_REACH
 
 
 def _share(one: Audio, other: Audio, lag: Samples) -> float:

@@ -166,14 +166,14 @@ def is_column_name(name: str) -> bool:
 
 def _contradictions(manifest: Manifest) -> Iterator[str]:
     """Yield what cannot be true of a dataset, before anything that follows from it takes memory."""
-    for name, value, most in (
+    for name, value, largest in (
         ("sample_rate", manifest.sample_rate, MAX_RATE),
         ("channels", manifest.channels, MAX_CHANNELS),
         ("window", manifest.window, 60 * MAX_RATE),
         ("hop", manifest.hop, 60 * MAX_RATE),
     ):
-        if not 1 <= value <= most:
-            yield f"{name} {value}, which is not 1 to {most}"
+        if not 1 <= value <= largest:
+            yield f"{name} {value}, which is not 1 to {largest}"
     if not 0 <= manifest.windows <= MAX_WINDOWS:
         yield f"{manifest.windows} windows, which is not 0 to {MAX_WINDOWS}"
     yield from _contradictions_of_parts(manifest)

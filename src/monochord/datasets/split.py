@@ -185,10 +185,12 @@ def split_dataset(
     """
     refuse_impossible(by, fractions, held_out)
     size, hop, rate = dataset.manifest.window, dataset.manifest.hop, dataset.manifest.sample_rate
-    least = size + hop
-    gap = least if guard is None else round(guard * rate)
-    if gap < least:
-        raise InputError(f"guard gap of {gap / rate:g} s", f"a window and a hop, {least / rate:g} s, or more")
+    smallest = size + hop
+    gap = smallest if guard is None else round(guard * rate)
+    if gap < smallest:
+        raise InputError(
+            f"guard gap of {gap / rate:g} s", f"a window and a hop, {smallest / rate:g} s, or more"
+        )
     rng = np.random.default_rng(seed)
     if by == "time":
         part_of, groups = by_time(dataset, fractions, gap, rng), dict[str, tuple[str, ...]]()
@@ -202,7 +204,7 @@ def split_dataset(
     parts = {name: np.flatnonzero(part_of == number) for number, name in enumerate(PARTS)}
     for name, share in zip(PARTS, fractions, strict=True):
         if share > 0.0 and not parts[name].size:
-            raise InputError(f"split by {by} that leaves nothing to {name}", _least(by), MORE)
+            raise InputError(f"split by {by} that leaves nothing to {name}", _requirement(by), MORE)
     return Split(
         by=by,  # pyright: ignore[reportArgumentType]
         parts=parts,
@@ -270,10 +272,10 @@ def refuse_too_few(
     }
     if not enough[by]:
         count = {"session": len(objects), "object": len(set(objects)), "day": len(set(days))}[by]
-        raise InputError(f"split by {by} of {count} {by}{'' if count == 1 else 's'}", _least(by), MORE)
+        raise InputError(f"split by {by} of {count} {by}{'' if count == 1 else 's'}", _requirement(by), MORE)
 
 
-def _least(by: str) -> str:
+def _requirement(by: str) -> str:
     """Return in words what a split takes."""
     return {"object": "2 objects or more, in 3 sessions or more"}.get(by, f"3 {by}s or more")
 

@@ -31,7 +31,7 @@ from monochord.datasets.manifest import TABLE, Layout, Manifest, is_column_name
 
 Flags: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.int64]
-MOST_OPEN = 256
+MAX_OPEN_FILES = 256
 """Audio files that are mapped at once: each holds one of the process's file descriptors."""
 SAMPLED_BLOCKS = 128
 """Of audio, 1 MiB each, that are compared with their checksums when a dataset is opened."""
@@ -73,7 +73,7 @@ class Dataset:
         tracks = self._tracks
         if session in tracks:
             return tracks[session]
-        while len(tracks) >= MOST_OPEN:
+        while len(tracks) >= MAX_OPEN_FILES:
             tracks.popitem(last=False)
         tracks[session] = self.mapped(session)
         return tracks[session]

@@ -118,10 +118,10 @@ class Delays:
 
     def __post_init__(self) -> None:
         for name in ("audio", "wrench", "pose"):
-            least, most = getattr(self, name)
-            if not 0.0 <= least <= most <= MAX_DELAY:
+            smallest, largest = getattr(self, name)
+            if not 0.0 <= smallest <= largest <= MAX_DELAY:
                 allowed = f"0 <= least <= most <= {MAX_DELAY:g} s"
-                raise InputError(f"delays of {name} {(least, most)}", allowed)
+                raise InputError(f"delays of {name} {(smallest, largest)}", allowed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

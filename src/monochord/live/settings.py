@@ -49,9 +49,9 @@ class WindowSettings:
     hop: Seconds = 0.01
 
     def __post_init__(self) -> None:
-        for name, span, least in (("length", self.length, MIN_WINDOW), ("hop", self.hop, MIN_HOP)):
-            if not least <= span <= MAX_WINDOW:
-                raise InputError(f"window {name} {span:g} s", f"{least:g} to {MAX_WINDOW:g} s")
+        for name, span, shortest in (("length", self.length, MIN_WINDOW), ("hop", self.hop, MIN_HOP)):
+            if not shortest <= span <= MAX_WINDOW:
+                raise InputError(f"window {name} {span:g} s", f"{shortest:g} to {MAX_WINDOW:g} s")
 
     def frames(self, sample_rate: int) -> tuple[Samples, Samples]:
         """Return window length and hop in frames, to the nearest frame."""

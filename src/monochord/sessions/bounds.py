@@ -71,10 +71,10 @@ def json_object(text: str) -> dict[str, Any]:
 
 def refuse_unpacking(what: str, packed: int, unpacked: int, remedy: str) -> None:
     """Raise `InputError` if `packed` bytes claim to unpack to more than is allowed."""
-    most = max(MAX_EXPANSION * packed, ALWAYS_UNPACKED)
-    if unpacked > most:
+    limit = max(MAX_EXPANSION * packed, ALWAYS_UNPACKED)
+    if unpacked > limit:
         given = f"{what} (its {packed} bytes unpack to {unpacked})"
-        raise InputError(given, f"{most} bytes, {MAX_EXPANSION} times as much", remedy)
+        raise InputError(given, f"{limit} bytes, {MAX_EXPANSION} times as much", remedy)
 
 
 def refuse_beyond_memory(what: str, size: int, remedy: str) -> None:

@@ -197,12 +197,12 @@ class SessionReader:
         description = self.description
         if content.channels != description.channels:
             raise InputError(f"audio of {content.channels} channels", f"{description.channels}, as described")
-        stop, most = (
+        stop, limit = (
             content.start + len(content.samples) // content.channels,
             MAX_DURATION * description.sample_rate,
         )
-        if stop > most:
-            raise InputError(f"audio up to frame {stop}", f"{most:.0f} frames, or {MAX_DURATION:g} s")
+        if stop > limit:
+            raise InputError(f"audio up to frame {stop}", f"{limit:.0f} frames, or {MAX_DURATION:g} s")
 
     def _refuse_stamps(self, stamps: Any) -> None:
         """Refuse times that are further from the begin than a session may be long."""

@@ -21,13 +21,13 @@ def test_names_and_hashes_are_those_that_ros_2_gives(kind: type[Any]) -> None:
 
 
 def test_an_independent_reader_decodes_the_bytes() -> None:
-    said: Any = STORE.deserialize_cdr(POSE.serialize(), "geometry_msgs/msg/PoseStamped")
-    assert (said.header.stamp.sec, said.header.stamp.nanosec, said.header.frame_id) == (
+    message: Any = STORE.deserialize_cdr(POSE.serialize(), "geometry_msgs/msg/PoseStamped")
+    assert (message.header.stamp.sec, message.header.stamp.nanosec, message.header.frame_id) == (
         1,
         500_000_000,
         "string",
     )
-    assert (said.pose.position.y, said.pose.orientation.w) == (0.2, 0.8)
+    assert (message.pose.position.y, message.pose.orientation.w) == (0.2, 0.8)
     moved = ros.Transform(translation=ros.Vector3(1.0, 2.0, 3.0), rotation=ros.Quaternion(0.0, 0.0, 0.0, 1.0))
     part = ros.TransformStamped(header=HEADER, child_frame_id="tool", transform=moved)
     many: Any = STORE.deserialize_cdr(

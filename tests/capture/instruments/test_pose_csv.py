@@ -51,7 +51,7 @@ def test_from_the_start_what_is_there_counts_too(file: Path) -> None:
     assert got.values[0, 0] == 9.0
 
 
-def test_columns_are_found_by_name_and_orientation_is_read(tmp_path: Path) -> None:
+def test_columns_are_read_by_name_with_the_orientation(tmp_path: Path) -> None:
     path = tmp_path / "pose.csv"
     path.write_bytes(b"\xef\xbb\xbfmode, QW, qx,qy,qz, z,y,x,time\r\nauto,0.8,0,0,0.6,3,2,1,7\r\n")
     with PoseCsv(path=str(path), from_start=True).open() as connection:
@@ -76,7 +76,7 @@ def test_a_pose_that_is_absurd_is_counted(file: Path) -> None:
         assert connection.health.faulty == 3
 
 
-def test_a_line_without_an_end_is_counted_once_and_not_kept(file: Path) -> None:
+def test_a_line_without_an_end_is_counted_once_and_dropped(file: Path) -> None:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with PoseCsv(path=str(file)).open() as connection:
         with file.open("ab") as writer:

@@ -29,8 +29,8 @@ def robot(port: int) -> Iterator[socket.socket]:
         yield sock
 
 
-def say(robot: socket.socket, **said: Any) -> None:
-    robot.send(json.dumps({"position": [0.1, 0.2, 0.3], **said}).encode())
+def send(robot: socket.socket, **fields: Any) -> None:
+    robot.send(json.dumps({"position": [0.1, 0.2, 0.3], **fields}).encode())
 
 
 def poll(connection: Connection) -> Readings:
@@ -39,11 +39,11 @@ def poll(connection: Connection) -> Readings:
     return readings
 
 
-def test_a_pose_is_read_with_all_that_is_said(port: int, robot: socket.socket) -> None:
+def test_a_pose_is_read_with_all_fields(port: int, robot: socket.socket) -> None:
     with PoseUdp(address=str(port)).open() as connection:
         time.sleep(0.1)  # a kernel that stamped no datagrams before takes a moment to begin
         before = time.monotonic()
-        say(robot, stamp=1.5, orientation=[0, 0, 0, 2], sequence=7)
+        send(robot, stamp=1.5, orientation=[0, 0, 0, 2], sequence=7)
         after = time.monotonic()
         got = poll(connection)
     assert got.values.tolist() == [[0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]]
@@ -53,7 +53,7 @@ def test_a_pose_is_read_with_all_that_is_said(port: int, robot: socket.socket) -
 
 def test_the_position_alone_will_do(port: int, robot: socket.socket) -> None:
     with PoseUdp(address=f"127.0.0.1:{port}").open() as connection:
-        say(robot)
+        send(robot)
         got = poll(connection)
         assert (got.sequence[0], got.device_time[0], got.values[0, 6]) == (-1, -1, 1.0)
 
@@ -86,39 +86,39 @@ def test_the_position_alone_will_do(port: int, robot: socket.socket) -> None:
         b" " * 9000,
     ],
 )
-def test_what_is_no_pose_is_counted_and_passed_over(port: int, robot: socket.socket, said: bytes) -> None:
+def test_what_is_no_pose_is_counted_and_passed_over(port: int, robot: socket.socket, datagram: bytes) -> None:
     with PoseUdp(address=str(port)).open() as connection:
-        robot.send(said)
-        say(robot)
+        robot.send(datagram)
+        send(robot)
         got = poll(connection)
         assert got.time.size == 1
         assert connection.health.faulty == 1
 
 
-def test_gaps_repeats_and_new_beginnings_are_told_apart(port: int, robot: socket.socket) -> None:
+def test_gaps_repeats_and_restarts_are_distinguished(port: int, robot: socket.socket) -> None:
     with PoseUdp(address=str(port), rate=100.0).open() as connection:
         for sequence, stamp in [(0, 1.0), (1, 1.01), (4, 1.04), (3, 1.03), (4, 1.04), (5, 1.05)]:
-            say(robot, sequence=sequence, stamp=stamp)
+            send(robot, sequence=sequence, stamp=stamp)
         got = poll(connection)
         assert got.sequence.tolist() == [0, 1, 4, 5]
         assert connection.health.missing == 2
         assert connection.health.out_of_order == 2
-        say(robot, sequence=0, stamp=1.1)  # its program was started again, its clock went on
+        send(robot, sequence=0, stamp=1.1)  # its program was started again, its clock went on
         assert poll(connection).sequence.tolist() == [10]
         assert connection.health.reconnects == 1
         assert connection.health.missing == 6
-        say(robot, sequence=0, stamp=0.0)  # its computer was started again
-        say(robot, sequence=1, stamp=0.01)
+        send(robot, sequence=0, stamp=0.0)  # its computer was started again
+        send(robot, sequence=1, stamp=0.01)
         assert np.diff(poll(connection).sequence).tolist() == [1]
         assert connection.health.reconnects == 2
 
 
 def test_a_clock_that_jumps_about_loses_no_more_than_a_count_may(port: int, robot: socket.socket) -> None:
     with PoseUdp(address=str(port), rate=100e3).open() as connection:
-        say(robot, sequence=(1 << 62) - 1, stamp=0.0)
+        send(robot, sequence=(1 << 62) - 1, stamp=0.0)
         for _ in range(100):
-            say(robot, sequence=0, stamp=9.1e9)
-            say(robot, sequence=0, stamp=0.0)
+            send(robot, sequence=0, stamp=9.1e9)
+            send(robot, sequence=0, stamp=0.0)
         got = poll(connection)
         assert got.time.size == 201
         assert np.diff(got.sequence).max() <= 1 << 30
@@ -132,7 +132,7 @@ def test_a_flood_costs_no_memory_and_what_follows_is_read(port: int, robot: sock
             for size in (0, 1, 4097, 60_000):
                 robot.send(b"x" * size)
             assert connection.poll() == []
-        say(robot)
+        send(robot)
         assert poll(connection).time.size == 1
         assert connection.health.faulty == 400
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 16 << 10  # KiB
@@ -146,12 +146,14 @@ def test_without_a_host_it_listens_to_this_machine_alone(port: int, host: str) -
     assert f"00000000:{port:04X}" not in bound
 
 
-def test_without_a_count_a_stamp_that_goes_back_is_counted_and_kept(port: int, robot: socket.socket) -> None:
+def test_without_a_count_a_stamp_that_goes_back_is_counted_and_recorded(
+    port: int, robot: socket.socket
+) -> None:
     with PoseUdp(address=str(port)).open() as connection:
         for stamp in (5.0, 6.0, 2.0, 3.0):
-            say(robot, stamp=stamp)
+            send(robot, stamp=stamp)
         assert poll(connection).device_time.tolist() == [5 * 10**9, 6 * 10**9, 2 * 10**9, 3 * 10**9]
-        say(robot, stamp=1.0)
+        send(robot, stamp=1.0)
         poll(connection)
         assert connection.health.out_of_order == 2
         assert connection.health.readings == 5

@@ -47,7 +47,7 @@ def test_settings_with_a_mark_or_in_latin_1_are_read() -> None:
     assert read_calibration(latin, "box").details["prodname"] == "Bo\xeete"
 
 
-def test_what_is_kept_of_settings_is_short() -> None:
+def test_recorded_settings_are_short() -> None:
     assert (
         len(read_calibration(settings().replace(b"Box", b"Box" * 10_000), "box").details["prodname"]) == 100
     )

@@ -14,8 +14,8 @@ def follow(
 ) -> tuple[list[int], list[bool]]:
     count = np.asarray(counts, np.int64)
     tick = count if ticks is None else np.asarray(ticks, np.int64)
-    numbers, kept = sequence.follow(count, tick, options.pop("time", count / 1000.0), **options)
-    return numbers.tolist(), kept.tolist()
+    numbers, in_order = sequence.follow(count, tick, options.pop("time", count / 1000.0), **options)
+    return numbers.tolist(), in_order.tolist()
 
 
 @given(st.integers(0, WRAP - 1), st.lists(st.integers(1, 100), min_size=1, max_size=50), st.integers(1, 7))
@@ -39,8 +39,8 @@ def test_losses_are_gaps_and_gaps_are_losses_wherever_it_wraps(
 def test_whatever_comes_numbers_go_up_and_account_for_all(counts: list[int], ticks: list[int]) -> None:
     sequence = Sequence(wraps=True, ticks=1.0, rate=1000.0, patience=7000.0)
     time = np.arange(len(counts)) / 1000.0
-    numbers, kept = follow(sequence, counts, ticks[: len(counts)], time=time)
-    in_order = np.array(numbers)[kept]
+    numbers, ordered = follow(sequence, counts, ticks[: len(counts)], time=time)
+    in_order = np.array(numbers)[ordered]
     assert np.all(np.diff(in_order) >= 1)
     assert sequence.missing == int(in_order[-1] - in_order[0]) + 1 - in_order.size
     assert sequence.late == len(counts) - in_order.size

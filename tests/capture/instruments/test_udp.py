@@ -22,7 +22,7 @@ def test_columns_are_read_by_name() -> None:
     )
     with options.open() as connection, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as thermometer:
         assert connection.feed.units == ("K", "")
-        for said in (
+        for datagram in (
             b'{"values": {"humidity": 0.4, "temperature": 293}, "stamp": 2, "sequence": 3}',
             b'{"values": {"temperature": 294, "colour": 1}, "sequence": 5}',
             b'{"values": {"temperature": "warm"}}',
@@ -33,7 +33,7 @@ def test_columns_are_read_by_name() -> None:
             b'{"values": ' + b'{"temperature":' * 200 + b"1" + b"}" * 201,
             b'{"values": {"temperature": 1, "temperature": 295}, "sequence": 6}',
         ):
-            thermometer.sendto(said, ("127.0.0.1", port))
+            thermometer.sendto(datagram, ("127.0.0.1", port))
         time.sleep(0.02)
         (got,) = connection.poll()
         assert got.stream == "room"

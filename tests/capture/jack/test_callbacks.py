@@ -38,9 +38,9 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 def body(code: str) -> str:
     functions = re.findall(r"^define [^\n]*@([\w.]+)\([^\n]*\{\n(.*?)^\}", code, re.MULTILINE | re.DOTALL)
-    found = [text for name, text in functions if name.startswith("_ZN9monochord")]
-    assert len(found) == 1
-    return found[0]
+    code = [text for name, text in functions if name.startswith("_ZN9monochord")]
+    assert len(code) == 1
+    return code[0]
 
 
 @pytest.mark.parametrize("name", CALLBACKS)
@@ -76,7 +76,7 @@ def cache_hits(folder: Path, code: str) -> int:
     return int(run.stdout)
 
 
-def test_their_compiled_form_is_kept_but_not_for_another_layout(tmp_path: Path) -> None:
+def test_compiled_code_is_cached_but_not_for_another_layout(tmp_path: Path) -> None:
     load = "from monochord.capture.jack import arena, callbacks"
     other = "from monochord.capture.jack import arena\narena.XRUNS += 1\n" + load
     assert [cache_hits(tmp_path, code) for code in (load, load, other, other)] == [0, 1, 0, 1]

@@ -9,15 +9,15 @@ from monochord.core.errors import DeviceError
 
 
 def test_everything_is_looked_at_once_and_what_is_not_ok_has_a_remedy() -> None:
-    found = list(checks())
-    assert len({check.name for check in found}) == len(found) == 9
-    for check in found:
+    results = list(checks())
+    assert len({check.name for check in results}) == len(results) == 9
+    for check in results:
         assert check.state in {OK, WARN, MISSING}
         assert check.found
         assert bool(check.remedy) == (check.state != OK), check
 
 
-def test_a_cache_that_cannot_be_written_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_cache_that_cannot_be_written_is_a_warning(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert machine.compile_cache().state == OK
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "no" / "such"))
@@ -26,7 +26,7 @@ def test_a_cache_that_cannot_be_written_is_told(monkeypatch: pytest.MonkeyPatch,
     assert "NUMBA_CACHE_DIR" in check.remedy
 
 
-def test_a_missing_libjack_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_libjack_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent() -> str:
         raise DeviceError("JACK library libjack: not found")
 

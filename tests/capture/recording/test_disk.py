@@ -36,7 +36,7 @@ def test_places_that_will_not_do_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("number", "full"), [(errno.ENOSPC, True), (errno.EFBIG, True), (errno.EIO, False)])
-def test_a_full_disk_is_told_from_a_broken_one(number: int, full: bool) -> None:  # noqa: FBT001
+def test_a_full_disk_differs_from_a_broken_one(number: int, full: bool) -> None:  # noqa: FBT001
     assert is_full(OSError(number, "no")) is full
 
 

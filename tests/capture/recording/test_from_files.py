@@ -34,7 +34,7 @@ def imported(audio: Path, table: str | None = None, **described: Any) -> Session
     ("name", "subtype", "channels"),
     [("a.wav", "FLOAT", 2), ("a.wav", "PCM_24", 2), ("a.wav", "PCM_16", 1), ("a.flac", "PCM_24", 2)],
 )
-def test_audio_is_kept_to_the_bit(tmp_path: Path, name: str, subtype: str, channels: int) -> None:
+def test_audio_is_imported_bit_for_bit(tmp_path: Path, name: str, subtype: str, channels: int) -> None:
     sent = sound(tmp_path / name, subtype=subtype, channels=channels)
     session = imported(tmp_path / name)
     assert session.audio.samples.tobytes() == sent.tobytes()
@@ -91,16 +91,16 @@ def test_many_labels_lie_between_the_audio(tmp_path: Path) -> None:
     assert stamps == sorted(stamps)
 
 
-def test_what_is_said_of_it_is_kept(tmp_path: Path) -> None:
+def test_the_description_is_imported(tmp_path: Path) -> None:
     sound(tmp_path / "a.wav")
     string = {"length": 0.65, "linear_density": 6.5e-4, "tension": 65.0}
-    told = imported(
+    description = imported(
         tmp_path / "a.wav", "time,contact\n0,1\n", object="key", string=string, radius=0.003
     ).description
-    assert (told.name, told.object, told.radius) == ("a", "key", 0.003)
-    assert told.string
-    assert told.string.length == 0.65
-    assert told.more == {"imported": "a.wav", "imported_labels": "a.csv"}
+    assert (description.name, description.object, description.radius) == ("a", "key", 0.003)
+    assert description.string
+    assert description.string.length == 0.65
+    assert description.more == {"imported": "a.wav", "imported_labels": "a.csv"}
 
 
 def test_the_same_files_make_the_same_session(tmp_path: Path) -> None:

@@ -21,14 +21,14 @@ AT_ONCE = 3.0
 @pytest.fixture
 def slow_box() -> Iterator[tuple[int, threading.Event]]:
     """A Net F/T whose settings come byte by byte: its port, and an event once it is asked."""
-    ended, asked = threading.Event(), threading.Event()
+    ended, requested = threading.Event(), threading.Event()
 
     def serve() -> None:
         with suppress(OSError):
             client, _ = server.accept()
             with client:
                 client.recv(1000)
-                asked.set()
+                requested.set()
                 client.sendall(b"HTTP/1.1 200 OK\r\n\r\n<netft>")
                 while not ended.wait(0.5):
                     client.sendall(b" ")
@@ -37,7 +37,7 @@ def slow_box() -> Iterator[tuple[int, threading.Event]]:
         server.settimeout(60.0)
         thread = threading.Thread(target=serve)
         thread.start()
-        yield int(server.getsockname()[1]), asked
+        yield int(server.getsockname()[1]), requested
         ended.set()
         thread.join()
 
@@ -67,7 +67,7 @@ def start(*words: str, **more: Any) -> "subprocess.Popen[str]":
 def test_a_device_that_trickles(
     tmp_path: Path, sound: Path, slow_box: tuple[int, threading.Event], number: signal.Signals
 ) -> None:
-    port, asked = slow_box
+    port, requested = slow_box
     folder = tmp_path / "takes"
     folder.mkdir()
     box = [
@@ -81,7 +81,7 @@ def test_a_device_that_trickles(
     with start(
         str(folder / "take.mcap"), "--source", "wav", "--set", f"source.path={sound}", *box
     ) as process:
-        assert asked.wait(30.0)
+        assert requested.wait(30.0)
         interrupted(process, number)
     assert not list(folder.iterdir())
 

@@ -108,7 +108,7 @@ def test_silence_is_reported_when_it_begins_and_when_it_ends(stream: str) -> Non
     assert back.data["seconds"] == pytest.approx(3.0)
 
 
-def test_a_disk_that_has_room_again_may_warn_again() -> None:
+def test_a_disk_with_space_again_may_warn_again() -> None:
     watch = Watch(600.0)
     looks = [
         watch.look(at(t, space=replace(SPACE, left=left))) for t, left in ((2, 1), (3, 1), (4, 1e6), (5, 1))

@@ -31,8 +31,8 @@ def recorded(*, lost: int = 500) -> list[Block]:
 
 
 def write(path: Path, blocks: list[Block], *, close: bool = True, **described: Any) -> SessionWriter:
-    told: dict[str, Any] = {"name": "take", "sample_rate": RATE, **described}
-    writer = SessionWriter(path, Description(**told), CLOCK)
+    fields: dict[str, Any] = {"name": "take", "sample_rate": RATE, **described}
+    writer = SessionWriter(path, Description(**fields), CLOCK)
     for block in blocks:
         writer.audio(block)
     if close:
@@ -51,11 +51,11 @@ def test_frames_keep_their_indices_and_gaps_their_places(tmp_path: Path, block: 
     write(tmp_path / "a.mcap", sent)
     got = played(tmp_path / "a.mcap", block=block)
     end = sent[-1].start + sent[-1].samples.shape[1]
-    heard, said = np.full((2, end), np.nan, np.float32), np.full((2, end), np.nan, np.float32)
-    for blocks, line in ((got, heard), (sent, said)):
+    played, expected = np.full((2, end), np.nan, np.float32), np.full((2, end), np.nan, np.float32)
+    for blocks, line in ((got, played), (sent, expected)):
         for each in blocks:
             line[:, each.start : each.start + each.samples.shape[1]] = each.samples
-    np.testing.assert_array_equal(heard, said)
+    np.testing.assert_array_equal(played, expected)
     assert [(b.start, b.dropped) for b in got if b.dropped] == [
         (b.start, b.dropped) for b in sent if b.dropped
     ]
@@ -75,7 +75,7 @@ def test_windows_are_those_of_the_recording(tmp_path: Path) -> None:
         assert one.samples.tobytes() == other.samples.tobytes()
 
 
-def test_what_is_lost_is_counted_and_the_string_is_told(tmp_path: Path) -> None:
+def test_lost_frames_are_counted_and_the_string_is_known(tmp_path: Path) -> None:
     write(tmp_path / "a.mcap", recorded(), string=STRING)
     with SessionSource(path=tmp_path / "a.mcap").open() as stream:
         list(stream)
@@ -84,7 +84,7 @@ def test_what_is_lost_is_counted_and_the_string_is_told(tmp_path: Path) -> None:
     assert (health.frames, health.dropped, health.gaps) == (45068, 501, 2)
 
 
-def test_it_keeps_the_pace_that_is_asked_for(tmp_path: Path) -> None:
+def test_it_keeps_the_given_pace(tmp_path: Path) -> None:
     write(tmp_path / "a.mcap", recorded())
     began = time.monotonic()
     played(tmp_path / "a.mcap", speed=4.0)
@@ -187,8 +187,8 @@ def tapped(path: Path, late: float) -> Path:
         sound[:, first : first + 4000] += (
             np.exp(-np.arange(4000) / 800) * rng.standard_normal((2, 4000)) * 0.1
         )
-    told = Description(name="tapped", sample_rate=RATE, feeds=(feed,))
-    with SessionWriter(path, told, CLOCK) as writer:
+    description = Description(name="tapped", sample_rate=RATE, feeds=(feed,))
+    with SessionWriter(path, description, CLOCK) as writer:
         for start in range(0, sound.shape[1], 4410):
             samples = sound[:, start : start + 4410].astype(np.float32)
             writer.audio(Block(samples=samples, start=start, adc_time=100.0 + start / RATE))
@@ -211,10 +211,10 @@ def tapped(path: Path, late: float) -> Path:
 
 def test_labels_are_on_the_clock_of_the_force(tmp_path: Path) -> None:
     path, late = tapped(tmp_path / "a.mcap", 0.1), 0.1
-    heard = round((3.0 + late) * RATE)  # the frame in which the touch that begins at 3 s is heard
+    onset = round((3.0 + late) * RATE)  # the frame in which the touch that begins at 3 s is heard
     margin = round(0.01 * RATE)
     with SessionSource(path=path).open() as stream:
-        assert stream.truth(heard - 2 * margin, heard - margin)["contact"] == 0.0
-        assert stream.truth(heard + margin, heard + 2 * margin)["contact"] == 1.0
+        assert stream.truth(onset - 2 * margin, onset - margin)["contact"] == 0.0
+        assert stream.truth(onset + margin, onset + 2 * margin)["contact"] == 1.0
     with SessionSource(path=path, aligned=False).open() as stream:
-        assert stream.truth(heard - 2 * margin, heard - margin)["contact"] == 1.0
+        assert stream.truth(onset - 2 * margin, onset - margin)["contact"] == 1.0

@@ -164,7 +164,7 @@ def test_close_ends_the_wait() -> None:
     stream.release()
 
 
-def test_a_card_that_stopped_is_told() -> None:
+def test_a_card_that_stopped_is_an_error() -> None:
     stream = SoundcardStream(RATE, 2)
     stream.watch(lambda: False)
     with pytest.raises(DeviceError, match="sound card: stopped"):

@@ -60,8 +60,8 @@ def test_the_sound_is_that_of_the_scripted_touch() -> None:
         string = stream.signal.string
     assert string is not None
     expected = segment_frequencies(string, Contact(position=0.25, force=1.5))
-    found = lines(sound[:, round(0.8 * RATE) :].astype(np.float64), RATE)[0] / expected
-    assert found / np.round(found) == pytest.approx([1.0, 1.0], rel=1e-3)
+    ratios = lines(sound[:, round(0.8 * RATE) :].astype(np.float64), RATE)[0] / expected
+    assert ratios / np.round(ratios) == pytest.approx([1.0, 1.0], rel=1e-3)
 
 
 def test_the_truth_tells_the_touch_and_whether_it_has_settled() -> None:
@@ -120,13 +120,13 @@ def test_closing_from_another_thread_ends_the_wait() -> None:
 
 
 @pytest.mark.parametrize("preset", ["appendix", "prototype", "bass_100"])
-def test_every_string_sounds_about_as_loud_as_asked(preset: str) -> None:
+def test_every_string_has_about_the_given_level(preset: str) -> None:
     sound = audio(preset=preset, level=0.1, duration=1.0, script=(ScriptedTouch(start=5.0, position=0.1),))
     assert np.abs(sound).max(axis=1) == pytest.approx([0.1, 0.1], rel=0.6)
     assert np.abs(sound[:, -4410:]).max(axis=1) == pytest.approx([0.1, 0.1], rel=0.3)
 
 
-def test_noise_is_as_loud_as_asked() -> None:
+def test_noise_has_the_given_level() -> None:
     quiet, noisy = (audio(duration=0.2, noise=noise, script=SCRIPT) for noise in (0.0, 0.01))
     assert np.std(noisy - quiet) == pytest.approx(0.01, rel=0.05)
 
@@ -156,7 +156,7 @@ def test_options_that_cannot_be_used_are_refused(options: dict[str, Any], line: 
 
 def harmonics(strike: float) -> list[float]:
     """Which harmonic each side sounds at, over a quarter of a minute of touches."""
-    found: list[float] = []
+    ratios: list[float] = []
     with SplitStringSource(speed=0.0, duration=15.0, seed=3, strike=strike, block=4410).open() as stream:
         string = stream.signal.string
         assert string is not None
@@ -165,8 +165,8 @@ def harmonics(strike: float) -> list[float]:
             if truth.get("contact") and truth["settled"] >= SETTLED and block.samples.shape[1] == 4410:
                 contact = Contact(position=truth["position"], force=truth["force"])
                 unmixed = np.linalg.inv(mixing_matrix(0.85, 0.85)).astype(np.float64) @ block.samples
-                found += list(lines(unmixed, RATE)[0] / segment_frequencies(string, contact))
-    return found
+                ratios += list(lines(unmixed, RATE)[0] / segment_frequencies(string, contact))
+    return ratios
 
 
 def test_a_struck_string_sounds_at_its_fundamentals_and_a_stroked_one_as_history_has_it() -> None:

@@ -83,7 +83,7 @@ def test_repeating_without_end_goes_on(tmp_path: Path) -> None:
 
 
 @pytest.mark.real_time
-def test_real_time_is_kept_and_stamped(tmp_path: Path) -> None:
+def test_real_time_pace_with_stamps(tmp_path: Path) -> None:
     file = write(tmp_path / "a.wav", noise(RATE // 2))
     began = time.monotonic()
     with Wav(path=file, speed=1.0).open() as stream:
@@ -95,7 +95,7 @@ def test_real_time_is_kept_and_stamped(tmp_path: Path) -> None:
 
 
 @pytest.mark.real_time
-def test_twenty_times_real_time_is_kept(tmp_path: Path) -> None:
+def test_twenty_times_real_time_pace(tmp_path: Path) -> None:
     file, began = write(tmp_path / "a.wav", noise(2 * RATE)), time.monotonic()
     assert all(block.adc_time is None for block in blocks(file, speed=20.0))
     assert 0.1 <= time.monotonic() - began < 0.5
@@ -168,7 +168,7 @@ def test_a_flac_stream_that_does_not_say_its_length_is_refused_or_read(tmp_path:
 
 
 @pytest.mark.parametrize("allow_truncated", [False, True])
-def test_a_damaged_file_is_told_when_the_damage_is_reached(tmp_path: Path, *, allow_truncated: bool) -> None:
+def test_a_damaged_file_fails_where_the_damage_is_reached(tmp_path: Path, *, allow_truncated: bool) -> None:
     file = write(tmp_path / "a.flac", noise(RATE))
     whole, content = audio(file), bytearray(file.read_bytes())
     middle = len(content) // 2

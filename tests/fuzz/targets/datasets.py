@@ -28,10 +28,10 @@ class Fuzz(Target):
         for number in range(4):
             random = np.random.default_rng(number)
             files.append(folder / f"take{number}.mcap")
-            told = Description(
+            description = Description(
                 name=f"take{number}", sample_rate=RATE, simulated=True, object="made", day=number
             )
-            with SessionWriter(files[-1], told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+            with SessionWriter(files[-1], description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
                 samples = np.round(random.uniform(-0.5, 0.5, (2, RATE // 5)), 1).astype(np.float32)
                 writer.audio(Block(samples=samples, start=0, adc_time=0.0))
                 time = np.arange(200) / 1000

@@ -93,4 +93,4 @@ class Fuzz(Target):
             sensor = NetFt(
                 address=f"127.0.0.1:{port}", http_port=http, timeout_seconds=0.05, silence_seconds=0.01
             )
-            recorded(sensor, folder.with_name("take.mcap"), most=4 * len(records))
+            recorded(sensor, folder.with_name("take.mcap"), max_readings=4 * len(records))

@@ -38,5 +38,8 @@ class Fuzz(Target):
         from_start = len(data) % 2 == 0
         out = folder.with_name("take.mcap")
         recorded(
-            PoseCsv(path=str(file), from_start=from_start), out, most=2 * data.count(b"\n") + 2, feed=feed
+            PoseCsv(path=str(file), from_start=from_start),
+            out,
+            max_readings=2 * data.count(b"\n") + 2,
+            feed=feed,
         )

@@ -23,7 +23,7 @@ FEEDS = (
 def write_session(path: Path, seed: int, *, feeds: tuple[Feed, ...] = FEEDS, close: bool = True) -> Path:
     """Write a session of some 50 ms with a gap, in six chunks, with one of everything that a session has."""
     random = np.random.default_rng(seed)
-    told = Description(
+    description = Description(
         name=path.stem,
         sample_rate=RATE,
         channels=2,
@@ -33,7 +33,7 @@ def write_session(path: Path, seed: int, *, feeds: tuple[Feed, ...] = FEEDS, clo
         object="made",
         material="steel",
     )
-    writer = SessionWriter(path, told, SessionClock(epoch_ns=10**18, origin=5.0))
+    writer = SessionWriter(path, description, SessionClock(epoch_ns=10**18, origin=5.0))
     for k in range(6):
         start, now = 160 * k + 80 * (k > 3), 5.0 + 0.01 * k
         samples = np.round(random.standard_normal((2, 160)), 1).astype(np.float32)
@@ -92,13 +92,13 @@ class Fuzz(Target):
             raise InputError("no file", "one")
         before = readable(file)
         refused: InputError | None = None
-        for verb in (("check",), ("show", "--json"), ("recover", "--json")):
+        for arguments in (("check",), ("show", "--json"), ("recover", "--json")):
             try:
-                command("sessions", verb[0], file, *verb[1:])
+                command("sessions", arguments[0], file, *arguments[1:])
             except InputError as error:
                 refused = error
             else:
-                if verb[0] == "recover":
+                if arguments[0] == "recover":
                     assert readable(file) >= before, "recover lost messages"
                     again = json.loads(command("sessions", "recover", file, "--json"))
                     assert not again["repaired"], "recover found something to do twice"

@@ -131,8 +131,8 @@ class Fuzz(Target):
     def seeds(self, folder: Path) -> Iterator[Input]:
         texts = [("live", LIVE), ("record", RECORD)]
         for kind, package in FOLDERS.items():
-            found = sorted(Path(str(files(package))).glob("*.toml"))
-            texts += [(kind, each.read_text(encoding="utf-8")) for each in found[:3]]
+            presets = sorted(Path(str(files(package))).glob("*.toml"))
+            texts += [(kind, each.read_text(encoding="utf-8")) for each in presets[:3]]
         for kind, text in texts:
             yield {f"{kind}.toml": text.encode()}
             fitting = [
@@ -147,8 +147,8 @@ class Fuzz(Target):
             if beside.exists()
             else []
         )
-        found = [kind for kind in KINDS if (folder / f"{kind}.toml").exists()]
-        if not found:
+        kinds = [kind for kind in KINDS if (folder / f"{kind}.toml").exists()]
+        if not kinds:
             raise InputError("no settings", "some")
         # An argument of a command holds no zero byte.
-        KINDS[found[0]](folder / f"{found[0]}.toml", [line for line in lines if line and "\0" not in line])
+        KINDS[kinds[0]](folder / f"{kinds[0]}.toml", [line for line in lines if line and "\0" not in line])

@@ -28,19 +28,19 @@ class Fuzz(Target):
 
     def seeds(self, folder: Path) -> Iterator[Input]:
         for name, each in SENT.items():
-            said = [json.dumps({**each, "sequence": k, "stamp": 0.01 * k}).encode() for k in range(12)]
-            yield {f"{name}.packets": packets(said)}
+            messages = [json.dumps({**each, "sequence": k, "stamp": 0.01 * k}).encode() for k in range(12)]
+            yield {f"{name}.packets": packets(messages)}
 
     def run(self, folder: Path) -> None:
-        found = [name for name in SENT if (folder / f"{name}.packets").exists()]
-        if not found:
+        names = [name for name in SENT if (folder / f"{name}.packets").exists()]
+        if not names:
             raise InputError("no datagrams", "some")
-        sent = datagrams((folder / f"{found[0]}.packets").read_bytes())[:200]
+        sent = datagrams((folder / f"{names[0]}.packets").read_bytes())[:200]
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             sock.bind(("127.0.0.1", 0))
             address = f"127.0.0.1:{sock.getsockname()[1]}"
-        more = {"columns": ["temperature", "door"]} if found[0] == "udp" else {}
-        instrument = INSTRUMENTS.build(found[0], {"address": address, **more})
+        more = {"columns": ["temperature", "door"]} if names[0] == "udp" else {}
+        instrument = INSTRUMENTS.build(names[0], {"address": address, **more})
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             sender.connect(("127.0.0.1", int(address.rpartition(":")[2])))
 
@@ -49,4 +49,4 @@ class Fuzz(Target):
                     if sent:
                         sender.send(sent.pop(0))
 
-            recorded(instrument, folder.with_name("take.mcap"), most=len(sent), feed=feed)
+            recorded(instrument, folder.with_name("take.mcap"), max_readings=len(sent), feed=feed)

@@ -281,7 +281,7 @@ def test_each_estimate_lies_on_its_track_beside_the_truth(columns: int) -> None:
     assert "●" not in rows["force"]
 
 
-def test_an_abstention_is_said_in_words_with_the_truth_on_its_track() -> None:
+def test_an_abstention_has_a_reason_and_the_truth_on_its_track() -> None:
     given = {"contact": (0.02, 0.1), "slip": "no contact", "position": "too unsure", "force": "no contact"}
     rows = rows_of(dataclasses.replace(learned(**given), truth=TOUCH), 80)
     assert "untouched  98 %" in rows["contact"]

@@ -70,7 +70,7 @@ def load(root: Path) -> tuple[dict[str, Any], pa.Table, list[dict[str, Any]]]:
 ARROW = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
 
 
-def test_features_are_as_they_are_told(takes: list[SessionReader], tmp_path: Path) -> None:
+def test_features_match_their_description(takes: list[SessionReader], tmp_path: Path) -> None:
     LeRobot(fps=FPS, force=True).write(takes, tmp_path / "set")
     info, data, episodes = load(tmp_path / "set")
     assert info["codebase_version"] == "v3.0"
@@ -113,8 +113,8 @@ def test_an_episode_is_where_its_row_says(takes: list[SessionReader], tmp_path: 
         (task,) = episode["tasks"]
         assert set(part["task_index"].to_pylist()) == {tasks["task_index"][tasks["task"].index(task)]}
         place = {key: episode[f"data/{key}"] for key in ("chunk_index", "file_index")}
-        held = pq.read_table(tmp_path / "set" / info["data_path"].format(**place))
-        assert number in held["episode_index"].to_pylist()
+        episodes = pq.read_table(tmp_path / "set" / info["data_path"].format(**place))
+        assert number in episodes["episode_index"].to_pylist()
     assert tasks["task"] == ["touch the string with plastic", "rest"]
 
 
@@ -165,8 +165,8 @@ def test_statistics_are_those_of_the_frames(takes: list[SessionReader], tmp_path
 
 def test_tasks_are_a_table_whose_index_is_the_text(takes: list[SessionReader], tmp_path: Path) -> None:
     LeRobot(force=True).write(takes, tmp_path / "set")
-    told = json.loads(pq.read_schema(tmp_path / "set/meta/tasks.parquet").metadata[b"pandas"])
-    assert told["index_columns"] == ["task"]
+    pandas_metadata = json.loads(pq.read_schema(tmp_path / "set/meta/tasks.parquet").metadata[b"pandas"])
+    assert pandas_metadata["index_columns"] == ["task"]
 
 
 def test_a_file_that_is_full_is_followed_by_another(

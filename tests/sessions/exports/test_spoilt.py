@@ -65,7 +65,7 @@ def test_mutated_exports_end_in_a_session_or_in_one_line(
         refused_or_done(lambda: bring_in(tmp_path / "take", tmp_path / "a.mcap"), (seed, path.name))
 
 
-def told(**changes: Any) -> Callable[[Path], object]:
+def description_with(**changes: Any) -> Callable[[Path], object]:
     """Replace entries of session.json."""
 
     def spoil(folder: Path) -> None:
@@ -114,15 +114,15 @@ ABOUT: dict[str, Callable[[Path], object]] = {
     "JSON nested deeply": deep("session.json"),
     "JSON in another encoding": text("session.json", b'{"form": "\xff"}'),
     "JSON of 20 MB": text("session.json", b" " * 20_000_000),
-    "a form that is a list": told(form=["wav_csv"]),
-    "a description that is a list": told(description=[1]),
-    "a description that is text": told(description="{}"),
-    "no description": told(description=None),
-    "a clock that is text": told(clock="now"),
-    "a clock that is a number": told(clock={"epoch_ns": 1e30, "origin": 0.0}),
-    "a clock of 1e30": told(clock={"epoch_ns": str(10**30), "origin": "0.0"}),
-    "a clock of lists": told(clock={"epoch_ns": [], "origin": {}}),
-    "an origin that is not a number": told(clock={"epoch_ns": "0", "origin": "nan"}),
+    "a form that is a list": description_with(form=["wav_csv"]),
+    "a description that is a list": description_with(description=[1]),
+    "a description that is text": description_with(description="{}"),
+    "no description": description_with(description=None),
+    "a clock that is text": description_with(clock="now"),
+    "a clock that is a number": description_with(clock={"epoch_ns": 1e30, "origin": 0.0}),
+    "a clock of 1e30": description_with(clock={"epoch_ns": str(10**30), "origin": "0.0"}),
+    "a clock of lists": description_with(clock={"epoch_ns": [], "origin": {}}),
+    "an origin that is not a number": description_with(clock={"epoch_ns": "0", "origin": "nan"}),
     "a rate of 1e30": about(sample_rate=10**30),
     "a rate of NaN": about(sample_rate=float("nan")),
     "feeds that are a number": about(feeds=7),
@@ -258,15 +258,15 @@ def table(name: str, change: Callable[[Any], Any]) -> Callable[[Path], object]:
 def column(name: str, key: str, change: Callable[[Any], Any]) -> Callable[[Path], object]:
     """Put another column in a column's place."""
 
-    def changed(held: Any) -> Any:
-        found = change(held[key])
-        return held.set_column(held.column_names.index(key), key, found)
+    def changed(table_in: Any) -> Any:
+        changed_column = change(table_in[key])
+        return table_in.set_column(table_in.column_names.index(key), key, changed_column)
 
     return table(name, changed)
 
 
 def lists(change: Callable[[list[Any]], list[Any]], kind: Any = None) -> Callable[[Any], Any]:
-    return lambda held: pa.array(change(held.to_pylist()), kind or held.type)
+    return lambda table_in: pa.array(change(table_in.to_pylist()), kind or table_in.type)
 
 
 def first(value: Any, kind: Any = None) -> Callable[[Any], Any]:
@@ -287,8 +287,10 @@ def audio_bomb(folder: Path) -> None:
     schema = pq.read_schema(path)
     zeros = pa.repeat(pa.scalar(0.0, pa.float32()), 1 << 24)
     samples = pa.ListArray.from_arrays(pa.array([0, len(zeros)], pa.int32()), zeros)
-    told = {"time": [0.0], "start": [0], "dropped": [0], "timed": [True], "device_frame": [0]}
-    arrays = [pa.array(told[field.name], field.type) if field.name in told else samples for field in schema]
+    columns = {"time": [0.0], "start": [0], "dropped": [0], "timed": [True], "device_frame": [0]}
+    arrays = [
+        pa.array(columns[field.name], field.type) if field.name in columns else samples for field in schema
+    ]
     pq.write_table(pa.table(arrays, schema=schema), path)
 
 
@@ -299,8 +301,8 @@ def garbage(folder: Path) -> None:
     path.write_bytes(content[:100] + bytes(400) + content[500:])
 
 
-def many_labels(held: Any) -> Any:
-    return pa.table({"time": held["time"], **{str(k): held["time"] for k in range(300)}})
+def many_labels(rows: Any) -> Any:
+    return pa.table({"time": rows["time"], **{str(k): rows["time"] for k in range(300)}})
 
 
 def misnamed(folder: Path) -> None:
@@ -315,12 +317,12 @@ PARQUET: dict[str, Callable[[Path], object]] = {
     "cut off": lambda folder: text("wrench.parquet", (folder / "wrench.parquet").read_bytes()[:-100])(folder),
     "garbage within": garbage,
     "a folder": lambda folder: ((folder / "pose.parquet").unlink(), (folder / "pose.parquet").mkdir()),
-    "a column that is missing": table("wrench", lambda held: held.drop_columns(["fz"])),
-    "a column twice": table("wrench", lambda held: held.append_column("fz", held["fz"])),
+    "a column that is missing": table("wrench", lambda rows: rows.drop_columns(["fz"])),
+    "a column twice": table("wrench", lambda rows: rows.append_column("fz", rows["fz"])),
     "an extra column of text": table(
-        "labels", lambda held: held.append_column("a", pa.array(["x"] * len(held)))
+        "labels", lambda rows: rows.append_column("a", pa.array(["x"] * len(rows)))
     ),
-    "an extra column of the audio": table("audio", lambda held: held.append_column("a", held["start"])),
+    "an extra column of the audio": table("audio", lambda rows: rows.append_column("a", rows["start"])),
     "values that are text": column(
         "wrench", "fz", lists(lambda cells: [str(cell) for cell in cells], pa.string())
     ),

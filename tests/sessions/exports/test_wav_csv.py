@@ -63,7 +63,7 @@ def test_the_files_are_what_other_programs_read(folder: Path) -> None:
     assert session.audio.gaps
 
 
-def test_what_is_written_is_told(write_random: Write, tmp_path: Path) -> None:
+def test_the_index_describes_what_is_written(write_random: Write, tmp_path: Path) -> None:
     takes = [read_session(write_random(tmp_path / f"{name}.mcap", 2, seconds=0.2)) for name in "ab"]
     written = WavCsv().write(takes, tmp_path / "out")
     assert sorted(written) == sorted(path for path in (tmp_path / "out").rglob("*") if path.is_file())

@@ -44,26 +44,26 @@ def sent(
     if bunch > 0.0:
         arrival = np.ceil(arrival / bunch) * bunch
     for begin in rng.uniform(taken[0], taken[-1], stalls):
-        held = (taken > begin) & (taken < begin + 0.2)
-        arrival[held] = np.maximum(arrival[held], begin + 0.2)
+        delayed = (taken > begin) & (taken < begin + 0.2)
+        arrival[delayed] = np.maximum(arrival[delayed], begin + 0.2)
     for share, leap in steps:
         count[round(share * count.size) :] += round(leap * rate)
-    kept = rng.random(taken.size) > 0.01
-    return Sent(count=count[kept], taken=taken[kept], arrival=arrival[kept], rate=rate, ppm=ppm)
+    received = rng.random(taken.size) > 0.01
+    return Sent(count=count[received], taken=taken[received], arrival=arrival[received], rate=rate, ppm=ppm)
 
 
 def errors(case: Sent) -> Floats:
-    found = times_taken(case.arrival, case.count, rate=case.rate)
-    return found.time - case.taken - LATENCY
+    estimate = times_taken(case.arrival, case.count, rate=case.rate)
+    return estimate.time - case.taken - LATENCY
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_times_are_found_behind_jitter_stalls_and_losses(seed: int) -> None:
+def test_times_are_estimated_despite_jitter_stalls_and_losses(seed: int) -> None:
     case = sent(seed)
-    found = times_taken(case.arrival, case.count, rate=case.rate)
+    estimate = times_taken(case.arrival, case.count, rate=case.rate)
     assert np.abs(errors(case)).max() < 1e-5
-    assert (np.diff(found.time) > 0.0).all()
-    (piece,) = found.pieces
+    assert (np.diff(estimate.time) > 0.0).all()
+    (piece,) = estimate.pieces
     assert piece.ppm == pytest.approx(case.ppm, abs=1.0)
     assert piece.jitter_median == pytest.approx(3e-4 * np.log(2.0), rel=0.1)
     assert piece.jitter_p99 > 3e-4 * np.log(100.0) * 0.9
@@ -76,7 +76,7 @@ def test_packets_that_come_in_bunches_do_not_pull(bunch: float) -> None:
 
 
 @pytest.mark.parametrize("rate", [100.0, 500.0])
-def test_a_slow_stream_is_found_as_well(rate: float) -> None:
+def test_times_of_a_slow_stream(rate: float) -> None:
     worst = [np.abs(errors(sent(seed, rate=rate, seconds=30.0))).max() for seed in range(6)]
     assert max(worst) < 1e-4
 
@@ -87,11 +87,11 @@ def test_a_clock_that_steps_begins_a_new_piece(leap: float, rate: float) -> None
     for seed in range(4):
         case = sent(seed, rate=rate, stalls=0, steps=((0.4, leap),))
         case = replace(case, count=case.count + 10_000)
-        found = times_taken(case.arrival, case.count, rate=rate)
-        assert len(found.pieces) == 2
-        assert case.count[found.pieces[1].first] - case.count[found.pieces[1].first - 1] != 1
+        estimate = times_taken(case.arrival, case.count, rate=rate)
+        assert len(estimate.pieces) == 2
+        assert case.count[estimate.pieces[1].first] - case.count[estimate.pieces[1].first - 1] != 1
         assert np.abs(errors(case)).max() < 2e-4
-        assert (np.diff(found.time) > 0.0).all()
+        assert (np.diff(estimate.time) > 0.0).all()
 
 
 def test_a_count_that_restarts_twice_has_three_pieces() -> None:
@@ -109,8 +109,8 @@ def test_a_stall_is_no_step_wherever_it_is() -> None:
     for seed in range(20):
         case = sent(seed, seconds=4.0, stalls=1)
         edge = case.taken[0] + 0.2 if seed % 2 else case.taken[-1]
-        held = (case.taken > edge - 0.2) & (case.taken <= edge)
-        arrival = np.where(held, np.maximum(case.arrival, edge), case.arrival)
+        delayed = (case.taken > edge - 0.2) & (case.taken <= edge)
+        arrival = np.where(delayed, np.maximum(case.arrival, edge), case.arrival)
         assert len(times_taken(arrival, case.count, rate=7000.0).pieces) == 1
 
 
@@ -120,33 +120,33 @@ def test_clocks_that_drift_apart_with_temperature_are_followed() -> None:
     nominal = count / 500.0
     taken = nominal + 1e-3 * np.sin(2.0 * np.pi * nominal / 600.0)  # 10 ppm either way
     arrival = taken + rng.exponential(3e-4, taken.size)
-    found = times_taken(arrival, count, rate=500.0)
-    assert np.abs(found.time - taken).max() < 2e-4
+    estimate = times_taken(arrival, count, rate=500.0)
+    assert np.abs(estimate.time - taken).max() < 2e-4
 
 
 def test_readings_that_overtook_each_other_keep_their_places() -> None:
     case = sent(1, seconds=5.0)
     arrival = case.arrival + np.random.default_rng(0).exponential(5e-4, case.arrival.size)
     order = np.argsort(arrival)
-    found = times_taken(arrival[order], case.count[order], rate=7000.0)
-    assert (np.diff(found.time) < 0.0).any()
-    assert np.abs(found.time - case.taken[order] - LATENCY).max() < 2e-5
+    estimate = times_taken(arrival[order], case.count[order], rate=7000.0)
+    assert (np.diff(estimate.time) < 0.0).any()
+    assert np.abs(estimate.time - case.taken[order] - LATENCY).max() < 2e-5
 
 
 def test_without_a_count_arrivals_stand() -> None:
     arrival = np.array([1.0, 1.5, 1.5, 2.0])
     for count in (None, np.full(4, -1)):
-        found = times_taken(arrival, count)
-        assert found.pieces == ()
-        assert np.abs(found.time - arrival).max() < 1e-8
-        assert (np.diff(found.time) > 0.0).all()
+        estimate = times_taken(arrival, count)
+        assert estimate.pieces == ()
+        assert np.abs(estimate.time - arrival).max() < 1e-8
+        assert (np.diff(estimate.time) > 0.0).all()
 
 
 def test_a_count_that_tells_nothing_of_time_is_not_believed() -> None:
     rng = np.random.default_rng(0)
     arrival = np.cumsum(rng.exponential(1.0, 300))
-    found = times_taken(arrival, np.arange(300), rate=1.0)
-    assert not all(piece.steady for piece in found.pieces)
+    estimate = times_taken(arrival, np.arange(300), rate=1.0)
+    assert not all(piece.steady for piece in estimate.pieces)
 
 
 def test_one_reading_and_none_are_taken_as_they_come() -> None:

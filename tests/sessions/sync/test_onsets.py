@@ -19,7 +19,7 @@ def ringing(seed: int, frames: int = 22050) -> Floats:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_step_under_a_ringing_string_is_found_to_the_sample(seed: int) -> None:
+def test_a_step_under_a_ringing_string_is_located_to_the_sample(seed: int) -> None:
     sound = ringing(seed)
     assert np.abs(sound).max() > 0.2
     sound[:, 12000:] += 0.03
@@ -42,7 +42,7 @@ def test_silence_surprises_nobody() -> None:
     assert np.isnan(pick(errors[0, :8]))
 
 
-def test_the_first_of_two_events_is_found_but_no_trifle() -> None:
+def test_the_first_of_two_events_is_located_but_no_faint_one() -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
         errors = rng.standard_normal(700)

@@ -23,7 +23,7 @@ def readings(rate: float, seconds: float = 6.0) -> Floats:
 
 @pytest.mark.parametrize("rate", [1000.0, 7000.0])
 @pytest.mark.parametrize("peak", [0.3, 1.0, 2.0])
-def test_pulses_are_found_to_a_sampling_interval(rate: float, peak: float) -> None:
+def test_pulses_are_located_to_a_sampling_interval(rate: float, peak: float) -> None:
     rng = np.random.default_rng(0)
     time, at = readings(rate), np.array([1.0003, 1.4011, 2.0507, 4.9002])
     force = pulses(time, *at, peak=peak) + 0.01 * rng.standard_normal(time.size)
@@ -34,7 +34,7 @@ def test_pulses_are_found_to_a_sampling_interval(rate: float, peak: float) -> No
     assert taps.spacing == pytest.approx(1.0 / rate)
 
 
-def test_a_sensor_that_repeated_itself_for_long_before_has_its_noise_told() -> None:
+def test_noise_of_a_sensor_that_repeated_values_for_long() -> None:
     time = readings(1000.0, 9.0)
     noise = 0.011 * np.random.default_rng(1).standard_normal(time.size)
     force = pulses(time, 5.5, 5.8, 6.2) + np.where(time < 4.5, 0.004, noise)
@@ -64,7 +64,7 @@ def test_a_tap_that_bounces_is_one_tap() -> None:
 
 
 @pytest.mark.parametrize("rate", [100.0, 250.0, 500.0])
-def test_dips_are_found_well_within_a_sampling_interval(rate: float) -> None:
+def test_dips_are_located_well_within_a_sampling_interval(rate: float) -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):
         at = np.array([1.0, 1.4, 2.1]) + rng.uniform(0.0, 0.02, 3)

@@ -46,9 +46,9 @@ def measured(
     height = truth.height(there) + 5e-5 * rng.standard_normal(there.size)
     hiss = noise * rng.standard_normal(truth.microphones.shape)
     sound = (truth.microphones + hiss).astype(np.float32)
-    heard = audio_offset(taps, sound, first=late["audio"], rate=float(RATE), travel=TRAVEL)
+    sound_offset = audio_offset(taps, sound, first=late["audio"], rate=float(RATE), travel=TRAVEL)
     seen = height_offset(taps, there + late["pose"], height)
-    return heard, late["audio"] - late["force"], seen, late["pose"] - late["force"]
+    return sound_offset, late["audio"] - late["force"], seen, late["pose"] - late["force"]
 
 
 def check(cases: int) -> None:
@@ -58,12 +58,12 @@ def check(cases: int) -> None:
         truth = played(case % 6, (0.3, 1.0, 2.0)[case % 3])
         force_rate, pose_rate = (7000.0, 1000.0)[case % 2], (100.0, 250.0, 500.0)[case % 3]
         noise = (0.0, 0.002, 0.01)[case % 5 % 3]
-        heard, late, seen, behind = measured(
+        sound_offset, late, seen, behind = measured(
             truth, case, force_rate=force_rate, pose_rate=pose_rate, noise=noise
         )
-        assert heard.known
+        assert sound_offset.known
         assert seen.known
-        audio[case], stds[case] = heard.value - late, heard.std
+        audio[case], stds[case] = sound_offset.value - late, sound_offset.std
         pose[case] = (seen.value - behind) * pose_rate
         assert abs(seen.value - behind) < 3.0 * seen.std
     sure, scores = stds < 0.5e-3, np.abs(audio) / stds
@@ -78,26 +78,28 @@ def check(cases: int) -> None:
     assert scores.max() < 4.0
 
 
-def test_known_offsets_are_found_again() -> None:
+def test_known_offsets_are_recovered() -> None:
     check(18)
 
 
 @pytest.mark.slow
-def test_known_offsets_are_found_again_in_many_cases() -> None:
+def test_known_offsets_are_recovered_in_many_cases() -> None:
     check(180)
 
 
 def test_a_driven_string_does_not_drown_its_taps() -> None:
     for seed in range(3):
-        heard, late, _, _ = measured(played(seed, 1.0, driven=True), seed, force_rate=7000.0, pose_rate=250.0)
-        assert heard.value == pytest.approx(late, abs=0.5e-3)
+        sound_offset, late, _, _ = measured(
+            played(seed, 1.0, driven=True), seed, force_rate=7000.0, pose_rate=250.0
+        )
+        assert sound_offset.value == pytest.approx(late, abs=0.5e-3)
 
 
-def test_one_tap_is_found_but_not_trusted() -> None:
-    heard, late, seen, _ = measured(played(1, 1.0, taps=1), 1, force_rate=7000.0, pose_rate=250.0)
-    assert heard.value == pytest.approx(late, abs=1e-3)
-    assert heard.taps == seen.taps == 1
-    assert heard.std > 1e-3
+def test_one_tap_gives_an_offset_that_is_not_trusted() -> None:
+    sound_offset, late, seen, _ = measured(played(1, 1.0, taps=1), 1, force_rate=7000.0, pose_rate=250.0)
+    assert sound_offset.value == pytest.approx(late, abs=1e-3)
+    assert sound_offset.taps == seen.taps == 1
+    assert sound_offset.std > 1e-3
 
 
 def test_even_spacing_leaves_the_offset_open() -> None:
@@ -114,14 +116,14 @@ def test_without_taps_or_sound_nothing_is_known() -> None:
     some = Taps(begin=np.array([1.0, 1.5]), end=np.array([1.1, 1.6]), spacing=1e-3)
     silence = np.zeros((2, 3 * RATE), np.float32)
     time = np.arange(0.0, 3.0, 0.01)
-    for found in (
+    for result in (
         audio_offset(none, silence, first=0.0, rate=44100.0),
         audio_offset(some, silence, first=0.0, rate=44100.0),
         audio_offset(some, silence[:, :10], first=0.0, rate=44100.0),
         height_offset(none, time, np.zeros(time.size)),
         height_offset(some, time, np.zeros(time.size)),
     ):
-        assert not found.known
+        assert not result.known
 
 
 def test_noise_alone_is_not_taken_for_taps() -> None:
@@ -132,17 +134,17 @@ def test_noise_alone_is_not_taken_for_taps() -> None:
         begin = np.sort(rng.uniform(1.5, 4.0, 5))
         taps = Taps(begin=begin, end=begin, spacing=1e-3)
         sound = rng.standard_normal((2, 6 * RATE)).astype(np.float32)
-        found = audio_offset(taps, sound, first=0.0, rate=44100.0)
-        taken += found.known and found.std < 0.5e-3 and found.taps >= 3
+        result = audio_offset(taps, sound, first=0.0, rate=44100.0)
+        taken += result.known and result.std < 0.5e-3 and result.taps >= 3
     assert taken == 0
 
 
 def test_an_outlier_is_left_out_and_scatter_makes_uncertain() -> None:
     rng = np.random.default_rng(0)
-    found = offset_of(np.array([0.1001, 0.0999, np.nan, 0.1002, 0.4]), spacing=1e-4)
-    assert found.taps == 3
-    assert found.value == pytest.approx(0.1, abs=2e-4)
-    assert np.isnan(found.each[[2, 4]]).all()
+    result = offset_of(np.array([0.1001, 0.0999, np.nan, 0.1002, 0.4]), spacing=1e-4)
+    assert result.taps == 3
+    assert result.value == pytest.approx(0.1, abs=2e-4)
+    assert np.isnan(result.each[[2, 4]]).all()
     scores = [
         (offset := offset_of(1e-3 * rng.standard_normal(5), spacing=1e-4)).value / offset.std
         for _ in range(500)

@@ -43,20 +43,20 @@ def resolved(host: str, seconds: Seconds) -> str:
     Nothing interrupts the system's resolver: it works in a thread of its own, which is left alone when the
     time is over.
     """
-    found: queue.SimpleQueue[str | Exception] = queue.SimpleQueue()
+    answers: queue.SimpleQueue[str | Exception] = queue.SimpleQueue()
 
     def resolve(flags: int) -> None:
         try:
-            found.put(str(socket.getaddrinfo(host, None, socket.AF_INET, flags=flags)[0][4][0]))
+            answers.put(str(socket.getaddrinfo(host, None, socket.AF_INET, flags=flags)[0][4][0]))
         except (OSError, ValueError) as error:  # ValueError for what cannot be a name
-            found.put(error)
+            answers.put(error)
 
     resolve(socket.AI_NUMERICHOST)  # asks nobody
-    answer = found.get()
+    answer = answers.get()
     if isinstance(answer, OSError):
         threading.Thread(target=resolve, args=(0,), name="resolve", daemon=True).start()
         try:
-            answer = found.get(timeout=seconds)
+            answer = answers.get(timeout=seconds)
         except queue.Empty:
             answer = OSError(None, f"no answer within {seconds:g} s")
     if isinstance(answer, Exception):

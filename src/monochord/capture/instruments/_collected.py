@@ -68,10 +68,10 @@ class Collected:
         tick, count = np.array(self._ticks, np.int64), np.array(self._counts, np.int64)
         self._rows, self._times, self._ticks, self._counts = [], [], [], []
         self._last_time = float(time[-1])
-        kept = np.ones(time.size, np.bool_)
+        in_order = np.ones(time.size, np.bool_)
         counted = count >= 0
         if counted.any():
-            count[counted], kept[counted] = self._sequence.follow(
+            count[counted], in_order[counted] = self._sequence.follow(
                 count[counted], tick[counted], time[counted]
             )
         stamped = tick[~counted & (tick >= 0)]
@@ -79,7 +79,7 @@ class Collected:
         if stamped.size:
             back = int(np.count_nonzero(np.diff(stamped, prepend=self._last_tick) < 0))
             self._last_tick = int(stamped[-1])
-        readings = int(np.count_nonzero(kept))
+        readings = int(np.count_nonzero(in_order))
         self._health = replace(
             self._health,
             readings=self._health.readings + readings,
@@ -90,10 +90,10 @@ class Collected:
         return [
             Readings(
                 stream=self.feed.stream,
-                time=time[kept],
-                values=values[kept],
-                sequence=count[kept],
-                device_time=tick[kept],
+                time=time[in_order],
+                values=values[in_order],
+                sequence=count[in_order],
+                device_time=tick[in_order],
                 status=np.zeros(readings, np.uint32),
             )
         ]

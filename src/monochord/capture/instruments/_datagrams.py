@@ -19,7 +19,7 @@ from monochord.core.types import Floats
 from monochord.core.units import Samples, Seconds
 
 BATCH = 256
-MOST = 64  # calls a poll: whoever sends faster than can be read must not keep a poll from ending
+MAX_CALLS = 64  # calls a poll: whoever sends faster than can be read must not keep a poll from ending
 RECEIVE_BUFFER = 8 << 20
 TIMESTAMPNS = 35  # SO_TIMESTAMPNS and SCM_TIMESTAMPNS of asm-generic/socket.h, which Python does not name
 RECEIVE_BUFFER_FORCE = 33  # SO_RCVBUFFORCE, likewise
@@ -84,7 +84,7 @@ class Receiver:
     def take(self) -> Datagrams:
         """Return what has come, without waiting."""
         parts: list[Datagrams] = []
-        for _ in range(MOST):
+        for _ in range(MAX_CALLS):
             part = self._batch()
             parts.append(part)
             if part.length.size < BATCH:

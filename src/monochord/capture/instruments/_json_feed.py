@@ -55,21 +55,21 @@ class JsonConnection(Connection, Generic[T]):
         datagrams = self._receiver.take()
         times = self._arrivals.times(datagrams.stamp)
         for payload, length, time in zip(datagrams.payload, datagrams.length, times, strict=True):
-            said = self._read(payload[:length].tobytes()) if length <= LONGEST else None
-            values = self._values(said) if said else None
-            if said is None or values is None:
+            message = self._read(payload[:length].tobytes()) if length <= LONGEST else None
+            values = self._values(message) if message else None
+            if message is None or values is None:
                 self._collected.refuse()
                 continue
-            tick = NONE if said.stamp is None else round(said.stamp * NANOSECONDS)
-            count = NONE if said.sequence is None else said.sequence
+            tick = NONE if message.stamp is None else round(message.stamp * NANOSECONDS)
+            count = NONE if message.sequence is None else message.sequence
             self._collected.add(values, time=float(time), tick=tick, count=count)
         return self._collected.take()
 
     def _read(self, text: bytes) -> T | None:
         try:
-            said = self._decoder.decode(text)
+            message = self._decoder.decode(text)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             return None
-        stamp, sequence = said.stamp, said.sequence
+        stamp, sequence = message.stamp, message.sequence
         fits = (stamp is None or 0.0 <= stamp < LATEST) and (sequence is None or 0 <= sequence < 1 << 62)
-        return said if fits else None
+        return message if fits else None

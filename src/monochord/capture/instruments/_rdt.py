@@ -47,7 +47,7 @@ NEWTON_METRES = MappingProxyType(
         "kgfcm": 0.0980665,
     }
 )
-KEPT = (
+DETAILS = (
     "prodname",
     "setserial",
     "cfgnam",
@@ -164,42 +164,44 @@ def read_calibration(text: bytes, device: str) -> Calibration:
     except (ET.ParseError, ValueError) as error:
         given = f"{device}: its settings are not XML, but begin with {_quoted(plain)}"
         raise DeviceError(f"{given}; is it a Net F/T?") from error
-    found = {e.tag.rpartition("}")[2].lower(): (e.text or "").strip() for e in elements}
-    force = _per_unit(found, device, "cfgcpf", "scfgfu", NEWTONS)
-    torque = _per_unit(found, device, "cfgcpt", "scfgtu", NEWTON_METRES)
+    settings = {e.tag.rpartition("}")[2].lower(): (e.text or "").strip() for e in elements}
+    force = _per_unit(settings, device, "cfgcpf", "scfgfu", NEWTONS)
+    torque = _per_unit(settings, device, "cfgcpt", "scfgtu", NEWTON_METRES)
     return Calibration(
         scale=np.array([force] * 3 + [torque] * 3),
-        rate=_number(found, device, "comrdtrate", INTERNAL_RATE, RATES),
-        internal_rate=_number(found, device, "runrate", INTERNAL_RATE, RATES),
-        details=MappingProxyType({name: found[name][:LONGEST_DETAIL] for name in KEPT if found.get(name)}),
+        rate=_number(settings, device, "comrdtrate", INTERNAL_RATE, RATES),
+        internal_rate=_number(settings, device, "runrate", INTERNAL_RATE, RATES),
+        details=MappingProxyType(
+            {name: settings[name][:LONGEST_DETAIL] for name in DETAILS if settings.get(name)}
+        ),
     )
 
 
 def _per_unit(
-    found: Mapping[str, str], device: str, counts: str, unit: str, units: Mapping[str, float]
+    settings: Mapping[str, str], device: str, counts: str, unit: str, units: Mapping[str, float]
 ) -> float:
     """Return SI units a count."""
-    if counts not in found:
+    if counts not in settings:
         raise DeviceError(f"{device}: its settings have no '{counts}'; is it a Net F/T?")
-    word = found.get(unit, "")
+    word = settings.get(unit, "")
     plain = "".join(filter(str.isalpha, word)).lower() or next(iter(units))
     if plain not in units:
         raise DeviceError(f"{device}: unit {_quoted(word)} ({unit}): known are {', '.join(units)}")
-    return units[plain] / _number(found, device, counts, 0.0, COUNTS_PER_UNIT)
+    return units[plain] / _number(settings, device, counts, 0.0, COUNTS_PER_UNIT)
 
 
 def _number(
-    found: Mapping[str, str], device: str, name: str, default: float, allowed: tuple[float, float]
+    settings: Mapping[str, str], device: str, name: str, default: float, allowed: tuple[float, float]
 ) -> float:
-    text = found.get(name) or str(default)
+    text = settings.get(name) or str(default)
     try:
         number = float(text)
     except ValueError:
         number = np.nan
-    least, most = allowed
-    if not least <= number <= most:
+    lowest, highest = allowed
+    if not lowest <= number <= highest:
         raise DeviceError(
-            f"{device}: setting {name} is {_quoted(text)}, not a number from {least:g} to {most:g}"
+            f"{device}: setting {name} is {_quoted(text)}, not a number from {lowest:g} to {highest:g}"
         )
     return number
 

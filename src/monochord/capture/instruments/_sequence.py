@@ -10,9 +10,9 @@ from monochord.core.types import Floats
 from monochord.core.units import Hertz, Seconds
 
 Counts: TypeAlias = NDArray[np.int64]
-Kept: TypeAlias = NDArray[np.bool_]
+Mask: TypeAlias = NDArray[np.bool_]
 
-FAR = 1 << 30
+MAX_STEP = 1 << 30
 """A count that jumps on by more did not lose so many readings: it began again."""
 
 
@@ -51,7 +51,7 @@ class Sequence:
     _number: int = field(default=0, init=False)
     _time: Seconds = field(default=0.0, init=False)
 
-    def follow(self, count: Counts, tick: Counts, time: Floats, *, away: bool = False) -> tuple[Counts, Kept]:
+    def follow(self, count: Counts, tick: Counts, time: Floats, *, away: bool = False) -> tuple[Counts, Mask]:
         """Carry the count on over the next readings.
 
         Parameters
@@ -68,32 +68,32 @@ class Sequence:
         numbers, kept
             The count carried on, (n,), and which readings are in order, (n,).
         """
-        kept = np.ones(count.size, np.bool_)
+        in_order = np.ones(count.size, np.bool_)
         if not count.size:
-            return count, kept
+            return count, in_order
         if not self._began:
             self._began, self._number = True, int(count[0]) - 1
             self._count, self._tick, self._time = self._number, int(tick[0]) - 1, float(time[0])
         step = self._difference(np.diff(count, prepend=self._count))
-        if step.min() < 1 or step.max() > FAR:
+        if step.min() < 1 or step.max() > MAX_STEP:
             for k in range(count.size):
                 step[k] = self._step(int(count[k]), int(tick[k]), float(time[k]), away=away)
-                kept[k] = step[k] > 0
-                away = away and not kept[k]
-                if kept[k]:
+                in_order[k] = step[k] > 0
+                away = away and not in_order[k]
+                if in_order[k]:
                     self._count, self._tick, self._time = int(count[k]), int(tick[k]), float(time[k])
         else:
             self._count, self._tick, self._time = int(count[-1]), int(tick[-1]), float(time[-1])
         numbers = self._number + np.cumsum(step)
         self._number = int(numbers[-1])
-        self.missing += int(step.sum()) - int(kept.sum())
-        return numbers, kept
+        self.missing += int(step.sum()) - int(in_order.sum())
+        return numbers, in_order
 
     def _step(self, count: int, tick: int, time: Seconds, *, away: bool) -> int:
         """Return by how much the count carried on goes on: 0 for a reading that is late."""
         counted = int(self._difference(np.int64(count - self._count)))
         ticked = int(self._difference(np.int64(tick - self._tick)))
-        if 1 <= counted <= FAR:
+        if 1 <= counted <= MAX_STEP:
             return counted
         if ticked <= 0 and counted <= 0 and not away and -ticked <= self.patience:
             self.late += 1
@@ -101,7 +101,7 @@ class Sequence:
         self.restarts += 1
         by_clock = ticked > 0 and self.ticks > 0.0
         lost = ticked / self.ticks if by_clock else (time - self._time) * self.rate
-        return min(max(1, round(lost)), FAR)  # a clock that jumps did not lose more than a count may
+        return min(max(1, round(lost)), MAX_STEP)  # a clock that jumps did not lose more than a count may
 
     def _difference(self, difference: NDArray[np.int64] | np.int64) -> NDArray[np.int64]:
         if not self.wraps:

@@ -112,7 +112,7 @@ class _NetFtConnection(Connection):
             patience=calibration.internal_rate,
         )
         self._health = InstrumentHealth()
-        self._asked = self._heard = time.monotonic()
+        self._request_time = self._arrival_time = time.monotonic()
         self._away = False
         self._tick = 0
         self._feed = Feed(
@@ -169,9 +169,11 @@ class _NetFtConnection(Connection):
             return []
         record = np.ascontiguousarray(datagrams.payload[right, : rdt.RECORD.itemsize]).view(rdt.RECORD)[:, 0]
         times, tick = times[right], record["ft"].astype(np.int64)
-        numbers, kept = self._sequence.follow(record["rdt"].astype(np.int64), tick, times, away=self._away)
-        self._heard = now
-        status = record["status"][kept].astype(np.uint32)
+        numbers, in_order = self._sequence.follow(
+            record["rdt"].astype(np.int64), tick, times, away=self._away
+        )
+        self._arrival_time = now
+        status = record["status"][in_order].astype(np.uint32)
         self._health = replace(
             self._health,
             readings=self._health.readings + status.size,
@@ -184,10 +186,10 @@ class _NetFtConnection(Connection):
         return [
             Readings(
                 stream="wrench",
-                time=times[kept],
-                values=record["counts"][kept] * self._scale,
-                sequence=numbers[kept],
-                device_time=self._unwrapped(tick[kept]),
+                time=times[in_order],
+                values=record["counts"][in_order] * self._scale,
+                sequence=numbers[in_order],
+                device_time=self._unwrapped(tick[in_order]),
                 status=status,
             )
         ]
@@ -201,8 +203,8 @@ class _NetFtConnection(Connection):
 
     def _ask_again(self, now: Seconds) -> None:
         silence = self._options.silence_seconds
-        if now - max(self._heard, self._asked) > silence:
-            self._asked, self._away = now, True
+        if now - max(self._arrival_time, self._request_time) > silence:
+            self._request_time, self._away = now, True
             self._send(rdt.STREAM)
 
     def _send(self, command: int) -> None:

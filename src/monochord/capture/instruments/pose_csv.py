@@ -18,7 +18,7 @@ from monochord.core.units import Hertz
 
 PLACE = ("time", "x", "y", "z")
 TURN = ("qx", "qy", "qz", "qw")
-MOST = 1 << 20  # bytes a poll
+MAX_READ = 1 << 20  # bytes a poll
 LONGEST_LINE = 4096
 """Bytes of a line; a longer one is faulty, and is not kept in memory."""
 LATEST = 9.2e9  # s, what 64 bits of nanoseconds hold
@@ -113,7 +113,7 @@ class _PoseCsvConnection(Connection):
         if not self._file:
             return []
         now = monotonic()
-        *lines, self._rest = (self._rest + (self._file.read(MOST) or b"")).split(b"\n")
+        *lines, self._rest = (self._rest + (self._file.read(MAX_READ) or b"")).split(b"\n")
         for line in lines:
             if self._too_long:
                 self._too_long = False  # and this is its end
@@ -132,9 +132,9 @@ class _PoseCsvConnection(Connection):
 
     def _read(self, line: bytes, now: float) -> None:
         try:
-            said = dict(zip(self._columns, line.decode("utf-8").split(","), strict=True))
-            stamp, *place = (float(said[name]) for name in PLACE)
-            turn = [float(said[name]) for name in TURN] if set(TURN) <= said.keys() else UPRIGHT
+            fields = dict(zip(self._columns, line.decode("utf-8").split(","), strict=True))
+            stamp, *place = (float(fields[name]) for name in PLACE)
+            turn = [float(fields[name]) for name in TURN] if set(TURN) <= fields.keys() else UPRIGHT
         except (ValueError, KeyError):
             return self._collected.refuse()
         pose = unit_pose(place, turn)
@@ -146,11 +146,11 @@ class _PoseCsvConnection(Connection):
     def _was_written_anew(self) -> bool:
         """Whether the file is another than before, or shorter; it is then at its top."""
         try:
-            found = self._path.stat()
+            named = self._path.stat()
             if self._file:
-                held = os.fstat(self._file.fileno())
-                same = (found.st_ino, found.st_dev) == (held.st_ino, held.st_dev)
-                if same and (not stat.S_ISREG(found.st_mode) or found.st_size >= self._file.tell()):
+                opened = os.fstat(self._file.fileno())
+                same = (named.st_ino, named.st_dev) == (opened.st_ino, opened.st_dev)
+                if same and (not stat.S_ISREG(named.st_mode) or named.st_size >= self._file.tell()):
                     return False
             fresh = _opened(self._path)
         except OSError:

@@ -113,11 +113,11 @@ class JackClient:
     def outputs(self, pattern: str = "", *, physical: bool = False) -> list[str]:
         """Return the full names of audio output ports in which a regular expression is found, in order."""
         flags = libjack.IS_OUTPUT | (libjack.IS_PHYSICAL if physical else 0)
-        found = self._jack.jack_get_ports(self.handle, pattern.encode() or None, libjack.AUDIO, flags)
+        ports = self._jack.jack_get_ports(self.handle, pattern.encode() or None, libjack.AUDIO, flags)
         names: list[str] = []
-        while found and found[len(names)]:
-            names.append(found[len(names)].decode())
-        self._jack.jack_free(found)
+        while ports and ports[len(names)]:
+            names.append(ports[len(names)].decode())
+        self._jack.jack_free(ports)
         return names
 
     def connect(self, output: str, into: str) -> bool:
@@ -131,9 +131,9 @@ class JackClient:
 
     def capture_latency(self, port: int) -> Samples:
         """Return how many frames ago a sample that arrives at an input port now was at the converter."""
-        found = libjack.LatencyRange()
-        self._jack.jack_port_get_latency_range(port, libjack.CAPTURE_LATENCY, byref(found))
-        return int(found.max)
+        latency = libjack.LatencyRange()
+        self._jack.jack_port_get_latency_range(port, libjack.CAPTURE_LATENCY, byref(latency))
+        return int(latency.max)
 
     def clock_offset(self) -> Seconds:
         """Return JACK's clock minus the monotonic clock."""

@@ -41,7 +41,7 @@ def checks() -> Iterator[Check]:
 
 def python() -> Check:
     """Look at the interpreter: 3.11 or later."""
-    found, recent = sys.version.split()[0], sys.version_info >= (3, 11)
+    version, recent = sys.version.split()[0], sys.version_info >= (3, 11)
     return Check(
         name="Python",
         state=OK if recent else MISSING,
@@ -88,11 +88,11 @@ def jack() -> Check:
         rate, period, urgent = client.sample_rate, client.period, client.realtime
     finally:
         client.close()
-    found = f"{library}, server at {rate} Hz, {period} frames a period ({1e3 * period / rate:.1f} ms)"
+    server = f"{library}, server at {rate} Hz, {period} frames a period ({1e3 * period / rate:.1f} ms)"
     if not urgent:
         remedy = "start it with -R, or it will lose frames under load"
-        return Check(name="JACK", state=WARN, found=f"{found}, not real-time", remedy=remedy)
-    return Check(name="JACK", state=OK, found=f"{found}, real-time")
+        return Check(name="JACK", state=WARN, server=f"{server}, not real-time", remedy=remedy)
+    return Check(name="JACK", state=OK, server=f"{server}, real-time")
 
 
 def port_audio() -> Check:
@@ -134,8 +134,8 @@ def priority() -> Check:
 def memory() -> Check:
     """Try whether memory may be locked against swapping, as JACK's clients do with theirs."""
     libc = ctypes.CDLL(None)
-    with mmap.mmap(-1, LOCKED_MEMORY) as room:
-        view = ctypes.c_char.from_buffer(room)
+    with mmap.mmap(-1, LOCKED_MEMORY) as block:
+        view = ctypes.c_char.from_buffer(block)
         refused = libc.mlock(ctypes.byref(view), ctypes.c_size_t(LOCKED_MEMORY))
         del view  # or the memory could not be given back
     return Check(
@@ -149,12 +149,12 @@ def memory() -> Check:
 def governor() -> Check:
     """Look whether the processor keeps its pace."""
     try:
-        found = GOVERNOR.read_text(encoding="ascii").strip()
+        governor = GOVERNOR.read_text(encoding="ascii").strip()
     except OSError:
-        return Check(name="processor pace", state=OK, found="not told by this machine")
-    slow = found not in {"performance", "schedutil"}
+        return Check(name="processor pace", state=OK, governor="not told by this machine")
+    slow = governor not in {"performance", "schedutil"}
     remedy = "for steady latency: cpupower frequency-set -g performance" if slow else ""
-    return Check(name="processor pace", state=WARN if slow else OK, found=found, remedy=remedy)
+    return Check(name="processor pace", state=WARN if slow else OK, governor=governor, remedy=remedy)
 
 
 def clocks() -> Check:

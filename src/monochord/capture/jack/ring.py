@@ -37,8 +37,8 @@ class Ring:
     """
 
     def __init__(self, channels: int, frames: Samples, shortest: Samples = 16) -> None:
-        room = 1 << (max(frames, shortest, 2) - 1).bit_length()
-        self.arena = Arena(channels, room, max(room // shortest, 2))
+        capacity = 1 << (max(frames, shortest, 2) - 1).bit_length()
+        self.arena = Arena(channels, capacity, max(capacity // shortest, 2))
 
     @property
     def pending(self) -> Samples:
@@ -81,8 +81,8 @@ class Ring:
 
     def _place(self, begin: Samples, frames: Samples) -> tuple[int, Samples]:
         """Return where a period begins and how many of its frames come before the ring's end."""
-        room = self.arena.samples.shape[1]
-        return begin % room, min(frames, room - begin % room)
+        capacity = self.arena.samples.shape[1]
+        return begin % capacity, min(frames, capacity - begin % capacity)
 
 
 def frames_between(earlier: Samples, later: Samples) -> Samples:

@@ -170,7 +170,7 @@ class Ending:
         if error and error.errno == errno.EFBIG:
             self.reason = self.reason or "the file is as large as files may be"
             limit = size_limit()
-            most = "of its file system" if limit == sys.maxsize else f"of {1e-6 * limit:.1f} MB (ulimit -f)"
+            size = "of its file system" if limit == sys.maxsize else f"of {1e-6 * limit:.1f} MB (ulimit -f)"
             given = (
                 f"file '{self._job.path}' (at the limit {most} on a file's size; what was recorded is saved)"
             )

@@ -218,10 +218,10 @@ def write_back(
 
 
 def _refuse_stretch(stretch: Stretch, description: Description) -> None:
-    stop, most = stretch.start + stretch.samples.shape[1], round(MAX_DURATION * description.sample_rate)
-    if not (stretch.start >= 0 and stop <= most and 0 <= stretch.dropped <= most):
+    stop, limit = stretch.start + stretch.samples.shape[1], round(MAX_DURATION * description.sample_rate)
+    if not (stretch.start >= 0 and stop <= limit and 0 <= stretch.dropped <= limit):
         given = f"audio from frame {stretch.start} to {stop}, {stretch.dropped} lost before"
-        raise InputError(given, f"0 to {most} frames, or {MAX_DURATION:g} s")
+        raise InputError(given, f"0 to {limit} frames, or {MAX_DURATION:g} s")
     if not abs(stretch.time) <= MAX_DURATION:
         given = f"audio at {stretch.time:g} s"
         raise InputError(given, f"seconds since the session's begin, at most {MAX_DURATION:g} either way")

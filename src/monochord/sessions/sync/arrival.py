@@ -174,17 +174,17 @@ def _breaks(residual: Floats, rate: float, elapsed: Floats) -> list[int]:
     change = after[1:] - before[:-1]
     usual = float(np.median(np.abs(change - np.median(change))))
     # At either end a hold-up of the network looks like a step, if the count goes on.
-    least = np.full(n - 1, max(MIN_STEP, 12.0 * usual))
+    threshold = np.full(n - 1, max(MIN_STEP, 12.0 * usual))
     ends = np.ones(n - 1, np.bool_)
     ends[seen : n - seen] = False
-    least[ends & (ticks > 0.0) & (ticks < MAX_LOST_RUN * each)] = CERTAIN_STEP
-    later = np.flatnonzero(change > least) + 1
-    sooner = np.flatnonzero(residual[1:] < before[:-1] - least) + 1
+    threshold[ends & (ticks > 0.0) & (ticks < MAX_LOST_RUN * each)] = CERTAIN_STEP
+    later = np.flatnonzero(change > threshold) + 1
+    sooner = np.flatnonzero(residual[1:] < before[:-1] - threshold) + 1
     breaks: list[int] = []
     for place in sorted({*later[np.diff(later, prepend=-2) > 1].tolist(), *sooner.tolist()}):
         # For a while, what comes after a break is still compared with what was before it.
         since = residual[breaks[-1] : place] if breaks else residual[:0]
-        level, enough = since.min(initial=np.inf), least[place - 1]
+        level, enough = since.min(initial=np.inf), threshold[place - 1]
         fell, rose = residual[place] < level - enough, after[place] > level + enough
         if not 0 < since.size < reach or fell or rose:
             breaks.append(int(place))

@@ -49,7 +49,7 @@ class Taps:
         return self.begin.size
 
 
-def taps_of_force(time: Floats, force: Floats, *, least: Newtons = 0.1) -> Taps:
+def taps_of_force(time: Floats, force: Floats, *, min_force: Newtons = 0.1) -> Taps:
     """Return the taps in a force: pulses shorter than 40 ms, with 60 ms of no touch before and after.
 
     The level of no touch is taken from the quietest fifth of every ten seconds, so that neither a bias nor
@@ -91,7 +91,7 @@ def taps_of_force(time: Floats, force: Floats, *, least: Newtons = 0.1) -> Taps:
     edges = [
         (_edge(time, rest, i, -1, noise), _edge(time, rest, j, 1, noise))
         for i, j in _alone(time, runs, MAX_TAP)
-        if rest[i : j + 1].max() >= max(least, 2.0 * above)
+        if rest[i : j + 1].max() >= max(min_force, 2.0 * above)
     ]
     begin, end = np.array(edges, dtype=np.float64).reshape(-1, 2).T
     return Taps(begin=begin, end=end, spacing=spacing)
@@ -169,7 +169,7 @@ def middle_of_dip(time: Floats, down: Floats, near: Seconds, reach: Seconds = 0.
     return float(around @ depth / depth.sum())
 
 
-def groups_of(taps: Taps, *, apart: Seconds = 2.0, least: int = 2) -> tuple[Taps, ...]:
+def groups_of(taps: Taps, *, apart: Seconds = 2.0, min_taps: int = 2) -> tuple[Taps, ...]:
     """Return taps that belong together: no more than `apart` seconds from one to the next, `least` of them.
 
     Examples
@@ -179,7 +179,7 @@ def groups_of(taps: Taps, *, apart: Seconds = 2.0, least: int = 2) -> tuple[Taps
     [3, 2]
     """
     edges = [0, *(np.flatnonzero(np.diff(taps.begin) > apart) + 1).tolist(), len(taps)]
-    cuts = [slice(i, j) for i, j in pairwise(edges) if j - i >= least]
+    cuts = [slice(i, j) for i, j in pairwise(edges) if j - i >= min_taps]
     return tuple(Taps(begin=taps.begin[cut], end=taps.end[cut], spacing=taps.spacing) for cut in cuts)
 
 
