@@ -60,7 +60,7 @@ def test_a_dataset_goes_to_another_process_as_its_path(dataset: Dataset) -> None
 
 
 def test_more_sessions_than_may_be_open_at_once(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store, "MOST_OPEN", 1)
+    monkeypatch.setattr(store, "MAX_OPEN_FILES", 1)
     last = len(dataset) - 1
     window = dataset.window(0)
     before = window.copy()

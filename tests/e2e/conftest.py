@@ -97,11 +97,11 @@ def net_ft(tmp_path: Path) -> Iterator[list[str]]:
     """The options that record a force sensor of 7000 readings a second, which is a process of its own."""
     ramp = np.outer(np.arange(70_000) % 7000, [0.0, 0.0, 1e-3, 0.0, 0.0, 0.0])
     write_script(tmp_path / "load.npz", {"wrenches": ramp}, NetFtSettings())
-    with playing("net_ft_device", tmp_path / "load.npz") as line:
-        port = f"net_ft.http_port={line['http_port']}"
+    with playing("net_ft_device", tmp_path / "load.npz") as device:
+        port = f"net_ft.http_port={device['http_port']}"
         # On a busy machine the device may pause, and would begin its stream anew if asked again meanwhile.
         patient = "net_ft.silence_seconds=5"
-        yield ["--instrument", f"net_ft={line['address']}", "--set", port, "--set", patient]
+        yield ["--instrument", f"net_ft={device['address']}", "--set", port, "--set", patient]
 
 
 @pytest.fixture

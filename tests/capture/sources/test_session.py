@@ -51,11 +51,11 @@ def test_frames_keep_their_indices_and_gaps_their_places(tmp_path: Path, block: 
     write(tmp_path / "a.mcap", sent)
     got = played(tmp_path / "a.mcap", block=block)
     end = sent[-1].start + sent[-1].samples.shape[1]
-    played, expected = np.full((2, end), np.nan, np.float32), np.full((2, end), np.nan, np.float32)
-    for blocks, line in ((got, played), (sent, expected)):
+    received, expected = np.full((2, end), np.nan, np.float32), np.full((2, end), np.nan, np.float32)
+    for blocks, line in ((got, received), (sent, expected)):
         for each in blocks:
             line[:, each.start : each.start + each.samples.shape[1]] = each.samples
-    np.testing.assert_array_equal(played, expected)
+    np.testing.assert_array_equal(received, expected)
     assert [(b.start, b.dropped) for b in got if b.dropped] == [
         (b.start, b.dropped) for b in sent if b.dropped
     ]

@@ -65,7 +65,7 @@ class Sequence:
 
         Returns
         -------
-        numbers, kept
+        numbers, in_order
             The count carried on, (n,), and which readings are in order, (n,).
         """
         in_order = np.ones(count.size, np.bool_)

@@ -45,7 +45,7 @@ def python() -> Check:
     return Check(
         name="Python",
         state=OK if recent else MISSING,
-        found=found,
+        found=version,
         remedy="" if recent else "install Python 3.11 or later",
         required=True,
     )
@@ -91,8 +91,8 @@ def jack() -> Check:
     server = f"{library}, server at {rate} Hz, {period} frames a period ({1e3 * period / rate:.1f} ms)"
     if not urgent:
         remedy = "start it with -R, or it will lose frames under load"
-        return Check(name="JACK", state=WARN, server=f"{server}, not real-time", remedy=remedy)
-    return Check(name="JACK", state=OK, server=f"{server}, real-time")
+        return Check(name="JACK", state=WARN, found=f"{server}, not real-time", remedy=remedy)
+    return Check(name="JACK", state=OK, found=f"{server}, real-time")
 
 
 def port_audio() -> Check:
@@ -151,10 +151,10 @@ def governor() -> Check:
     try:
         governor = GOVERNOR.read_text(encoding="ascii").strip()
     except OSError:
-        return Check(name="processor pace", state=OK, governor="not told by this machine")
+        return Check(name="processor pace", state=OK, found="not told by this machine")
     slow = governor not in {"performance", "schedutil"}
     remedy = "for steady latency: cpupower frequency-set -g performance" if slow else ""
-    return Check(name="processor pace", state=WARN if slow else OK, governor=governor, remedy=remedy)
+    return Check(name="processor pace", state=WARN if slow else OK, found=governor, remedy=remedy)
 
 
 def clocks() -> Check:

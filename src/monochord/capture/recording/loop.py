@@ -172,7 +172,7 @@ class Ending:
             limit = size_limit()
             size = "of its file system" if limit == sys.maxsize else f"of {1e-6 * limit:.1f} MB (ulimit -f)"
             given = (
-                f"file '{self._job.path}' (at the limit {most} on a file's size; what was recorded is saved)"
+                f"file '{self._job.path}' (at the limit {size} on a file's size; what was recorded is saved)"
             )
             allowed, remedy = "a shorter recording", "raise the limit; FAT32 has 4 GB a file, others more"
         else:

@@ -60,7 +60,7 @@ def taps_of_force(time: Floats, force: Floats, *, min_force: Newtons = 0.1) -> T
     ----------
     time, force
         Readings (n,), in s and N, by rising time.
-    least
+    min_force
         Least peak of a tap in N.
 
     Returns
@@ -170,7 +170,7 @@ def middle_of_dip(time: Floats, down: Floats, near: Seconds, reach: Seconds = 0.
 
 
 def groups_of(taps: Taps, *, apart: Seconds = 2.0, min_taps: int = 2) -> tuple[Taps, ...]:
-    """Return taps that belong together: no more than `apart` seconds from one to the next, `least` of them.
+    """Return taps that belong together: no more than `apart` seconds from one to the next, at least `min_taps` of them.
 
     Examples
     --------
