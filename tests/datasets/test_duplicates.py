@@ -1,4 +1,4 @@
-"""A copy is told from another take of the same string, which is as periodic."""
+"""A copy differs from another take of the same string, which is as periodic."""
 
 from functools import cache
 from itertools import combinations

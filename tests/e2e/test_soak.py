@@ -41,7 +41,7 @@ POSES = 250
 
 
 class Counter:
-    """A process that plays the count into a server, once it is told to begin."""
+    """A process that plays the count into a server, after the signal to begin."""
 
     def __init__(self, server: str, life: int, frames: int) -> None:
         script = Path(__file__).parents[1] / "play_count.py"
@@ -269,7 +269,7 @@ def _audio(
         "silent_frames": silence,
         "played_but_lost_in_kills": sum(tails),
         "frames_less_than_by_clock": float(by_clock),
-        "of_these_told_of": uncounted * RATE,
+        "of_these_uncounted": uncounted * RATE,
         "clock_doubts": clock_doubts,
     }
 

@@ -170,7 +170,7 @@ def middle_of_dip(time: Floats, down: Floats, near: Seconds, reach: Seconds = 0.
 
 
 def groups_of(taps: Taps, *, apart: Seconds = 2.0, min_taps: int = 2) -> tuple[Taps, ...]:
-    """Return taps that belong together: no more than `apart` seconds from one to the next, at least `min_taps` of them.
+    """Return taps that belong together: `min_taps` or more, at most `apart` seconds from one to the next.
 
     Examples
     --------
