@@ -110,7 +110,7 @@ def forge(
     compression: CompressionType = CompressionType.NONE,
     chunk_size: int = 1 << 20,
 ) -> Path:
-    """Write a session of any messages; `begin` is laid over its metadata, `description_text` is its description."""
+    """Write a session of any messages; `begin` replaces entries of its metadata."""
     text = description().dump() if description_text is None else description_text
     metadata = {"format": "1", "epoch_ns": str(EPOCH), "origin": "100.0", "description": text}
     types = codec.TOPICS | {codec.topic_of(feed.stream): codec.type_of(feed) for feed in FEEDS}

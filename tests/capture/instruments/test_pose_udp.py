@@ -59,7 +59,7 @@ def test_the_position_alone_will_do(port: int, robot: socket.socket) -> None:
 
 
 @pytest.mark.parametrize(
-    "said",
+    "datagram",
     [
         b"",
         b"\xff\xfe",
