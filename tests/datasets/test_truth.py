@@ -49,14 +49,14 @@ def test_measured_labels_agree_with_those_of_the_bench(slide: Path) -> None:
     def both(name: str) -> tuple[np.ndarray, np.ndarray]:
         return recorded.columns[name][at[inside]], measured.columns[name][inside]
 
-    touched, measured = both("contact")
-    assert np.mean(touched == measured) > 0.98
+    touched, estimated = both("contact")
+    assert np.mean(touched == estimated) > 0.98
     deep = (touched == 1.0) & (both("force")[0] > 0.2)
     for name, limit in (("position", 1e-4), ("force", 0.05)):
-        exact, measured = both(name)
-        assert np.nanquantile(np.abs(measured - exact)[deep], 0.95) < limit
-    exact, measured = both("slip")
-    assert np.mean((exact == measured)[deep]) > 0.93
+        exact, estimated = both(name)
+        assert np.nanquantile(np.abs(estimated - exact)[deep], 0.95) < limit
+    exact, estimated = both("slip")
+    assert np.mean((exact == estimated)[deep]) > 0.93
 
 
 def test_sound_is_late_by_what_the_taps_tell(slide: Path) -> None:
