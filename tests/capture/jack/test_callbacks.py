@@ -38,9 +38,9 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 def body(code: str) -> str:
     functions = re.findall(r"^define [^\n]*@([\w.]+)\([^\n]*\{\n(.*?)^\}", code, re.MULTILINE | re.DOTALL)
-    code = [text for name, text in functions if name.startswith("_ZN9monochord")]
-    assert len(code) == 1
-    return code[0]
+    compiled = [text for name, text in functions if name.startswith("_ZN9monochord")]
+    assert len(compiled) == 1
+    return compiled[0]
 
 
 @pytest.mark.parametrize("name", CALLBACKS)
