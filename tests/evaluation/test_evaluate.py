@@ -17,17 +17,9 @@ from monochord.evaluation.evaluate import (
     RESULTS,
     SCORES,
     TABLE,
-    Candidate,
     Evaluation,
-    EvaluationData,
-    EvaluationSettings,
-    audited,
-    load,
-    refuse_trained_on,
-    refuse_unusable_labels,
     refuse_unwritable,
     replay_conditions,
-    select,
     write,
 )
 from monochord.evaluation.noise import parse_noise
@@ -35,6 +27,16 @@ from monochord.evaluation.replay import Selection
 from monochord.evaluation.results import Results, read_results
 from monochord.evaluation.scorecard import scorecard
 from monochord.evaluation.scores import detection, regression
+from monochord.evaluation.select import (
+    Candidate,
+    EvaluationData,
+    EvaluationSettings,
+    audited,
+    load,
+    refuse_trained_on,
+    refuse_unusable_labels,
+    select,
+)
 from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.perception.model import load as load_model
 from monochord.physics.sensors import load_sensor

@@ -15,6 +15,7 @@ from monochord.evaluation import evaluate as evaluation
 from monochord.evaluation.paper import keep_rows, paper_rows
 from monochord.evaluation.scorecard import Scorecard, ScoreTable
 from monochord.evaluation.scores import Detection, Regression
+from monochord.evaluation.select import EvaluationSettings
 from monochord.perception.model.bundled import bundled_names
 
 PARTS = ("test", "validation")
@@ -84,7 +85,7 @@ def evaluate(
         refuse_without("--feature without --rows", "beside --rows, whose name it is", "feature")
     if not (options["noises"] or options["suite"]):
         refuse_without("--seed without noise", "beside --noise or --suite, whose it is", "seed")
-    settings = evaluation.EvaluationSettings(
+    settings = EvaluationSettings(
         model=model, estimator=estimator or DEFAULT_ESTIMATOR, options=override({}, assignments), **options
     )
     if out is not None:

@@ -29,9 +29,10 @@ from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
 from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
-from monochord.evaluation.evaluate import SPLIT, Draw, EvaluationSettings, evaluate, write
+from monochord.evaluation.evaluate import Draw, evaluate, write
 from monochord.evaluation.grids import SHARED, WHOLE, Grid, Variation
 from monochord.evaluation.paper import RANDOM_WEIGHTS, PaperRow, labelled, paper_rows
+from monochord.evaluation.select import SPLIT, EvaluationSettings
 from monochord.perception.training.configs import config_path
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train

@@ -16,15 +16,8 @@ from monochord.perception.model.definition import Definition, FeatureRecord, Hea
 from monochord.perception.model.network import Network
 from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.examples import Examples
-from monochord.perception.training.loop import (
-    TrainingSetup,
-    arrays,
-    fit,
-    forward,
-    head_loss,
-    initial,
-    joint_loss,
-)
+from monochord.perception.training.loop import TrainingSetup, fit
+from monochord.perception.training.network import arrays, forward, head_loss, initial, joint_loss
 from monochord.perception.training.settings import OptimiserSettings
 
 torch = pytest.importorskip("torch")

@@ -10,17 +10,14 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio
-from monochord.perception.heads.base import Task
 from monochord.perception.model.definition import Definition
-from monochord.perception.model.network import scaled
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.checkpoint import REMEDY, Checkpoint, Line
 from monochord.perception.training.examples import Examples
-from monochord.perception.training.linear import LinearPath, folds_of, solve
+from monochord.perception.training.linear import LinearPath
+from monochord.perception.training.network import TrainingTensors, arrays, head_loss, initial
 from monochord.perception.training.settings import OptimiserSettings
 
-SPREAD_POWER = 0.5
-"""Power of the spread by which a window's likelihood is weighted; with 0 hard windows stay unlearned."""
 SHRINKAGE = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Shares of the hidden layers' correction that are tried; 0 is the linear path alone."""
 
@@ -91,9 +88,9 @@ def _fit(
     file: Path,
     report: Callable[[Checkpoint], None],
 ) -> tuple[Checkpoint, dict[str, Audio]]:
-    torch, tasks, options = torch_library(), _tasks(setup.definition), setup.optimiser
-    learned, judged = (_Tensors(setup.definition, scaler, each) for each in (train, validation))
-    paths = learned.solve_linear(train)
+    torch, options = torch_library(), setup.optimiser
+    learned, judged = (TrainingTensors(setup.definition, scaler, each) for each in (train, validation))
+    tasks, paths = learned.tasks, learned.solve_linear(train)
     for tensors, is_training in ((learned, True), (judged, False)):
         tensors.add_linear(paths, out_of_fold=is_training)
     weights = initial(setup.definition, setup.seed)
@@ -134,10 +131,6 @@ def _fit(
         state.write(file)
         report(state)
     return state, _weights(setup.definition, state, judged, paths)
-
-
-def _tasks(definition: Definition) -> dict[str, Task]:
-    return {name: record.task for name, record in definition.heads.items()}
 
 
 def _checksum(scaler: Mapping[str, Audio], train: Examples, validation: Examples) -> str:
@@ -208,7 +201,9 @@ def _next(
     )
 
 
-def _scores(definition: Definition, examples: "_Tensors", weights: Mapping[str, Any]) -> dict[str, float]:
+def _scores(
+    definition: Definition, examples: TrainingTensors, weights: Mapping[str, Any]
+) -> dict[str, float]:
     """Return the error of each head over all copies: log loss of a probability, MAE of a quantity."""
     scores: dict[str, float] = {}
     for name, record in definition.heads.items():
@@ -226,7 +221,7 @@ def _scores(definition: Definition, examples: "_Tensors", weights: Mapping[str, 
 
 
 def _weights(
-    definition: Definition, state: Checkpoint, judged: "_Tensors", paths: Mapping[str, LinearPath]
+    definition: Definition, state: Checkpoint, judged: TrainingTensors, paths: Mapping[str, LinearPath]
 ) -> dict[str, Audio]:
     """Return the weights of all heads as the model adds them: linear path, and the correction in its unit.
 
@@ -254,207 +249,3 @@ def _weights(
         weights[f"{name}.linear.weight"] = path.weight[None].astype(np.float32)
         weights[f"{name}.linear.bias"] = np.array([path.bias], np.float32)
     return weights
-
-
-class _Tensors:
-    """Examples as tensors, scaled as a model scales, beside the estimates of the linear paths."""
-
-    def __init__(self, definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> None:
-        torch = torch_library()
-        clip = definition.clip
-        base = scaled(examples.base, scaler["scaler.mean"], scaler["scaler.scale"], clip)
-        self.base = torch.from_numpy(base)
-        self.context: Any = None
-        if definition.widths[1]:
-            context = scaled(examples.context, scaler["context.mean"], scaler["context.scale"], clip)
-            context *= examples.context[..., -1:]
-            self.context = torch.from_numpy(context)
-        self.columns = {
-            name: torch.tensor(definition.columns_of(name)) if record.task.columns else None
-            for name, record in definition.heads.items()
-        }
-        self.tasks = _tasks(definition)
-        self.copies, self.count = examples.base.shape[:2]
-        self.labels: dict[str, Any] = {}
-        self.masks: dict[str, Any] = {}
-        self._linear: dict[str, tuple[Any, Any]] = {}
-        self._residual: dict[str, float] = {}
-        for name, record in definition.heads.items():
-            label = (examples.labels[name] - record.offset) / record.scale
-            self.labels[name] = torch.from_numpy(label.astype(np.float32))
-            self.masks[name] = torch.from_numpy(examples.masks[name].astype(np.float32))
-
-    def residual(self, name: str) -> float:
-        """Return the unit of a head's target, in standard deviations of its label."""
-        return self._residual.get(name, 1.0)
-
-    def solve_linear(self, examples: Examples) -> dict[str, LinearPath]:
-        """Return the linear paths of the heads that have one, of the windows that count for them."""
-        paths: dict[str, LinearPath] = {}
-        for name, task in self.tasks.items():
-            if not task.linear:
-                continue
-            mask = examples.masks[name]
-            fold = folds_of(examples.session, examples.touch)
-            rows = [
-                self._inputs(name, task, copy, slice(None), None).numpy()[mask] for copy in range(self.copies)
-            ]
-            path = solve(rows, self.labels[name].numpy().astype(np.float64)[mask], fold[mask])
-            paths[name] = LinearPath(
-                weight=path.weight,
-                bias=path.bias,
-                folds=path.folds,
-                fold=np.minimum(fold, len(path.folds) - 1),
-                residual=path.residual,
-                penalty=path.penalty,
-            )
-        return paths
-
-    def add_linear(self, paths: Mapping[str, LinearPath], *, out_of_fold: bool) -> None:
-        """Compute what each linear path adds for features and for the reference, (copies, n) each."""
-        torch = torch_library()
-        for name, path in paths.items():
-            solutions = list(path.folds) if out_of_fold else [(path.weight, path.bias)]
-            fold = torch.from_numpy(path.fold if out_of_fold else np.zeros(self.count, np.int64))
-            matrix = torch.from_numpy(np.stack([weight for weight, _ in solutions]).astype(np.float32))
-            bias = torch.tensor([bias for _, bias in solutions], dtype=torch.float32)[fold]
-            columns = self.columns[name]
-            width = self.base.shape[-1] if columns is None else len(columns)
-            at = torch.arange(self.count)
-            parts: list[Any] = []
-            for copy in range(self.copies):
-                base = self.base[copy] if columns is None else self.base[copy][:, columns]
-                parts.append((base @ matrix[:, :width].T)[at, fold] + bias)
-            context = torch.zeros(self.copies, self.count)
-            if self.tasks[name].context and self.context is not None:
-                context = torch.stack([(each @ matrix[:, width:].T)[at, fold] for each in self.context])
-            self._linear[name] = torch.stack(parts), context
-            self._residual[name] = path.residual
-
-    def loss(
-        self, tasks: Mapping[str, Task], weights: Mapping[str, Any], batch: Any, copies: Any, shown: Any
-    ) -> Any:
-        """Return the joint loss of windows, of the copies named, with the reference where `shown`."""
-        outputs = {
-            name: forward(name, task, weights, self._inputs(name, task, copies, batch, shown))
-            for name, task in tasks.items()
-        }
-        targets = {name: self._target(name, copies, batch, shown) for name in tasks}
-        return joint_loss(tasks, outputs, targets, {name: self.masks[name][batch] for name in tasks})
-
-    def whole_copy(self, name: str, task: Task, weights: Mapping[str, Any], copy: int) -> tuple[Any, Any]:
-        """Return outputs (n, k) and targets (n,) of a head for all windows of a copy, without gradients."""
-        with torch_library().no_grad():
-            output = forward(name, task, weights, self._inputs(name, task, copy, slice(None), None))
-            return output, self._target(name, copy, slice(None), None)
-
-    def _target(self, name: str, copies: Any, batch: Any, shown: Any) -> Any:
-        """Return the target of a head's layers: the label, or what its linear path leaves over."""
-        label = self.labels[name][batch]
-        if name not in self._linear:
-            return label
-        base, context = (part[copies, batch] for part in self._linear[name])
-        return (label - base - (context if shown is None else context * shown)) / self._residual[name]
-
-    def _inputs(self, name: str, task: Task, copies: Any, batch: Any, shown: Any) -> Any:
-        base, columns = self.base[copies, batch], self.columns[name]
-        row = base if columns is None else base[:, columns]
-        if task.context and self.context is not None:
-            context = self.context[copies, batch]
-            row = torch_library().cat([row, context if shown is None else context * shown[:, None]], dim=1)
-        return row
-
-
-def initial(definition: Definition, seed: int) -> dict[str, Any]:
-    """Return the weights (float32, with gradients) of all heads' layers before training, drawn from `seed`.
-
-    Hidden layers: He et al. (2015), uniform. Last layers begin at zero, so that a head begins with the mean
-    label, or with its linear path.
-    """
-    torch = torch_library()
-    generator = torch.Generator().manual_seed(seed)
-    shapes = definition.shapes()
-    weights: dict[str, Any] = {}
-    for name, record in definition.heads.items():
-        last = len(record.task.hidden)
-        for number in range(last + 1):
-            for kind in ("weight", "bias"):
-                key = f"{name}.{number}.{kind}"
-                tensor = torch.zeros(shapes[key])
-                if number < last and kind == "weight":
-                    bound = float(np.sqrt(6.0 / shapes[key][1]))
-                    tensor.uniform_(-bound, bound, generator=generator)
-                weights[key] = tensor.requires_grad_()
-    return weights
-
-
-def forward(name: str, task: Task, weights: Mapping[str, Any], rows: Any) -> Any:
-    """Return the outputs (n, outputs) of a head's layers for rows (n, inputs)."""
-    functional = torch_library().nn.functional
-    for number in range(len(task.hidden)):
-        rows = functional.relu(
-            functional.linear(rows, weights[f"{name}.{number}.weight"], weights[f"{name}.{number}.bias"])
-        )
-    last = len(task.hidden)
-    return functional.linear(rows, weights[f"{name}.{last}.weight"], weights[f"{name}.{last}.bias"])
-
-
-def arrays(weights: Mapping[str, Any]) -> dict[str, Audio]:
-    """Return tensors as arrays of their own."""
-    return {name: tensor.detach().numpy().copy() for name, tensor in weights.items()}
-
-
-def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
-    """Return the mean loss of a head over the windows that count for it; 0 where none does.
-
-    A probability has the logistic loss, a quantity with one standard error for all the mean square. Where the
-    spread is learned, it is the negative log-likelihood of normal or Laplace errors, each window weighted by
-    its spread to the power `SPREAD_POWER`, through which no gradient goes: otherwise windows that are thought
-    to be hard are hardly learned from, and stay hard.
-
-    Parameters
-    ----------
-    task
-        Of the head.
-    output
-        Tensor (n, outputs): logit, or scaled quantity and the log of its spread.
-    target
-        Tensor (n,): 0 or 1, or the quantity in the same scale.
-    mask
-        Tensor (n,) of 0 and 1: the windows that count.
-
-    References
-    ----------
-    Joint masked loss: Yi, Xing, Manchester and Fazeli, Sound of Touch. Weighted likelihood: Seitzer,
-    Tavakoli, Antic and Martius, On the pitfalls of heteroscedastic uncertainty estimation (2022).
-    """
-    torch = torch_library()
-    value = output[:, 0]
-    if task.loss == "logistic":
-        each = torch.nn.functional.binary_cross_entropy_with_logits(value, target, reduction="none")
-    elif task.loss == "square":
-        each = (value - target) ** 2
-    else:
-        log_spread = output[:, 1].clamp(-8.0, 8.0)
-        error = value - target
-        if task.loss == "gauss":
-            each = 0.5 * error**2 * torch.exp(-2.0 * log_spread) + log_spread
-            each = each * torch.exp(2.0 * SPREAD_POWER * log_spread).detach()
-        else:
-            each = error.abs() * torch.exp(-log_spread) + log_spread
-            each = each * torch.exp(SPREAD_POWER * log_spread).detach()
-    return (each * mask).sum() / mask.sum().clamp(min=1.0)
-
-
-def joint_loss(
-    tasks: Mapping[str, Task],
-    outputs: Mapping[str, Any],
-    targets: Mapping[str, Any],
-    masks: Mapping[str, Any],
-) -> Any:
-    """Return lambda_c L_c + 1[c=1] (lambda_s L_s + lambda_x L_x + lambda_F L_F), weighted by the tasks."""
-    parts = [
-        task.weight * head_loss(task, outputs[name], targets[name], masks[name])
-        for name, task in tasks.items()
-    ]
-    return torch_library().stack(parts).sum()

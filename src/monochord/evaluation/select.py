@@ -1,0 +1,301 @@
+"""What is evaluated, and on which windows: sessions that it was not trained on.
+
+`select` refuses a split that leaks and sessions that a model was trained on, so that the test stays apart
+from the training.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from monochord.core.config import Tree, load_toml
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
+from monochord.core.units import Newtons
+from monochord.datasets.audit import audit
+from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
+from monochord.datasets.split import Split
+from monochord.datasets.store import Dataset, open_dataset
+from monochord.evaluation.limits import force_floor
+from monochord.evaluation.paper import labelled
+from monochord.evaluation.replay import Progress, Selection
+from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.estimators.base import Estimator
+from monochord.perception.model import load as load_model
+from monochord.perception.model.definition import Definition
+from monochord.perception.training.run_folder import CONFIG
+from monochord.physics.sensors import load_sensor
+from monochord.sessions import read_session
+
+LABELS = ("contact", "position", "force", "slip")
+"""Labels that estimates are scored by."""
+SPLIT = "split.json"
+"""File of the split in a dataset's folder."""
+RANDOM = "random"
+"""Prefix of the columns of a feature with random weights."""
+DEFAULT_FEATURE: Tree = {"name": "fft_harmonic"}
+"""Feature of the baselines beside an estimator without one."""
+
+Part: TypeAlias = Literal["test", "validation"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluationSettings:
+    """What is evaluated, and on what.
+
+    Parameters
+    ----------
+    model
+        Folder of a model or of the training run that made it, or the name of a bundled model; None for
+        `estimator`.
+    estimator, options
+        Name of an estimator that learned nothing, and options of whichever is evaluated.
+    dataset, split, part
+        A dataset, the file of its split, and the part that is evaluated. By default those of the training
+        run.
+    sessions
+        Session files, folders or patterns to evaluate instead of a dataset.
+    sensor
+        Preset of the sensor whose string the estimator is given.
+    noises
+        Noises such as ``white:10``: each is added in a replay of its own.
+    suite
+        Whether every kind of noise at every ratio of `noise.SUITE_RATIOS` is added.
+    seed
+        Random seed of the noise.
+    baselines
+        Whether ridge regression and extra trees on the same feature are fitted and evaluated beside.
+    """
+
+    model: str | None = None
+    estimator: str = "closed_form"
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    dataset: Path | None = None
+    split: Path | None = None
+    part: Part = "test"
+    sessions: tuple[str, ...] = ()
+    sensor: str | None = None
+    noises: tuple[str, ...] = ()
+    suite: bool = False
+    seed: int = 0
+    baselines: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """The estimator that is evaluated: if it is a model, with its definition and its training settings."""
+
+    estimator: Estimator
+    name: str
+    definition: Definition | None = None
+    config: Tree = field(default_factory=dict[str, Any])
+
+    @property
+    def random_weights(self) -> bool:
+        """Whether the weights of its feature are random."""
+        definition = self.definition
+        return definition is not None and any(name.startswith(RANDOM) for name in definition.feature.columns)
+
+    @property
+    def feature(self) -> Tree:
+        """Name and options of its feature; of `DEFAULT_FEATURE` where it has none."""
+        if self.definition is None:
+            return DEFAULT_FEATURE
+        return {"name": self.definition.feature.name, **self.definition.feature.options}
+
+    @property
+    def label(self) -> str:
+        """Its name in tables that compare features."""
+        name = self.definition.feature.name if self.definition else self.name
+        return labelled(name, random=self.random_weights)
+
+    @property
+    def about(self) -> Tree:
+        """What a model was made of, for the readers of its results."""
+        definition = self.definition
+        if definition is None:
+            return {}
+        return {
+            "feature": self.feature,
+            "reference": definition.reference.feature.name if definition.reference else "",
+            "heads": list(definition.heads),
+            "weights": definition.weights,
+            "trained_on_sessions": len(definition.sessions),
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluationData:
+    """The windows that are evaluated, and those that baselines are fitted to.
+
+    `force_floor` is the error of the force sensor itself by session, in N; `notes` are what a reader must
+    know.
+    """
+
+    selection: Selection
+    training: Selection | None = None
+    force_floor: Mapping[str, Newtons] = field(default_factory=dict[str, Newtons])
+    notes: tuple[str, ...] = ()
+
+
+def load(settings: EvaluationSettings) -> Candidate:
+    """Return the estimator that is evaluated.
+
+    Raises
+    ------
+    InputError
+        If there is no such model or estimator, or it has no such option.
+
+    Examples
+    --------
+    >>> load(EvaluationSettings(model="demo")).definition.simulated
+    True
+    """
+    if settings.model is None:
+        name = settings.estimator.replace("-", "_")
+        return Candidate(estimator=ESTIMATORS.build(name, settings.options), name=name)
+    file = Path(settings.model) / CONFIG
+    return Candidate(
+        estimator=ESTIMATORS.build("model", {"path": settings.model, **settings.options}),
+        name="model",
+        definition=load_model(settings.model).definition,
+        config=load_toml(file) if file.is_file() else {},
+    )
+
+
+def select(
+    settings: EvaluationSettings, candidate: Candidate, scratch: Path, progress: Progress = lambda *_: None
+) -> EvaluationData:
+    """Return the windows to evaluate: a part of a split, or whole sessions as a dataset in `scratch`.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to evaluate, a split leaks, a session was trained on, or labels cannot be used.
+
+    Examples
+    --------
+    ``monochord evaluate --dataset DIR`` selects its test part.
+    """
+    definition, config = candidate.definition, candidate.config
+    string = load_sensor(settings.sensor).string if settings.sensor else None
+    if string is None and definition is not None:
+        string = definition.string
+    split: Split | None = None
+    if settings.sessions:
+        if settings.dataset is not None:
+            raise InputError("--sessions beside --dataset", "one of both")
+        dataset, floors, own = _dataset_of_sessions(settings.sessions, definition, scratch, progress)
+        selection = Selection(dataset=dataset, rows=np.arange(len(dataset)), string=string or own)
+        notes: tuple[str, ...] = ()
+    else:
+        folder = settings.dataset or (Path(config["dataset"]) if config.get("dataset") else None)
+        if folder is None:
+            raise InputError("no sessions to evaluate", "--dataset DIR or --sessions FILES", "name some")
+        trained_with = config.get("split") if settings.dataset is None else None
+        dataset, floors = open_dataset(folder), dict[str, Newtons]()
+        split = Split.read(settings.split or Path(trained_with or folder / SPLIT))
+        notes = audited(dataset, split, learned=definition is not None)
+        if settings.part != "test":
+            notes += (f"the {settings.part} part, by which choices were made, and no test",)
+        selection = Selection(dataset=dataset, rows=split.parts[settings.part], string=string)
+    refuse_unusable_labels(selection)
+    if definition is not None and not (split and settings.part != "test"):
+        notes += refuse_trained_on(selection, definition, split)
+    if candidate.random_weights and definition is not None:
+        notes += (f"the weights of the feature {definition.feature.name} are random: it was not trained",)
+    training = _training(selection, split, config)
+    return EvaluationData(selection=selection, training=training, force_floor=floors, notes=notes)
+
+
+def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[str, ...]:
+    """Return the notes of a split's audit; refuse a split that leaks or belongs to another dataset.
+
+    For an estimator that has learned nothing the sounds are not compared, since nothing can leak.
+
+    Raises
+    ------
+    InputError
+        Naming the leak.
+    """
+    report = audit(dataset, split, duplicates=learned)
+    if learned or any(leak.kind == "other dataset" for leak in report.leaks):
+        report.refuse_leaks()
+    return tuple(report.notes) if learned else ()
+
+
+def refuse_trained_on(selection: Selection, definition: Definition, split: Split | None) -> tuple[str, ...]:
+    """Return the notes of a test; refuse one with a session that the model was trained on.
+
+    A session is recognised by its checksum, whatever its name. With a split by time of the very dataset that
+    the model was trained on, other stretches of it may have been trained on; a note then says so.
+
+    Raises
+    ------
+    InputError
+        If a session was trained on.
+    """
+    parts = selection.dataset.manifest.parts
+    trained_on = set(definition.sessions.values())
+    both = [parts[at].name for at in selection.sessions if parts[at].checksum in trained_on]
+    if not both:
+        return ()
+    if split is not None and split.by == "time" and split.dataset == definition.dataset:
+        return (f"{len(both)} of the tested sessions were trained on too, other stretches of them",)
+    more = f" and {len(both) - 1} more" if len(both) > 1 else ""
+    given = f"a test on session {both[0]}{more}, which the model was trained on"
+    raise InputError(given, "other sessions", "take the split that it was trained with")
+
+
+def refuse_unusable_labels(selection: Selection) -> None:
+    """Refuse a selection without labels to score by, or with labels that are no numbers.
+
+    Raises
+    ------
+    InputError
+        If no label is known, or one that is marked valid is not finite.
+    """
+    dataset, rows, known = selection.dataset, selection.rows, 0
+    for name in LABELS:
+        if name not in dataset.manifest.columns:
+            continue
+        values, valid = dataset.labels[name][rows], np.asarray(dataset.valid[name][rows])
+        strange = int((~np.isfinite(values[valid])).sum())
+        if strange:
+            given = f"label '{name}' that is no number in {strange} windows where it is marked valid"
+            raise InputError(given, "numbers", "build the dataset again")
+        known += int(valid.sum())
+    if not known:
+        given = f"{rows.size} windows to evaluate without a known label"
+        raise InputError(given, f"some with {', '.join(LABELS)}", "take sessions that have labels")
+
+
+def _dataset_of_sessions(
+    names: Sequence[str], definition: Definition | None, scratch: Path, progress: Progress
+) -> tuple[Dataset, dict[str, Newtons], StringParams | None]:
+    """Return the dataset of sessions, the errors of their force sensors, and the string they all state."""
+    files = find_sessions(names)
+    window = hop = 0.1
+    if definition is not None:
+        window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
+    dataset = build_dataset(files, scratch / "dataset", BuildOptions(window=window, hop=hop), progress)
+    sessions = {path.stem: read_session(path) for path in files}
+    strings = [session.description.string for session in sessions.values()]
+    floors = {name: force_floor(session, window) for name, session in sessions.items()}
+    known = {name: floor for name, floor in floors.items() if floor is not None}
+    return dataset, known, strings[0] if all(string == strings[0] for string in strings) else None
+
+
+def _training(selection: Selection, split: Split | None, config: Tree) -> Selection | None:
+    """Return the windows that baselines are fitted to; None if they are not available."""
+    dataset = selection.dataset
+    if split is None:
+        folder = Path(config["dataset"]) if config.get("dataset") else None
+        if folder is None or not folder.is_dir():
+            return None
+        dataset, split = open_dataset(folder), Split.read(Path(config.get("split") or folder / SPLIT))
+    rows = split.train[dataset.usable[split.train]]
+    return replace(selection, dataset=dataset, rows=rows) if len(rows) else None
