@@ -1,23 +1,54 @@
 """Every script in examples/ runs, is short, and prints what its physics says."""
 
 import re
-import subprocess
-import sys
+import runpy
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from monochord.lab.offline import CollectedSession, make
+from monochord.lab.plan import Assignment
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 
 
-def output(name: str) -> str:
-    run = subprocess.run(
-        [sys.executable, "-W", "error", EXAMPLES / name], capture_output=True, text=True, check=False
-    )
-    assert run.returncode == 0, run.stderr
-    return run.stdout
+Output = Callable[[str], str]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Assignment, Path], CollectedSession]:
+    """Return `make` for several scripts: each session is simulated once, and copied from then on."""
+    home, known = tmp_path_factory.mktemp("sessions"), dict[str, tuple[Assignment, CollectedSession]]()
+
+    def copied(session: Assignment, folder: Path) -> CollectedSession:
+        if session.name not in known:
+            known[session.name] = session, make(session, home)
+        same, once = known[session.name]
+        assert session == same
+        return replace(once, path=Path(shutil.copy(once.path, folder)))
+
+    return copied
+
+
+@pytest.fixture
+def output(
+    made: Callable[[Assignment, Path], CollectedSession],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> Output:
+    """Return the function that runs a script as `python` would, and returns its output."""
+    monkeypatch.setattr("monochord.lab.offline.make", made)
+
+    def run(name: str) -> str:
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+        return capsys.readouterr().out
+
+    return run
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.name)
@@ -33,7 +64,7 @@ def test_every_example_is_run_below() -> None:
     assert not [script.name for script in SCRIPTS if f'output("{script.name}")' not in tests]
 
 
-def test_locate_a_touch() -> None:
+def test_locate_a_touch(output: Output) -> None:
     lines = output("locate_a_touch.py").splitlines()
     assert lines[0] == "touched at 227.50 mm"
     positions = [float(x) for x in re.findall(r": ([\d.]+) ", "\n".join(lines[1:]))]
@@ -42,7 +73,7 @@ def test_locate_a_touch() -> None:
     assert positions[-3:] == pytest.approx([227.5] * 3, abs=0.5)
 
 
-def test_design_a_sensor() -> None:
+def test_design_a_sensor(output: Output) -> None:
     rows = [
         [float(x) for x in re.findall(r"-?\d+\.?\d*", line)]
         for line in output("design_a_sensor.py").splitlines()[1:]
@@ -53,7 +84,7 @@ def test_design_a_sensor() -> None:
         assert slope * length**2 == pytest.approx(slopes[0] * lengths[0] ** 2, rel=0.01)
 
 
-def test_follow_a_stream() -> None:
+def test_follow_a_stream(output: Output) -> None:
     rows = re.findall(
         r"truth: +([\d.]+) mm +estimate: +([\d.]+) mm$", output("follow_a_stream.py"), re.MULTILINE
     )
@@ -62,7 +93,7 @@ def test_follow_a_stream() -> None:
     assert sorted(errors)[len(errors) // 2] < 1.0
 
 
-def test_touch_the_twin() -> None:
+def test_touch_the_twin(output: Output) -> None:
     lines = output("touch_the_twin.py").splitlines()[1:]
     rows = [[float(number) for number in re.findall(r"-?[\d.]+", line)] for line in lines]
     touched, sliding, force, speed, settled = np.array(rows)[:, 3:8].T
@@ -73,7 +104,7 @@ def test_touch_the_twin() -> None:
     assert settled[5] >= 95.0
 
 
-def test_build_a_dataset() -> None:
+def test_build_a_dataset(output: Output) -> None:
     head, *rows, batch, force, noise = output("build_a_dataset.py").splitlines()
     assert head.split()[0] == "simulated"
     counts = np.array([re.findall(r"\d+", row) for row in rows], float)
@@ -88,7 +119,7 @@ def test_build_a_dataset() -> None:
     assert 22 < quietest <= 25
 
 
-def test_train_a_model() -> None:
+def test_train_a_model(output: Output) -> None:
     pytest.importorskip("torch")
     validation, test = output("train_a_model.py").splitlines()
     assert float(re.findall(r"[\d.]+", validation)[0]) < 5.0
@@ -97,7 +128,7 @@ def test_train_a_model() -> None:
     assert count >= 10
 
 
-def test_evaluate_an_estimator() -> None:
+def test_evaluate_an_estimator(output: Output) -> None:
     head, *rows = output("evaluate_an_estimator.py").splitlines()
     assert head.split()[0] == "simulated"
     assert [row.split()[0] for row in rows] == ["clean", "hum", "white"]
@@ -107,7 +138,7 @@ def test_evaluate_an_estimator() -> None:
         assert float(error) < 1.0
 
 
-def test_study_a_feature() -> None:
+def test_study_a_feature(output: Output) -> None:
     rows = re.findall(r"^(\w+): R\^2 (-?[\d.]+)", output("study_a_feature.py"), re.MULTILINE)
     assert [head for head, _ in rows] == ["position", "force"]
     assert float(dict(rows)["position"]) > 0.5

@@ -12,7 +12,10 @@ BOUNDS = {20.0: (95.0, 99.5), 10.0: (90.0, 98.0), 5.0: (80.0, 92.0), 0.0: (60.0,
 
 
 @real
-@pytest.mark.parametrize("ratio", BOUNDS)
+@pytest.mark.parametrize(
+    "ratio",
+    [20.0, pytest.param(10.0, marks=pytest.mark.slow), pytest.param(5.0, marks=pytest.mark.slow), 0.0],
+)
 def test_answers_enough_and_rightly(ratio: float) -> None:
     answered, near = BOUNDS[ratio]
     for row in Interference(ratios=(ratio,)).run():

@@ -10,9 +10,10 @@ from monochord.evaluation.realstrings import Protocol, autocorrelation_errors, r
 real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 
 
-@pytest.fixture(scope="module")
-def figures() -> dict[str, float]:
-    return {row.name: row.value for row in Realstrings().run()}
+@pytest.fixture(scope="module", params=[0.2, pytest.param(0.1, marks=pytest.mark.slow)])
+def figures(request: pytest.FixtureRequest) -> dict[str, float]:
+    """The rows of every other window, or of all."""
+    return {row.name: row.value for row in Realstrings(hop=request.param).run()}
 
 
 @real
