@@ -13,7 +13,7 @@ from monochord.datasets.split import split_dataset
 from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
-from monochord.perception.model import Stream, load
+from monochord.perception.model import ModelState, load
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train, window_of
 
@@ -33,10 +33,10 @@ def main() -> None:
         error = 1e3 * result.scores["position"]["mae"]
         print(f"simulated, on validation: {error:.1f} mm mean error of position")
 
-        model, stream = load(folder / "run"), Stream()
+        model, state = load(folder / "run"), ModelState()
         errors: list[float] = []
         for row in split.test.tolist():
-            stream, estimates = model.predict(stream, window_of(dataset, row))
+            state, estimates = model.predict(state, window_of(dataset, row))
             position = estimates["position"]
             if position.valid and dataset.label("contact")[row] == 1.0:
                 errors.append(position.value - float(dataset.label("position")[row]))
