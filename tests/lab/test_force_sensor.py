@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from monochord.lab.force_sensor import ContactState, SensorNoise, bandwidth_filter, wrench_of
+from monochord.lab.force_sensor import ContactHistory, SensorNoise, bandwidth_filter, wrench_of
 from monochord.lab.plan import ForceSensor
 from monochord.physics.materials import load_material
 
 PLASTIC = load_material("plastic")
 
 
-def contact(along: float, across: float, normal: float = 1.0) -> ContactState:
+def contact(along: float, across: float, normal: float = 1.0) -> ContactHistory:
     one = np.ones(1)
-    return ContactState(time=0.0 * one, normal=normal * one, along=along * one, across=across * one)
+    return ContactHistory(time=0.0 * one, normal=normal * one, along=along * one, across=across * one)
 
 
 @pytest.mark.parametrize(("along", "across"), [(0.02, 0.0), (-0.02, 0.0), (0.0, 0.03), (0.01, -0.02)])

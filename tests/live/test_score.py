@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
-from monochord.live import Score
+from monochord.live import Scorer
 from monochord.live.sinks.base import Moment
 
 WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
@@ -31,7 +31,7 @@ def moment(
 
 
 def test_settled_windows_with_a_touch_count() -> None:
-    score = Score()
+    score = Scorer()
     touch = {"contact": 1.0, "position": 0.2, "settled": 1.0}
     with score.open(Signal(sample_rate=44100, channels=2)) as writer:
         for position in (0.201, 0.197, 0.2, 0.21):
@@ -50,7 +50,7 @@ def test_settled_windows_with_a_touch_count() -> None:
 
 
 def test_nothing_to_score() -> None:
-    score = Score()
+    score = Scorer()
     score.write(moment({"position": None}, {"contact": 1.0, "position": 0.2}))
     assert math.isnan(score.median_error())
     assert score.tree()["median_error"] is None
@@ -58,8 +58,8 @@ def test_nothing_to_score() -> None:
         "settled windows with a touch: 0 answered, 1 abstained",
         "position no answer in 1 windows",
     ]
-    assert Score().tree() == {"median_error": None, "answered": 0, "abstained": 0}
-    assert Score().lines() == ["settled windows with a touch: 0 answered, 0 abstained"]
+    assert Scorer().tree() == {"median_error": None, "answered": 0, "abstained": 0}
+    assert Scorer().lines() == ["settled windows with a touch: 0 answered, 0 abstained"]
 
 
 def estimates_of(truth: dict[str, float], **wrong: Any) -> dict[str, tuple[float, float] | None]:
@@ -70,7 +70,7 @@ def estimates_of(truth: dict[str, float], **wrong: Any) -> dict[str, tuple[float
     return perfect | wrong
 
 
-def session(score: Score, **wrong: Any) -> Score:
+def session(score: Scorer, **wrong: Any) -> Scorer:
     """Play a second each of nothing, a touch at rest and one that slides, a window every 50 ms.
 
     The windows at 1 s and 1.05 s hold the touch's begin and have no label; that at 2 s holds the slide's.
@@ -87,7 +87,7 @@ def session(score: Score, **wrong: Any) -> Score:
 
 
 def test_a_perfect_estimator_has_a_perfect_score() -> None:
-    tree = session(Score()).tree()
+    tree = session(Scorer()).tree()
     assert (tree["contact_windows"], tree["position_windows"], tree["slip_windows"]) == (58, 38, 37)
     for name in ("contact_accuracy", "contact_area", "slip_accuracy", "slip_area"):
         assert tree[name] == 1.0
@@ -97,7 +97,7 @@ def test_a_perfect_estimator_has_a_perfect_score() -> None:
 
 
 def test_errors_and_abstentions_are_scored() -> None:
-    score = session(Score(), position=(0.106, 0.002), force=None, slip=(0.9, 0.3), contact=(0.4, 0.5))
+    score = session(Scorer(), position=(0.106, 0.002), force=None, slip=(0.9, 0.3), contact=(0.4, 0.5))
     lines = score.lines()
     silent = "0.0 % of 38 windows abstained"
     assert lines == [

@@ -12,7 +12,7 @@ from monochord.cli._options import amount, completes
 from monochord.cli._output import echo
 from monochord.core.compilation import compilation_shown
 from monochord.core.errors import InputError, did_you_mean
-from monochord.live import LiveSettings, Score, run
+from monochord.live import LiveSettings, Scorer, run
 from monochord.physics.materials import material_names
 from monochord.physics.sensors import sensor_names
 
@@ -70,7 +70,7 @@ def demo(sensor: str, **options: Any) -> None:
     settings = LiveSettings.read(
         {"source": source, "estimator": estimator, "sinks": sinks, "seconds": options["seconds"]}
     )
-    setup, score = settings.build(), Score()
+    setup, score = settings.build(), Scorer()
     with nullcontext() if options["as_json"] else compilation_shown():
         summary = run(dataclasses.replace(setup, sinks=(*setup.sinks, score)))
     if options["as_json"]:
@@ -113,7 +113,7 @@ def _of_the_model(source: dict[str, Any]) -> list[str]:
     return [line for line in (first, trained, materials, rolling) if line]
 
 
-def _of_the_physics(score: Score) -> list[str]:
+def _of_the_physics(score: Scorer) -> list[str]:
     """Return what the score is worth: that the sound is simulated, and how often the estimator abstained."""
     lines = ["All of this is simulated sound. It is made by the twin, not by a sensor."]
     tree = score.tree()

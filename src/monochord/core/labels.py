@@ -26,13 +26,11 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
-from monochord.core.types import Floats, Truth
+from monochord.core.types import Flags, Floats, Truth
 from monochord.core.units import Seconds
 
-Flags: TypeAlias = NDArray[np.bool_]
 LabelColumns: TypeAlias = dict[str, Floats]
 TOUCH_COLUMNS = ("position", "force", "slip_across", "slip_along", "slip_velocity")
 """Columns that mean something only while something touches."""

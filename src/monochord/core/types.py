@@ -24,6 +24,8 @@ from monochord.core.units import (
 
 Floats: TypeAlias = NDArray[np.float64]
 Audio: TypeAlias = NDArray[np.float32]
+Flags: TypeAlias = NDArray[np.bool_]
+Indices: TypeAlias = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError, did_you_mean
-from monochord.core.types import Floats
+from monochord.core.types import Flags, Floats, Indices
 from monochord.core.units import Samples
-from monochord.datasets.store import Dataset, Flags, Indices
+from monochord.datasets.store import Dataset
 
 PARTS = ("train", "validation", "test")
 MAX_SHOWN = 12

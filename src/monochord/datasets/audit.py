@@ -12,12 +12,13 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.types import Flags, Indices
 from monochord.core.units import Samples
 from monochord.datasets._strategies import is_held_out
 from monochord.datasets.duplicates import find_duplicates
 from monochord.datasets.manifest import FILE, Part, file_checksum
 from monochord.datasets.split import Split
-from monochord.datasets.store import Dataset, Flags, Indices
+from monochord.datasets.store import Dataset
 
 Kind: TypeAlias = Literal[
     "other dataset",

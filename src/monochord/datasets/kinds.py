@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.types import Floats
+from monochord.core.types import Flags, Floats
 from monochord.datasets.split import Split
-from monochord.datasets.store import Dataset, Flags
+from monochord.datasets.store import Dataset
 
 KINDS = ("static", "slip", "no contact", "transition", "masked")
 """Touched at rest; touched and sliding; untouched; the onset or end of a touch; none of these for sure."""

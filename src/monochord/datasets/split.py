@@ -25,6 +25,7 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Indices
 from monochord.core.units import Samples, Seconds
 from monochord.datasets._strategies import (
     PARTS,
@@ -35,7 +36,7 @@ from monochord.datasets._strategies import (
     refuse_strange,
 )
 from monochord.datasets.manifest import MAX_WINDOWS, file_checksum
-from monochord.datasets.store import Dataset, Indices
+from monochord.datasets.store import Dataset
 
 By: TypeAlias = Literal["session", "object", "time", "day"]
 MORE = "record more, or split by time"

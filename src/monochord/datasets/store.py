@@ -18,19 +18,17 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from stat import S_ISREG
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError, did_you_mean
-from monochord.core.types import Audio, Floats
+from monochord.core.types import Audio, Flags, Floats, Indices
 from monochord.core.units import Samples
 from monochord.datasets.checksums import REMEDY, check_blocks
 from monochord.datasets.manifest import TABLE, Layout, Manifest, is_column_name
 
-Flags: TypeAlias = NDArray[np.bool_]
-Indices: TypeAlias = NDArray[np.int64]
 MAX_OPEN_FILES = 256
 """Audio files that are mapped at once: each holds one of the process's file descriptors."""
 SAMPLED_BLOCKS = 128

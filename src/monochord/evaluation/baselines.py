@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.types import Audio, Floats
-from monochord.datasets.store import Indices
+from monochord.core.types import Audio, Floats, Indices
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import Progress, Selection, disturbed_audio, results_of
 from monochord.evaluation.results import Results, join

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
+from monochord.core.types import Audio, Estimates, Floats, Indices, Signal, StringParams, Window
 from monochord.datasets.manifest import Part
-from monochord.datasets.store import Dataset, Indices
+from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.results import Results, Trial
 from monochord.perception.estimators.base import Estimator

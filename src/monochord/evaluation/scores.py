@@ -12,13 +12,11 @@ window's last sample, and it is detected at the end of the first window whose pr
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
-from monochord.core.types import Floats
+from monochord.core.types import Flags, Floats, Indices
 from monochord.core.units import MetresPerSecond, Seconds
 from monochord.evaluation.results import Results
 from monochord.metrics import (
@@ -39,9 +37,6 @@ from monochord.metrics import (
     time_blocks,
 )
 
-Rows: TypeAlias = NDArray[np.bool_]
-Blocks: TypeAlias = NDArray[np.int64]
-"""Block numbers, or row numbers (n,)."""
 MIN_SESSIONS = 5
 """With this many sessions or more the bootstrap draws whole sessions, with fewer blocks of `BLOCK_LENGTH`."""
 BLOCK_LENGTH: Seconds = 10.0
@@ -132,17 +127,17 @@ class SpeedBand:
     area: Score = NO_SCORE
 
 
-def regression_rows(results: Results, name: str) -> Rows:
+def regression_rows(results: Results, name: str) -> Flags:
     """Return which rows (n,) are scored: touched, fully recorded, and with a label of this name."""
     return (results.label("contact") == 1.0) & results.usable & known(results.label(name))
 
 
-def detection_rows(results: Results, name: str) -> Rows:
+def detection_rows(results: Results, name: str) -> Flags:
     """Return which rows (n,) are scored: fully recorded, with a label of 0 or 1."""
     return results.usable & np.isfinite(results.label(name))
 
 
-def regression(results: Results, name: str, rows: Rows | None = None, *, draws: int = DRAWS) -> Regression:
+def regression(results: Results, name: str, rows: Flags | None = None, *, draws: int = DRAWS) -> Regression:
     """Return how far the estimates of a quantity are off; the module states the rules.
 
     Parameters
@@ -194,7 +189,7 @@ def regression(results: Results, name: str, rows: Rows | None = None, *, draws: 
     )
 
 
-def detection(results: Results, name: str, rows: Rows | None = None, *, draws: int = DRAWS) -> Detection:
+def detection(results: Results, name: str, rows: Flags | None = None, *, draws: int = DRAWS) -> Detection:
     """Return how well a yes or no is detected; the module states the rules.
 
     Parameters
@@ -281,16 +276,16 @@ def speed(results: Results) -> Floats:
     return np.where(unknown, np.nan, np.hypot(np.nan_to_num(across), np.nan_to_num(along)))
 
 
-def area(truth: Rows, probability: Floats, blocks: Blocks, draws: int) -> Score:
+def area(truth: Flags, probability: Floats, blocks: Indices, draws: int) -> Score:
     """Return the area under the curve with its interval; without a value where only one kind is present."""
 
-    def statistic(at: Blocks) -> float:
+    def statistic(at: Indices) -> float:
         return area_under_curve(probability[at][truth[at]], probability[at][~truth[at]])
 
     return NO_SCORE if truth.all() or not truth.any() else score_of(statistic, blocks, draws)
 
 
-def blocks_of(results: Results) -> tuple[Blocks, str]:
+def blocks_of(results: Results) -> tuple[Indices, str]:
     """Return the block number (n,) of each row for the bootstrap, and what the blocks are.
 
     Whole sessions, over all conditions, where there are `MIN_SESSIONS`; else stretches of time.
@@ -301,7 +296,7 @@ def blocks_of(results: Results) -> tuple[Blocks, str]:
     return time_blocks(number, results.start, BLOCK_LENGTH), f"stretches of {BLOCK_LENGTH:g} s"
 
 
-def score_of(statistic: Callable[[Blocks], float], blocks: Blocks, draws: int = DRAWS) -> Score:
+def score_of(statistic: Callable[[Indices], float], blocks: Indices, draws: int = DRAWS) -> Score:
     """Return a statistic of row numbers with its 95 % interval, if there are enough blocks for one.
 
     Examples

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Floats, Signal
-from monochord.datasets.store import Dataset, Indices, open_dataset
+from monochord.core.types import Floats, Indices, Signal
+from monochord.datasets.store import Dataset, open_dataset
 from monochord.figures import _style
 from monochord.figures.base import Measured
 from monochord.metrics import known, pearson_r

@@ -15,7 +15,7 @@ STANDSTILL: MetresPerSecond = 5e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ContactState:
+class ContactHistory:
     """The contact at times (n,): normal force in N, and sliding speeds in m/s."""
 
     time: Floats
@@ -24,7 +24,7 @@ class ContactState:
     across: Floats
 
 
-def wrench_of(contact: ContactState, material: Material, sensor: ForceSensor) -> Floats:
+def wrench_of(contact: ContactHistory, material: Material, sensor: ForceSensor) -> Floats:
     """Return the wrench of a touch on its object, without noise.
 
     The string presses the object up with the normal force N, and drags it with the friction mu(v) N against
@@ -49,7 +49,7 @@ def wrench_of(contact: ContactState, material: Material, sensor: ForceSensor) ->
     --------
     >>> from monochord.physics.materials import load_material
     >>> rest, press = np.zeros(1), np.ones(1)
-    >>> still = ContactState(time=rest, normal=press, along=rest, across=rest)
+    >>> still = ContactHistory(time=rest, normal=press, along=rest, across=rest)
     >>> [round(x, 4) for x in wrench_of(still, load_material("plastic"), ForceSensor())[0].tolist()]
     [0.008, -0.005, 1.0, -0.0003, -0.0005, 0.0]
     """

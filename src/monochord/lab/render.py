@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples, Seconds
-from monochord.lab.force_sensor import ContactState, SensorNoise, bandwidth_filter, wrench_of
+from monochord.lab.force_sensor import ContactHistory, SensorNoise, bandwidth_filter, wrench_of
 from monochord.lab.music import loop
 from monochord.lab.plan import Assignment
 from monochord.lab.schedule import Schedule, schedule
@@ -277,7 +277,7 @@ class _Renderer:
         along, across = (
             np.interp(at, frames[: chunk.labels[n].size], chunk.labels[n]) for n in ("along", "across")
         )
-        contact = ContactState(time=time, normal=np.interp(at, frames, force), along=along, across=across)
+        contact = ContactHistory(time=time, normal=np.interp(at, frames, force), along=along, across=across)
         return wrench_of(contact, self.material, self.plan.force_sensor) + self.noise.on(time)
 
     def _pose(self, chunk: _Chunk) -> Floats:

@@ -5,8 +5,8 @@ what it counted.
 """
 
 from monochord.live.loop import run
-from monochord.live.score import Score
+from monochord.live.score import Scorer
 from monochord.live.settings import LiveRun, LiveSettings, WindowSettings
 from monochord.live.summary import Summary
 
-__all__ = ["LiveRun", "LiveSettings", "Score", "Summary", "WindowSettings", "run"]
+__all__ = ["LiveRun", "LiveSettings", "Scorer", "Summary", "WindowSettings", "run"]

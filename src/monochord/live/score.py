@@ -20,7 +20,7 @@ QUANTITIES: Mapping[str, tuple[str, float, str]] = {
 """By name of an estimate the name of its limit, the scale in which it is shown, and its unit there."""
 
 
-class Score(Listener):
+class Scorer(Listener):
     """A sink that stores truth and estimates of every window, for runs that end: 13 numbers a window.
 
     A window's labels follow the rules of datasets (`monochord.core.labels`): windows in which a touch or a

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Floats, Signal
+from monochord.core.types import Audio, Floats, Indices, Signal
 from monochord.core.units import Seconds
 from monochord.datasets.split import Split
-from monochord.datasets.store import Dataset, Indices, open_dataset, window_starts
+from monochord.datasets.store import Dataset, open_dataset, window_starts
 from monochord.perception.features import FEATURES
 from monochord.perception.training.rows import Rows
 from monochord.physics.sensors import load_sensor

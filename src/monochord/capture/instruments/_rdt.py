@@ -63,7 +63,7 @@ DETAILS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
+class CountScale:
     """What gives a device's counts their scale.
 
     `scale` (6,) is in N and N m a count, `rate` that of its records and `internal_rate` that of the samples
@@ -81,7 +81,7 @@ def request(command: int, count: int = 0) -> bytes:
     return struct.pack(">HHI", HEADER, command, count)
 
 
-def fetch_calibration(host: str, place: str, port: int, deadline: Seconds) -> Calibration:
+def fetch_calibration(host: str, place: str, port: int, deadline: Seconds) -> CountScale:
     """Read a device's settings over HTTP from its IPv4 address `place`, all of it until a monotonic time.
 
     Raises `DeviceError` where there are none by then, or none that make sense.
@@ -141,7 +141,7 @@ class _HurriedSocket(socket.socket):
         self.settimeout(left)
 
 
-def read_calibration(text: bytes, device: str) -> Calibration:
+def read_calibration(text: bytes, device: str) -> CountScale:
     """Return the calibration that ``netftapi2.xml`` tells; raises `DeviceError` where it makes no sense.
 
     The text is UTF-8, or else Latin-1, whatever it says of itself: so what is looked through is what is read.
@@ -167,7 +167,7 @@ def read_calibration(text: bytes, device: str) -> Calibration:
     settings = {e.tag.rpartition("}")[2].lower(): (e.text or "").strip() for e in elements}
     force = _per_unit(settings, device, "cfgcpf", "scfgfu", NEWTONS)
     torque = _per_unit(settings, device, "cfgcpt", "scfgtu", NEWTON_METRES)
-    return Calibration(
+    return CountScale(
         scale=np.array([force] * 3 + [torque] * 3),
         rate=_number(settings, device, "comrdtrate", INTERNAL_RATE, RATES),
         internal_rate=_number(settings, device, "runrate", INTERNAL_RATE, RATES),

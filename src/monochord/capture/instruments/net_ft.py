@@ -101,7 +101,7 @@ class NetFt(Instrument):
 
 
 class _NetFtConnection(Connection):
-    def __init__(self, options: NetFt, sock: socket.socket, calibration: rdt.Calibration) -> None:
+    def __init__(self, options: NetFt, sock: socket.socket, calibration: rdt.CountScale) -> None:
         self._options, self._socket, self._scale = options, sock, calibration.scale
         self._receiver = Receiver(sock, rdt.RECORD.itemsize)
         self._arrivals = Arrivals()

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Floats, Signal
+from monochord.core.types import Audio, Flags, Floats, Indices, Signal
 from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.split import Split
-from monochord.datasets.store import Dataset, Flags, Indices
+from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import SupportsCompliance
 from monochord.perception.heads.base import CONTACT, Task

@@ -18,11 +18,11 @@ import numpy as np
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Audio
+from monochord.core.types import Audio, Indices
 from monochord.core.units import Samples
 from monochord.datasets.augment import Augmentation
 from monochord.datasets.manifest import FILE, file_checksum
-from monochord.datasets.store import Dataset, Indices
+from monochord.datasets.store import Dataset
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.probe import probed
 

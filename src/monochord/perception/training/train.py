@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
-from monochord.core.types import Floats, Window
+from monochord.core.types import Floats, Indices, Window
 from monochord.core.units import Samples
-from monochord.datasets.store import Dataset, Indices, open_dataset
+from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.definition import Calibration, Definition
