@@ -241,7 +241,9 @@ def _readings(
                 score -= FALL_COST * max(-off - FREE_DEVIATION, 0.0) ** 2
             else:
                 score -= RISE_COST * max(off - string.rise - FREE_DEVIATION, 0.0) ** 2
-            readings[count] = x, own, n1, n2, score, unexplained, float(i), float(j)
+            row = (x, own, n1, n2, score, unexplained, float(i), float(j))
+            for k in range(len(row)):  # one assignment of a row compiles numba's messages about shapes: 6 s
+                readings[count, k] = row[k]
             count += 1
     return readings[:count]
 
