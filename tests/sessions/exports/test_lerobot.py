@@ -113,8 +113,8 @@ def test_an_episode_is_where_its_row_says(takes: list[SessionReader], tmp_path: 
         (task,) = episode["tasks"]
         assert set(part["task_index"].to_pylist()) == {tasks["task_index"][tasks["task"].index(task)]}
         place = {key: episode[f"data/{key}"] for key in ("chunk_index", "file_index")}
-        episodes = pq.read_table(tmp_path / "set" / info["data_path"].format(**place))
-        assert number in episodes["episode_index"].to_pylist()
+        table = pq.read_table(tmp_path / "set" / info["data_path"].format(**place))
+        assert number in table["episode_index"].to_pylist()
     assert tasks["task"] == ["touch the string with plastic", "rest"]
 
 
