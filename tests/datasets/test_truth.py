@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.sessions.made import plain_readings
 
 from monochord.core.errors import InputError
-from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
+from monochord.core.types import POSE, WRENCH, Block, Feed
 from monochord.datasets.truth import truth_of
 from monochord.lab.offline import make
 from monochord.lab.plan import assignments
@@ -106,19 +107,7 @@ def silent(path: Path, *, taps: bool = False, events: bool = False, streams: boo
         for feed in description.feeds:
             values = np.zeros((time.size, len(feed.columns)))
             values[(time > 4.0) & (time < 6.0), 2] = 1.0
-            count = np.arange(time.size)
-            status = np.zeros(time.size, np.uint32)
-            none = -np.ones_like(count)
-            writer.readings(
-                Readings(
-                    stream=feed.stream,
-                    time=time,
-                    values=values,
-                    sequence=count,
-                    device_time=none,
-                    status=status,
-                )
-            )
+            writer.readings(plain_readings(feed.stream, time, values, sequence=np.arange(time.size)))
     return path
 
 

@@ -39,6 +39,9 @@ class Recorder:
     def wait_for_bytes(self, count: int) -> None:
         self.wait_for(lambda: self.out.exists() and self.out.stat().st_size >= count)
 
+    def wait_for_more(self, count: int) -> None:
+        self.wait_for_bytes(self.out.stat().st_size + count)
+
     def kill(self) -> float:
         """Kill -9; return when, in s of the monotonic clock."""
         self.process.kill()

@@ -84,8 +84,7 @@ def test_a_repair_leaves_a_file_alone_that_is_being_recorded(
     assert "being recorded" in looked.stdout
     assert "sessions recover" not in looked.stdout
     assert sessions("show", recorder.out).returncode == 0
-    before = recorder.out.stat().st_size
-    recorder.wait_for_bytes(before + 200_000)
+    recorder.wait_for_more(200_000)
     summary = recorder.end(signal.SIGINT)
     assert recorder.process.returncode == 0
     assert whole(recorder, sound).audio.samples.shape[1] == summary["frames"]
@@ -102,8 +101,7 @@ def test_a_second_recorder_on_the_same_file_is_refused(
     assert second.process.returncode == 2
     assert len(shown.splitlines()) == 1
     assert "exists" in shown
-    before = recorder.out.stat().st_size
-    recorder.wait_for_bytes(before + 50_000)
+    recorder.wait_for_more(50_000)
     recorder.end(signal.SIGINT)
     whole(recorder, sound)
 
@@ -150,8 +148,7 @@ def test_a_hangup_that_is_ignored_ends_nothing(start_recorder: Callable[..., Any
     recorder = start_recorder(*paced(sound), preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
     recorder.wait_for_bytes(BEGUN)
     recorder.process.send_signal(signal.SIGHUP)
-    before = recorder.out.stat().st_size
-    recorder.wait_for_bytes(before + 300_000)
+    recorder.wait_for_more(300_000)
     assert recorder.end(signal.SIGINT)["stopped"] == "stopped by request"
     whole(recorder, sound)
 
@@ -190,8 +187,7 @@ def test_setting_the_wall_clock_is_recorded_and_moves_nothing(
     recorder = start_recorder(*paced(sound), *net_ft, env=environment)
     recorder.wait_for_bytes(1_500_000)
     trigger.touch()
-    before = recorder.out.stat().st_size
-    recorder.wait_for_bytes(before + 1_500_000)
+    recorder.wait_for_more(1_500_000)
     summary = recorder.end(signal.SIGINT)
     assert summary["flags"]["clock_step"] == 1
     session = whole(recorder, sound)

@@ -23,6 +23,12 @@ def noise() -> np.ndarray:
     return np.random.default_rng(0).standard_normal((2, 30_001), np.float32)
 
 
+def assert_played_at(begin: float, blocks: list[Block], frame: int) -> None:
+    times = [block.adc_time - block.start / RATE for block in blocks if block.adc_time is not None]
+    # A server that is starved loses time that it does not count.
+    assert float(np.median(times)) + frame / RATE == pytest.approx(begin, abs=2e-4 + float(np.ptp(times)))
+
+
 def test_it_plays_once_a_listener_is_there_and_then_silence(jack_server: Any, noise: np.ndarray) -> None:
     with Player(noise, RATE, server=jack_server.name) as player:
         assert player.ports == ["player:out_1", "player:out_2"]
@@ -43,9 +49,7 @@ def test_it_plays_once_a_listener_is_there_and_then_silence(jack_server: Any, no
 
 def test_it_connects_to_inputs_that_it_is_given(jack_server: Any, noise: np.ndarray) -> None:
     with Jack(ports="none", client_name="recorder", server=jack_server.name).open() as stream:
-        with Player(
-            noise, RATE, server=jack_server.name, connect=("recorder:in_1", "recorder:in_2")
-        ) as player:
+        with Player(noise, RATE, server=jack_server.name, connect=INPUTS) as player:
             assert player.wait(10.0)
         first = next(iter(stream))
     assert first.start == 0
@@ -56,8 +60,7 @@ def test_it_connects_to_inputs_that_it_is_given(jack_server: Any, noise: np.ndar
 def test_it_begins_at_its_time(jack_server: Any, noise: np.ndarray, late: float) -> None:
     with Jack(ports="none", client_name="recorder", server=jack_server.name).open() as stream:
         begin = time.monotonic() - late
-        into = ("recorder:in_1", "recorder:in_2")
-        with Player(noise, RATE, server=jack_server.name, connect=into, begin=begin) as player:
+        with Player(noise, RATE, server=jack_server.name, connect=INPUTS, begin=begin) as player:
             assert player.wait(10.0)
         blocks: list[Block] = []
         for block in stream:
@@ -74,10 +77,7 @@ def test_it_begins_at_its_time(jack_server: Any, noise: np.ndarray, late: float)
         assert late * RATE <= left_out < (late + 3.0) * RATE
         assert left_out < noise.shape[1]
     assert np.array_equal(captured[:, first : first + noise.shape[1] - left_out], noise[:, left_out:])
-    times = [block.adc_time - block.start / RATE for block in blocks if block.adc_time is not None]
-    played_at = float(np.median(times)) + (first - left_out) / RATE
-    # A server that is starved loses time that it does not count.
-    assert played_at == pytest.approx(begin, abs=2e-4 + float(np.ptp(times)))
+    assert_played_at(begin, blocks, first - left_out)
 
 
 def test_it_notes_that_the_server_went(jack_server: Any, noise: np.ndarray) -> None:
@@ -131,6 +131,4 @@ def test_as_a_process_it_begins_at_its_time(jack_server: Any, noise: np.ndarray,
     captured = np.concatenate([block.samples for block in blocks], axis=1)
     first = int(np.flatnonzero(captured.any(axis=0))[0])
     assert np.array_equal(captured[:, first : first + noise.shape[1]], noise)
-    times = [block.adc_time - block.start / RATE for block in blocks if block.adc_time is not None]
-    played_at = float(np.median(times)) + first / RATE
-    assert played_at == pytest.approx(begin, abs=2e-4 + float(np.ptp(times)))
+    assert_played_at(begin, blocks, first)

@@ -4,12 +4,12 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.waiting import wait_for
 
 from monochord.capture.dds.participant import Participant
 from monochord.capture.instruments.base import Connection
@@ -26,13 +26,6 @@ def port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind(("127.0.0.1", 0))
         return int(sock.getsockname()[1])
-
-
-def wait_for(condition: Callable[[], object]) -> None:
-    end = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < end, "the condition did not come true within 60 s"
-        time.sleep(0.01)
 
 
 def poll_places(connection: Connection) -> list[float]:

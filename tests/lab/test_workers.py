@@ -13,6 +13,7 @@ from typing import Any
 
 import psutil
 import pytest
+from tests.waiting import wait_for
 
 from monochord.core.errors import DeviceError, InputError
 from monochord.lab import workers
@@ -184,10 +185,7 @@ def scheduler(folder: Path, tmp_path: Path, request: pytest.FixtureRequest) -> G
         started += [
             subprocess.Popen([*worker, "--local-directory", str(tmp_path)], **quiet) for _ in range(2)
         ]
-        deadline = time.monotonic() + 60.0
-        while not place.exists():
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        wait_for(place.exists)
         time.sleep(0.1)
         yield json.loads(place.read_text())["address"]
     finally:

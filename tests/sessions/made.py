@@ -33,6 +33,21 @@ def block(k: int, samples: np.ndarray, *, start: int, dropped: int = 0) -> Block
     )
 
 
+def plain_readings(
+    stream: str, time: np.ndarray, values: np.ndarray, *, sequence: np.ndarray | None = None, status: int = 0
+) -> Readings:
+    """Readings without a device's clock, and without counts unless given."""
+    none = np.full(len(time), -1)
+    return Readings(
+        stream=stream,
+        time=time,
+        values=values,
+        sequence=none if sequence is None else sequence,
+        device_time=none,
+        status=np.full(len(time), status, np.uint32),
+    )
+
+
 def readings(
     stream: str, first: int, count: int, columns: int, rate: float, random: np.random.Generator
 ) -> Readings:

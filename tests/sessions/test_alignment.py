@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.sessions.made import plain_readings
 
 from monochord.core.errors import InputError
-from monochord.core.types import POSE, Block, Feed, Readings
+from monochord.core.types import POSE, Block, Feed
 from monochord.core.units import Seconds
 from monochord.figures.taps import RATE, Tapped, tapped
 from monochord.sessions import (
@@ -191,11 +192,7 @@ def test_without_a_force_the_pose_is_put_on_the_microphones_clock(tmp_path: Path
         time = np.arange(0.0, truth.seconds, 1.0 / rate)
         values = np.zeros((time.size, 7))
         values[:, 2], values[:, 6] = truth.height(time), 1.0
-        none = np.full(time.size, -1)
-        writer.readings(
-            Readings(stream="pose", time=time + 0.15, values=values, sequence=none, device_time=none,
-                     status=np.zeros(time.size, np.uint32))
-        )  # fmt: skip
+        writer.readings(plain_readings("pose", time + 0.15, values))
     alignment = align(read_session(path))
     assert alignment.reference == "audio"
     assert alignment.flags == ()

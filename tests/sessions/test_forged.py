@@ -123,33 +123,32 @@ def test_a_session_as_it_should_be_has_nothing_malformed(tmp_path: Path) -> None
 
 NESTED = "[" * 100_000 + "]" * 100_000
 FEED = {"stream": "oven", "columns": ["t"], "units": ["K"]}
+DESCRIPTIONS: dict[str, str] = {
+    "a description that is a list": "[1, 2]",
+    "a description that is a number": "7",
+    "a description that is no JSON": "{",
+    "a description of nothing": "{}",
+    "a description nested deeply": '{"sensor": ' + NESTED + "}",
+    "a sensor nested deeply": '{"sensor": {"a": ' + "[" * 900 + "]" * 900 + "}}",
+    "a strange key nested deeply": '{"strange": ' + "[" * 900 + "]" * 900 + "}",
+    "a description of half a pair": described(name="\ud800"),
+    "more that is a list": described(more=[1], strange=2),
+    "a rate that is a table": described(sample_rate={}),
+    "a rate of 1e30": described(sample_rate=10**30),
+    "a rate that is not a number": described(sample_rate=float("nan")),
+    "a rate without end": described(sample_rate=float("inf")),
+    "a rate of nothing": described(sample_rate=0),
+    "channels without end": described(channels=10**9),
+    "feeds that are text": described(feeds="wrench"),
+    "a feed without columns": described(feeds=[FEED | {"columns": [], "units": []}]),
+    "a feed with a column twice": described(feeds=[FEED | {"columns": ["a", "a"], "units": ["", ""]}]),
+    "a feed without its units": described(feeds=[FEED | {"units": []}]),
+    "a feed at 1e400": described(feeds=[FEED]).replace('"K"]', '"K"], "rate": 1e400'),
+    "a feed of negative ticks": described(feeds=[FEED | {"ticks": -1.0}]),
+    "feeds without end": described(feeds=[FEED | {"stream": f"s{k}"} for k in range(10_000)]),
+}
 REFUSED: dict[str, dict[str, Any]] = {
-    "a description that is a list": {"description_text": "[1, 2]"},
-    "a description that is a number": {"description_text": "7"},
-    "a description that is no JSON": {"description_text": "{"},
-    "a description of nothing": {"description_text": "{}"},
-    "a description nested deeply": {"description_text": '{"sensor": ' + NESTED + "}"},
-    "a sensor nested deeply": {"description_text": '{"sensor": {"a": ' + "[" * 900 + "]" * 900 + "}}"},
-    "a strange key nested deeply": {"description_text": '{"strange": ' + "[" * 900 + "]" * 900 + "}"},
-    "a description of half a pair": {"description_text": described(name="\ud800")},
-    "more that is a list": {"description_text": described(more=[1], strange=2)},
-    "a rate that is a table": {"description_text": described(sample_rate={})},
-    "a rate of 1e30": {"description_text": described(sample_rate=10**30)},
-    "a rate that is not a number": {"description_text": described(sample_rate=float("nan"))},
-    "a rate without end": {"description_text": described(sample_rate=float("inf"))},
-    "a rate of nothing": {"description_text": described(sample_rate=0)},
-    "channels without end": {"description_text": described(channels=10**9)},
-    "feeds that are text": {"description_text": described(feeds="wrench")},
-    "a feed without columns": {"description_text": described(feeds=[FEED | {"columns": [], "units": []}])},
-    "a feed with a column twice": {
-        "description_text": described(feeds=[FEED | {"columns": ["a", "a"], "units": ["", ""]}])
-    },
-    "a feed without its units": {"description_text": described(feeds=[FEED | {"units": []}])},
-    "a feed at 1e400": {"description_text": described(feeds=[FEED]).replace('"K"]', '"K"], "rate": 1e400')},
-    "a feed of negative ticks": {"description_text": described(feeds=[FEED | {"ticks": -1.0}])},
-    "feeds without end": {
-        "description_text": described(feeds=[FEED | {"stream": f"s{k}"} for k in range(10_000)])
-    },
+    **{name: {"description_text": text} for name, text in DESCRIPTIONS.items()},
     "a clock of 1e30": {"begin": {"epoch_ns": str(10**30)}},
     "a clock written as 1e30": {"begin": {"epoch_ns": "1e30"}},
     "a clock before 1970": {"begin": {"epoch_ns": "-1"}},

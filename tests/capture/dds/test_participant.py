@@ -2,24 +2,17 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.waiting import wait_for
 
 from monochord.capture.dds import messages as ros
 from monochord.capture.dds.participant import URI, Participant
 from monochord.core.errors import DeviceError, InputError
 
 DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
-
-
-def wait_for(condition: Callable[[], object], seconds: float = 60.0) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "the condition did not come true in time"
-        time.sleep(0.005)
 
 
 def pose(x: float) -> ros.PoseStamped:

@@ -5,9 +5,10 @@ import time
 
 import numpy as np
 import pytest
+from tests.waiting import wait_for
 
 from monochord.capture.dds import messages as ros
-from monochord.capture.dds.participant import Participant, TopicWriter
+from monochord.capture.dds.participant import Participant
 from monochord.capture.instruments import pose_dds
 from monochord.capture.instruments.base import Connection
 from monochord.capture.instruments.pose_dds import PoseDds
@@ -19,20 +20,15 @@ DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
 UPRIGHT = ros.Quaternion(0.0, 0.0, 0.0, 1.0)
 
 
-def collect(connection: Connection, count: int, seconds: float = 60.0) -> list[Readings]:
-    end, parts = time.monotonic() + seconds, list[Readings]()
-    while sum(part.time.size for part in parts) < count:
-        assert time.monotonic() < end, "no more readings within the time"
-        time.sleep(0.005)
-        parts += connection.poll()
+def collect(connection: Connection, count: int) -> list[Readings]:
+    parts = list[Readings]()
+
+    def complete() -> bool:
+        parts.extend(connection.poll())
+        return sum(part.time.size for part in parts) >= count
+
+    wait_for(complete)
     return parts
-
-
-def wait_for_reader(writer: TopicWriter) -> None:
-    end = time.monotonic() + 60.0
-    while not writer.listeners:
-        assert time.monotonic() < end, "the reader was not discovered within 60 s"
-        time.sleep(0.005)
 
 
 def test_a_published_pose_is_read_with_its_stamp() -> None:
@@ -69,7 +65,7 @@ def test_the_transform_of_the_frame_is_read() -> None:
     options = PoseDds(topic="/tf", kind="tf", frame="tool", domain=DOMAIN)
     with options.open() as connection, Participant(domain=DOMAIN) as robot:
         writer = robot.writer("tf", "TFMessage")
-        wait_for_reader(writer)
+        wait_for(lambda: writer.listeners)
         writer.write(ros.TFMessage(transforms=[part("elbow", 1.0), part("tool", 2.0)]), 7)
         (readings,) = collect(connection, 1)
     assert readings.values.tolist() == [[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]
@@ -83,7 +79,7 @@ def test_what_is_no_pose_is_counted_and_a_stamp_that_goes_back_too() -> None:
 
     with PoseDds(topic="/odd", domain=DOMAIN).open() as connection, Participant(domain=DOMAIN) as robot:
         writer = robot.writer("odd", "PoseStamped")
-        wait_for_reader(writer)
+        wait_for(lambda: writer.listeners)
         writer.write(pose(float("nan"), 1), 1)
         writer.write(pose(1.0, 2, ros.Quaternion(0.0, 0.0, 0.0, 0.0)), 2)
         writer.write(pose(2.0, 9), 9)
@@ -111,7 +107,7 @@ def test_nonsense_is_counted_and_the_next_message_is_read() -> None:
 
     with PoseDds(topic="/mad", domain=DOMAIN).open() as connection, Participant(domain=DOMAIN) as robot:
         writer = robot.writer("mad", "PoseStamped")
-        wait_for_reader(writer)
+        wait_for(lambda: writer.listeners)
         for message in (
             pose(1e308),
             pose(float("-inf")),
@@ -169,14 +165,11 @@ def test_poses_that_nobody_polls_are_counted_as_missing_beyond_a_bound(
     monkeypatch.setattr(pose_dds, "MAX_PENDING", 10)
     with PoseDds(topic="/many", domain=DOMAIN).open() as connection, Participant(domain=DOMAIN) as robot:
         writer = robot.writer("many", "PoseStamped")
-        wait_for_reader(writer)
+        wait_for(lambda: writer.listeners)
         for x in range(25):
             inside = ros.Pose(position=ros.Point(float(x), 0.0, 0.0), orientation=UPRIGHT)
             writer.write(ros.PoseStamped(header=ros.header(x, "f"), pose=inside), x)
-        end = time.monotonic() + 60.0
-        while connection.health.missing < 15:
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        wait_for(lambda: connection.health.missing >= 15)
         (readings,) = connection.poll()
         assert readings.values[:, 0].tolist() == list(range(15, 25))
         assert connection.health.missing == 15

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.sessions.made import plain_readings
 
 from monochord.capture.recording import Progress, record
 from monochord.capture.recording import counters as counters_module
@@ -36,21 +37,18 @@ def shift_of(begin_of: "list[float]", *, dropped: "dict[int, int] | None" = None
     return timing.shift
 
 
-def test_a_steady_stream_does_not_shift() -> None:
-    assert shift_of([5.0] * 500) == 0.0
-
-
-def test_jitter_of_single_blocks_is_no_shift() -> None:
-    jitter = np.random.default_rng(0).exponential(2e-3, 2000)
-    assert shift_of((5.0 + jitter).tolist()) == 0.0
-
-
-def test_two_clocks_that_drift_are_no_shift() -> None:
-    assert shift_of((5.0 + 300e-6 * np.arange(3000) * FRAMES / RATE).tolist()) == 0.0
-
-
-def test_a_gap_that_was_counted_is_no_shift() -> None:
-    assert shift_of([5.0] * 500, dropped={250: 44100}) == 0.0
+@pytest.mark.parametrize(
+    ("delays", "dropped"),
+    [
+        (np.zeros(500), {}),
+        (np.random.default_rng(0).exponential(2e-3, 2000), {}),
+        (300e-6 * np.arange(3000) * FRAMES / RATE, {}),
+        (np.zeros(500), {250: 44100}),
+    ],
+    ids=["steady", "jitter of single blocks", "two clocks that drift", "a counted gap"],
+)
+def test_what_is_no_shift(delays: np.ndarray, dropped: dict[int, int]) -> None:
+    assert shift_of((5.0 + delays).tolist(), dropped=dropped) == 0.0
 
 
 @pytest.mark.parametrize("periods", [1, 20, -3])
@@ -95,19 +93,13 @@ def test_a_peak_is_held_for_a_while_and_the_highest_for_ever() -> None:
 
 def test_clipped_samples_are_counted_and_shown_for_a_while() -> None:
     levels = Levels(channels=2)
-    levels.add(levels_block([1.0, 0.9, -1.0], [0.99, 0.0, -0.99]))
+    levels.add(levels_block([32767 / 32768, 0.9, -1.0], [0.99, 0.0, -0.99]))  # 16 bits at full scale
     first, second = levels.look(0.0)
     assert (first.clipped, second.clipped) == (2, 0)
     assert first.clipping
     levels.add(levels_block([0.1], [0.1]))
     assert not levels.look(1.1 * PEAK_HOLD)[0].clipping
     assert levels.look(1.1 * PEAK_HOLD)[0].clipped == 2
-
-
-def test_sixteen_bits_at_full_scale_count_as_clipped() -> None:
-    levels = Levels(channels=1)
-    levels.add(levels_block([32767 / 32768]))
-    assert levels.look(0.0)[0].clipped == 1
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -133,14 +125,7 @@ HEALTH = InstrumentHealth(missing=3)
 
 
 def readings(count: int, *, value: float = 1.0, status: int = 0) -> Readings:
-    return Readings(
-        stream="gripper",
-        time=np.zeros(count),
-        values=np.full((count, 2), value),
-        sequence=np.arange(count),
-        device_time=np.arange(count),
-        status=np.full(count, status, np.uint32),
-    )
+    return plain_readings("gripper", np.zeros(count), np.full((count, 2), value), status=status)
 
 
 def test_readings_are_counted_and_the_latest_is_shown() -> None:
@@ -198,15 +183,7 @@ def test_the_counters_add_up_blocks_and_readings(make_job: Any, force: Any, tmp_
         pumps = Pumps(stream, {"net_ft": sensor}, capacity=1000)
         counters.add(block(0, 64))
         counters.add(block(100, 64, dropped=36))
-        readings = Readings(
-            stream="wrench",
-            time=np.zeros(5),
-            values=np.ones((5, 6)),
-            sequence=np.arange(5),
-            device_time=np.arange(5),
-            status=np.zeros(5, np.uint32),
-        )
-        counters.add(Polled(name="net_ft", readings=readings))
+        counters.add(Polled(name="net_ft", readings=plain_readings("wrench", np.zeros(5), np.ones((5, 6)))))
         now = counters.look(size=1000, pumps=pumps)
         assert (now.frames, now.dropped, now.gaps) == (128, 36, 1)
         assert counters.audio_end == 164 / RATE

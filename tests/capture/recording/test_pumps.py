@@ -1,10 +1,11 @@
 import threading
 import time
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from tests.sessions.made import plain_readings
+from tests.waiting import wait_for
 
 from monochord.capture.instruments.base import Connection
 from monochord.capture.recording.pumps import BoundedQueue, Polled, pumping
@@ -13,13 +14,6 @@ from monochord.core.types import Block, Feed, InstrumentHealth, Readings, Signal
 
 FEED = Feed(stream="ticks", columns=("t",), units=("s",))
 PLENTY = 1 << 20
-
-
-def wait_for(condition: Callable[[], Any]) -> None:
-    deadline = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < deadline, "the condition did not come true within 60 s"
-        time.sleep(5e-3)
 
 
 class Stuck(Stream):
@@ -60,17 +54,8 @@ class Ticks(Connection):
         if self.polls >= self._lives:
             raise OSError(5, "unplugged")
         self.polls += 1
-        one, number = np.array([time.monotonic()]), np.array([self.polls])
-        return [
-            Readings(
-                stream="ticks",
-                time=one,
-                values=one[:, None],
-                sequence=number,
-                device_time=number,
-                status=np.zeros(1, np.uint32),
-            )
-        ]
+        now = np.array([time.monotonic()])
+        return [plain_readings("ticks", now, now[:, None], sequence=np.array([self.polls]))]
 
 
 def test_a_source_that_waits_blocks_no_instrument() -> None:

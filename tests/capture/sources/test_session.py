@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.sessions.made import plain_readings
 
 from monochord.capture.sources.session import SessionSource
 from monochord.core.errors import InputError
-from monochord.core.types import WRENCH, Block, Feed, Readings, StringParams
+from monochord.core.types import WRENCH, Block, Feed, StringParams
 from monochord.core.windows import windows
 from monochord.sessions import Description, SessionClock, SessionWriter
 
@@ -194,17 +195,7 @@ def tapped(path: Path, late: float) -> Path:
             writer.audio(Block(samples=samples, start=start, adc_time=100.0 + start / RATE))
         values = np.zeros((len(time), 6))
         values[:, 2] = force + 0.005 * rng.standard_normal(len(time))
-        none = np.full(len(time), -1)
-        writer.readings(
-            Readings(
-                stream="wrench",
-                time=100.0 + time,
-                values=values,
-                sequence=np.arange(len(time)),
-                device_time=none,
-                status=np.zeros(len(time), np.uint32),
-            )
-        )
+        writer.readings(plain_readings("wrench", 100.0 + time, values, sequence=np.arange(len(time))))
         writer.labels(100.0 + time, {"contact": (time >= 3.0).astype(np.float64)})
     return path
 

@@ -8,9 +8,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from tests.sessions.made import plain_readings
 
 from monochord.core.errors import InputError
-from monochord.core.types import WRENCH, Block, Feed, Readings
+from monochord.core.types import WRENCH, Block, Feed
 from monochord.sessions import Description, SessionClock, SessionReader, SessionWriter, read_session
 from monochord.sessions.exports import lerobot
 from monochord.sessions.exports.lerobot import LeRobot
@@ -35,13 +36,8 @@ def session(path: Path, *, seconds: float = 1.01, frames_lost: int = 0, **descri
         time = 5.0 + np.arange(round(seconds * 1000)) / 1000
         values = np.zeros((len(time), 6))
         values[:, 2] = time - 5.0
-        none, fine = np.full(len(time), -1), np.zeros(len(time), dtype=np.uint32)
         for feed in described["feeds"]:
-            writer.readings(
-                Readings(
-                    stream=feed.stream, time=time, values=values, sequence=none, device_time=none, status=fine
-                )
-            )
+            writer.readings(plain_readings(feed.stream, time, values))
         position = np.where(time < 5.5, np.nan, 0.1)
         writer.labels(time, {"contact": (time >= 5.5).astype(np.float64), "position": position})
     return read_session(path)

@@ -151,7 +151,7 @@ def governor() -> Check:
     try:
         governor = GOVERNOR.read_text(encoding="ascii").strip()
     except OSError:
-        return Check(name="processor pace", state=OK, found="not told by this machine")
+        return Check(name="processor pace", state=OK, found="not reported by this machine")
     slow = governor not in {"performance", "schedutil"}
     remedy = "for steady latency: cpupower frequency-set -g performance" if slow else ""
     return Check(name="processor pace", state=WARN if slow else OK, found=governor, remedy=remedy)

@@ -1,4 +1,4 @@
-"""Groups are dealt out by their shares, in each stratum too."""
+"""Groups are assigned by their shares, in each stratum too."""
 
 import numpy as np
 import pytest
