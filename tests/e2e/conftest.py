@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import soundfile
 
 from monochord.lab.net_ft_device import NetFtSettings, write_script
 from monochord.lab.pose_publisher import PublisherSettings
 
+RATE = 44100
 MONOCHORD = str(Path(sys.executable).with_name("monochord"))
 
 
@@ -80,6 +82,20 @@ def start_recorder(tmp_path: Path) -> Iterator[StartRecorder]:
             return Recorder(out, process)
 
         yield start
+
+
+def paced(sound: Path, speed: int = 1) -> list[str]:
+    """The options that record a file over and over, at some times the pace of real time."""
+    sets = (f"source.path={sound}", f"source.speed={speed}", "source.repeat=0")
+    return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
+
+
+@pytest.fixture
+def sound(tmp_path: Path) -> Path:
+    """Two seconds of noise in two channels."""
+    samples = np.random.default_rng(0).uniform(-0.5, 0.5, (2 * RATE, 2))
+    soundfile.write(tmp_path / "sound.wav", samples, RATE, subtype="FLOAT")
+    return tmp_path / "sound.wav"
 
 
 @contextmanager

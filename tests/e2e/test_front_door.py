@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from tests.sessions.made import plain_readings
 
 import monochord as mc
-from monochord.core.types import WRENCH, Block, Feed, Readings
+from monochord.core.types import WRENCH, Block, Feed
 from monochord.sessions import Description, SessionClock, SessionWriter
 
 
@@ -75,16 +76,7 @@ def test_a_session_becomes_arrays_and_frames(tmp_path: Path) -> None:
     ) as writer:
         writer.audio(Block(samples=np.full((2, 1600), 0.5, np.float32), start=0, adc_time=0.0))
         count = np.arange(3)
-        writer.readings(
-            Readings(
-                stream="wrench",
-                time=np.array([0.0, 0.01, 0.02]),
-                values=np.outer(count, np.ones(6)),
-                sequence=count,
-                device_time=np.full(3, -1),
-                status=np.zeros(3, np.uint32),
-            )
-        )
+        writer.readings(plain_readings("wrench", 0.01 * count, np.outer(count, np.ones(6)), sequence=count))
     session = mc.read_session(tmp_path / "take.mcap")
     assert session.to_pandas("wrench")["fz"].tolist() == [0.0, 1.0, 2.0]
     audio = session.to_numpy("audio")

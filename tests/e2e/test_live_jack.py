@@ -54,15 +54,7 @@ def offline(file: Path, capsys: pytest.CaptureFixture[str]) -> Records:
 
 
 def live(server: Any, *more: str) -> list[str]:
-    source = [
-        "player:",
-        "--source",
-        "jack",
-        "--set",
-        f"source.server={server.name}",
-        "--set",
-        "source.channels=1",
-    ]
+    source = f"player: --source jack --set source.server={server.name} --set source.channels=1".split()
     return ["live", *source, *STRING, "--json", *more]
 
 

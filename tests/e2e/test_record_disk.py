@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-import soundfile
+from tests.e2e.conftest import paced
 
 from monochord.sessions import check, read_session
 
@@ -32,12 +31,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.fixture
-def fast(tmp_path: Path) -> list[str]:
+def fast(sound: Path) -> list[str]:
     """The options that record noise at twenty times the pace of real time."""
-    samples = np.random.default_rng(0).uniform(-0.5, 0.5, (2 * RATE, 2))
-    soundfile.write(tmp_path / "sound.wav", samples, RATE, subtype="FLOAT")
-    sets = (f"source.path={tmp_path / 'sound.wav'}", "source.speed=20", "source.repeat=0")
-    return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
+    return paced(sound, speed=20)
 
 
 def ended_full(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from tests.e2e.conftest import paced
 
 from monochord.sessions import SessionReader, check, read_session
 
@@ -38,18 +39,6 @@ int clock_gettime(clockid_t clock, struct timespec *time) {
     return failed;
 }
 """
-
-
-@pytest.fixture
-def sound(tmp_path: Path) -> Path:
-    samples = np.random.default_rng(0).uniform(-0.5, 0.5, (2 * RATE, 2))
-    soundfile.write(tmp_path / "sound.wav", samples, RATE, subtype="FLOAT")
-    return tmp_path / "sound.wav"
-
-
-def paced(sound: Path) -> list[str]:
-    sets = (f"source.path={sound}", "source.speed=1", "source.repeat=0")
-    return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
 
 
 def whole(recorder: Any, sound: Path) -> SessionReader:

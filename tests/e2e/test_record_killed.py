@@ -12,19 +12,13 @@ import soundfile
 from mcap.exceptions import McapError
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
+from tests.e2e.conftest import paced
 
 from monochord.sessions import read_session, recover
 
 RATE = 44100
 LOST = 0.5
 HEADER = 60_000
-
-
-@pytest.fixture
-def sound(tmp_path: Path) -> Path:
-    samples = np.random.default_rng(0).uniform(-0.5, 0.5, (2 * RATE, 2))
-    soundfile.write(tmp_path / "sound.wav", samples, RATE, subtype="FLOAT")
-    return tmp_path / "sound.wav"
 
 
 def independently(path: Path) -> dict[str, int]:
@@ -58,11 +52,6 @@ def look_over(path: Path, killed: float) -> dict[str, float]:
     for topic in session.topics:
         assert counts.get(topic, 0) == sum(1 for _ in session.messages(topic))
     return {"audio": killed - origin - newest, "wrench": killed - origin - float(wrench.time[-1])}
-
-
-def paced(sound: Path) -> list[str]:
-    sets = (f"source.path={sound}", "source.speed=1", "source.repeat=0")
-    return ["--source", "wav", *(word for assignment in sets for word in ("--set", assignment))]
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -70,14 +70,7 @@ def test_a_device_that_trickles(
     port, requested = slow_box
     folder = tmp_path / "takes"
     folder.mkdir()
-    box = [
-        "--instrument",
-        "net_ft",
-        "--set",
-        f"net_ft.http_port={port}",
-        "--set",
-        "net_ft.timeout_seconds=60",
-    ]
+    box = f"--instrument net_ft --set net_ft.http_port={port} --set net_ft.timeout_seconds=60".split()
     with start(
         str(folder / "take.mcap"), "--source", "wav", "--set", f"source.path={sound}", *box
     ) as process:

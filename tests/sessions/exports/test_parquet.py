@@ -1,6 +1,4 @@
-import json
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,8 +7,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from monochord.core.errors import InputError
 from monochord.sessions import read_session
@@ -18,27 +14,6 @@ from monochord.sessions.exports.parquet import Parquet
 
 Write = Callable[..., Path]
 Same = Callable[[Path, Path], None]
-
-
-@settings(max_examples=6, deadline=None)
-@given(seed=st.integers(0, 2**32))
-def test_a_round_trip_loses_nothing(write_random: Write, assert_same: Same, seed: int) -> None:
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        take = write_random(folder / "take.mcap", seed)
-        Parquet().write([read_session(take)], folder / "out")
-        Parquet().read(folder / "out" / "take", folder / "again.mcap")
-        assert_same(take, folder / "again.mcap")
-
-
-def test_a_session_that_was_cut_off_keeps_what_it_has(
-    write_random: Write, assert_same: Same, tmp_path: Path
-) -> None:
-    take = write_random(tmp_path / "take.mcap", 5, close=False)
-    Parquet().write([read_session(take)], tmp_path / "out")
-    assert json.loads((tmp_path / "out/take/session.json").read_text())["complete"] is False
-    Parquet().read(tmp_path / "out" / "take", tmp_path / "again.mcap")
-    assert_same(take, tmp_path / "again.mcap")
 
 
 @pytest.fixture

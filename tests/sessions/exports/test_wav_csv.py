@@ -1,14 +1,10 @@
 import csv
-import json
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from monochord.core.errors import InputError
 from monochord.sessions import read_session
@@ -16,27 +12,6 @@ from monochord.sessions.exports.wav_csv import WavCsv
 
 Write = Callable[..., Path]
 Same = Callable[[Path, Path], None]
-
-
-@settings(max_examples=6, deadline=None)
-@given(seed=st.integers(0, 2**32))
-def test_a_round_trip_loses_nothing(write_random: Write, assert_same: Same, seed: int) -> None:
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        take = write_random(folder / "take.mcap", seed)
-        WavCsv().write([read_session(take)], folder / "out")
-        WavCsv().read(folder / "out" / "take", folder / "again.mcap")
-        assert_same(take, folder / "again.mcap")
-
-
-def test_a_session_that_was_cut_off_keeps_what_it_has(
-    write_random: Write, assert_same: Same, tmp_path: Path
-) -> None:
-    take = write_random(tmp_path / "take.mcap", 5, close=False)
-    WavCsv().write([read_session(take)], tmp_path / "out")
-    assert json.loads((tmp_path / "out/take/session.json").read_text())["complete"] is False
-    WavCsv().read(tmp_path / "out" / "take", tmp_path / "again.mcap")
-    assert_same(take, tmp_path / "again.mcap")
 
 
 @pytest.fixture
@@ -61,12 +36,6 @@ def test_the_files_are_what_other_programs_read(folder: Path) -> None:
     given = [float(row["fz"] or "nan") for row in rows]
     np.testing.assert_array_equal(given, session.readings("wrench").column("fz"))
     assert session.audio.gaps
-
-
-def test_the_index_describes_what_is_written(write_random: Write, tmp_path: Path) -> None:
-    takes = [read_session(write_random(tmp_path / f"{name}.mcap", 2, seconds=0.2)) for name in "ab"]
-    written = WavCsv().write(takes, tmp_path / "out")
-    assert sorted(written) == sorted(path for path in (tmp_path / "out").rglob("*") if path.is_file())
 
 
 def test_a_folder_with_something_in_it_and_sessions_of_one_name_are_refused(
