@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.config import Tree, to_tree
-from monochord.core.types import Floats, StringParams
+from monochord.core.types import Flags, Floats, StringParams
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.evaluation.limits import BoundComparison, compare_with_bound
 from monochord.evaluation.results import CLEAN, Results
@@ -16,7 +16,6 @@ from monochord.evaluation.scores import (
     DRAWS,
     Detection,
     Regression,
-    Rows,
     SpeedBand,
     by_speed,
     detection,
@@ -232,7 +231,7 @@ def abstentions(results: Results) -> dict[str, dict[str, float]]:
     return shares
 
 
-def _by_condition(results: Results) -> dict[str, Rows]:
+def _by_condition(results: Results) -> dict[str, Flags]:
     column = results.of_trials("condition")
     return {name: column == name for name in conditions_of(results)}
 
@@ -245,7 +244,7 @@ def _score_table(results: Results, states: tuple[str, ...], draws: int) -> Score
         bodies[EVERYTHING] = np.ones(len(results), bool)
     slip = results.label("slip")
     masks = (np.ones(len(results), bool), slip == 0.0, slip == 1.0)
-    in_state: dict[str, Rows] = dict(zip(STATES, masks, strict=True))
+    in_state: dict[str, Flags] = dict(zip(STATES, masks, strict=True))
     table: list[TableRow] = []
     detections: dict[str, dict[str, dict[str, Detection]]] = {"contact": {}, "slip": {}}
     for body, of_body in bodies.items():
@@ -279,7 +278,7 @@ def _by_session_field(results: Results) -> dict[str, dict[str, dict[str, Regress
 
 
 def _bounds(
-    results: Results, groups: Mapping[str, Rows], string: StringParams
+    results: Results, groups: Mapping[str, Flags], string: StringParams
 ) -> dict[str, dict[str, BoundComparison]]:
     bounds: dict[str, dict[str, BoundComparison]] = {}
     for condition, rows in groups.items():
