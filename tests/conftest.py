@@ -319,6 +319,6 @@ LESSON: dict[str, Any] = {
 
 
 @pytest.fixture
-def lesson(learnable: Path, tmp_path: Path) -> dict[str, Any]:
-    """Settings of a training run on `learnable`, as plain values."""
-    return {**LESSON, "dataset": str(learnable), "cache": str(tmp_path / "features")}
+def lesson(learnable: Path) -> dict[str, Any]:
+    """Settings of a training run on `learnable`, as plain values; all runs share the rows of features."""
+    return {**LESSON, "dataset": str(learnable), "cache": str(learnable.parent / "features")}

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from contextlib import redirect_stdout
 from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -64,7 +65,6 @@ def test_by_physics_alone_it_finds_the_position() -> None:
     [
         (["--estimator", "modle"], "did you mean 'model'"),
         (["--material", "wod"], "did you mean 'wood'"),
-        (["long"], "a string of 0.65 m for a model: allowed is 0.2 m"),
         (["--seconds", "0"], "above 0"),
     ],
 )
@@ -75,6 +75,13 @@ def test_what_it_cannot_show_is_one_line(
     lines = [said for said in capsys.readouterr().err.splitlines() if said.startswith("monochord: ")]
     assert len(lines) == 1
     assert line in lines[0]
+
+
+def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["demo", str(short)]) == 2
+    lines = [said for said in capsys.readouterr().err.splitlines() if said.startswith("monochord: ")]
+    assert len(lines) == 1
+    assert "a string of 0.195 m for a model: allowed is 0.2 m" in lines[0]
 
 
 def test_a_signal_ends_it_with_its_result() -> None:

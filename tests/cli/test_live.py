@@ -224,7 +224,6 @@ def test_a_trained_model_locates_too(take: Take, capsys: pytest.CaptureFixture[s
         ("locate demmo take.wav", "did you mean 'demo'"),
         ("live demo demo", "inputs demo, demo: allowed is one MODEL at most"),
         ("locate demo", "model demo alone: allowed is a FILE beside it"),
-        ("live demo long --source twin", "a string of 0.65 m for a model: allowed is 0.2 m"),
         ("live demo --source twin --window 0.2", "windows of 8820 frames for a model"),
         ("live take.wav --device card", "take.wav beside --device card: allowed is one of both"),
         ("live --source jack --rate 48000", "--rate 48000 with the source jack: allowed is a source whose"),
@@ -239,6 +238,11 @@ def test_what_cannot_be_is_refused_as_it_was_typed(
     words: str, line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert line in refusal(capsys, *words.split())
+
+
+def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line = refusal(capsys, "live", "demo", str(short), "--source", "twin")
+    assert "a string of 0.195 m for a model: allowed is 0.2 m" in line
 
 
 def test_control_c_ends_live_with_its_summary(take: Take) -> None:

@@ -5,12 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.conftest import LESSON
 
 from monochord.cli import run
 from monochord.core.config import dump_toml
+from monochord.perception import features
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")
+MADE_UP = Path(__file__).parents[1] / "made_up_features"
 
 
 @pytest.fixture
@@ -18,6 +21,18 @@ def config(lesson: dict[str, Any], tmp_path: Path) -> Path:
     file = tmp_path / "lesson.toml"
     file.write_text(dump_toml({**lesson, "optimiser": {"epochs": 3}}), encoding="utf-8")
     return file
+
+
+@pytest.fixture(scope="module")
+def trained(learnable: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of three epochs, to be read alone."""
+    home = tmp_path_factory.mktemp("trained")
+    lesson = {**LESSON, "dataset": str(learnable), "cache": str(learnable.parent / "features")}
+    (home / "lesson.toml").write_text(dump_toml({**lesson, "optimiser": {"epochs": 3}}), encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(features, "__path__", [*features.__path__, str(MADE_UP)])
+        assert run(["train", str(home / "lesson.toml"), "--out", str(home / "run")]) == 0
+    return home / "run"
 
 
 def test_it_prints_scores_and_goes_on_where_it_was(
@@ -60,11 +75,9 @@ def test_it_draws_how_it_learned_and_equal_runs_have_equal_pictures(
 
 
 def test_other_settings_in_the_same_folder_are_refused(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    config: Path, trained: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = str(tmp_path / "run")
-    assert run(["train", str(config), "--out", out]) == 0
-    assert run(["train", str(config), "--out", out, "--set", "seed=1"]) == 2
+    assert run(["train", str(config), "--out", str(trained), "--set", "seed=1"]) == 2
     assert "a run with other settings" in capsys.readouterr().err
 
 
@@ -91,11 +104,9 @@ def test_what_cannot_be_is_one_line(
 
 
 def test_live_takes_a_run_for_its_estimator(
-    config: Path, learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    trained: Path, learnable: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, session = str(tmp_path / "run"), str(learnable.parent / "sung_0.mcap")
-    assert run(["train", str(config), "--out", out]) == 0
-    capsys.readouterr()
+    out, session = str(trained), str(learnable.parent / "sung_0.mcap")
     assert run(["live", out, session, "--source", "session", "--seconds", "3", "--json"]) == 0
     first = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {"contact", "slip", "position", "force"} <= first.keys() | first.get("estimates", {}).keys()
@@ -105,11 +116,9 @@ def test_live_takes_a_run_for_its_estimator(
 
 @pytest.mark.parametrize("extra", [["--length", "0.2"], ["--estimator", "closed-form"]])
 def test_options_of_another_estimator_are_refused_beside_a_run(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], extra: list[str]
+    trained: Path, capsys: pytest.CaptureFixture[str], extra: list[str]
 ) -> None:
-    out = str(tmp_path / "run")
-    assert run(["train", str(config), "--out", out]) == 0
-    assert run(["live", out, "--source", "twin", *extra]) == 2
+    assert run(["live", str(trained), "--source", "twin", *extra]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
