@@ -9,7 +9,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats
 from monochord.physics.split_string import (
     Drive,
-    Pluck,
+    PluckShape,
     Ringing,
     SplitString,
     advance,
@@ -111,7 +111,7 @@ def test_a_segment_too_short_to_be_heard_is_silent_and_the_other_sounds() -> Non
 
 def test_a_touch_that_plucks_adds_the_pluck_to_both_segments() -> None:
     _, ringing = advance(begin(SETUP), 4410)
-    strike = Pluck(height=5e-4)
+    strike = PluckShape(height=5e-4)
     stroked, struck = touch(ringing, OTHER), touch(ringing, OTHER, pluck=strike)
     first = struck.q - stroked.q
     assert first[: stroked.string.counts[0]].max() == pytest.approx(0.8e-3 / 2.0, rel=0.1)
