@@ -1,19 +1,17 @@
 """The audit catches each kind of leak that is planted, and nothing else."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.datasets.conftest import Make, sound
 
 from monochord.core.errors import InputError
 from monochord.datasets.audit import audit
 from monochord.datasets.split import Split, split_dataset
 from monochord.datasets.store import Dataset
-
-Make = Callable[..., Dataset]
-RATE = 8000
 
 
 def split_of(dataset: Dataset, train: Any, test: Any, *, by: Any = "session", guard: int = 0) -> Split:
@@ -91,14 +89,9 @@ def test_validation_may_share_the_objects_of_the_training(make: Make) -> None:
     assert audit(dataset, split).clean
 
 
-def noise(seed: int, seconds: float = 12.0) -> np.ndarray:
-    return 0.1 * np.random.default_rng(seed).normal(size=(2, round(seconds * RATE))).astype(np.float32)
-
-
 def test_the_same_samples_under_another_name(make: Make) -> None:
-    dataset = make(
-        {"one": {"samples": noise(1)}, "two": {"samples": noise(2)}, "copy": {"samples": noise(1)}}
-    )
+    samples = {"one": sound(1), "two": sound(2), "copy": sound(1)}
+    dataset = make({name: {"samples": each} for name, each in samples.items()})
     names = [part.name for part in dataset.manifest.parts]
     copy, one, two = (rows_of(dataset, names.index(name)) for name in ("copy", "one", "two"))
     assert leaks(dataset, split_of(dataset, one + two, copy)) == {"same checksum": 120}
@@ -124,7 +117,7 @@ def changed(samples: np.ndarray, how: str) -> np.ndarray:
 
 @pytest.mark.parametrize("how", ["shifted", "late", "scaled", "swapped", "noisy", "all at once"])
 def test_a_copy_that_was_changed(make: Make, how: str) -> None:
-    original = noise(1)
+    original = sound(1)
     dataset = make({"a": {"samples": original}, "b": {"samples": changed(original, how)}, "c": {}})
     split = split_of(dataset, rows_of(dataset, 0), rows_of(dataset, 1, 2))
     (leak,) = audit(dataset, split).leaks

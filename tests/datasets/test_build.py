@@ -1,20 +1,17 @@
 """Sessions become a dataset whole, or not at all."""
 
 import tracemalloc
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.datasets.conftest import Make, Write
 from tests.sessions.made import make as make_session
 
 from monochord.core.errors import InputError
 from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
-from monochord.datasets.store import Dataset
 from monochord.sessions import read_session
 
-Make = Callable[..., Dataset]
-Write = Callable[..., Path]
 RATE = 8000
 
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.datasets.conftest import Make
 
 from monochord.core.errors import InputError
 from monochord.datasets.audit import audit
 from monochord.datasets.split import Split, split_dataset
 from monochord.datasets.store import Dataset, open_dataset, write_table
 
-Make = Callable[..., Dataset]
 LITTLE = 16 << 20
 """Bytes that a refusal may take."""
 

@@ -3,13 +3,13 @@
 import errno
 import pickle
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.datasets.conftest import Make
 
 from monochord.core.errors import InputError
 from monochord.core.types import Block
@@ -17,8 +17,6 @@ from monochord.core.windows import windows
 from monochord.datasets import store
 from monochord.datasets.store import Dataset, open_dataset, window_starts, write_array
 from monochord.sessions import read_session
-
-Make = Callable[..., Dataset]
 
 
 @pytest.fixture(name="dataset")

@@ -1,11 +1,11 @@
 """Labels come from where they should, and only from sessions whose streams are on one clock."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.datasets.conftest import Write
 from tests.sessions.made import plain_readings
 
 from monochord.core.errors import InputError
@@ -22,8 +22,6 @@ from monochord.sessions import (
     SessionWriter,
     read_session,
 )
-
-Write = Callable[..., Path]
 
 
 @pytest.fixture(scope="session", name="slide")

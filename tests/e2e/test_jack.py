@@ -13,6 +13,7 @@ import numpy as np
 import psutil
 import pytest
 import soundfile
+from tests.waiting import wait_for
 
 from monochord.capture.sources.jack import Jack
 from monochord.core.errors import DeviceError, InputError
@@ -46,10 +47,7 @@ class Capture:
         return sum(block.samples.shape[1] for block in list(self.blocks))
 
     def wait_for(self, condition: Callable[[], bool], seconds: float = 30.0) -> None:
-        deadline = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < deadline, f"waited in vain after {self.frames} frames"
-            time.sleep(0.01)
+        wait_for(condition, seconds)
 
     def stop(self) -> float:
         began = time.monotonic()

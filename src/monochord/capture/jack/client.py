@@ -13,8 +13,8 @@ from monochord.core.units import Samples, Seconds
 
 ALREADY_CONNECTED = 17  # EEXIST
 # libjack shares memory between the clients of a process, and crashes if one is opened, even in vain, before
-# all those of a dead server are closed. So when one client finds its server gone, its fellows are told, and
-# none is opened until they have left.
+# all those of a dead server are closed. So when one client finds its server gone, the others are told,
+# and none is opened until they have left.
 _opening = threading.Lock()
 _clients: set["JackClient"] = set()
 
@@ -162,7 +162,7 @@ class JackClient:
             _clients.discard(self)
 
     def doom(self, server: str) -> None:
-        """Take a fellow client's word that a server is gone, whether libjack has told of it or not yet."""
+        """Note that another client found the server gone, whether libjack has reported it or not yet."""
         if self._arena and self._server == server:
             self._arena.words[at.GONE] = 1
             self._arena.wake()
