@@ -274,10 +274,7 @@ def test_one_channel_of_two(jack_server: Any, play: Any, recording: Path) -> Non
     ],
 )
 def test_ports_that_are_not_there_are_one_line(jack_server: Any, options: Any, line: str) -> None:
-    with (
-        pytest.raises((DeviceError, InputError)) as caught,
-        Jack(server=jack_server.name, **options).open(),
-    ):
+    with pytest.raises((DeviceError, InputError)) as caught, Jack(server=jack_server.name, **options).open():
         pass
     assert line in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -43,9 +43,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
 
 
 @pytest.mark.timeout(240)
-def test_every_frame_that_the_server_counted_is_there(
-    played: Played,
-) -> None:
+def test_every_frame_that_the_server_counted_is_there(played: Played) -> None:
     _, path, summary = played
     assert not summary.failure
     assert check(path).sound

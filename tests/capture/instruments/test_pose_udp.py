@@ -170,8 +170,5 @@ def test_a_port_that_is_taken_is_one_line(port: int) -> None:
 
 @pytest.mark.parametrize("address", ["", "robot", "127.0.0.1:", "127.0.0.1:70000", "9" * 5000])
 def test_what_is_no_address_is_refused(address: str) -> None:
-    with (
-        pytest.raises(InputError, match=f"address '{address[:100]}"),
-        PoseUdp(address=address).open(),
-    ):
+    with pytest.raises(InputError, match=f"address '{address[:100]}"), PoseUdp(address=address).open():
         pass

@@ -18,13 +18,11 @@ for name in {names}:
 """
 
 
-@pytest.fixture(scope="module")
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """The body of each callback, without numba's wrapper, which only hands an error on."""
-    cache = str(tmp_path_factory.mktemp("numba"))  # code that comes from a cache cannot be read
+def printed(code: str, cache: Path) -> str:
+    """Run a program that compiles into a folder, and return what it prints."""
     run = subprocess.run(
-        [sys.executable, "-c", PRINT_CODE.format(names=CALLBACKS)],
-        env={**os.environ, "NUMBA_CACHE_DIR": cache},
+        [sys.executable, "-c", code],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
         capture_output=True,
         text=True,
         check=False,
@@ -32,7 +30,14 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     if "DeviceError" in run.stderr:
         pytest.skip("libjack is not installed (Debian: apt install jackd2)")
     assert run.returncode == 0, run.stderr
-    parts = re.split(r"^=== (\w+)$", run.stdout, flags=re.MULTILINE)
+    return run.stdout
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The body of each callback, without numba's wrapper, which only hands an error on."""
+    cache = tmp_path_factory.mktemp("numba")  # code that comes from a cache cannot be read
+    parts = re.split(r"^=== (\w+)$", printed(PRINT_CODE.format(names=CALLBACKS), cache), flags=re.MULTILINE)
     return dict(zip(parts[1::2], map(body, parts[2::2]), strict=True))
 
 
@@ -64,16 +69,7 @@ def test_the_ring_is_published_last(compiled: dict[str, str]) -> None:
 
 
 def cache_hits(folder: Path, code: str) -> int:
-    run = subprocess.run(
-        [sys.executable, "-c", f"{code}\nprint(callbacks.xrun.cache_hits)"],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if "DeviceError" in run.stderr:
-        pytest.skip("libjack is not installed (Debian: apt install jackd2)")
-    return int(run.stdout)
+    return int(printed(f"{code}\nprint(callbacks.xrun.cache_hits)", folder))
 
 
 def test_compiled_code_is_cached_but_not_for_another_layout(tmp_path: Path) -> None:

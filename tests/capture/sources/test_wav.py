@@ -206,10 +206,7 @@ def header_only(path: Path) -> None:
         (header_only, "allowed is wav or flac"),
         (lambda path: write(path, noise(0)), r"\(0 frames\): allowed is 1 frame or more"),
         (lambda path: write(path, noise(99, 3)), "with 3 channels: allowed is 1 or 2"),
-        (
-            lambda path: write(path, noise(99), rate=8000),
-            "8000 Hz: allowed is 16000 to 96000 Hz; resample",
-        ),
+        (lambda path: write(path, noise(99), rate=8000), "8000 Hz: allowed is 16000 to 96000 Hz; resample"),
         (lambda path: write(path, noise(99), rate=192000), "at 192000 Hz: allowed is 16000 to 96000 Hz"),
     ],
 )
