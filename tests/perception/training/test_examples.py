@@ -204,7 +204,9 @@ def test_a_part_may_not_be_empty(lesson: dict[str, Any]) -> None:
 def test_copies_of_other_compliance_follow_the_recorded_windows(
     lesson: dict[str, Any],
 ) -> None:
-    settings, source, part = made(lesson, noise={"copies": 1}, objects={"copies": 3, "give": [0.5, 2.0]})
+    settings, source, part = made(
+        lesson, noise={"copies": 1}, objects={"copies": 3, "compliance": [0.5, 2.0]}
+    )
     calls: list[tuple[np.ndarray, np.ndarray]] = []
 
     class Augmented(SupportsCompliance):

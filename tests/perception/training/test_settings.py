@@ -53,8 +53,8 @@ def test_relative_paths_are_written_in_full(monkeypatch: pytest.MonkeyPatch, tmp
         ({"noise": {"copies": -1}}, "noise.copies -1: allowed is 0 to 100"),
         ({"objects": {"copies": 101}}, "objects.copies 101: allowed is 0 to 100"),
         (
-            {"objects": {"give": [2.0, 1.0]}},
-            "objects.give 2 to 1: allowed is two numbers above 0, the smaller first",
+            {"objects": {"compliance": [2.0, 1.0]}},
+            "objects.compliance 2 to 1: allowed is two numbers above 0, the smaller first",
         ),
         ({"context": {"drop": 1.5}}, "context.drop 1.5: allowed is 0 to 1"),
     ],

@@ -284,7 +284,9 @@ def with_objects(data: TrainingData, examples: Examples, settings: TrainingSetti
         raise InputError(given, "fft_harmonic with tones", "set objects.copies = 0")
     base, context = [examples.base], [examples.context]
     for _ in range(options.copies):
-        compliance = np.exp(random.uniform(*np.log(options.give), size=(len(examples.base), len(force))))
+        compliance = np.exp(
+            random.uniform(*np.log(options.compliance), size=(len(examples.base), len(force)))
+        )
         augmented = [
             extractor.with_compliance(row, force, share)
             for row, share in zip(examples.base, compliance, strict=True)

@@ -89,18 +89,18 @@ class NoiseSettings:
 class ObjectSettings:
     """Contact-compliance augmentation: `copies` of each training window, noisy ones too; 0 adds none.
 
-    Each is the window's row for an object of another compliance, between the two multiples `give` of the
-    real one's, log-uniform. The feature must support it: `fft_harmonic` with `tones` does.
+    Each is the window's row for an object of another compliance, between the two multiples `compliance` of
+    the real one's, log-uniform. The feature must support it: `fft_harmonic` with `tones` does.
     """
 
     copies: int = 0
-    give: tuple[float, float] = (0.05, 4.0)
+    compliance: tuple[float, float] = (0.05, 4.0)
 
     def __post_init__(self) -> None:
         if not 0 <= self.copies <= 100:
             raise InputError(f"objects.copies {self.copies}", "0 to 100")
-        if not 0.0 < self.give[0] <= self.give[1] < math.inf:
-            given = f"objects.give {self.give[0]:g} to {self.give[1]:g}"
+        if not 0.0 < self.compliance[0] <= self.compliance[1] < math.inf:
+            given = f"objects.compliance {self.compliance[0]:g} to {self.compliance[1]:g}"
             raise InputError(given, "two numbers above 0, the smaller first")
 
 
