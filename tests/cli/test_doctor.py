@@ -29,7 +29,7 @@ def test_it_tells_where_the_recordings_are(
 def test_json_is_one_object(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["doctor", "--json"]) == 0
     checks = json.loads(capsys.readouterr().out)["checks"]
-    assert {"name", "state", "found", "remedy", "required"} == set(checks[0])
+    assert {"name", "state", "detail", "remedy", "required"} == set(checks[0])
 
 
 @pytest.mark.parametrize(("required", "status"), [(True, 1), (False, 0)])
@@ -37,7 +37,7 @@ def test_it_fails_only_for_what_is_required(
     monkeypatch: pytest.MonkeyPatch, *, required: bool, status: int
 ) -> None:
     def lacking() -> list[Check]:
-        return [Check(name="x", state="missing", found="none", remedy="get one", required=required)]
+        return [Check(name="x", state="missing", detail="none", remedy="get one", required=required)]
 
     monkeypatch.setattr(command, "checks", lacking)
     assert run(["doctor"]) == status

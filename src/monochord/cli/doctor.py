@@ -21,7 +21,7 @@ def doctor(*, as_json: bool) -> int:
         echo(json.dumps({"checks": [dataclasses.asdict(check) for check in results]}))
     else:
         for check in results:
-            echo(f"{MARKS[check.state]}  {check.name:<18}  {check.found}")
+            echo(f"{MARKS[check.state]}  {check.name:<18}  {check.detail}")
             if check.remedy:
                 echo(f"{'':<9}{'':<20}-> {check.remedy}")
     return int(any(check.required and check.state == MISSING for check in results))
@@ -31,5 +31,5 @@ def _recordings() -> Check:
     name, folder = "real recordings", realstrings.folder()
     if folder is None:
         remedy = "only the benchmark realstrings needs them; name their folder in MONOCHORD_REALSTRINGS"
-        return Check(name=name, state=WARN, found="none", remedy=remedy)
-    return Check(name=name, state=OK, found=f"{len(realstrings.takes())} in {folder}")
+        return Check(name=name, state=WARN, detail="none", remedy=remedy)
+    return Check(name=name, state=OK, detail=f"{len(realstrings.takes())} in {folder}")

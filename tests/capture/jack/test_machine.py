@@ -13,7 +13,7 @@ def test_everything_is_looked_at_once_and_what_is_not_ok_has_a_remedy() -> None:
     assert len({check.name for check in results}) == len(results) == 9
     for check in results:
         assert check.state in {OK, WARN, MISSING}
-        assert check.found
+        assert check.detail
         assert bool(check.remedy) == (check.state != OK), check
 
 
@@ -50,5 +50,5 @@ def test_a_running_server_is_described(jack_server: Any, monkeypatch: pytest.Mon
     jack_server.real_time = False
     jack_server.restart()
     check = machine.jack()
-    assert "server at 44100 Hz, 512 frames a period (11.6 ms), not real-time" in check.found
+    assert "server at 44100 Hz, 512 frames a period (11.6 ms), not real-time" in check.detail
     assert (check.state, check.remedy) == (WARN, "start it with -R, or it will lose frames under load")

@@ -28,7 +28,7 @@ class Check:
 
     name: str
     state: str
-    found: str
+    detail: str
     remedy: str = ""
     required: bool = False
 
@@ -45,7 +45,7 @@ def python() -> Check:
     return Check(
         name="Python",
         state=OK if recent else MISSING,
-        found=version,
+        detail=version,
         remedy="" if recent else "install Python 3.11 or later",
         required=True,
     )
@@ -58,7 +58,7 @@ def compile_cache() -> Check:
     return Check(
         name="compile cache",
         state=OK if writable else WARN,
-        found=f"{folder}{'' if writable else ' (not writable)'}",
+        detail=f"{folder}{'' if writable else ' (not writable)'}",
         remedy="" if writable else "set NUMBA_CACHE_DIR to a folder of yours, or each start compiles anew",
     )
 
@@ -69,8 +69,8 @@ def sound_files() -> Check:
         import soundfile  # noqa: PLC0415
     except OSError:
         remedy = "pip install --force-reinstall soundfile, or apt install libsndfile1"
-        return Check(name="libsndfile", state=MISSING, found="none", remedy=remedy, required=True)
-    return Check(name="libsndfile", state=OK, found=soundfile.__libsndfile_version__, required=True)
+        return Check(name="libsndfile", state=MISSING, detail="none", remedy=remedy, required=True)
+    return Check(name="libsndfile", state=OK, detail=soundfile.__libsndfile_version__, required=True)
 
 
 def jack() -> Check:
@@ -78,12 +78,12 @@ def jack() -> Check:
     try:
         library = jack_library()
     except DeviceError:
-        return Check(name="JACK", state=MISSING, found="no libjack", remedy="apt install jackd2")
+        return Check(name="JACK", state=MISSING, detail="no libjack", remedy="apt install jackd2")
     try:
         client = JackClient("monochord-doctor")
     except DeviceError:
         remedy = "to capture live, start one: jackd -R -d alsa -r 44100 -p 128"
-        return Check(name="JACK", state=WARN, found=f"{library}, no server running", remedy=remedy)
+        return Check(name="JACK", state=WARN, detail=f"{library}, no server running", remedy=remedy)
     try:
         rate, period, urgent = client.sample_rate, client.period, client.realtime
     finally:
@@ -91,8 +91,8 @@ def jack() -> Check:
     server = f"{library}, server at {rate} Hz, {period} frames a period ({1e3 * period / rate:.1f} ms)"
     if not urgent:
         remedy = "start it with -R, or it will lose frames under load"
-        return Check(name="JACK", state=WARN, found=f"{server}, not real-time", remedy=remedy)
-    return Check(name="JACK", state=OK, found=f"{server}, real-time")
+        return Check(name="JACK", state=WARN, detail=f"{server}, not real-time", remedy=remedy)
+    return Check(name="JACK", state=OK, detail=f"{server}, real-time")
 
 
 def port_audio() -> Check:
@@ -101,12 +101,12 @@ def port_audio() -> Check:
         import sounddevice  # noqa: PLC0415
     except OSError:
         remedy = "for sound cards without JACK: apt install libportaudio2"
-        return Check(name="PortAudio", state=MISSING, found="none", remedy=remedy)
+        return Check(name="PortAudio", state=MISSING, detail="none", remedy=remedy)
     inputs = [card["name"] for card in sounddevice.query_devices() if card["max_input_channels"] > 0]
     if not inputs:
         remedy = "for live input plug in a sound card"
-        return Check(name="PortAudio", state=WARN, found="no input device", remedy=remedy)
-    return Check(name="PortAudio", state=OK, found=", ".join(inputs))
+        return Check(name="PortAudio", state=WARN, detail="no input device", remedy=remedy)
+    return Check(name="PortAudio", state=OK, detail=", ".join(inputs))
 
 
 def priority() -> Check:
@@ -126,7 +126,7 @@ def priority() -> Check:
     return Check(
         name="real-time priority",
         state=OK if granted else WARN,
-        found=f"{PRIORITY} granted" if granted else f"{PRIORITY} refused",
+        detail=f"{PRIORITY} granted" if granted else f"{PRIORITY} refused",
         remedy="" if granted else f"put '@audio - rtprio 95' {LIMITS}",
     )
 
@@ -141,7 +141,7 @@ def memory() -> Check:
     return Check(
         name="locked memory",
         state=WARN if refused else OK,
-        found=f"{LOCKED_MEMORY >> 20} MB {'refused' if refused else 'granted'}",
+        detail=f"{LOCKED_MEMORY >> 20} MB {'refused' if refused else 'granted'}",
         remedy=f"put '@audio - memlock unlimited' {LIMITS}" if refused else "",
     )
 
@@ -151,13 +151,13 @@ def governor() -> Check:
     try:
         governor = GOVERNOR.read_text(encoding="ascii").strip()
     except OSError:
-        return Check(name="processor pace", state=OK, found="not reported by this machine")
+        return Check(name="processor pace", state=OK, detail="not reported by this machine")
     slow = governor not in {"performance", "schedutil"}
     remedy = "for steady latency: cpupower frequency-set -g performance" if slow else ""
-    return Check(name="processor pace", state=WARN if slow else OK, found=governor, remedy=remedy)
+    return Check(name="processor pace", state=WARN if slow else OK, detail=governor, remedy=remedy)
 
 
 def clocks() -> Check:
     """Look at the machine's clocks against the monotonic one."""
     offsets = (f"{name} {seconds:+.6f} s" for name, seconds in clock_offsets().items())
-    return Check(name="clocks", state=OK, found=", ".join(offsets))
+    return Check(name="clocks", state=OK, detail=", ".join(offsets))
