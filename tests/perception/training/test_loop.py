@@ -161,7 +161,7 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path, change: dict
 def test_a_head_learns_from_the_columns_that_are_its_inputs(
     tmp_path: Path, columns: tuple[str, ...], least: float, most: float
 ) -> None:
-    usual = plan(epochs=40)
+    usual = plan(epochs=20)
     task = dataclasses.replace(TASKS["force"], columns=columns)
     heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=0.5)}
     setup = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
