@@ -55,7 +55,7 @@ def test_json_stays_the_same_value() -> None:
 
 def nasty(folder: Path) -> Path:
     """Write a session in which all that is text is nasty."""
-    told = described(
+    description = described(
         name=NASTY,
         object=NASTY,
         material=NASTY,
@@ -79,7 +79,9 @@ def nasty(folder: Path) -> Path:
         Forgery("/events", event(data='{"' + NASTY)),
     ]
     path = folder / f"{ASCII_NASTY}.mcap"
-    return forge(path, messages, told=told, end={"checksum": NASTY, "sha256": json.dumps({NASTY: NASTY})})
+    return forge(
+        path, messages, description=description, end={"checksum": NASTY, "sha256": json.dumps({NASTY: NASTY})}
+    )
 
 
 @pytest.mark.parametrize("arguments", [["show"], ["show", "--json"], ["check"], ["check", "--json"]])
@@ -99,7 +101,9 @@ def test_nothing_in_an_error_works_on_the_terminal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / f"{ASCII_NASTY}.mcap").write_bytes(b"")
-    broken = forge(tmp_path / "a.mcap", told=json.dumps({"name": NASTY, NASTY: 1, "sample_rate": NASTY}))
+    broken = forge(
+        tmp_path / "a.mcap", description=json.dumps({"name": NASTY, NASTY: 1, "sample_rate": NASTY})
+    )
     for path in (tmp_path / f"{ASCII_NASTY}.mcap", tmp_path / f"{NASTY[:5]}.wav", broken):
         for verb in (
             ["sessions", "show"],
@@ -129,7 +133,7 @@ def test_a_picture_holds_no_controls_but_its_own(capsys: pytest.CaptureFixture[s
 
 
 def test_an_error_line_ends_somewhere(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = forge(tmp_path / "a.mcap", told=json.dumps({"name": ["x" * 1_000_000], "sample_rate": 1}))
+    path = forge(tmp_path / "a.mcap", description=json.dumps({"name": ["x" * 1_000_000], "sample_rate": 1}))
     assert run(["sessions", "show", str(path)]) == 2
     err = capsys.readouterr().err
     assert len(err) < 3000
@@ -138,6 +142,6 @@ def test_an_error_line_ends_somewhere(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_a_name_is_no_formula(tmp_path: Path) -> None:
-    path = forge(tmp_path / "a.mcap", told=described(name="$\\frac{$ \x1b"))
+    path = forge(tmp_path / "a.mcap", description=described(name="$\\frac{$ \x1b"))
     assert run(["sessions", "show", str(path), "--figure", str(tmp_path / "a.svg")]) == 0
     assert (tmp_path / "a.svg").stat().st_size
