@@ -80,7 +80,10 @@ def nasty(folder: Path) -> Path:
     ]
     path = folder / f"{ASCII_NASTY}.mcap"
     return forge(
-        path, messages, description=description, end={"checksum": NASTY, "sha256": json.dumps({NASTY: NASTY})}
+        path,
+        messages,
+        description_text=description,
+        end={"checksum": NASTY, "sha256": json.dumps({NASTY: NASTY})},
     )
 
 
@@ -102,7 +105,7 @@ def test_nothing_in_an_error_works_on_the_terminal(
 ) -> None:
     (tmp_path / f"{ASCII_NASTY}.mcap").write_bytes(b"")
     broken = forge(
-        tmp_path / "a.mcap", description=json.dumps({"name": NASTY, NASTY: 1, "sample_rate": NASTY})
+        tmp_path / "a.mcap", description_text=json.dumps({"name": NASTY, NASTY: 1, "sample_rate": NASTY})
     )
     for path in (tmp_path / f"{ASCII_NASTY}.mcap", tmp_path / f"{NASTY[:5]}.wav", broken):
         for verb in (
@@ -133,7 +136,9 @@ def test_a_picture_holds_no_controls_but_its_own(capsys: pytest.CaptureFixture[s
 
 
 def test_an_error_line_ends_somewhere(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = forge(tmp_path / "a.mcap", description=json.dumps({"name": ["x" * 1_000_000], "sample_rate": 1}))
+    path = forge(
+        tmp_path / "a.mcap", description_text=json.dumps({"name": ["x" * 1_000_000], "sample_rate": 1})
+    )
     assert run(["sessions", "show", str(path)]) == 2
     err = capsys.readouterr().err
     assert len(err) < 3000
@@ -142,6 +147,6 @@ def test_an_error_line_ends_somewhere(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_a_name_is_no_formula(tmp_path: Path) -> None:
-    path = forge(tmp_path / "a.mcap", description=described(name="$\\frac{$ \x1b"))
+    path = forge(tmp_path / "a.mcap", description_text=described(name="$\\frac{$ \x1b"))
     assert run(["sessions", "show", str(path), "--figure", str(tmp_path / "a.svg")]) == 0
     assert (tmp_path / "a.svg").stat().st_size
