@@ -11,9 +11,9 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-PERIOD = 0.005
-STALL = 0.03
-"""What a sleep of `PERIOD` may be late, in s; 1 ms is usual on a quiet machine."""
+PERIOD = 0.002
+STALL = 0.005
+"""What a sleep of `PERIOD` may be late, in s. 1 ms is usual on a quiet machine; a period of JACK lasts 1.5 ms."""
 FAILED_ATTEMPTS = 2
 
 

@@ -154,6 +154,7 @@ def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
 
 
 @pytest.mark.jack
+@pytest.mark.real_time
 @pytest.mark.timeout(120)
 def test_a_plan_is_played_in_real_time(
     jack_server: JackServer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
