@@ -13,7 +13,7 @@ from pathlib import Path
 
 PERIOD = 0.002
 STALL = 0.005
-"""What a sleep of `PERIOD` may be late, in s. 1 ms is usual on a quiet machine; a period of JACK lasts 1.5 ms."""
+"""What a sleep of `PERIOD` may be late, in s. 1 ms is usual on a quiet machine, and a period of JACK."""
 FAILED_ATTEMPTS = 2
 
 
