@@ -1,6 +1,9 @@
 """A folder of Parquet files a session, one a stream."""
 
 import json
+import signal
+import subprocess
+import sys
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -193,12 +196,26 @@ def _refuse_groups(pa: Any, path: Path, metadata: Any) -> None:
 
 @contextmanager
 def _opened(pa: Any, pq: Any, path: Path) -> Generator[Any]:
+    _refuse_deadly(path)
     with _readable(pa, path):
         file = pq.ParquetFile(path, page_checksum_verification=True)
     with file:
         with _readable(pa, path):
             _ = file.schema_arrow.names  # which need not be UTF-8
         yield file
+
+
+def _refuse_deadly(path: Path) -> None:
+    """Refuse a file whose column descriptions abort whatever process reads them, as in pyarrow 26.
+
+    A process of its own reads them first.
+    """
+    read = "import sys, pyarrow.parquet as pq; pq.read_metadata(sys.argv[1]).to_dict()"
+    command = [sys.executable, "-c", read, str(path)]
+    ended = subprocess.run(command, capture_output=True, check=False)  # noqa: S603
+    if -ended.returncode in (signal.SIGABRT, signal.SIGSEGV):
+        given = f"file {path} (its columns are described wrongly)"
+        raise InputError(given, "the Parquet file that was exported")
 
 
 @contextmanager

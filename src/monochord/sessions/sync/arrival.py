@@ -217,7 +217,10 @@ def _fit(arrival: Floats, elapsed: Floats, rate: float) -> tuple[Floats, float]:
         ends = (heights[0] + slopes[0] * (low - middles[0]), heights[-1] + slopes[-1] * (high - middles[-1]))
         line = np.interp(elapsed, [low, *middles, high], [ends[0], *heights, ends[1]])
         slope = (heights[-1] - heights[0]) / (middles[-1] - middles[0])
-    return elapsed / rate + line, 1.0 / (1.0 / rate + slope)
+    period = 1.0 / rate + slope
+    if period <= 0.0:  # the arrivals run backwards against such a count
+        return arrival.copy(), rate
+    return elapsed / rate + line, 1.0 / period
 
 
 BINS = 4000
