@@ -77,6 +77,7 @@ class Parquet(Export):
         """Write the session that a folder holds to the new file `path`."""
         pa, pq = arrow(FORM)
         description, clock = read_about(folder, FORM)
+        _refuse_deadly(sorted(folder.glob("*.parquet")))
         tables_read: dict[str, Columns] = {}
         for name in table_names(description):
             tables_read[name] = _table_of(pa, pq, folder / f"{name}.parquet", name, description)
@@ -196,7 +197,6 @@ def _refuse_groups(pa: Any, path: Path, metadata: Any) -> None:
 
 @contextmanager
 def _opened(pa: Any, pq: Any, path: Path) -> Generator[Any]:
-    _refuse_deadly(path)
     with _readable(pa, path):
         file = pq.ParquetFile(path, page_checksum_verification=True)
     with file:
@@ -205,16 +205,26 @@ def _opened(pa: Any, pq: Any, path: Path) -> Generator[Any]:
         yield file
 
 
-def _refuse_deadly(path: Path) -> None:
+READ_METADATA = """
+import sys, pyarrow.parquet
+for number, path in enumerate(sys.argv[1:]):
+    print(number, flush=True)
+    try:
+        pyarrow.parquet.read_metadata(path).to_dict()
+    except Exception:
+        pass
+"""
+
+
+def _refuse_deadly(paths: Sequence[Path]) -> None:
     """Refuse a file whose column descriptions abort whatever process reads them, as in pyarrow 26.
 
     A process of its own reads them first.
     """
-    read = "import sys, pyarrow.parquet as pq; pq.read_metadata(sys.argv[1]).to_dict()"
-    command = [sys.executable, "-c", read, str(path)]
-    ended = subprocess.run(command, capture_output=True, check=False)  # noqa: S603
+    command = [sys.executable, "-c", READ_METADATA, *map(str, paths)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
     if -ended.returncode in (signal.SIGABRT, signal.SIGSEGV):
-        given = f"file {path} (its columns are described wrongly)"
+        given = f"file {paths[int(ended.stdout.split()[-1])]} (its columns are described wrongly)"
         raise InputError(given, "the Parquet file that was exported")
 
 
