@@ -77,9 +77,10 @@ class Parquet(Export):
         """Write the session that a folder holds to the new file `path`."""
         pa, pq = arrow(FORM)
         description, clock = read_about(folder, FORM)
-        _refuse_deadly(sorted(folder.glob("*.parquet")))
+        names = table_names(description)
+        _refuse_deadly([file for file in folder.glob("*.parquet") if file.stem in {*names, "audio"}])
         tables_read: dict[str, Columns] = {}
-        for name in table_names(description):
+        for name in names:
             tables_read[name] = _table_of(pa, pq, folder / f"{name}.parquet", name, description)
         path_of_audio, schema = folder / "audio.parquet", _audio_schema(pa, description.channels)
         with _opened(pa, pq, path_of_audio) as file:
