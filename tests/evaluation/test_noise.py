@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
+from monochord.dsp.motor import GEAR_TEETH
 from monochord.evaluation.noise import (
-    GEAR_TEETH,
     MOTOR_SPEEDS,
     Disturbance,
     babble,

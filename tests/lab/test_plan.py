@@ -33,6 +33,21 @@ def test_names_days_and_radii_cycle() -> None:
     assert len({one.epoch for one in sessions}) == len(sessions)
 
 
+def test_builds_cycle_before_days_and_draw_other_sensors() -> None:
+    plan = tiny(groups=(Group(name="a", sessions=5, builds=(7, 8), days=(1, 2)),), build=3)
+    sessions = assignments(plan)
+    assert [(one.build, one.day) for one in sessions] == [(7, 1), (8, 1), (7, 2), (8, 2), (7, 1)]
+    strings = [one.sensor().string for one in sessions]
+    assert strings[0] == strings[2] != strings[1]
+    assert [one.build for one in assignments(tiny(build=3))] == [3, 3]
+
+
+def test_a_drawn_object_is_the_sessions_own() -> None:
+    first, second = assignments(tiny(groups=(Group(name="a", sessions=2, material="drawn"),)))
+    assert first.material == first.material != second.material
+    assert first.radius == first.material.radius != second.radius
+
+
 def test_a_group_like_another_has_its_motions() -> None:
     first, second = assignments(PLAN)[6:]
     assert (first.origin.name, second.origin.name) == ("a_000", "a_003")
@@ -69,7 +84,8 @@ def test_plans_that_cannot_be(groups: tuple[Group, ...], line: str) -> None:
 
 @pytest.mark.parametrize(
     "options", [{"name": "A b"}, {"name": "a", "forces": (2.0, 1.0)}, {"name": "a", "forces": (1.0, 9.0)},
-                {"name": "a", "days": ()}, {"name": "a", "grid": (100000, 100000)}],
+                {"name": "a", "days": ()}, {"name": "a", "oblique": (0.0, 3.0)},
+                {"name": "a", "clearances": (0.0, 1e-4)}, {"name": "a", "grid": (100000, 100000)}],
 )  # fmt: skip
 def test_groups_that_cannot_be(options: dict[str, object]) -> None:
     with pytest.raises(InputError, match="group"):

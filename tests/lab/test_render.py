@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from tests.lab.tiny import quiet, session, tiny
 
 from monochord.core.types import Floats
 from monochord.lab import render as renderer
-from monochord.lab.plan import Group
+from monochord.lab.plan import Group, MeasurementErrors
 from monochord.lab.render import Rendering, SimulatedEvent, concatenate, first_reading, pieces, render
 from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.twin.outside import untouched_power
@@ -199,3 +200,62 @@ def test_chunks_concatenate_without_a_reading_twice_or_missing(edges: tuple[int,
 def test_nothing_cannot_be_concatenated() -> None:
     with pytest.raises(ValueError, match="nothing"):
         concatenate([])
+
+
+def test_a_tool_that_hovers_never_meets_a_string_at_rest() -> None:
+    hover = Group(name="hover", protocol="hover", grid=(2, 1), hold=0.3, clearances=(3e-4, 4e-4))
+    one = session("hover_000", quiet(groups=(hover,)))
+    timing, sound = schedule(one), render(one)
+    height = np.interp(sound.label_time, sound.pose_time, sound.pose[:, 2])
+    phases = during(timing, "hover", sound.label_time)
+    assert len(phases) == 2
+    for within in phases:
+        assert ((height[within] >= 3e-4 - 1e-9) & (height[within] <= 4e-4 + 1e-9)).all()
+
+
+def test_two_objects_press_at_once_and_have_no_one_position() -> None:
+    one = session("pair_000", quiet(groups=(replace(GROUPS[0], name="pair", second=0.04),)))
+    timing, sound = schedule(one), render(one)
+    within = np.any(during(timing, "settle", sound.label_time, 0.05), axis=0)
+    assert (sound.labels["contact"][within] == 1.0).all()
+    assert np.isnan(sound.labels["position"]).all()
+    assert (sound.labels["force"][within] > 1.3).all()  # one alone presses with 1.2 N at most
+
+
+def test_an_oblique_press_loads_the_touch_sideways() -> None:
+    one = session("oblique_000", quiet(groups=(replace(GROUPS[0], name="oblique", oblique=(0.5, 0.5)),)))
+    timing, sound = schedule(one), render(one)
+    within = during(timing, "settle", sound.label_time)[0]
+    at = np.searchsorted(sound.pose_time, sound.label_time[within][0])
+    place = sound.pose[at]
+    assert abs(place[1]) == pytest.approx(-0.5 * place[2], rel=0.02)
+
+
+def test_errors_of_pose_and_force_change_what_is_measured_and_not_what_is_true() -> None:
+    plan = quiet(groups=GROUPS)
+    wrong = replace(plan, errors=MeasurementErrors(tool=4e-4, repeat=1.5e-4, gain=0.01))
+    true, sound = render(session("hold_000", plan)), render(session("hold_000", wrong))
+    np.testing.assert_array_equal(true.microphones, sound.microphones)
+    np.testing.assert_array_equal(true.labels["position"], sound.labels["position"])
+    off = sound.pose[:, 0] - true.pose[:, 0]
+    assert len(np.unique(off.round(9))) == 4  # before the first touch, two touches, and after
+    assert 1e-5 < np.abs(off).max() < 2e-3
+    pressed = true.wrench[:, 2] > 0.5
+    ratio = sound.wrench[pressed, 2] / true.wrench[pressed, 2]
+    assert ratio.std() < 1e-12
+    assert 1e-4 < abs(ratio.mean() - 1.0) < 0.04
+
+
+def test_motors_sound_in_the_frame_as_the_tool_moves() -> None:
+    loud = replace(GROUPS[0], name="motors", motors="synthetic", motor_snr=20.0)
+    one = session("motors_000", quiet(groups=(loud,)))
+    timing, sound = schedule(one), render(one)
+    still = render(session("motors_000", quiet(groups=(replace(loud, motors=""),))))
+    added = sound.microphones - still.microphones
+    time = np.arange(added.shape[1]) / 44100
+    assert not added[:, time < timing.on].any()
+    rest = timing.on + 1.0 < time
+    rest &= time < timing.on + 1.2  # the string rings, and nothing has moved yet
+    travel = np.any(during(timing, "travel", time), axis=0) & (time > timing.on) & (time < timing.off)
+    level = {name: np.sqrt(np.mean(added[:, of] ** 2)) for name, of in (("rest", rest), ("travel", travel))}
+    assert level["travel"] > 2.0 * level["rest"] > 0.0

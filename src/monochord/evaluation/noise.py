@@ -13,6 +13,7 @@ import numpy as np
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
+from monochord.dsp.motor import geared_motor
 from monochord.dsp.noise import NOISES, band
 from monochord.evaluation.realstrings import interference_recordings, resampled, takes
 
@@ -22,8 +23,6 @@ RECORDED = {"music": "Kevin_MacLeod", "speech": "198_209"}
 """How the names of the recordings of interference begin, by kind."""
 MOTOR_SPEEDS: tuple[Hertz, Hertz] = (35.0, 55.0)
 """Range of the speed of the synthetic motor in revolutions a second."""
-GEAR_TEETH = 17
-"""The gear mesh sounds at this multiple of the motor speed, and at its first harmonics."""
 SPEED_PERIOD: Seconds = 1.5
 """Period of the variation of the motor speed by 3 %."""
 SYLLABLE_RATE: Hertz = 4.0
@@ -201,14 +200,7 @@ def motor(stream: np.random.Generator, size: int, sample_rate: float) -> Floats:
     time = np.arange(size) / sample_rate
     variation = np.sin(2 * np.pi * time / SPEED_PERIOD + stream.uniform(0.0, 6.0))
     speed = stream.uniform(*MOTOR_SPEEDS) * (1.0 + 0.03 * variation)
-    phase = 2 * np.pi * np.cumsum(speed) / sample_rate
-    lines = {**{k: 1.0 / k for k in range(1, 9)}, GEAR_TEETH: 0.8, 2 * GEAR_TEETH: 0.4, 3 * GEAR_TEETH: 0.2}
-    waves = sum(
-        (weight * np.sin(k * phase + stream.uniform(0.0, 2 * np.pi)) for k, weight in lines.items()),
-        np.zeros(size),
-    )
-    hiss = band(stream, (size,), sample_rate, low=1000.0, high=6000.0)
-    return _unit_level(waves + 0.4 * hiss * (1.0 + 0.5 * np.sin(GEAR_TEETH * phase)))
+    return _unit_level(geared_motor(stream, speed, sample_rate))
 
 
 def babble(stream: np.random.Generator, size: int, sample_rate: float) -> Floats:

@@ -202,6 +202,8 @@ def describe(session: Assignment) -> Description:
         "delays": json.dumps(delays(session), sort_keys=True),
         "lifted": repr(group.lifted),
         "music": group.music,
+        "motors": group.motors,
+        "second": repr(group.second),
     }
     return Description(
         name=session.name,
@@ -213,7 +215,7 @@ def describe(session: Assignment) -> Description:
         material=group.material,
         radius=session.radius,
         day=session.day,
-        build=plan.build,
+        build=session.build,
         seed=session.seed,
         plan=dump_toml(to_tree(plan)),
         feeds=(wrench, pose),

@@ -12,7 +12,8 @@ from msgspec import Meta
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
-from monochord.physics.materials import load_material
+from monochord.lab.objects import drawn_object
+from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Sensor
 from monochord.physics.twin.variation import build, day
@@ -21,6 +22,10 @@ Range: TypeAlias = tuple[float, float]
 Count = Annotated[int, Meta(ge=1, le=100000)]
 MAX_TOUCHES = 1_000_000
 """Touches of a group and radius, which take a month."""
+MAX_OBLIQUE = 2.0
+"""Largest share of its depth by which a press goes on across the string."""
+DRAWN = "drawn"
+"""Name of the material that is drawn for each session."""
 DAY: Seconds = 86400.0
 MAX_DELAY: Seconds = 1.0
 """Largest delay of a stream: taps are matched up to so far apart."""
@@ -38,7 +43,7 @@ class Group:
         Name of the group; its sessions are called NAME_000 and so on.
     protocol
         "hold": press, hold, release. "slide": press, then slide along or across the string, stroke by stroke.
-        "brush": brief touches, mostly transitions.
+        "brush": brief touches, mostly transitions. "hover": come close, stay, and go again, without pressing.
     sessions
         Number for each radius; the grid is shuffled and distributed among them.
     grid
@@ -48,11 +53,21 @@ class Group:
     forces
         Range in N of the force with which the design's string at rest answers: it defines the depths.
     material
-        Material of the object, a preset's name or file.
+        Material of the object, a preset's name or file; "drawn" for one that is drawn for each session, see
+        `monochord.lab.objects`.
     radii
         Radii of the object where it touches, in m; by default that of its material.
+    second
+        Distance in m at which a second object of the same kind touches the string at the same time, towards
+        the further end; 0 for none. There is no one position then, and no label of it.
+    oblique
+        Range of how far a press goes on across the string, as a share of its depth: it loads the touch
+        sideways.
+    builds
+        Seeds of the builds of the sessions, in turn; by default the plan's.
     days
-        Seeds of the days of the sessions, in turn; day 0 is the day on which the sensor was tuned.
+        Seeds of the days of the sessions, in turn, once through all builds; day 0 is the day on which the
+        sensor was tuned.
     hold
         Duration of each touch, or of each stroke, in s.
     strokes
@@ -61,6 +76,8 @@ class Group:
         Range of the strokes' speeds in m/s.
     lifted
         Clearance offset in m with which the motion is repeated without contact; 0 for contact.
+    clearances
+        Range in m of the height of "hover" above the string at rest.
     like
         Name of a group whose motions are repeated, `sessions` of them in total, evenly chosen; its grid and
         protocol then apply.
@@ -69,29 +86,43 @@ class Group:
         file. It pauses for the taps.
     snr
         Ratio of the untouched string's sound to the music, in dB.
+    motors
+        Sound of the robot's motors and gripper in the frame, loud while they move and faint at rest, and now
+        and then of a motor that moves nothing at the string: "synthetic" or nothing.
+    motor_snr
+        Ratio of the untouched string's sound to that of moving motors, in dB.
     """
 
     name: str
-    protocol: Literal["hold", "slide", "brush"] = "hold"
+    protocol: Literal["hold", "slide", "brush", "hover"] = "hold"
     sessions: Count = 1
     grid: tuple[Count, Count] = (8, 4)
     places: tuple[Metres, Metres] | None = None
     forces: tuple[Newtons, Newtons] = (0.1, 2.0)
     material: str = "plastic"
     radii: tuple[Metres, ...] = ()
+    second: Annotated[Metres, Meta(ge=0.0, le=1.0)] = 0.0
+    oblique: tuple[float, float] = (0.0, 0.0)
+    builds: tuple[Annotated[int, Meta(ge=0)], ...] = ()
     days: tuple[Annotated[int, Meta(ge=0)], ...] = (0,)
     hold: Annotated[Seconds, Meta(ge=0.1, le=60.0)] = 1.0
     strokes: Count = 4
     speeds: tuple[MetresPerSecond, MetresPerSecond] = (0.001, 0.03)
     lifted: Annotated[Metres, Meta(ge=0.0, le=0.05)] = 0.0
+    clearances: tuple[Metres, Metres] = (0.05e-3, 0.5e-3)
     like: str = ""
     music: str = ""
     snr: float = 10.0
+    motors: Literal["", "synthetic"] = ""
+    motor_snr: float = 30.0
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
             raise InputError(f"group '{self.name}'", "a name of lower-case letters, digits and _")
-        for name in ("places", "forces", "speeds"):
+        if not 0.0 <= self.oblique[0] <= self.oblique[1] <= MAX_OBLIQUE:
+            given = f"group {self.name}: oblique {self.oblique}"
+            raise InputError(given, f"0 <= least <= most <= {MAX_OBLIQUE:g}")
+        for name in ("places", "forces", "speeds", "clearances"):
             span: Range | None = getattr(self, name)
             if span is not None and not 0.0 < span[0] <= span[1]:
                 raise InputError(f"group {self.name}: {name} {span}", "0 < least <= most")
@@ -146,6 +177,19 @@ class ForceSensor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MeasurementErrors:
+    """What a robot and its force sensor get wrong, unknown to whoever labels by them: standard deviations.
+
+    `tool` is that of the tool's centre along the string in a session, and `repeat` that of each touch, in m;
+    `gain` is relative, of the force sensor in a session. Assumed, from how well such tools are measured in.
+    """
+
+    tool: Annotated[Metres, Meta(ge=0.0, le=0.01)] = 0.0
+    repeat: Annotated[Metres, Meta(ge=0.0, le=0.01)] = 0.0
+    gain: Annotated[float, Meta(ge=0.0, le=0.3)] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
     """A whole collection: one sensor, its instruments, and groups of sessions.
 
@@ -169,6 +213,8 @@ class Plan:
         Errors of the force/torque sensor.
     pose_noise
         Noise of the robot's encoders, in m rms.
+    errors
+        Errors of pose and force that no reading shows.
     groups
         The groups of sessions.
     """
@@ -187,6 +233,7 @@ class Plan:
     delays: Delays = Delays()
     force_sensor: ForceSensor = ForceSensor()
     pose_noise: Annotated[Metres, Meta(ge=0.0, le=0.01)] = 2e-5
+    errors: MeasurementErrors = MeasurementErrors()
     groups: tuple[Group, ...]
 
     def __post_init__(self) -> None:
@@ -194,7 +241,8 @@ class Plan:
         if not names or len(set(names)) < len(names):
             raise InputError(f"groups {', '.join(names) or 'none'}", "one or more, with different names")
         for group in self.groups:
-            load_material(group.material)
+            if group.material != DRAWN:
+                load_material(group.material)
             if group.music not in ("", "synthetic") and not Path(group.music).is_file():
                 raise InputError(f"group {group.name}: music '{group.music}'", "synthetic, or a sound file")
             if group.like and self.group(group.like).like:
@@ -230,13 +278,26 @@ class Assignment:
     @property
     def day(self) -> int:
         """Seed of its day."""
-        return self.group.days[self.index % len(self.group.days)]
+        turn = self.index // max(1, len(self.group.builds))
+        return self.group.days[turn % len(self.group.days)]
+
+    @property
+    def build(self) -> int | None:
+        """Seed of its build; None for the design itself."""
+        builds = self.group.builds
+        return builds[self.index % len(builds)] if builds else self.plan.build
+
+    @property
+    def material(self) -> Material:
+        """The material of its object."""
+        drawn = self.group.material == DRAWN
+        return drawn_object(self.random("object")) if drawn else load_material(self.group.material)
 
     @property
     def radius(self) -> Metres:
         """Radius of the object where it touches, in m."""
         group, index = self.origin.group, self.origin.index
-        radii = group.radii or (load_material(self.group.material).radius,)
+        radii = group.radii or (self.material.radius,)
         return radii[index // group.sessions % len(radii)]
 
     @property
@@ -260,7 +321,7 @@ class Assignment:
     def sensor(self) -> Sensor:
         """Return the sensor of this session: this build of the design, on this day."""
         sensor = self.design()
-        sensor = sensor if self.plan.build is None else build(sensor, self.plan.build)
+        sensor = sensor if self.build is None else build(sensor, self.build)
         return sensor if self.day == 0 else day(sensor, self.day)
 
     def random(self, purpose: str) -> np.random.Generator:

@@ -5,7 +5,7 @@ A rendering has no delays, jitter or losses: its times are true. The code that p
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
-from monochord.core.units import Hertz, Samples, Seconds
+from monochord.core.units import Hertz, Metres, Samples, Seconds
 from monochord.lab.force_sensor import ContactHistory, SensorNoise, bandwidth_filter, wrench_of
+from monochord.lab.motors import motor_sound
 from monochord.lab.music import loop
 from monochord.lab.plan import Assignment
 from monochord.lab.schedule import Schedule, schedule
-from monochord.physics.materials import load_material
-from monochord.physics.twin import Outside, Scene, Sensor, Touch, Twin, advance, begin, switch
+from monochord.physics.twin import Labels, Outside, Scene, Sensor, Touch, Twin, advance, begin, switch
 from monochord.physics.twin.outside import outside_at
 
 CHUNK: Seconds = 2.0
@@ -176,10 +176,11 @@ class _Renderer:
         plan = session.plan
         self.session, self.plan, self.rate = session, plan, plan.sample_rate
         self.schedule: Schedule = schedule(session)
-        self.material = load_material(session.group.material)
+        self.material = session.material
         self.events = _events(self.schedule)
         self.noise = SensorNoise(plan.force_sensor, session.random("wrench"))
         self.pose_noise = session.random("pose")
+        self.errors = _Errors(session, self.schedule)
         self.filter = bandwidth_filter(plan.force_sensor.bandwidth, self.rate)
         width = np.hanning(2 * round(FORCE_AVERAGE * self.rate) + 3)[1:-1]
         self.average: Floats = width / width.sum()
@@ -209,10 +210,7 @@ class _Renderer:
                 if first in switches:
                     twin = switch(twin, (switches[first], switches[first]))
                 take, twin = advance(twin, last - first)
-                labels = take.labels
-                columns = {name: np.asarray(getattr(labels, name)[0], np.float64) for name in LABELS}
-                columns["settled"] = labels.settled.astype(np.float64)
-                parts.append(_Chunk(start=first, microphones=take.microphones, labels=columns))
+                parts.append(_Chunk(start=first, microphones=take.microphones, labels=_columns(take.labels)))
             yield _Chunk(
                 start=start,
                 microphones=np.concatenate([part.microphones for part in parts], axis=1),
@@ -226,20 +224,29 @@ class _Renderer:
         touch = Touch(
             material=self.material, motion=self.schedule.motion.keys, radius=session.radius, rolls=False
         )
-        scene = Scene(touches=(touch,), outside=self._ambient(sensor), drivers=(False, False))
+        touches = (touch, *_second(touch, session.group.second, sensor))
+        scene = Scene(touches=touches, outside=self._ambient(sensor), drivers=(False, False))
         seed = int(session.random("twin").integers(2**62))
         return begin(sensor, scene, sample_rate=self.rate, seed=seed)
 
     def _ambient(self, sensor: Sensor) -> Outside | None:
-        """Return the sound around the sensor: music, which pauses for the taps."""
+        """Return the sound around the sensor: music and motors, which pause for the taps."""
         group, timing = self.session.group, self.schedule
-        if not group.music:
+        if not (group.music or group.motors):
             return None
-        music = _music(group.music, group.snr, self.session.seed, sensor, self.rate)
         time = np.arange(math.ceil(timing.motion.end * self.rate)) / self.rate
         gate = np.clip(np.minimum(time - timing.on, timing.off - time) / MUSIC_FADE, 0.0, 1.0)
-        samples = np.resize(music.samples, time.size) * gate.astype(np.float32)
-        return Outside(samples=samples, level=music.level)
+        gate = gate.astype(np.float32)
+        if not group.motors:
+            music = _music(group.music, group.snr, self.session.seed, sensor, self.rate)
+            return Outside(samples=np.resize(music.samples, time.size) * gate, level=music.level)
+        sound = motor_sound(self.session.random("motors"), timing.motion.path(time), self.rate)
+        # Their rms at full speed is one.
+        sound *= outside_at(np.ones(1, np.float32), group.motor_snr, sensor, sample_rate=self.rate).level
+        if group.music:
+            music = _music(group.music, group.snr, self.session.seed, sensor, self.rate)
+            sound += np.float32(music.level) * np.resize(music.samples, time.size)
+        return Outside(samples=sound * gate)
 
     def _piece(self, chunk: _Chunk, before: Floats, after: Floats) -> Rendering:
         plan, labels = self.plan, chunk.labels
@@ -278,11 +285,13 @@ class _Renderer:
             np.interp(at, frames[: chunk.labels[n].size], chunk.labels[n]) for n in ("along", "across")
         )
         contact = ContactHistory(time=time, normal=np.interp(at, frames, force), along=along, across=across)
-        return wrench_of(contact, self.material, self.plan.force_sensor) + self.noise.on(time)
+        wrench = wrench_of(contact, self.material, self.plan.force_sensor)
+        return self.errors.gain * wrench + self.noise.on(time)
 
     def _pose(self, chunk: _Chunk) -> Floats:
         time = self._times(chunk, self.plan.pose_rate)
         place = self.schedule.motion.path(time)
+        place[:, 0] += self.errors.along(time)
         place += self.plan.pose_noise * self.pose_noise.normal(size=place.shape)
         return np.hstack([place, np.tile(DOWNWARD, (len(time), 1))])
 
@@ -304,6 +313,45 @@ class _Renderer:
             "slip_along": in_contact(labels["along"][at]),
             "settled": labels["settled"][at],
         }
+
+
+class _Errors:
+    """The session's errors of pose and force, which no reading shows."""
+
+    def __init__(self, session: Assignment, timing: Schedule) -> None:
+        errors, random = session.plan.errors, session.random("errors")
+        self.gain = 1.0 + errors.gain * random.normal()
+        self._begins = np.array([phase.start for phase in timing.motion.phases if phase.kind == "travel"])
+        tool = errors.tool * random.normal()
+        self._offsets = tool + errors.repeat * random.normal(size=self._begins.size + 1)
+
+    def along(self, time: Floats) -> Floats:
+        """Return the error of the pose in x in m, constant within a touch, at times (n,)."""
+        return self._offsets[np.searchsorted(self._begins, time, side="right")]
+
+
+def _second(touch: Touch, distance: Metres, sensor: Sensor) -> tuple[Touch, ...]:
+    """Return a second object at a distance from the first; none at 0."""
+    if distance == 0.0:
+        return ()
+    places = [key.position for key in touch.motion]
+    upward = sensor.string.length - max(places) > min(places)
+    moved = tuple(
+        replace(key, position=key.position + (distance if upward else -distance)) for key in touch.motion
+    )
+    return (replace(touch, motion=moved),)
+
+
+def _columns(labels: Labels) -> dict[str, Floats]:
+    """Return the labels (n,) of all touches as one; where there are two objects, there is no one position."""
+    columns = {name: np.asarray(getattr(labels, name)[0], np.float64) for name in LABELS}
+    if len(labels.contact) > 1:
+        for name in ("contact", "slip"):
+            columns[name] = getattr(labels, name).max(axis=0).astype(np.float64)
+        columns["reaction"] = labels.reaction.sum(axis=0, dtype=np.float64)
+        columns["position"][:] = np.nan
+    columns["settled"] = labels.settled.astype(np.float64)
+    return columns
 
 
 def _events(timing: Schedule) -> list[SimulatedEvent]:

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from monochord.core.types import Floats, StringParams
-from monochord.core.units import Metres, Seconds
+from monochord.core.units import Metres, MetresPerSecond, Seconds
 from monochord.lab.plan import Assignment
 from monochord.physics.twin.trajectory import (
+    Approach,
     Move,
     Press,
     Retreat,
@@ -32,6 +33,8 @@ SETTLE: Seconds = 0.2
 """From the end of a press until the sound has mostly settled."""
 REST: Seconds = 0.1
 """Time in the air after a touch."""
+OBLIQUE_SPEED: MetresPerSecond = 0.01
+"""Speed at which an oblique press goes on across the string."""
 TURN: Seconds = 0.1
 """Time between two strokes."""
 BRUSH = (0.08, 0.35)
@@ -88,7 +91,17 @@ def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
     group, random = session.origin.group, session.origin.random("touches")
     for number, (place, force) in enumerate(session.cells().tolist()):
         yield Travel(position=place)
-        yield Press(depth=_depth(design, place, force))
+        if group.protocol == "hover":
+            yield Approach(height=random.uniform(*group.clearances))
+            yield Stay(seconds=group.hold, kind="hover")
+            yield Retreat()
+            yield Stay(seconds=REST, kind="rest")
+            continue
+        depth = _depth(design, place, force)
+        yield Press(depth=depth)
+        if group.oblique[1] > 0.0:
+            sideways = random.choice((-1.0, 1.0)) * random.uniform(*group.oblique) * depth
+            yield Slide(across=sideways, speed=OBLIQUE_SPEED)
         if group.protocol == "brush":
             yield Stay(seconds=random.uniform(*BRUSH), kind="hold")
             yield Retreat(speed=random.uniform(0.02, 0.1))

@@ -63,6 +63,14 @@ class Press:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Approach:
+    """Come down from the air to `height` above the string at rest, without touching it."""
+
+    height: Metres
+    speed: MetresPerSecond = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Slide:
     """Move by `along` in x and `across` in y at `speed`, at the present depth."""
 
@@ -107,7 +115,7 @@ class Waypoint:
     kind: str = "hold"
 
 
-Move = Stay | Travel | Press | Slide | Retreat | Tap | Waypoint
+Move = Stay | Travel | Approach | Press | Slide | Retreat | Tap | Waypoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,17 +231,13 @@ class _Planner:
             case Stay():
                 self._stay(move)
             case Travel():
-                if self.height <= 0.0:
-                    raise InputError("travel while pressing", "travel in the air", "retreat first")
-                self._move_in_plane(move.position - self.x, -self.y, move.speed, "travel")
+                self._travel(move)
             case Slide():
-                if move.along == move.across == 0.0:
-                    raise InputError("slide by 0 m", "a distance along or across the string")
-                self._move_in_plane(move.along, move.across, move.speed, "slide")
+                self._slide(move)
             case Press():
                 self._move_vertically(-self._press_depth(move), move.speed, "approach", "press")
-            case Retreat():
-                self._move_vertically(move.height, move.speed, "retreat", "release")
+            case Approach() | Retreat():
+                self._change_height(move)
             case Tap():
                 self._tap(move)
             case Waypoint():
@@ -253,6 +257,24 @@ class _Planner:
         end = self.time + move.seconds
         self.keys.append(self._key(end, self.x, self.height))
         self._finish(move.kind, end)
+
+    def _travel(self, move: Travel) -> None:
+        if self.height <= 0.0:
+            raise InputError("travel while pressing", "travel in the air", "retreat first")
+        self._move_in_plane(move.position - self.x, -self.y, move.speed, "travel")
+
+    def _slide(self, move: Slide) -> None:
+        if move.along == move.across == 0.0:
+            raise InputError("slide by 0 m", "a distance along or across the string")
+        self._move_in_plane(move.along, move.across, move.speed, "slide")
+
+    def _change_height(self, move: Approach | Retreat) -> None:
+        if isinstance(move, Retreat):
+            self._move_vertically(move.height, move.speed, "retreat", "release")
+            return
+        if not 0.0 < move.height <= self.height:
+            raise InputError(f"approach to {move.height:g} m", f"above 0 and up to {self.height:g} m")
+        self._move_vertically(move.height, move.speed, "approach", "press")
 
     def _press_depth(self, move: Press) -> Metres:
         if (move.depth is None) == (move.force is None):

@@ -1,0 +1,47 @@
+"""Objects that are drawn: materials and shapes between and beyond the presets, for many different touches."""
+
+import numpy as np
+
+from monochord.physics.materials import Material
+
+SOFTEST, HARDEST = 3e8, 2.1e11
+"""Young modulus in Pa: from soft plastic to steel; what is softer damps the string until little sounds."""
+SHARPEST, BLUNTEST = 1e-3, 2e-2
+"""Radius where it touches, in m."""
+
+
+def drawn_object(random: np.random.Generator) -> Material:
+    """Return an object whose material and shape are drawn; all ranges are assumed.
+
+    The stiffness, the radius, the roughness and its length are drawn evenly in their logarithm. Friction and
+    Stribeck speed lie within handbooks' values of dry and oiled solids on steel; the restitution e at 1 m/s,
+    which gives Hunt and Crossley's loss 3 (1 - e) / 2, is the greater the harder the object.
+
+    Examples
+    --------
+    >>> thing = drawn_object(np.random.default_rng(1))
+    >>> thing == drawn_object(np.random.default_rng(1)), thing.name
+    (True, 'drawn')
+    """
+
+    def between(low: float, high: float) -> float:
+        return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+    young_modulus = between(SOFTEST, HARDEST)
+    hardness = np.log(young_modulus / SOFTEST) / np.log(HARDEST / SOFTEST)
+    restitution = random.uniform(0.6, 0.8) + 0.15 * hardness
+    kinetic = random.uniform(0.1, 0.5)
+    return Material(
+        name="drawn",
+        title="An object drawn at random",
+        source="Assumed: drawn from stated ranges, see monochord.lab.objects",
+        young_modulus=young_modulus,
+        poisson_ratio=float(random.uniform(0.2, 0.4)),
+        loss=float(1.5 * (1.0 - restitution)),
+        friction_static=float(kinetic * random.uniform(1.05, 1.5)),
+        friction_kinetic=float(kinetic),
+        stribeck_speed=between(0.003, 0.02),
+        roughness=between(3e-7, 8e-6),
+        roughness_length=between(1.5e-5, 3e-4),
+        radius=between(SHARPEST, BLUNTEST),
+    )
