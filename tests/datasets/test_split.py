@@ -13,7 +13,7 @@ from monochord.datasets.split import PARTS, Split, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
 
 
-@pytest.mark.parametrize("by", ["session", "object", "time", "day"])
+@pytest.mark.parametrize("by", ["session", "object", "time", "day", "build"])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_split_is_clean_complete_and_determined_by_its_seed(several: Dataset, by: str, seed: int) -> None:
     split = split_dataset(several, by=by, seed=seed)
@@ -137,6 +137,18 @@ def test_sessions_without_a_day_are_not_split_by_day(make: Callable[..., Dataset
         split_dataset(dataset, by="day")
 
 
+def test_held_out_builds_are_in_the_test_alone(make: Callable[..., Dataset]) -> None:
+    dataset = make({f"take_{build}_{i}": {"build": build} for build in range(4) for i in range(2)})
+    split = split_dataset(dataset, by="build", held_out=["take_3_0"])
+    builds = {
+        name: {dataset.manifest.parts[n].build for n in dataset.session[split.parts[name]]} for name in PARTS
+    }
+    assert builds["test"] == {3}
+    assert builds["train"] | builds["validation"] == {0, 1, 2}
+    assert not builds["train"] & builds["validation"]
+    assert audit(dataset, split, duplicates=False).clean
+
+
 def test_a_file_holds_the_whole_split(several: Dataset, tmp_path: Path) -> None:
     split = split_dataset(several, by="time", seed=3)
     split.write(tmp_path / "split.json")
@@ -191,3 +203,4 @@ def test_what_can_be_split_is_not_refused() -> None:
     refuse_too_few("object", ["a", "b", "b"], [0, 0, 0])
     refuse_too_few("day", ["a", "a", "a"], [0, 1, 2])
     refuse_too_few("time", ["a"], [None])
+    refuse_too_few("build", ["a", "a", "a"], [0, 0, 0], builds=[0, 1, 2])

@@ -48,8 +48,8 @@ SPLIT_FILE = "split.json"
     "--split",
     "by",
     metavar="BY",
-    help="By session, object, time or day.  [default: session; time with fewer than 3 sessions]",
-    **completes(lambda: ("session", "object", "time", "day")),
+    help="By session, object, time, day or build.  [default: session; time with fewer than 3 sessions]",
+    **completes(lambda: ("session", "object", "time", "day", "build")),
 )
 @click.option(
     "--held-out",
@@ -119,7 +119,8 @@ def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> No
     if descriptions:
         objects = [one.material or one.object for one in descriptions.values()]
         days = [one.day for one in descriptions.values()]
-        refuse_too_few(by, objects, days, held_out, list(descriptions))
+        builds = [one.build for one in descriptions.values()]
+        refuse_too_few(by, objects, days, held_out, list(descriptions), builds)
 
 
 def _result(dataset: Dataset, split: Split, out: Path) -> dict[str, Any]:

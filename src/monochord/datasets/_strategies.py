@@ -35,13 +35,33 @@ def by_group(
         rest, strata = np.flatnonzero(~known), _strata(dataset)
         part[rest] = assign_groups(counts[rest], [strata[at] for at in rest], fractions, rng)
         return [each.name for each in sessions], part
-    if by == "day":
-        names = ["" if each.day is None else str(each.day) for each in sessions]
-        if "" in names:
-            given = f"session {sessions[names.index('')].name} without a day in a split by day"
-            raise InputError(given, "sessions that tell their day", "split by session")
-        return names, _assigned(names, counts, fractions, rng)
+    if by in ("day", "build"):
+        numbers = [getattr(each, by) for each in sessions]
+        if None in numbers:
+            given = f"session {sessions[numbers.index(None)].name} without a {by} in a split by {by}"
+            raise InputError(given, f"sessions that state their {by}", "split by session")
+        return _by_number(dataset, [str(number) for number in numbers], counts, fractions, held_out, rng)
     return _by_object(dataset, counts, fractions, held_out, rng)
+
+
+def _by_number(
+    dataset: Dataset,
+    names: list[str],
+    counts: Indices,
+    fractions: tuple[float, float, float],
+    held_out: Sequence[str],
+    rng: np.random.Generator,
+) -> tuple[list[str], Indices]:
+    """Assign whole days or builds; those of sessions that are held out are in the test, and no others."""
+    if not held_out:
+        return names, _assigned(names, counts, fractions, rng)
+    test = np.isin(names, np.array(names)[_held_out(dataset, held_out)])
+    part = np.full(len(names), PARTS.index("test"))
+    rest = np.flatnonzero(~test)
+    known = fractions[0] + fractions[1]
+    shares = (fractions[0] / known, fractions[1] / known, 0.0)
+    part[rest] = _assigned([names[at] for at in rest], counts[rest], shares, rng)
+    return names, part
 
 
 def _by_object(

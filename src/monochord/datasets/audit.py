@@ -28,6 +28,7 @@ Kind: TypeAlias = Literal[
     "guard gap",
     "shared session",
     "shared day",
+    "shared build",
     "shared object",
     "held out",
     "same checksum",
@@ -37,6 +38,7 @@ Kind: TypeAlias = Literal[
 CLAIMS: dict[str, tuple[Kind, ...]] = {
     "session": ("shared session",),
     "day": ("shared session", "shared day"),
+    "build": ("shared session", "shared build"),
     "object": ("shared session", "shared object"),
     "time": (),
 }
@@ -93,8 +95,9 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     - **shared window**: a window is in two parts; **repeated window**: twice in one.
     - **shared samples**: windows of two parts overlap.
     - **guard gap**: windows of two parts are closer than a window and a hop, or than the split says.
-    - **shared session**, **shared day**, **shared object**: where the split claims to keep them apart. A
-      split by session or day keeps sessions apart, one by object the test's objects and all sessions.
+    - **shared session**, **shared day**, **shared build**, **shared object**: where the split claims to keep
+      them apart. A split by session, day or build keeps sessions apart, one by object the test's objects and
+      all sessions.
     - **held out**: a session that the split holds out, by its object or its name, is not in the test alone.
     - **same checksum**: two sessions of the same bytes, or of the same samples, in different parts.
     - **near duplicate**: two sessions with the same sound, shifted, scaled or with noise added; see
@@ -232,6 +235,8 @@ def _named(part: Part, what: Kind) -> str:
             return part.name
         case "shared object":
             return part.body
+        case "shared build":
+            return "" if part.build is None else str(part.build)
         case _:
             return "" if part.day is None else str(part.day)
 

@@ -7,7 +7,8 @@ assigned:
   What is held out, objects or patterns of sessions' names, is in the test alone, beside other sessions.
 - **object**: objects that are held out are in the test alone. With `held_out` those, else as many as come to
   the requested share. The sessions of the other objects are assigned to training and validation.
-- **day**: whole days.
+- **day**, **build**: whole days, or whole builds of a sensor. With `held_out`, patterns of sessions'
+  names, the days or builds of these are the test, and the others are assigned to training and validation.
 - **time**: each session is cut in three stretches, in an order drawn for each, with a guard gap between
   them. A cut is moved to where nothing touches, if that is within reach, so that a touch is not on both
   sides.
@@ -38,7 +39,7 @@ from monochord.datasets._strategies import (
 from monochord.datasets.manifest import MAX_WINDOWS, file_checksum
 from monochord.datasets.store import Dataset
 
-By: TypeAlias = Literal["session", "object", "time", "day"]
+By: TypeAlias = Literal["session", "object", "time", "day", "build"]
 MORE = "record more, or split by time"
 SHARES = (0.7, 0.15, 0.15)
 """Of the windows, by default."""
@@ -161,7 +162,7 @@ def split_dataset(
     dataset
         To be split.
     by
-        "session", "object", "time" or "day".
+        "session", "object", "time", "day" or "build".
     fractions
         Shares of training, validation and test, of windows; their sum is 1. A share of 0 leaves a part empty.
     seed
@@ -169,7 +170,7 @@ def split_dataset(
     held_out
         Names of objects for the test alone, where `by` is "session" or "object". By session, patterns of
         sessions' names too, such as ``music*``; the other sessions are assigned to all parts, so that the
-        test holds known and unknown ones.
+        test holds known and unknown ones. By day or build, patterns alone.
     guard
         Least distance of the samples of two parts in s, where `by` is "time"; by default, and at least, a
         window and a hop.
@@ -238,11 +239,12 @@ def refuse_impossible(
     if min(fractions) < 0.0 or abs(sum(fractions) - 1.0) > 1e-6 or fractions[0] <= 0.0:
         given = "shares " + ", ".join(f"{share:g}" for share in fractions)
         raise InputError(given, "three of 0 or more that sum to 1, the first above 0")
-    if held_out and by not in ("session", "object"):
-        raise InputError(f"held-out objects in a split by {by}", "a split by session or object")
     patterns = [name for name in held_out if is_pattern(name)]
-    if patterns and by != "session":
-        raise InputError(f"held-out sessions '{patterns[0]}' in a split by {by}", "a split by session")
+    if len(patterns) < len(held_out) and by not in ("session", "object"):
+        raise InputError(f"held-out objects in a split by {by}", "a split by session or object")
+    if patterns and by not in ("session", "day", "build"):
+        given = f"held-out sessions '{patterns[0]}' in a split by {by}"
+        raise InputError(given, "a split by session, day or build")
 
 
 def refuse_too_few(
@@ -251,8 +253,9 @@ def refuse_too_few(
     days: Sequence[int | None],
     held_out: Sequence[str] = (),
     names: Sequence[str] = (),
+    builds: Sequence[int | None] = (),
 ) -> None:
-    """Raise `InputError` where sessions of these objects, days and names are too few to split so.
+    """Raise `InputError` where sessions of these objects, days, names and builds are too few to split so.
 
     It looks at names alone, before anything is built; `split_dataset` may still find that a part is empty.
 
@@ -260,19 +263,22 @@ def refuse_too_few(
     """
     names = names or [""] * len(objects)
     refuse_strange(objects, held_out, names)
-    if by == "day" and None in days:
-        raise InputError(
-            "sessions without a day in a split by day", "sessions that tell it", "split by session"
-        )
+    builds = builds or [None] * len(objects)
+    for kind, numbers in (("day", days), ("build", builds)):
+        if by == kind and None in numbers:
+            given = f"sessions without a {kind} in a split by {kind}"
+            raise InputError(given, "sessions that state it", "split by session")
     known = [body for body, name in zip(objects, names, strict=True) if not is_held_out(body, name, held_out)]
     enough = {
         "session": len(known) >= (2 if held_out else 3),
         "object": len(known) >= 2 and len(set(objects)) >= 2,
         "day": len(set(days)) >= 3,
+        "build": len(set(builds)) >= 3,
         "time": True,
     }
     if not enough[by]:
-        count = {"session": len(objects), "object": len(set(objects)), "day": len(set(days))}[by]
+        groups = {"session": range(len(objects)), "object": objects, "day": days, "build": builds}[by]
+        count = len(set(groups))
         raise InputError(f"split by {by} of {count} {by}{'' if count == 1 else 's'}", _requirement(by), MORE)
 
 
