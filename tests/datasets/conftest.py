@@ -87,7 +87,7 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     home = tmp_path_factory.mktemp("several")
     bodies = ["plastic"] * 6 + ["wood"] * 2 + ["metal"] * 2
     files = [
-        write_session(home, f"take{number}", object=body, material=body, day=number % 5)
+        write_session(home, f"take{number}", object=body, material=body, day=number % 5, build=number % 4)
         for number, body in enumerate(bodies)
     ]
     return build_dataset(files, home / "dataset")
