@@ -76,7 +76,7 @@ def test_sessions_days_and_objects_that_are_in_two_parts(make: Make) -> None:
     assert leaks(dataset, replace(shared, by="time")) == {}
     days = split_of(dataset, rows_of(dataset, 0), rows_of(dataset, 2), by="day")
     assert leaks(dataset, days) == {"shared day": 120}
-    builds = make({name: {"build": day} for name, (_, day) in takes.items()})
+    builds = make({f"{name}_again": {"build": day} for name, (_, day) in takes.items()})
     assert leaks(builds, split_of(builds, rows_of(builds, 0), rows_of(builds, 2), by="build")) == {
         "shared build": 120
     }
