@@ -105,7 +105,7 @@ def test_a_split_by_time_keeps_its_guard_and_tears_no_touch(several: Dataset) ->
 
 @pytest.mark.parametrize("by", ["window", "windows", "random", "shuffle"])
 def test_shuffled_windows_are_refused_and_the_line_says_why(several: Dataset, by: str) -> None:
-    with pytest.raises(InputError, match=r"allowed is session, object, time, day, build; .* contain one touch"):
+    with pytest.raises(InputError, match=r"allowed is session, .*, build; .* contain one touch"):
         split_dataset(several, by=by)
 
 
