@@ -16,7 +16,7 @@ from monochord.physics.strings import load_string
 
 @pytest.fixture(scope="module")
 def rows() -> dict[str, tuple[float, float | None]]:
-    return {row.name: (row.value, row.ratio) for row in Live(seconds=3.0, minutes=1.0).run()}
+    return {row.name: (row.value, row.ratio) for row in Live(seconds=2.2, minutes=1.0).run()}
 
 
 def test_latency_is_compared_with_the_autocorrelation(rows: dict[str, tuple[float, float | None]]) -> None:
@@ -38,7 +38,7 @@ def test_memory_is_flat(rows: dict[str, tuple[float, float | None]]) -> None:
 
 
 def test_memory_can_be_left_out() -> None:
-    names = [row.name for row in Live(seconds=1.0, minutes=0.0).run()]
+    names = [row.name for row in Live(seconds=0.2, minutes=0.0).run()]
     assert not [name for name in names if "memory" in name]
 
 

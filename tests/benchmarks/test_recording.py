@@ -6,7 +6,7 @@ from monochord.core.errors import InputError
 
 @pytest.fixture(scope="module")
 def rows() -> dict[str, tuple[float, float | None]]:
-    return {row.name: (row.value, row.ratio) for row in Recording(seconds=3.0, rate=2000.0).run()}
+    return {row.name: (row.value, row.ratio) for row in Recording(seconds=2.0, rate=2000.0).run()}
 
 
 def test_the_recorder_takes_a_part_of_a_core(rows: dict[str, tuple[float, float | None]]) -> None:

@@ -128,7 +128,6 @@ def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit
         (signal.SIGHUP, "out/hold_000.mcap.part"),
     ],
 )
-@pytest.mark.real_time
 def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
     number: signal.Signals, sign: str, jack_server: JackServer, tmp_path: Path
 ) -> None:
@@ -154,7 +153,6 @@ def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
 
 
 @pytest.mark.jack
-@pytest.mark.real_time
 @pytest.mark.timeout(120)
 def test_a_plan_is_played_in_real_time(
     jack_server: JackServer, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -15,8 +15,6 @@ from monochord.cli import run
 from monochord.cli.demo import TRAINED_DAYS
 from monochord.lab.plans import load_plan
 
-pytestmark = pytest.mark.real_time
-
 
 def result_of(*options: str) -> dict[str, Any]:
     out = StringIO()
@@ -30,6 +28,7 @@ def result() -> dict[str, Any]:
     return result_of("--seconds", "4", "--seed", "1")  # in which no object rolls
 
 
+@pytest.mark.real_time
 def test_the_touch_is_estimated(result: dict[str, Any]) -> None:
     assert result["simulated"] is True
     assert result["estimator"] == "model"
@@ -40,6 +39,7 @@ def test_the_touch_is_estimated(result: dict[str, Any]) -> None:
     assert result["slip_accuracy"] > 0.7
 
 
+@pytest.mark.real_time
 def test_it_shows_a_day_that_the_model_was_not_trained_on(result: dict[str, Any]) -> None:
     assert (result["sensor"], result["build"], result["day"]) == ("prototype", 1, 10)
     plan = load_plan("paper")
@@ -50,6 +50,7 @@ def test_it_shows_a_day_that_the_model_was_not_trained_on(result: dict[str, Any]
     assert result["day"] not in {day for group in plan.groups for day in group.days}
 
 
+@pytest.mark.real_time
 def test_it_keeps_the_pace_of_real_time(result: dict[str, Any]) -> None:
     total = result["windows"] + result["skipped"]
     assert total == pytest.approx(391, abs=2)

@@ -62,7 +62,7 @@ def sessions(*words: object) -> "subprocess.CompletedProcess[str]":
 def test_a_repair_leaves_a_file_alone_that_is_being_recorded(
     start_recorder: Callable[..., Any], sound: Path
 ) -> None:
-    recorder = start_recorder(*paced(sound))
+    recorder = start_recorder(*paced(sound, 4))
     recorder.wait_for_bytes(1_000_000)
     early = sessions("recover", recorder.out)
     assert early.returncode == 2
@@ -99,7 +99,7 @@ def test_of_two_recorders_that_begin_at_once_one_is_refused(
     start_recorder: Callable[..., Any], sound: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "one.mcap"
-    both = [start_recorder(*paced(sound), "--seconds", "2", out=out) for _ in range(2)]
+    both = [start_recorder(*paced(sound), "--seconds", "1", out=out) for _ in range(2)]
     ended = [(each, each.process.communicate(timeout=60)[1]) for each in both]
     assert sorted(each.process.returncode for each, _ in ended) == [0, 2]
     refused = next(shown for each, shown in ended if each.process.returncode == 2)
@@ -134,7 +134,9 @@ def test_a_terminal_that_is_closed_ends_it_with_everything_saved(sound: Path) ->
 
 
 def test_a_hangup_that_is_ignored_ends_nothing(start_recorder: Callable[..., Any], sound: Path) -> None:
-    recorder = start_recorder(*paced(sound), preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+    recorder = start_recorder(
+        *paced(sound, 4), preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    )
     recorder.wait_for_bytes(BEGUN)
     recorder.process.send_signal(signal.SIGHUP)
     recorder.wait_for_more(300_000)
@@ -164,6 +166,7 @@ def test_a_folder_that_cannot_be_written_is_refused(sound: Path, tmp_path: Path)
     assert not out.exists()
 
 
+@pytest.mark.real_time
 def test_setting_the_wall_clock_is_recorded_and_moves_nothing(
     start_recorder: Callable[..., Any], net_ft: list[str], sound: Path, tmp_path: Path
 ) -> None:
@@ -174,9 +177,9 @@ def test_setting_the_wall_clock_is_recorded_and_moves_nothing(
     subprocess.run(["gcc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
     environment = {**os.environ, "LD_PRELOAD": str(library), "SET_CLOCK": str(trigger)}
     recorder = start_recorder(*paced(sound), *net_ft, env=environment)
-    recorder.wait_for_bytes(1_500_000)
+    recorder.wait_for_bytes(800_000)
     trigger.touch()
-    recorder.wait_for_more(1_500_000)
+    recorder.wait_for_more(800_000)
     summary = recorder.end(signal.SIGINT)
     assert summary["flags"]["clock_step"] == 1
     session = whole(recorder, sound)
@@ -192,13 +195,13 @@ def test_setting_the_wall_clock_is_recorded_and_moves_nothing(
 
 def slept(recorder: Any, seconds: float, sound: Path) -> None:
     """Stop a recorder for a while, as a machine's sleep does, and look at what it makes of that."""
-    recorder.wait_for_bytes(1_000_000)
+    recorder.wait_for_bytes(600_000)
     recorder.process.send_signal(signal.SIGSTOP)
     before = recorder.out.read_bytes()
     time.sleep(seconds)
     assert recorder.out.stat().st_size == len(before)
     recorder.process.send_signal(signal.SIGCONT)
-    recorder.wait_for_bytes(len(before) + 1_000_000)
+    recorder.wait_for_bytes(len(before) + 600_000)
     summary = recorder.end(signal.SIGINT)
     assert recorder.process.returncode == 0
     assert recorder.out.read_bytes().startswith(before[: before.rindex(b"/description")])
@@ -214,13 +217,15 @@ def slept(recorder: Any, seconds: float, sound: Path) -> None:
     assert len(lines) == 1, recorder.shown
 
 
+@pytest.mark.real_time
 def test_a_machine_that_sleeps_loses_only_what_came_meanwhile(
     start_recorder: Callable[..., Any], net_ft: list[str], sound: Path
 ) -> None:
-    slept(start_recorder(*paced(sound), *net_ft), 5.0, sound)
+    slept(start_recorder(*paced(sound), *net_ft), 5.0, sound)  # the network keeps more than two of them
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 @pytest.mark.timeout(300)
 def test_a_machine_that_sleeps_for_a_minute(
     start_recorder: Callable[..., Any], net_ft: list[str], sound: Path

@@ -36,7 +36,7 @@ def test_what_is_played_is_in_the_session_beside_force_and_pose(
     start_recorder: Any,
 ) -> None:
     play(recording)
-    recorder = start_recorder(*jack(jack_server), *net_ft, *pose_dds, "--seconds", "3")
+    recorder = start_recorder(*jack(jack_server), *net_ft, *pose_dds, "--seconds", "2.5")
     summary = recorder.end()
     assert recorder.process.returncode == 0
     session = sound_session(recorder.out)
@@ -49,7 +49,7 @@ def test_what_is_played_is_in_the_session_beside_force_and_pose(
     assert summary["instruments"]["net_ft"]["missing"] == session.readings("wrench").missing == 0
     pose = session.readings("pose")
     assert np.allclose(pose.values, [0.1, 0.0, -0.001, 0.0, 0.0, 0.0, 1.0])
-    assert len(pose.time) == pytest.approx(3 * 250, rel=0.2)
+    assert len(pose.time) == pytest.approx(2.5 * 250, rel=0.2)
     assert np.all(session.audio.device_frame >= 0)
     assert set(session.clocks.offsets) == {"jack", "monotonic_raw", "realtime"}
 
@@ -62,12 +62,12 @@ def test_a_killed_server_is_a_gap_and_the_force_goes_on(
     recorder.wait_for_bytes(500_000)
     killed = time.monotonic()
     jack_server.kill()
-    time.sleep(1.0)
+    time.sleep(0.6)
     recorder.wait_for_more(100_000)  # force alone
     jack_server.restart()
     play(recording)
     returned = time.monotonic()
-    recorder.wait_for_more(1_000_000)
+    recorder.wait_for_more(500_000)
     summary = recorder.end(signal.SIGINT)
     assert recorder.process.returncode == 0
     session = sound_session(recorder.out)
