@@ -1,0 +1,161 @@
+"""Lines of single windows, and those that last over many: what a driven string sustains.
+
+A partial of the untouched string pulls at both ends alike, so both microphones record it equally loud, up to
+their gains. A segment of a touched string is loud at its own microphone. Music and speech give lines too, but
+not the same ones for seconds.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.types import Audio, Floats, Indices
+from monochord.core.units import Hertz, Samples
+from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, noise_floor
+from monochord.perception.closed_form.spectrum import (
+    HIGHEST_LINE,
+    LINES,
+    centred_samples,
+    hann_power,
+    strongest_lines,
+)
+
+MIN_SALIENCE = 5.0
+"""Least height of a line over the noise floor, in nepers of power."""
+SAME_LINE_BINS = 0.6
+"""Lines of two windows or microphones nearer to each other than so many bins are one."""
+MIN_POWER = 1.0e-11
+"""Least power of a line, in full scale: -110 dB, twenty below the rounding of 16 bits."""
+FREQUENCY, POWER_1, POWER_2, GROWTH, BLURRED = range(5)
+"""Columns of a window's lines: Hz, power at both microphones, growth in 1/s, standard error in Hz."""
+LAST_FREQUENCY, LAST_STD, LAST_POWER_1, LAST_POWER_2, PRESENCE, LAST_GROWTH, GROWTH_STD = range(7)
+"""Columns of lasting lines; presence is the share of the windows that a line is in."""
+
+
+def window_lines(samples: Audio, lowest: Hertz, sample_rate: int) -> Floats:
+    """Return the lines (n, 5) of a window (channels, size), its strongest first; 8 of each channel at most.
+
+    The columns are `FREQUENCY` to `BLURRED`; of a single channel the power at microphone 2 is 0.
+
+    Parameters
+    ----------
+    samples
+        The window, of one channel or two.
+    lowest
+        Lowest frequency of a line in Hz.
+    sample_rate
+        In Hz.
+    """
+    size: Samples = samples.shape[1]
+    spacing = sample_rate / size
+    transform = np.fft.rfft(centred_samples(np.array(samples, np.float32, order="C")))
+    power = hann_power(transform, size)
+    highest = min(HIGHEST_LINE, 0.45 * sample_rate)
+    frequency, height = strongest_lines(transform, power, spacing, lowest, highest)
+    block = max(int(FLOOR_WIDTH / spacing), 8)
+    salience = np.stack([np.log1p(channel / noise_floor(channel, block)) for channel in power])
+    return _merged(transform, power, salience, frequency, height, spacing)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _merged(
+    transform: NDArray[np.complex128],
+    power: Floats,
+    salience: Floats,
+    frequency: Floats,
+    height: Floats,
+    spacing: Hertz,
+) -> Floats:
+    """Return the lines of all channels; of one that two channels record, the louder record counts."""
+    channels = power.shape[0]
+    lines = np.zeros((channels * LINES, 5))
+    strength = np.zeros(channels * LINES)
+    count = 0
+    for c in range(channels):
+        for i in range(LINES):
+            f, h = frequency[c, i], height[c, i]
+            k = int(np.rint(f / spacing))
+            if f <= 0.0 or h < MIN_POWER or salience[c, k] < MIN_SALIENCE:
+                continue
+            row = count
+            for other in range(count):
+                if abs(lines[other, FREQUENCY] - f) < SAME_LINE_BINS * spacing:
+                    row = other
+            if row < count and strength[row] >= h:
+                continue
+            count += row == count
+            strength[row] = h
+            value = 0.5 * transform[c, k] - 0.25 * (transform[c, k - 1] + transform[c, k + 1])
+            ratio = (transform[c, k - 1] - transform[c, k + 1]) / value
+            lines[row, FREQUENCY] = f
+            lines[row, POWER_1] = power[0, k]
+            lines[row, POWER_2] = power[1, k] if channels > 1 else 0.0
+            lines[row, GROWTH] = -0.5 * np.pi * spacing * ratio.imag
+            lines[row, BLURRED] = BLUR * spacing * np.exp(-0.5 * salience[c, k])
+    order = np.argsort(-strength[:count])
+    return lines[:count][order]
+
+
+def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
+    """Return the lines (n, 7) that windows have in common, the strongest first.
+
+    Frequency and growth are medians over the windows that a line is in, with their standard errors; powers
+    are means over all windows. The columns are `LAST_FREQUENCY` to `GROWTH_STD`.
+
+    Parameters
+    ----------
+    windows
+        Lines of windows, as `window_lines` returns them.
+    spacing
+        Distance of two bins of a window's spectrum in Hz.
+    """
+    if not windows:
+        return np.zeros((0, 7))
+    number = np.repeat(np.arange(len(windows)), [len(lines) for lines in windows])
+    return _lasting(np.concatenate(windows), number, len(windows), SAME_LINE_BINS * spacing)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lasting(lines: Floats, window: Indices, windows: int, reach: Hertz) -> Floats:
+    group = _groups(lines, window, reach)
+    lasting = np.zeros((group.max() + 1 if group.size else 0, 7))
+    for g in range(lasting.shape[0]):
+        members = lines[group == g]
+        count = members.shape[0]
+        frequency, frequency_std = _median(members[:, FREQUENCY])
+        growth, growth_std = _median(members[:, GROWTH])
+        blurred = np.median(members[:, BLURRED]) / np.sqrt(count)
+        lasting[g, LAST_FREQUENCY], lasting[g, LAST_STD] = frequency, np.hypot(frequency_std, blurred)
+        lasting[g, LAST_POWER_1] = members[:, POWER_1].sum() / windows
+        lasting[g, LAST_POWER_2] = members[:, POWER_2].sum() / windows
+        lasting[g, PRESENCE] = count / windows
+        lasting[g, LAST_GROWTH], lasting[g, GROWTH_STD] = growth, growth_std
+    return lasting[np.argsort(-lasting[:, LAST_POWER_1] - lasting[:, LAST_POWER_2])]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _median(values: Floats) -> tuple[float, float]:
+    """Return the median of values (n,) and its standard error, by their median deviation from it."""
+    middle = np.median(values)
+    return middle, 1.9 * np.median(np.abs(values - middle)) / np.sqrt(values.size)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _groups(lines: Floats, window: Indices, reach: Hertz) -> Indices:
+    """Return the group (n,) of each line; a group has one line of a window at most, the strongest begin one.
+
+    A group follows its line as it drifts: a line joins the group whose newest member is nearest to it.
+    """
+    group = np.full(lines.shape[0], -1)
+    newest, last = np.zeros(lines.shape[0]), np.full(lines.shape[0], -1)
+    count = 0
+    for i in range(lines.shape[0]):
+        f, best, least = lines[i, FREQUENCY], -1, reach
+        for g in range(count):
+            distance = abs(newest[g] - f)
+            if last[g] != window[i] and distance < least:
+                best, least = g, distance
+        if best < 0:
+            best, count = count, count + 1
+        group[i], newest[best], last[best] = best, f, window[i]
+    return group
