@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal, StringParams, Window
@@ -45,16 +46,15 @@ def followed(sound: Audio, string: StringParams, size: int = SIZE, hop: int = SI
     return state
 
 
-def tones(frequencies: Floats, levels: Floats, seconds: float = 1.0) -> Audio:
+def tones(frequencies: ArrayLike, levels: ArrayLike, seconds: float = 1.0) -> Audio:
     """Return sines of given amplitudes (tones,) or (channels, tones) at two microphones."""
     time = np.arange(round(seconds * RATE)) / RATE
-    phase = np.arange(len(frequencies))[:, np.newaxis]
-    waves = np.sin(2.0 * np.pi * np.asarray(frequencies)[:, np.newaxis] * time + phase)
-    levels = np.broadcast_to(levels, (2, len(frequencies)))
-    return (levels @ waves).astype(np.float32)
+    pitch = np.asarray(frequencies, float)[:, np.newaxis]
+    waves = np.sin(2.0 * np.pi * pitch * time + np.arange(len(pitch))[:, np.newaxis])
+    return (np.broadcast_to(levels, (2, len(pitch))) @ waves).astype(np.float32)
 
 
-def at_ratio(sound: Audio, noise: Floats, decibels: float) -> Audio:
+def at_ratio(sound: Audio, noise: Floats | Audio, decibels: float) -> Audio:
     """Return a sound with noise (n,) or (channels, n) at this ratio of powers."""
     scale = np.sqrt(np.mean(sound**2.0) / np.mean(noise**2)) * 10.0 ** (-decibels / 20.0)
     return (sound + scale * noise).astype(np.float32)
