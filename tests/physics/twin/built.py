@@ -9,10 +9,24 @@ import pytest
 from monochord.core.types import Floats, StringParams
 from monochord.physics.materials import load_material
 from monochord.physics.strings import load_string
-from monochord.physics.theory import Losses
-from monochord.physics.twin import Ebow, Key, Pickups, Sensor, Touch, Twin, advance, stream
+from monochord.physics.theory import Losses, static_compliance
+from monochord.physics.twin import (
+    ContactLaw,
+    Ebow,
+    Key,
+    Mount,
+    Pickups,
+    Scene,
+    Sensor,
+    Touch,
+    Twin,
+    advance,
+    begin,
+    hold,
+    stream,
+)
 from monochord.physics.twin import records as layout
-from monochord.physics.twin.rate import RatePlan
+from monochord.physics.twin.rate import RatePlan, mode_frequencies, touch_weights
 from monochord.physics.twin.records import rows
 
 STRING = load_string("prototype").string
@@ -22,6 +36,9 @@ NONE = Losses(air_viscosity=0.0, air_density=0.0, viscoelastic=0.0, thermoelasti
 QUIET = Pickups(hiss=0.0, own=(1.0, 1.0), angle=0.0, gain=(1.0, 1.0), low=1.0, high=20000.0)
 PLASTIC, FOAM = load_material("plastic"), load_material("foam")
 RATE = 44100
+RIGID, HERTZ = Mount(), ContactLaw()
+AT = 0.077
+"""Where the string rests on a spring, in m."""
 
 
 def flexible(length: float = 0.2) -> Sensor:
@@ -40,8 +57,8 @@ def touch(*keys: Key, rolls: bool = True) -> Touch:
 
 def inside(twin: Twin, name: str) -> Any:
     """An array of the kernel's parameters or state, of one sensor."""
-    owner = twin.parameters if name in twin.parameters._fields else twin.state
-    return getattr(owner, name)[0]
+    owners = twin.parameters, twin.state, twin.plausible
+    return next(getattr(owner, name)[0] for owner in owners if hasattr(owner, name))
 
 
 def modes(twin: Twin) -> Floats:
@@ -84,6 +101,49 @@ def waiting(twin: Twin) -> Twin:
     ahead["depth"] = inside(after, "ahead")["depth"]
     contact["eta"] = ahead["depth"] - float(modes(after)[layout.SHAPE] @ modes(twin)[layout.Q])
     return changed(twin, ahead=ahead, contact=contact)
+
+
+def sprung(
+    stiffness: float,
+    *,
+    hertz: bool = False,
+    finer: int | None = None,
+    force: float = 1.0,
+    mount: Mount = RIGID,
+    law: ContactLaw = HERTZ,
+) -> Twin:
+    """A flexible string that rests on a spring without width, at rest but for a slight stir."""
+    sensor = replace(flexible(), pickups=replace(QUIET, low=500.0))  # which the static press does not pass
+    string = sensor.string
+    pressed = replace(hold(AT, force, PLASTIC), mount=mount, law=law)
+    twin = begin(sensor, Scene(touches=(pressed,), drivers=(False, False)), oversampling=finer)
+    plan, half = twin.plan, modes(twin).shape[1] // 2
+    omega = mode_frequencies(string, plan.count)
+    weights = np.zeros((1, half))
+    weights[0, : plan.count] = np.sqrt(touch_weights(omega, 1.0 / (RATE * plan.oversampling), plan.beta))
+    places = np.linspace(0.0, string.length, 513)[1:-1]
+    table = np.zeros((1, 513))
+    table[0, 1:-1] = static_compliance(string, places)
+    # f = k2 delta^1.5 has the tangent K = 1.5 k2 s, s = sqrt(delta), where k2 s^3 = F.
+    s = np.sqrt(1.5 * force / stiffness)
+    springs = {"k1": 0.0, "k2": stiffness / (1.5 * s)} if hertz else {"k1": stiffness, "k2": 0.0}
+    damped = modes(twin).copy()
+    damped[layout.DECAY] = 300.0
+    twin = with_touch(
+        changed(twin, weights=weights, compliance=table, bank=damped), beta=0.0, roughness=0.0, **springs
+    )
+    twin = advance(twin, 345 * layout.CONTROL_PERIOD)[1]  # to a control update, which tunes it again
+    stirred = modes(twin).copy()
+    stirred[layout.DECAY] = 0.0
+    stirred[layout.V, : plan.count] += 1e-4 / np.arange(1, plan.count + 1) * np.cos(np.arange(plan.count))
+    return changed(twin, bank=stirred)
+
+
+def partials_off(twin: Twin, true: Floats) -> Floats:
+    sound = advance(twin, RATE)[0].microphones.astype(np.float64)
+    sound -= sound.mean(axis=1, keepdims=True)
+    both = sound[0] + 0.37 * sound[1]
+    return np.array([cents(frequency(both, f), f) for f in true])
 
 
 def frequency(sound: Floats, near: float, rate: float = RATE) -> float:

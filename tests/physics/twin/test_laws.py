@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.physics.twin import ode_string as ode
 from tests.physics.twin.built import (
+    AT,
     COILS,
     FOAM,
     NONE,
@@ -20,7 +21,9 @@ from tests.physics.twin.built import (
     inside,
     key,
     modes,
+    partials_off,
     planned,
+    sprung,
     touch,
     waiting,
     with_touch,
@@ -28,14 +31,12 @@ from tests.physics.twin.built import (
 
 from monochord.core.types import Floats
 from monochord.physics.strings import load_string
-from monochord.physics.theory import loaded_frequencies, static_compliance, stretch_stiffness
+from monochord.physics.theory import loaded_frequencies, stretch_stiffness
 from monochord.physics.theory.stiffness import inharmonicity
 from monochord.physics.twin import Pluck, Scene, Twin, advance, begin, hold
 from monochord.physics.twin import records as layout
 from monochord.physics.twin.energy import energy
 from monochord.physics.twin.rate import mode_frequencies, touch_weights
-
-AT = 0.077
 
 
 def test_free_stiff_string_sounds_partials_1_to_20() -> None:
@@ -50,42 +51,6 @@ def test_free_stiff_string_sounds_partials_1_to_20() -> None:
     true = n * stiff * np.sqrt(string.tension / string.linear_density) / (2.0 * string.length)
     off = [cents(frequency(sound, f, rate), f) for f in true]
     assert np.abs(off).max() < 0.05
-
-
-def sprung(stiffness: float, *, hertz: bool = False, finer: int | None = None, force: float = 1.0) -> Twin:
-    """A flexible string that rests on a spring without width, at rest but for a slight stir."""
-    sensor = replace(flexible(), pickups=replace(QUIET, low=500.0))  # which the static press does not pass
-    string = sensor.string
-    twin = begin(
-        sensor, Scene(touches=(hold(AT, force, PLASTIC),), drivers=(False, False)), oversampling=finer
-    )
-    plan, half = twin.plan, modes(twin).shape[1] // 2
-    omega = mode_frequencies(string, plan.count)
-    weights = np.zeros((1, half))
-    weights[0, : plan.count] = np.sqrt(touch_weights(omega, 1.0 / (RATE * plan.oversampling), plan.beta))
-    places = np.linspace(0.0, string.length, 513)[1:-1]
-    table = np.zeros((1, 513))
-    table[0, 1:-1] = static_compliance(string, places)
-    # f = k2 delta^1.5 has the tangent K = 1.5 k2 s, s = sqrt(delta), where k2 s^3 = F.
-    s = np.sqrt(1.5 * force / stiffness)
-    springs = {"k1": 0.0, "k2": stiffness / (1.5 * s)} if hertz else {"k1": stiffness, "k2": 0.0}
-    damped = modes(twin).copy()
-    damped[layout.DECAY] = 300.0
-    twin = with_touch(
-        changed(twin, weights=weights, compliance=table, bank=damped), beta=0.0, roughness=0.0, **springs
-    )
-    twin = advance(twin, RATE // 4)[1]
-    stirred = modes(twin).copy()
-    stirred[layout.DECAY] = 0.0
-    stirred[layout.V, : plan.count] += 1e-4 / np.arange(1, plan.count + 1) * np.cos(np.arange(plan.count))
-    return changed(twin, bank=stirred)
-
-
-def partials_off(twin: Twin, true: Floats) -> Floats:
-    sound = advance(twin, RATE)[0].microphones.astype(np.float64)
-    sound -= sound.mean(axis=1, keepdims=True)
-    both = sound[0] + 0.37 * sound[1]
-    return np.array([cents(frequency(both, f), f) for f in true])
 
 
 @pytest.mark.parametrize("hertz", [False, True], ids=["linear", "hertz"])

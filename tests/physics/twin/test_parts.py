@@ -14,6 +14,7 @@ from monochord.physics.twin.records import (
     DriverParameters,
     DriverState,
     KeyRecord,
+    LayerParameters,
     Motion,
     PreampState,
     dtype_of,
@@ -159,3 +160,42 @@ def test_microphones_mix_after_equation_5_and_preamplifiers_pass_their_band() ->
     assert first == pytest.approx(2.0 * (0.8 * 1.0 + 0.2 * 10.0))
     assert second == pytest.approx(3.0 * (0.3 * 1.0 + 0.7 * 10.0))
     assert [electronics.converted(v) for v in (-2.0, 0.3, 5.0)] == [-1.0, 0.3, 1.0]
+
+
+def layer(thickness: float = 2e-6, load: float = 0.01) -> Any:
+    return record(LayerParameters, thickness, load)
+
+
+@pytest.mark.parametrize("gap", [1e-9, 1e-7, 2e-6, 5e-5])
+def test_first_contact_with_a_rough_layer_solves_its_equation(gap: float) -> None:
+    def error(s: float) -> float:
+        eta = contact.approach(s, 1e4, K2, RESIDUAL, layer())
+        return eta + COMPLIANCE * contact.stored_energy(s, 1e4, K2, RESIDUAL, layer()) / (eta + 1e-5) - gap
+
+    true = brentq(error, 1e-12, np.sqrt(gap), xtol=1e-18)
+    s, eta, force = contact.solve(gap, COMPLIANCE, 3e-4, 0.0, -1e-5, 1e4, K2, RESIDUAL, 0.0, layer())
+    assert s == pytest.approx(true, rel=1e-7)
+    assert eta + COMPLIANCE * force == pytest.approx(gap, rel=1e-7)
+
+
+@pytest.mark.parametrize("beta", [0.0, 3e4])
+@pytest.mark.parametrize("load", [1e-4, 0.01, 1.0])
+def test_a_rough_layer_returns_the_energy_that_it_stored(beta: float, load: float) -> None:
+    s, eta, own = 0.0, -1e-6, layer(load=load)
+    for gap in np.random.default_rng(3).uniform(-2e-5, 6e-5, 300):
+        before, stored = eta, contact.stored_energy(s, 0.0, K2, RESIDUAL, own)
+        s, eta, force = contact.solve(gap, COMPLIANCE, max(s, 1e-4), s, eta, 0.0, K2, RESIDUAL, beta, own)
+        rise = contact.stored_energy(s, 0.0, K2, RESIDUAL, own) - stored
+        assert force >= 0.0
+        if beta == 0.0:
+            assert force * (eta - before) == pytest.approx(rise, rel=1e-5, abs=1e-14)
+        assert force * (eta - before) >= rise - 1e-5 * abs(rise) - 1e-14
+
+
+def test_a_rough_layer_stores_the_work_that_closes_it() -> None:
+    forces = np.linspace(0.0, 2.0, 20001)
+    closure = np.array([contact.layer_closure(force, layer()) for force in forces])
+    work = np.sum(0.5 * (forces[1:] + forces[:-1]) * np.diff(closure))
+    assert contact.layer_energy(2.0, layer()) == pytest.approx(work, rel=1e-6)
+    slope = np.diff(closure[-2:])[0] / np.diff(forces[-2:])[0]
+    assert contact.layer_compliance(2.0, layer()) == pytest.approx(slope, rel=1e-3)

@@ -16,6 +16,7 @@ from monochord.physics.theory.bounds import (
 from monochord.physics.theory.contact import (
     contact_width,
     hertz_stiffness,
+    line_stiffness,
     loaded_frequencies,
     mindlin_ratio,
     static_compliance,
@@ -67,6 +68,7 @@ __all__ = [
     "harmonic_frequencies",
     "hertz_stiffness",
     "inharmonicity",
+    "line_stiffness",
     "linear_tension",
     "loaded_frequencies",
     "locate_from_segments",

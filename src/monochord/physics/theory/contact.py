@@ -68,6 +68,48 @@ def hertz_stiffness(
     return (2.0 * math.pi * modulus / (3.0 * integral)) ** 1.5 * math.sqrt(major_per_force)
 
 
+def line_stiffness(
+    string: StringParams, width: Metres, young_modulus: Pascals, poisson_ratio: float
+) -> float:
+    """Return the contact stiffness of a string pressed against a flat object, which touches along a line.
+
+    f = k delta with k = pi E* w / 4: a cylinder that lies on a half-space over a length w. Two-dimensional
+    contact has no law of its own, as its approach depends on the size of the bodies by a logarithm; this one
+    is exact for the contact's one-dimensional image. Holds for a string that lies on evenly.
+
+    Parameters
+    ----------
+    string
+        The string, of steel: `young_modulus`, Poisson ratio 0.3.
+    width
+        Length of the line, w in m: above zero.
+    young_modulus, poisson_ratio
+        Of the object, as in `hertz_stiffness`.
+
+    Returns
+    -------
+    float
+        k in N/m.
+
+    Raises
+    ------
+    InputError
+        If the width, a modulus or the Poisson ratio is out of its range.
+
+    References
+    ----------
+    Popov (2010), Contact Mechanics and Friction, chapter 5: cylinders with parallel axes.
+
+    Examples
+    --------
+    >>> plain = StringParams(length=0.65, linear_density=3.978e-4, tension=73.0)
+    >>> f"{line_stiffness(plain, 2.0e-3, 2.0e9, 0.35):.2e}"
+    '3.54e+06'
+    """
+    refuse_not_positive(width=width)
+    return 0.25 * math.pi * _shared_modulus(string, young_modulus, poisson_ratio) * width
+
+
 def contact_width(
     string: StringParams, radius: Metres, young_modulus: Pascals, poisson_ratio: float, force: Number
 ) -> Number:
@@ -156,13 +198,18 @@ def _hertz(
 
     The long axis is half the ellipse's length, and A the lesser curvature of the gap A x^2 + B y^2.
     """
-    refuse_not_positive(young_modulus_of_the_string=string.young_modulus, young_modulus=young_modulus)
-    _refuse_poisson(poisson_ratio)
-    string_part = (1.0 - STEEL_POISSON_RATIO**2) / string.young_modulus
-    modulus = 1.0 / (string_part + (1.0 - poisson_ratio**2) / young_modulus)
+    modulus = _shared_modulus(string, young_modulus, poisson_ratio)
     squared, integral, part = _ellipse(string, radius)
     least_curvature = 0.5 / max(radius, outer_diameter(string) / 2.0)
     return modulus, squared, integral, 3.0 * part / (2.0 * math.pi * modulus * least_curvature)
+
+
+def _shared_modulus(string: StringParams, young_modulus: Pascals, poisson_ratio: float) -> Pascals:
+    """Return E* of string and object: 1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2."""
+    refuse_not_positive(young_modulus_of_the_string=string.young_modulus, young_modulus=young_modulus)
+    _refuse_poisson(poisson_ratio)
+    string_part = (1.0 - STEEL_POISSON_RATIO**2) / string.young_modulus
+    return 1.0 / (string_part + (1.0 - poisson_ratio**2) / young_modulus)
 
 
 def _refuse_poisson(poisson_ratio: float) -> None:

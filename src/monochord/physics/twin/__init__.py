@@ -6,8 +6,11 @@ here is simulated.
 
 from monochord.physics.twin.setup import (
     MAX_TOUCHES,
+    ContactLaw,
     Ebow,
     Key,
+    Mount,
+    MountMode,
     Outside,
     Pickups,
     Pluck,
@@ -20,9 +23,12 @@ from monochord.physics.twin.stream import Labels, Take, Twin, advance, advance_m
 
 __all__ = [
     "MAX_TOUCHES",
+    "ContactLaw",
     "Ebow",
     "Key",
     "Labels",
+    "Mount",
+    "MountMode",
     "Outside",
     "Pickups",
     "Pluck",

@@ -9,11 +9,16 @@ Over one step the elastic force is the rise of stored energy over the rise of et
 exactly under a held force, the stepping then neither adds nor removes energy (the discrete gradient of
 Gonzalez 1996, as for collisions in Bilbao, Torin and Chatziioannou 2015), and every step has one solution,
 however stiff. All is written in s = sqrt(delta), in which force, energy and eta are polynomials.
+
+A rough surface adds a layer in series, whose asperities close by u = u0 log(1 + f / F0): its stiffness grows
+as (f + F0) / u0, with the load (Persson 2006). It stores u0 (f - F0 log(1 + f / F0)), so that the discrete
+gradient holds with it too. A `layer` of None is left out where the function is compiled.
 """
 
 import numpy as np
 
 from monochord.physics.twin.jit import called, inlined
+from monochord.physics.twin.records import LayerParameters
 
 MAX_NEWTON = 60
 """Iterations of the bracketed Newton method; three or four are usual."""
@@ -25,6 +30,8 @@ BRACKETED_TOLERANCE, PLAIN_TOLERANCE = 1e-5, 1e-3
 """Relative step of s at which the bracketed and the plain iteration end; the error that remains is of its
 square. The plain one runs again in the same step once the string's stretch is known, and starts from its
 first result."""
+MAX_SERIES = 0.02
+"""Below this x, log(1 + x) / x is taken from its series of seven terms, to 2e-13."""
 
 
 @inlined
@@ -40,16 +47,72 @@ def stiffness(s: float, k1: float, k2: float) -> float:
 
 
 @inlined
-def stored_energy(s: float, k1: float, k2: float, residual: float) -> float:
-    """Return the energy in J stored in the contact and in the modes beyond the bank."""
-    force = elastic_force(s, k1, k2)
-    return s**4 * (0.5 * k1 + 0.4 * k2 * s) + 0.5 * residual * force * force
+def layer_closure(force: float, layer: LayerParameters) -> float:
+    """Return by how much a rough layer closes under a force, u in m."""
+    return layer.thickness * np.log(1.0 + force / layer.load)
 
 
 @inlined
-def approach(s: float, k1: float, k2: float, residual: float) -> float:
+def layer_compliance(force: float, layer: LayerParameters) -> float:
+    """Return du/df of a rough layer, in m/N."""
+    return layer.thickness / (layer.load + force)
+
+
+@inlined
+def layer_energy(force: float, layer: LayerParameters) -> float:
+    """Return the energy in J that a rough layer stores under a force."""
+    return layer.thickness * (force - layer.load * np.log(1.0 + force / layer.load))
+
+
+@inlined
+def _log_share(x: float) -> tuple[float, float]:
+    """Return log(1 + x) / x and its slope."""
+    if abs(x) < MAX_SERIES:
+        tail = 1.0 / 4.0 - x * (1.0 / 5.0 - x * (1.0 / 6.0 - x / 7.0))
+        tail_slope = 3.0 / 4.0 - x * (4.0 / 5.0 - x * (5.0 / 6.0))
+        return 1.0 - x * (0.5 - x * (1.0 / 3.0 - x * tail)), -0.5 + x * (2.0 / 3.0 - x * tail_slope)
+    share = np.log(1.0 + x) / x
+    return share, (1.0 / (1.0 + x) - share) / x
+
+
+@inlined
+def _layer_secants(
+    f: float, f_old: float, f_slope: float, secant: float, secant_slope: float, layer: LayerParameters
+) -> tuple[float, float, float, float]:
+    """Return the mean slopes by s of a layer's closure and energy from the old force on, each with its own.
+
+    `secant` is (f - f_old) / (s - s_old). Written by log(1 + x) / x, x = (f - f_old) / (F0 + f_old), they are
+    free of cancellation.
+    """
+    whole = layer.load + f_old
+    share, bend = _log_share((f - f_old) / whole)
+    bend *= f_slope / whole
+    u0, rest = layer.thickness, layer.load / whole
+    closure, closure_slope = u0 / whole * secant * share, u0 / whole * (secant_slope * share + secant * bend)
+    energy = u0 * secant * (1.0 - rest * share)
+    energy_slope = u0 * (secant_slope * (1.0 - rest * share) - secant * rest * bend)
+    return closure, closure_slope, energy, energy_slope
+
+
+@inlined
+def stored_energy(
+    s: float, k1: float, k2: float, residual: float, layer: LayerParameters | None = None
+) -> float:
+    """Return the energy in J stored in the contact, its layer and the modes beyond the bank."""
+    force = elastic_force(s, k1, k2)
+    stored = s**4 * (0.5 * k1 + 0.4 * k2 * s) + 0.5 * residual * force * force
+    if layer is not None:
+        stored += layer_energy(force, layer)
+    return stored
+
+
+@inlined
+def approach(s: float, k1: float, k2: float, residual: float, layer: LayerParameters | None = None) -> float:
     """Return eta in m at compression s^2."""
-    return s * s + residual * elastic_force(s, k1, k2)
+    eta = s * s + residual * elastic_force(s, k1, k2)
+    if layer is not None:
+        eta += layer_closure(elastic_force(s, k1, k2), layer)
+    return eta
 
 
 @called
@@ -68,16 +131,26 @@ def static_root(force: float, k1: float, k2: float) -> float:
 
 @called
 def _mean_force(
-    s: float, s_old: float, eta_old: float, k1: float, k2: float, residual: float, beta: float
+    s: float,
+    s_old: float,
+    eta_old: float,
+    k1: float,
+    k2: float,
+    residual: float,
+    beta: float,
+    layer: LayerParameters | None,
 ) -> tuple[float, float, float, float]:
     """Return the mean force over a step that ends at s, its slope, and eta and its slope there."""
     f, f_old = elastic_force(s, k1, k2), elastic_force(s_old, k1, k2)
     f_slope = s * (2.0 * k1 + 3.0 * k2 * s)
     eta = s * s + residual * f
     eta_slope = 2.0 * s + residual * f_slope
+    if layer is not None:
+        eta += layer_closure(f, layer)
+        eta_slope += layer.thickness * f_slope / (layer.load + f)
     if eta_old < 0.0:
         travel = eta - eta_old
-        force = stored_energy(s, k1, k2, residual) / travel
+        force = stored_energy(s, k1, k2, residual, layer) / travel
         slope = eta_slope * (f - force) / travel
     else:
         secant = k1 * (s + s_old) + k2 * (s * s + s * s_old + s_old * s_old)
@@ -93,8 +166,17 @@ def _mean_force(
             + 0.4 * k2 * (4.0 * s**3 + 3.0 * s * s * s_old + 2.0 * s * s_old * s_old + s_old**3)
             + 0.5 * residual * (f_slope * secant + (f + f_old) * secant_slope)
         )
+        travel_slope = 1.0 + residual * secant_slope
+        if layer is not None:
+            more, more_slope, energy, energy_slope = _layer_secants(
+                f, f_old, f_slope, secant, secant_slope, layer
+            )
+            travel += more
+            travel_slope += more_slope
+            rise += energy
+            rise_slope += energy_slope
         force = rise / travel
-        slope = (rise_slope - force * (1.0 + residual * secant_slope)) / travel
+        slope = (rise_slope - force * travel_slope) / travel
     squeezed = s * s - s_old * s_old
     force += 0.5 * beta * (f + f_old) * squeezed
     slope += 0.5 * beta * (f_slope * squeezed + (f + f_old) * 2.0 * s)
@@ -113,6 +195,7 @@ def _solve_plain(
     k2: float,
     residual: float,
     beta: float,
+    layer: LayerParameters | None,
 ) -> tuple[float, float]:
     """Solve a contact that continues by Newton's method alone; s is 0 if that fails.
 
@@ -137,6 +220,16 @@ def _solve_plain(
             + 0.4 * k2 * (s * (4.0 * s * s + s_old * (3.0 * s + 2.0 * s_old)) + square * s_old)
             + 0.5 * residual * (f_slope * secant + (f + f_old) * secant_slope)
         )
+        if layer is not None:
+            eta += layer_closure(f, layer)
+            eta_slope += layer.thickness * f_slope / (layer.load + f)
+            more, more_slope, energy, energy_slope = _layer_secants(
+                f, f_old, f_slope, secant, secant_slope, layer
+            )
+            travel += more
+            travel_slope += more_slope
+            rise += energy
+            rise_slope += energy_slope
         damped = 0.5 * beta * (s * s - square)
         damped_slope = beta * s
         rise += damped * (f + f_old) * travel
@@ -147,7 +240,7 @@ def _solve_plain(
         change = error / (eta_slope * travel + (eta - gap) * travel_slope + compliance * rise_slope)
         s -= change
         if abs(change) <= PLAIN_TOLERANCE * s:
-            return s, approach(s, k1, k2, residual)
+            return s, approach(s, k1, k2, residual, layer)
     return 0.0, 0.0
 
 
@@ -182,12 +275,13 @@ def _solve_bracketed(
     k2: float,
     residual: float,
     beta: float,
+    layer: LayerParameters | None,
 ) -> tuple[float, float, float]:
     """Solve a contact that begins, ends or continues, by Newton's method in a bracket; see `solve`."""
-    stored = stored_energy(s_old, k1, k2, residual)
+    stored = stored_energy(s_old, k1, k2, residual, layer)
     ends = gap <= 0.0
     if not ends and s_old > 0.0:
-        force, _, _, _ = _mean_force(0.0, s_old, eta_old, k1, k2, residual, beta)
+        force, _, _, _ = _mean_force(0.0, s_old, eta_old, k1, k2, residual, beta, layer)
         ends = compliance * force >= gap
     if ends:
         far = eta_old - gap
@@ -197,7 +291,7 @@ def _solve_bracketed(
     s = min(start, high) if start > 0.0 else high
     force, eta = 0.0, 0.0
     for _ in range(MAX_NEWTON):
-        force, slope, eta, eta_slope = _mean_force(s, s_old, eta_old, k1, k2, residual, beta)
+        force, slope, eta, eta_slope = _mean_force(s, s_old, eta_old, k1, k2, residual, beta, layer)
         error = eta + compliance * force - gap
         if error > 0.0:
             high = s
@@ -226,6 +320,7 @@ def solve(
     k2: float,
     residual: float,
     beta: float,
+    layer: LayerParameters | None = None,
 ) -> tuple[float, float, float]:
     """Solve one step of a contact: eta + compliance force(eta) = gap.
 
@@ -245,6 +340,8 @@ def solve(
         Compliance of the modes beyond the bank, R in m/N.
     beta
         Hunt-Crossley's beta over the time step, in 1/m.
+    layer
+        The rough layer, if there is one.
 
     Returns
     -------
@@ -254,8 +351,8 @@ def solve(
     if gap <= 0.0 and s_old == 0.0:
         return 0.0, gap, 0.0
     if gap > 0.0 and s_old > 0.0 and start > 0.0:
-        s, eta = _solve_plain(gap, compliance, start, s_old, k1, k2, residual, beta)
+        s, eta = _solve_plain(gap, compliance, start, s_old, k1, k2, residual, beta, layer)
         force = (gap - eta) / compliance
         if s > 0.0 and force >= 0.0:
             return s, eta, force
-    return _solve_bracketed(gap, compliance, start, s_old, eta_old, k1, k2, residual, beta)
+    return _solve_bracketed(gap, compliance, start, s_old, eta_old, k1, k2, residual, beta, layer)

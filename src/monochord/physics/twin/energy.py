@@ -9,6 +9,7 @@ from monochord.physics.twin.records import (
     Constants,
     ContactState,
     Parameters,
+    Plausible,
     SensorState,
     State,
     TouchParameters,
@@ -24,8 +25,10 @@ def energy(twin: Twin) -> float:
     over the modes of both polarisations, with omega at the tension that the propagators hold, S the stretch
     sum of weights times q^2, and d the excess of that tension over that of a string which does not stretch. A
     contact stores k1 delta^2 / 2 + 2 k2 delta^(5/2) / 5, the modes beyond the bank R f^2 / 2, the bristles
-    sigma z^2 / 2. This is what the scheme conserves: without losses and drivers, under objects at rest, it is
-    constant up to rounding and to the error of a step's iteration (`tolerance` of `begin`).
+    sigma z^2 / 2. What holds an object stores sum m/2 (v^2 + omega^2 q^2) in its modes and R f^2 / 2 in its
+    spring, a rough layer u0 (f - F0 log(1 + f / F0)). This is what the scheme conserves: without losses and
+    drivers, under objects at rest, it is constant up to rounding and to the error of a step's iteration
+    (`tolerance` of `begin`).
 
     Parameters
     ----------
@@ -78,4 +81,11 @@ def energy(twin: Twin) -> float:
         force = k1 * delta + k2 * delta**1.5
         total += 0.5 * k1 * delta**2 + 0.4 * k2 * delta**2.5 + 0.5 * own.residual_compliance * force**2
         total += 0.5 * own.bristle_stiffness * (own.z**2 + own.z_along**2)
+    if twin.plausible is not None:
+        more = Plausible(*(array[0] for array in twin.plausible))
+        modes = more.mount_modes
+        total += 0.5 * float(np.sum(modes["mass"] * (modes["v"] ** 2 + modes["square"] * modes["q"] ** 2)))
+        for own, touch, layer in zip(state.contact, parameters.touches, more.layers, strict=True):
+            force = touch.k1 * own.s**2 + touch.k2 * own.s**3
+            total += layer.thickness * (force - layer.load * np.log1p(force / layer.load))
     return float(total)

@@ -6,6 +6,9 @@ position (a discrete gradient, so that energy is conserved), which makes the tou
 the tension is known; the tension is found by iteration, and converges in two or three rounds because it is
 small.
 
+What the world `plausible` adds stands in branches on `plausible`, which is None for an ideal twin: its kernel
+is compiled without them.
+
 At every control update, `CONTROL_PERIOD` steps apart, the touches' motion is read: position, force, clearance
 and speed run linearly between keys. A force is converted to the depth at which a string at rest would press
 back with it; the string then decides what force there really is.
@@ -19,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from monochord.core.types import Floats
-from monochord.physics.twin import contact, electronics, friction, jit, records, roughness, string
+from monochord.physics.twin import contact, electronics, friction, jit, mount, records, roughness, string
 from monochord.physics.twin.jit import called, exact, inlined
 from monochord.physics.twin.records import (
     CONTACT_HOLD,
@@ -50,9 +53,11 @@ from monochord.physics.twin.records import (
     ContactSolution,
     ContactState,
     Integers,
+    LayerParameters,
     Motion,
     Out,
     Parameters,
+    Plausible,
     Records,
     SensorState,
     State,
@@ -95,14 +100,23 @@ def cross_compliance(a: float, b: float, length: float, tension: float) -> float
 
 @called
 def surface_depth(
-    force: float, k1: float, k2: float, static: float, others: float, clearance: float
+    force: float,
+    k1: float,
+    k2: float,
+    static: float,
+    others: float,
+    clearance: float,
+    layer: LayerParameters | None = None,
 ) -> float:
     """Return the depth in m of a surface that presses with a force on a string of static compliance in m/N.
 
     `others` is the deflection that other touches cause there, in m.
     """
     s = contact.static_root(force, k1, k2)
-    return s * s + static * force + others - clearance
+    depth = s * s + static * force + others - clearance
+    if layer is not None:
+        depth += contact.layer_closure(force, layer)
+    return depth
 
 
 @inlined
@@ -179,8 +193,21 @@ def _update_motion(sensor: Parameters, state: State, index: int) -> tuple[float,
     return tension, moves, moved
 
 
+@inlined
+def _set_bristles(
+    touch: TouchParameters, own: ContactState, load: float, step: float, layer: LayerParameters | None
+) -> None:
+    """Fill stiffness and damping of a touch's bristles under a press in N; a layer yields both ways."""
+    k1, k2 = touch.k1, touch.k2
+    normal = contact.stiffness(contact.static_root(load, k1, k2), k1, k2)
+    if layer is not None:
+        normal = 1.0 / (1.0 / normal + contact.layer_compliance(load, layer))
+    own.bristle_stiffness = 1.0 / (1.0 / (touch.tangential_ratio * normal) + own.residual_compliance)
+    own.bristle_damping = touch.beta * load / step
+
+
 @called
-def _prepare_touch(sensor: Parameters, state: State, size: int, t: int) -> None:
+def _prepare_touch(sensor: Parameters, state: State, plausible: Plausible | None, size: int, t: int) -> None:
     """At a control update: a touch's depth, its modes' shapes, its residual compliance and its bristles."""
     constants: Constants = sensor.constants
     touch: TouchParameters = sensor.touches[t]
@@ -197,7 +224,10 @@ def _prepare_touch(sensor: Parameters, state: State, size: int, t: int) -> None:
                 ahead.position, state.ahead[o].position, length, tension
             )
     static = interpolated(sensor.compliance[t], ahead.position / length) * ratio
-    ahead.depth = surface_depth(ahead.force, k1, k2, static, others, ahead.clearance)
+    if plausible is not None:
+        static += plausible.mounts[t].static
+    layer = None if plausible is None else plausible.layers[t]
+    ahead.depth = surface_depth(ahead.force, k1, k2, static, others, ahead.clearance, layer)
     string.fill_shape(bank, size, row, now.position / length, sensor.weights[t])
     if ahead.position != now.position:
         string.fill_shape(bank, size, row + 1, ahead.position / length, sensor.weights[t])
@@ -208,12 +238,11 @@ def _prepare_touch(sensor: Parameters, state: State, size: int, t: int) -> None:
     modal = string.static_compliance(bank, size, row, tension, constants.mass)
     here = interpolated(sensor.compliance[t], now.position / length) * ratio
     own.residual_compliance = max(0.0, here - modal)
+    if plausible is not None:
+        own.residual_compliance += plausible.mounts[t].spring
     if own.s > 0.0:
-        own.eta = contact.approach(own.s, k1, k2, own.residual_compliance)
-    load = max(now.force, MIN_BRISTLE_FORCE)
-    normal = contact.stiffness(contact.static_root(load, k1, k2), k1, k2)
-    own.bristle_stiffness = 1.0 / (1.0 / (touch.tangential_ratio * normal) + own.residual_compliance)
-    own.bristle_damping = touch.beta * load / constants.step
+        own.eta = contact.approach(own.s, k1, k2, own.residual_compliance, layer)
+    _set_bristles(touch, own, max(now.force, MIN_BRISTLE_FORCE), constants.step, layer)
     if own.time_off >= CONTACT_HOLD and touch.roughness > 0.0:
         scale = 1.0 / touch.roughness_length
         own.height = touch.roughness * roughness.height(
@@ -224,7 +253,9 @@ def _prepare_touch(sensor: Parameters, state: State, size: int, t: int) -> None:
 
 
 @called
-def _update_controls(sensor: Parameters, state: State, size: int, index: int) -> None:
+def _update_controls(
+    sensor: Parameters, state: State, plausible: Plausible | None, size: int, index: int
+) -> None:
     """At a control update: read the touches' motion, tune the string, and move the drivers' switches."""
     constants: Constants = sensor.constants
     memory: SensorState = state.memory
@@ -240,7 +271,7 @@ def _update_controls(sensor: Parameters, state: State, size: int, index: int) ->
         changed = True
     if changed:
         for t in range(len(sensor.touches)):
-            _prepare_touch(sensor, state, size, t)
+            _prepare_touch(sensor, state, plausible, size, t)
     largest = CONTROL_PERIOD * constants.step / SWITCHING_TIME
     for d in range(2):
         gate, wanted = state.drivers[d].gate, sensor.drivers[d].on
@@ -310,20 +341,32 @@ def _rub(
 
 @inlined
 def _predict(
-    bank: Floats, size: int, step: float, touch: TouchParameters, own: ContactState, solution: ContactSolution
+    bank: Floats,
+    size: int,
+    step: float,
+    touch: TouchParameters,
+    own: ContactState,
+    solution: ContactSolution,
+    plausible: Plausible | None,
+    t: int,
 ) -> float:
     """Predict the selected touch's force in a step, and return what it adds to the stretch sum, in m^2."""
     height, compliance, cross, square = string.predict(bank, size)
+    layer = None if plausible is None else plausible.layers[t]
+    if plausible is not None:
+        compliance += plausible.mounts[t].held
     gap = solution.surface - height
     k1, k2, residual, beta = touch.k1, touch.k2, own.residual_compliance, touch.beta / step
     s = contact.initial_guess(gap, compliance, own.s, own.eta, k1, k2)
-    solution.s, _, load = contact.solve(gap, compliance, s, own.s, own.eta, k1, k2, residual, beta)
+    solution.s, _, load = contact.solve(gap, compliance, s, own.s, own.eta, k1, k2, residual, beta, layer)
     solution.force = load
     return load * (2.0 * cross + load * square)
 
 
 @inlined
-def _move_touches(sensor: Parameters, state: State, size: int, past: float) -> float:
+def _move_touches(
+    sensor: Parameters, state: State, plausible: Plausible | None, size: int, past: float
+) -> float:
     """Move the touches to a share of the control period; return what they will add to the stretch sum."""
     bank, count, step = state.bank, len(sensor.touches), sensor.constants.step
     added = 0.0
@@ -339,15 +382,17 @@ def _move_touches(sensor: Parameters, state: State, size: int, past: float) -> f
             string.select_touch(bank, size, string.row_of(t))
         rolls = sensor.touches[t].rolls
         solution.surface = now.depth + past * (ahead.depth - now.depth) + own.height
+        if plausible is not None:
+            solution.surface -= mount.propagate(plausible.mount_modes[t])
         solution.speed_along = (1.0 - rolls) * travel / (CONTROL_PERIOD * step)
         solution.rolled = rolls * travel / CONTROL_PERIOD
         solution.force_across = 0.0
-        added += _predict(bank, size, step, sensor.touches[t], own, solution)
+        added += _predict(bank, size, step, sensor.touches[t], own, solution, plausible, t)
     return added
 
 
 @inlined
-def _find_compliances(sensor: Parameters, state: State, size: int) -> None:
+def _find_compliances(sensor: Parameters, state: State, plausible: Plausible | None, size: int) -> None:
     """Fill where the string would be at every touch, and the compliance from each touch to each."""
     bank, mutual = state.bank, state.mutual
     count = len(sensor.touches)
@@ -359,6 +404,8 @@ def _find_compliances(sensor: Parameters, state: State, size: int) -> None:
         solution.free_height, solution.free_across, mutual[0, t, t], mutual[1, t, t] = string.free_response(
             bank, size
         )
+        if plausible is not None:
+            mutual[0, t, t] += plausible.mounts[t].held
         for o in range(t):
             normal, tangential = string.mutual_compliance(bank, size, row, string.row_of(o))
             mutual[0, t, o], mutual[0, o, t] = normal, normal
@@ -366,12 +413,13 @@ def _find_compliances(sensor: Parameters, state: State, size: int) -> None:
 
 
 @inlined
-def _solve_touch(sensor: Parameters, state: State, t: int, turn: int) -> float:
+def _solve_touch(sensor: Parameters, state: State, plausible: Plausible | None, t: int, turn: int) -> float:
     """Solve one touch under the others' forces; return by how much its own changed, in N."""
     mutual = state.mutual
     own: ContactState = state.contact[t]
     touch: TouchParameters = sensor.touches[t]
     solution: ContactSolution = state.solution[t]
+    layer = None if plausible is None else plausible.layers[t]
     height, across = solution.free_height, solution.free_across
     for o in range(len(sensor.touches)):
         if o != t:
@@ -388,6 +436,7 @@ def _solve_touch(sensor: Parameters, state: State, t: int, turn: int) -> float:
         touch.k2,
         own.residual_compliance,
         touch.beta / sensor.constants.step,
+        layer,
     )
     if turn == 0:
         _rub(sensor.constants, touch, own, state.motion[t], solution, across, mutual[1, t, t])
@@ -395,17 +444,19 @@ def _solve_touch(sensor: Parameters, state: State, t: int, turn: int) -> float:
 
 
 @inlined
-def _solve_touches(sensor: Parameters, state: State, size: int, turn: int) -> float:
+def _solve_touches(
+    sensor: Parameters, state: State, plausible: Plausible | None, size: int, turn: int
+) -> float:
     """Solve all touches together and apply their forces; return the stretch sum in m^2.
 
     Friction is solved in the first turn of the iteration for the tension, and held in those that follow.
     """
     bank, count = state.bank, len(sensor.touches)
-    _find_compliances(sensor, state, size)
+    _find_compliances(sensor, state, plausible, size)
     for _ in range(MAX_CONTACT_SWEEPS):
         change, largest = 0.0, 0.0
         for t in range(count):
-            change = max(change, _solve_touch(sensor, state, t, turn))
+            change = max(change, _solve_touch(sensor, state, plausible, t, turn))
             largest = max(largest, state.solution[t].force)
         if count == 1 or change <= FORCE_TOLERANCE * largest:
             break
@@ -470,7 +521,9 @@ def _keep_contact(
 
 
 @inlined
-def _solve_tension(sensor: Parameters, state: State, size: int, guess: float, included: float) -> float:
+def _solve_tension(
+    sensor: Parameters, state: State, plausible: Plausible | None, size: int, guess: float, included: float
+) -> float:
     """Find tension and touches that agree, from a guess of the stretch sum; return the extra tension in N.
 
     The residual of a guess changes from step to step by nearly the same slope, from which the next guess
@@ -491,7 +544,7 @@ def _solve_tension(sensor: Parameters, state: State, size: int, guess: float, in
         stretch = string.apply_tension(bank, size, tension, memory.max_q_tension)
         memory.iterations += 1.0
         if len(sensor.touches) > 0:
-            stretch = _solve_touches(sensor, state, size, turn)
+            stretch = _solve_touches(sensor, state, plausible, size, turn)
         if turn == 1 and abs(guess - last_guess) > MIN_GUESS_CHANGE * stretch:
             slope = (stretch - last_stretch) / (guess - last_guess)
         if constants.linear_law == 1 or abs(stretch - guess) <= constants.stretch_tolerance * stretch:
@@ -510,7 +563,7 @@ def _solve_tension(sensor: Parameters, state: State, size: int, guess: float, in
 
 
 @inlined
-def _step(sensor: Parameters, state: State, size: int, index: int) -> None:
+def _step(sensor: Parameters, state: State, plausible: Plausible | None, size: int, index: int) -> None:
     """Take one step of the whole sensor."""
     constants: Constants = sensor.constants
     memory: SensorState = state.memory
@@ -528,8 +581,8 @@ def _step(sensor: Parameters, state: State, size: int, index: int) -> None:
     included = memory.tuned_tension - constants.tension - drift
     if constants.linear_law == 0:
         guess -= yields * (constants.tension_per_stretch * (memory.stretch + guess) - 2.0 * included)
-    guess += _move_touches(sensor, state, size, (index % CONTROL_PERIOD + 1.0) / CONTROL_PERIOD)
-    tension = _solve_tension(sensor, state, size, max(0.0, guess), included)
+    guess += _move_touches(sensor, state, plausible, size, (index % CONTROL_PERIOD + 1.0) / CONTROL_PERIOD)
+    tension = _solve_tension(sensor, state, plausible, size, max(0.0, guess), included)
     memory.coil_speed_1, memory.coil_speed_2, memory.end_force_1, memory.end_force_2 = string.finish_step(
         bank, size, tension
     )
@@ -537,6 +590,8 @@ def _step(sensor: Parameters, state: State, size: int, index: int) -> None:
         _keep_contact(
             sensor.touches[t], state.contact[t], state.solution[t], constants.step, constants.seed, t
         )
+        if plausible is not None:
+            mount.push(plausible.mount_modes[t], state.solution[t].force)
 
 
 @inlined
@@ -601,22 +656,22 @@ def _write_frame(sensor: Parameters, state: State, out: Out, frame: int, index: 
     out.settled[frame] = int(memory.settled)
 
 
-FILES = (sys.modules[__name__], contact, electronics, friction, jit, records, roughness, string)
+FILES = (sys.modules[__name__], contact, electronics, friction, jit, mount, records, roughness, string)
 FINGERPRINT = jit.fingerprint(FILES)
 
 
 @cache
 def kernel(
     size: int, fingerprint: int = FINGERPRINT
-) -> Callable[[Parameters, State, Out, Integers, int, int], int]:
-    """Return the kernel for banks of `size` modes a row, compiled on its first call for that size.
+) -> Callable[[Parameters, State, Plausible | None, Out, Integers, int, int], int]:
+    """Return the kernel for banks of `size` modes a row, compiled on its first call for that size and world.
 
     It runs sensors `first` to `stop` of a batch for as many frames as the output has room for, each from its
     own frame of `starts` on. `fingerprint` puts the text of all files into the cache's key.
     """
 
     @jit.COMPILE(cache=True, fastmath=jit.FAST, error_model="numpy", nogil=True, _nrt=False)
-    def run(many: Any, states: Any, outs: Any, starts: Integers, first: int, stop: int) -> int:
+    def run(many: Any, states: Any, more: Any, outs: Any, starts: Integers, first: int, stop: int) -> int:
         for i in range(first, stop):
             sensor = Parameters(
                 many.constants[i], many.drivers[i], many.pickup[i], many.sound[i], many.touches[i],
@@ -626,6 +681,9 @@ def kernel(
                 states.bank[i], states.contact[i], states.motion[i], states.ahead[i], states.drivers[i],
                 states.preamps[i], states.memory[i], states.solution[i], states.mutual[i],
             )  # fmt: skip
+            plausible = None
+            if more is not None:
+                plausible = Plausible(more.layers[i], more.mounts[i], more.mount_modes[i])
             out = Out(
                 outs.microphones[i], outs.contact[i], outs.position[i], outs.force[i], outs.reaction[i],
                 outs.slip[i], outs.across[i], outs.along[i], outs.friction[i], outs.settled[i],
@@ -635,8 +693,8 @@ def kernel(
                 for sub in range(oversampling):
                     index = (starts[i] + frame) * oversampling + sub
                     if index % CONTROL_PERIOD == 0:
-                        _update_controls(sensor, state, size, index)
-                    _step(sensor, state, size, index)
+                        _update_controls(sensor, state, plausible, size, index)
+                    _step(sensor, state, plausible, size, index)
                 _write_frame(sensor, state, out, frame, starts[i] + frame)
         return fingerprint
 

@@ -123,6 +123,46 @@ class TouchParameters:
     """Keys of its motion; the rest of its row is padding."""
 
 
+class LayerParameters:
+    """A rough layer between object and string, u = u0 log(1 + f / F0)."""
+
+    thickness: float
+    """u0 in m; zero for none."""
+    load: float
+    """F0 in N."""
+
+
+class MountParameters:
+    """What holds an object: compliances in m/N at the place where it touches."""
+
+    spring: float
+    """Of all that follows a force without delay."""
+    static: float
+    """Of the modes and the spring, under a lasting force."""
+    held: float
+    """Of the modes over a step: what a newton held over it moves the object."""
+
+
+class MountOscillator:
+    """A mode of object, gripper and frame where the object touches: its propagator, and its state."""
+
+    mass: float
+    square: float
+    """Modal mass in kg, and omega^2."""
+    q_q: float
+    q_v: float
+    v_q: float
+    v_v: float
+    q_force: float
+    v_force: float
+    """New q and v a unit of q, v and held force."""
+    q: float
+    v: float
+    """How far the object has given way to the string, in m, and its speed."""
+    v_free: float
+    """Its speed after the step, without a force in it."""
+
+
 class KeyRecord:
     """A key of a touch's motion: s, m, N, m above the string at rest, m/s across it."""
 
@@ -313,6 +353,21 @@ class State(NamedTuple):
     """(2, touches, touches): compliance between touches over a step, normal and tangential, in m/N."""
 
 
+class Plausible(NamedTuple):
+    """What the world `plausible` adds to a sensor and its touches: parameters and state; batched likewise.
+
+    It is None for an ideal twin, and the kernel is compiled anew for it: to the last bit, an ideal twin is
+    what it would be if none of this were here.
+    """
+
+    layers: Records
+    """(touches,) `LayerParameters`."""
+    mounts: Records
+    """(touches,) `MountParameters`."""
+    mount_modes: Records
+    """(touches, `MAX_MOUNT_MODES`) `MountOscillator`; those that an object lacks stay at rest."""
+
+
 class Out(NamedTuple):
     """What is recorded and what is true, a value a frame; of labels (touches, n), `settled` (n,)."""
 
@@ -358,6 +413,9 @@ def rows(touches: int) -> int:
     """
     return SHAPE + ROWS_A_TOUCH * touches
 
+
+MAX_MOUNT_MODES = 3
+"""Modes of object, gripper and frame under a touch."""
 
 NONE, STICK, CREEP, SLIDE = range(4)
 """States of friction."""

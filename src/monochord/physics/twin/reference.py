@@ -8,7 +8,7 @@ changes, where the kernel predicts, corrects and stops early.
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import exp, floor, hypot, pi, sqrt
+from math import exp, floor, hypot, log1p, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -23,10 +23,13 @@ from monochord.physics.twin.records import (
     ContactState,
     DriverParameters,
     DriverState,
+    LayerParameters,
     Motion,
+    MountParameters,
     Out,
     Parameters,
     PickupParameters,
+    Plausible,
     PreampState,
     SensorState,
     State,
@@ -71,6 +74,8 @@ def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     sensor = Parameters(*(array[0] for array in twin.parameters))
     batch = State(*(array.copy() for array in twin.state))
     state = State(*(array[0] for array in batch))
+    more = None if twin.plausible is None else Plausible(*(array.copy() for array in twin.plausible))
+    plausible = None if more is None else Plausible(*(array[0] for array in more))
     bank = state.bank.reshape(r.rows(len(twin.scene.touches)), -1)
     batched_out = empty_out(1, len(twin.scene.touches), frames)
     out = Out(*(array[0] for array in batched_out))
@@ -78,13 +83,15 @@ def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     for frame in range(frames):
         for index in range((twin.start + frame) * oversampling, (twin.start + frame + 1) * oversampling):
             if index % r.CONTROL_PERIOD == 0:
-                _update_controls(sensor, state, bank, index)
-            _step(sensor, state, bank, index)
+                _update_controls(sensor, state, plausible, bank, index)
+            _step(sensor, state, plausible, bank, index)
         _write_frame(sensor, state, bank, out, frame, twin.start + frame)
-    return take_of(batched_out, 0), replace(twin, start=twin.start + frames, state=batch)
+    return take_of(batched_out, 0), replace(twin, start=twin.start + frames, state=batch, plausible=more)
 
 
-def _update_controls(sensor: Parameters, state: State, bank: Floats, index: int) -> None:
+def _update_controls(
+    sensor: Parameters, state: State, plausible: Plausible | None, bank: Floats, index: int
+) -> None:
     """At a control update: where touches will be at the next, the tension, and the compliances."""
     constants: Constants = sensor.constants
     memory: SensorState = state.memory
@@ -108,7 +115,7 @@ def _update_controls(sensor: Parameters, state: State, bank: Floats, index: int)
         memory.tuned_tension, memory.max_q_tension = tension, bank[r.Q_TENSION].max()
 
     for t in touches:
-        _prepare_touch(sensor, state, bank, t, tension)
+        _prepare_touch(sensor, state, plausible, bank, t, tension)
     largest = r.CONTROL_PERIOD * constants.step / r.SWITCHING_TIME
     gates = state.drivers["gate"]
     state.drivers["gate"] = gates + np.clip(sensor.drivers["on"] - gates, -largest, largest)
@@ -116,7 +123,9 @@ def _update_controls(sensor: Parameters, state: State, bank: Floats, index: int)
         memory.steady_time, memory.settled = 0.0, 0.0
 
 
-def _prepare_touch(sensor: Parameters, state: State, bank: Floats, t: int, tension: float) -> None:
+def _prepare_touch(
+    sensor: Parameters, state: State, plausible: Plausible | None, bank: Floats, t: int, tension: float
+) -> None:
     """Fill a touch's depth, its modes' shapes, its residual compliance and its bristles."""
     constants: Constants = sensor.constants
     touch: TouchParameters = sensor.touches[t]
@@ -136,8 +145,10 @@ def _prepare_touch(sensor: Parameters, state: State, bank: Floats, t: int, tensi
         for o, other in enumerate(state.ahead)
         if o != t
     )
+    layer, mount = _layer(plausible, t), _mount(plausible, t)
     s = _compressed(ahead.force, k1, k2)
     ahead.depth = s * s + static_ahead * ahead.force + others - ahead.clearance
+    ahead.depth += mount.static * ahead.force + _closed(ahead.force, layer)
     row = r.SHAPE + r.ROWS_A_TOUCH * t
     half = bank.shape[1] // 2
     n = np.arange(1, half + 1)
@@ -150,14 +161,33 @@ def _prepare_touch(sensor: Parameters, state: State, bank: Floats, t: int, tensi
     own.residual_compliance = max(
         0.0, static_now - float(np.sum(shape**2 / (constants.mass * square[oscillates])))
     )
+    own.residual_compliance += mount.spring
     if own.s > 0.0:
-        own.eta = _approach(own.s, k1, k2, own.residual_compliance)
+        own.eta = _approach(own.s, k1, k2, own.residual_compliance, layer)
     load = max(now.force, r.MIN_BRISTLE_FORCE)
     normal = k1 + 1.5 * k2 * _compressed(load, k1, k2)
+    normal = 1.0 / (1.0 / normal + layer.thickness / (layer.load + load))
     own.bristle_stiffness = 1.0 / (1.0 / (touch.tangential_ratio * normal) + own.residual_compliance)
     own.bristle_damping = touch.beta * load / constants.step
     if own.time_off >= r.CONTACT_HOLD:
         own.height = _height(touch, own, _surface_seed(constants, t))
+
+
+def _layer(plausible: Plausible | None, t: int) -> Any:
+    """Return a touch's `LayerParameters`, of no thickness in an ideal twin."""
+    return (
+        np.array([(0.0, 1.0)], r.dtype_of(LayerParameters))[0] if plausible is None else plausible.layers[t]
+    )
+
+
+def _mount(plausible: Plausible | None, t: int) -> Any:
+    """Return a touch's `MountParameters`, rigid in an ideal twin."""
+    return np.zeros(1, r.dtype_of(MountParameters))[0] if plausible is None else plausible.mounts[t]
+
+
+def _closed(force: float, layer: LayerParameters) -> float:
+    """Return by how much a rough layer closes, in m."""
+    return layer.thickness * log1p(force / layer.load)
 
 
 def _drifted(constants: Constants, index: int) -> float:
@@ -192,7 +222,7 @@ def _tune(bank: Floats, constants: Constants, tension: float) -> None:
     bank[r.V_TENSION, own] = bank[r.V_FORCE, own] * stretch * constants.tension_gain
 
 
-def _step(sensor: Parameters, state: State, bank: Floats, index: int) -> None:
+def _step(sensor: Parameters, state: State, plausible: Plausible | None, bank: Floats, index: int) -> None:
     """Take one step: hold the drivers' forces, propagate every mode, then solve tension and touches."""
     constants: Constants = sensor.constants
     memory: SensorState = state.memory
@@ -208,19 +238,7 @@ def _step(sensor: Parameters, state: State, bank: Floats, index: int) -> None:
     q_free = bank[r.Q_Q] * q + bank[r.Q_V] * v + bank[r.Q_FORCE] * push
     v_free = bank[r.V_Q] * q + bank[r.V_V] * v + bank[r.V_FORCE] * push
 
-    past = (index % r.CONTROL_PERIOD + 1.0) / r.CONTROL_PERIOD
-    solutions = np.zeros(count, r.dtype_of(ContactSolution))
-    for t in range(count):
-        solution: ContactSolution = solutions[t]
-        now: Motion = state.motion[t]
-        ahead: Motion = state.ahead[t]
-        travel = (ahead.position - now.position) / r.CONTROL_PERIOD
-        if travel != 0.0:
-            bank[r.SHAPE + r.ROWS_A_TOUCH * t] += bank[r.SHAPE + r.ROWS_A_TOUCH * t + 1]
-        rolls = sensor.touches[t].rolls != 0.0
-        solution.speed_along, solution.rolled = (0.0, travel) if rolls else (travel / step, 0.0)
-        solution.surface = now.depth + past * (ahead.depth - now.depth) + state.contact[t].height
-
+    solutions = _moved_touches(sensor, state, plausible, bank, index)
     included = (
         memory.tuned_tension - constants.tension - _drifted(constants, index - index % r.CONTROL_PERIOD)
     )
@@ -230,7 +248,7 @@ def _step(sensor: Parameters, state: State, bank: Floats, index: int) -> None:
         tension = 0.5 * constants.tension_per_stretch * (memory.stretch + free) - included
         stretch -= 2.0 * tension * float((bank[r.STRETCH] * bank[r.Q_TENSION]) @ (q_free * (q_free + q)))
     for t in range(count):
-        alone = _predicted(sensor, state, solutions[t], bank, t, q_free) * bank[r.Q_FORCE]
+        alone = _predicted(sensor, state, plausible, solutions[t], bank, t, q_free) * bank[r.Q_FORCE]
         stretch += float(bank[r.STRETCH] @ (alone * (2.0 * q_free + alone)))
     stretch = max(0.0, stretch)
     for turn in range(MAX_ITERATIONS):
@@ -239,7 +257,9 @@ def _step(sensor: Parameters, state: State, bank: Floats, index: int) -> None:
             tension = max(tension, -r.MAX_SLACK / memory.max_q_tension)
         pull = bank[r.Q_TENSION] * tension
         q_pulled, compliance = (q_free - pull * q) / (1.0 + pull), bank[r.Q_FORCE] / (1.0 + pull)
-        force = _solve_touches(sensor, state, bank, q_pulled, compliance, solutions, rubbing=turn == 0)
+        force = _solve_touches(
+            sensor, state, plausible, bank, q_pulled, compliance, solutions, rubbing=turn == 0
+        )
         q_new = q_pulled + compliance * force
         before, stretch = stretch, float(bank[r.STRETCH] @ q_new**2)
         if abs(stretch - before) <= TOLERANCE * stretch:
@@ -251,6 +271,35 @@ def _step(sensor: Parameters, state: State, bank: Floats, index: int) -> None:
     memory.coil_speed_2 = bank[r.SENSE_2] @ bank[r.V]
     for t in range(count):
         _keep_contact(sensor.touches[t], state.contact[t], solutions[t], step, _surface_seed(constants, t))
+        if plausible is not None:
+            modes = plausible.mount_modes[t]
+            modes["q"] += modes["q_force"] * solutions[t].force
+            modes["v"] += modes["v_force"] * solutions[t].force
+
+
+def _moved_touches(
+    sensor: Parameters, state: State, plausible: Plausible | None, bank: Floats, index: int
+) -> Any:
+    """Move the touches, and what holds them, to the end of a step; return what their solutions start from."""
+    past = (index % r.CONTROL_PERIOD + 1.0) / r.CONTROL_PERIOD
+    solutions = np.zeros(len(sensor.touches), r.dtype_of(ContactSolution))
+    for t in range(len(solutions)):
+        solution: ContactSolution = solutions[t]
+        now: Motion = state.motion[t]
+        ahead: Motion = state.ahead[t]
+        travel = (ahead.position - now.position) / r.CONTROL_PERIOD
+        if travel != 0.0:
+            bank[r.SHAPE + r.ROWS_A_TOUCH * t] += bank[r.SHAPE + r.ROWS_A_TOUCH * t + 1]
+        rolls = sensor.touches[t].rolls != 0.0
+        solution.speed_along = 0.0 if rolls else travel / sensor.constants.step
+        solution.rolled = travel if rolls else 0.0
+        solution.surface = now.depth + past * (ahead.depth - now.depth) + state.contact[t].height
+        if plausible is not None:
+            modes = plausible.mount_modes[t]
+            q, v = modes["q"].copy(), modes["v"].copy()
+            modes["q"], modes["v"] = modes["q_q"] * q + modes["q_v"] * v, modes["v_q"] * q + modes["v_v"] * v
+            solution.surface -= modes["q"].sum()
+    return solutions
 
 
 def _driver_force(driver: DriverParameters, memory: DriverState, velocity: float) -> float:
@@ -272,6 +321,7 @@ def _driver_force(driver: DriverParameters, memory: DriverState, velocity: float
 def _solve_touches(
     sensor: Parameters,
     state: State,
+    plausible: Plausible | None,
     bank: Floats,
     q: Floats,
     compliance: Floats,
@@ -299,9 +349,10 @@ def _solve_touches(
             height = float(shape @ (q[:half] + compliance[:half] * normal))
             one.s, one.eta, one.force = _pressed(
                 one.surface - height,
-                float(shape**2 @ compliance[:half]),
+                float(shape**2 @ compliance[:half]) + _mount(plausible, t).held,
                 state.contact[t],
                 sensor.touches[t],
+                _layer(plausible, t),
                 step,
             )
             normal = normal + shape * one.force
@@ -317,20 +368,32 @@ def _solve_touches(
 
 
 def _predicted(
-    sensor: Parameters, state: State, one: ContactSolution, bank: Floats, t: int, q_free: Floats
+    sensor: Parameters,
+    state: State,
+    plausible: Plausible | None,
+    one: ContactSolution,
+    bank: Floats,
+    t: int,
+    q_free: Floats,
 ) -> Floats:
     """Return the modal force of a touch that presses alone on a string that moves freely, (modes,) in N."""
     half, step = q_free.size // 2, sensor.constants.step
     shape = bank[r.SHAPE + r.ROWS_A_TOUCH * t, :half]
     gap = one.surface - float(shape @ q_free[:half])
+    compliance = float(shape**2 @ bank[r.Q_FORCE, :half]) + _mount(plausible, t).held
     _, _, one.force = _pressed(
-        gap, float(shape**2 @ bank[r.Q_FORCE, :half]), state.contact[t], sensor.touches[t], step
+        gap, compliance, state.contact[t], sensor.touches[t], _layer(plausible, t), step
     )
     return np.concatenate([shape * one.force, np.zeros(half)])
 
 
 def _pressed(
-    gap: float, compliance: float, own: ContactState, touch: TouchParameters, step: float
+    gap: float,
+    compliance: float,
+    own: ContactState,
+    touch: TouchParameters,
+    layer: LayerParameters,
+    step: float,
 ) -> tuple[float, float, float]:
     """Solve eta + compliance force(eta) = gap for one touch; return s, eta and the force held over the step.
 
@@ -343,22 +406,32 @@ def _pressed(
         return 0.0, gap, 0.0
 
     def force_to(s: float) -> float:
-        work = distance = 0.0
+        f, f_old = _elastic(s, k1, k2), _elastic(s_old, k1, k2)
+        secant = k1 * (s + s_old) + k2 * (s**2 + s * s_old + s_old**2)  # (f - f_old) / (s - s_old)
+        x = (f - f_old) / (layer.load + f_old)
+        closing = (log1p(x) / x if x != 0.0 else 1.0) / (layer.load + f_old)
+        work = layer.thickness * secant * (1.0 - layer.load * closing)
+        distance = layer.thickness * secant * closing
         for node, weight in GAUSS:
             between = 0.5 * (s + s_old) + 0.5 * (s - s_old) * node
             slope = 2.0 * between + residual * between * (2.0 * k1 + 3.0 * k2 * between)
             work, distance = work + weight * slope * _elastic(between, k1, k2), distance + weight * slope
         mean = work / distance if eta_old >= 0.0 else work * s / (distance * s - eta_old)
-        both = _elastic(s, k1, k2) + _elastic(s_old, k1, k2)
-        return max(0.0, mean + 0.5 * beta * both * (s * s - s_old * s_old))
+        return max(0.0, mean + 0.5 * beta * (f + f_old) * (s * s - s_old * s_old))
 
     if gap <= 0.0 or (s_old > 0.0 and compliance * force_to(0.0) >= gap):
-        stored = s_old**4 * (0.5 * k1 + 0.4 * k2 * s_old) + 0.5 * residual * _elastic(s_old, k1, k2) ** 2
+        force = _elastic(s_old, k1, k2)
+        stored = s_old**4 * (0.5 * k1 + 0.4 * k2 * s_old) + 0.5 * residual * force**2
+        stored += layer.thickness * force - layer.load * _closed(force, layer)
         lowest = gap - compliance * stored / eta_old
         eta = _bisected(lambda eta: eta + compliance * stored / (eta_old - eta) - gap, lowest, 0.0)
         return 0.0, eta, stored / (eta_old - eta)
-    s = _bisected(lambda s: _approach(s, k1, k2, residual) + compliance * force_to(s) - gap, 0.0, sqrt(gap))
-    return s, _approach(s, k1, k2, residual), force_to(s)
+
+    def eta_at(s: float) -> float:
+        return _approach(s, k1, k2, residual, layer)
+
+    s = _bisected(lambda s: eta_at(s) + compliance * force_to(s) - gap, 0.0, sqrt(gap))
+    return s, eta_at(s), force_to(s)
 
 
 def _elastic(s: float, k1: float, k2: float) -> float:
@@ -366,9 +439,9 @@ def _elastic(s: float, k1: float, k2: float) -> float:
     return k1 * s**2 + k2 * s**3
 
 
-def _approach(s: float, k1: float, k2: float, residual: float) -> float:
-    """Return eta in m: the compression s^2 and the deflection of the modes beyond the bank."""
-    return s**2 + residual * _elastic(s, k1, k2)
+def _approach(s: float, k1: float, k2: float, residual: float, layer: LayerParameters) -> float:
+    """Return eta in m: compression s^2, deflection of the modes beyond the bank, and closure of the layer."""
+    return s**2 + residual * _elastic(s, k1, k2) + _closed(_elastic(s, k1, k2), layer)
 
 
 def _compressed(force: float, k1: float, k2: float) -> float:

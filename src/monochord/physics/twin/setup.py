@@ -14,6 +14,7 @@ from monochord.core.types import Audio, StringParams
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses, TensionLaw
+from monochord.physics.twin.records import MAX_MOUNT_MODES
 
 MAX_TOUCHES = 8
 """Objects that may touch the string at once."""
@@ -170,17 +171,81 @@ class Key:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MountMode:
+    """A mode of a held object, of its gripper and of the frame, as it is felt where the object touches.
+
+    `mass` is the modal mass in kg, `quality` is Q. A robot's hand and tool have them from some hundred Hz on;
+    the usual values are assumed.
+    """
+
+    mass: Annotated[float, Meta(ge=1e-4, le=1.0)] = 0.01
+    frequency: Annotated[Hertz, Meta(ge=20.0, le=8000.0)] = 1000.0
+    quality: Annotated[float, Meta(ge=1.0)] = 20.0
+
+    def __post_init__(self) -> None:
+        refuse_outside(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mount:
+    """How a touching object gives way to the string: up to three modes, and a spring for all that is faster.
+
+    `compliance` is the spring's, in m/N: 1e-5 is 1e5 N/m. By default the object is held rigidly. It gives way
+    in the direction of its press; the force that its motion prescribes stays what it is at rest.
+    """
+
+    modes: tuple[MountMode, ...] = ()
+    compliance: Annotated[float, Meta(ge=0.0, le=1e-3)] = 0.0
+
+    def __post_init__(self) -> None:
+        refuse_outside(self)
+        if len(self.modes) > MAX_MOUNT_MODES:
+            raise InputError(f"a mount of {len(self.modes)} modes", f"{MAX_MOUNT_MODES} at most")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactLaw:
+    """How an object's surface resists the string; by default as Hertz's smooth, round contact.
+
+    `exponent` is the slope of log f over log delta under a press of 1 N, where the compression is Hertz's:
+    the law is k1 delta + k2 delta^(3/2), 1 below and 3/2 above. Layers of a print, a coat of paint or a
+    worn edge lower it. `flat` is the length of string in m under a flat object, whose law is linear (`radius`
+    and `exponent` then count for nothing); a sharp edge is a touch of small `radius`.
+
+    A rough surface is a layer in series that closes by u = u0 log(1 + f / F0): `layer` is u0 in m, about 0.4
+    of the rms height, and `layer_load` F0 in N, below which but a few asperities touch (assumed).
+
+    References
+    ----------
+    Persson (2006), Contact mechanics for randomly rough surfaces, Surf. Sci. Rep. 61, 201; Lorenz and Persson
+    (2009), Interfacial separation between elastic solids with randomly rough surfaces, J. Phys.: Condens.
+    Matter 21, 015003, for u0.
+    """
+
+    exponent: Annotated[float, Meta(ge=1.0, le=1.5)] = 1.5
+    flat: Annotated[Metres, Meta(ge=2e-4, le=1e-2)] | None = None
+    layer: Annotated[Metres, Meta(ge=0.0, le=1e-4)] = 0.0
+    layer_load: Annotated[Newtons, Meta(ge=1e-4, le=1.0)] = 0.01
+
+    def __post_init__(self) -> None:
+        refuse_outside(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Touch:
     """An object and its motion: linear between keys, constant before the first and after the last.
 
     `radius` is the object's where it touches, by default its material's. Where the position moves, the object
-    rolls along the string or, with `rolls` false, slides.
+    rolls along the string or, with `rolls` false, slides. `mount` is how it is held, `law` how its surface
+    resists.
     """
 
     material: Material
     motion: tuple[Key, ...]
     radius: Annotated[Metres, Meta(ge=2e-4, le=1.0)] | None = None
     rolls: bool = True
+    mount: Mount = field(default_factory=Mount)
+    law: ContactLaw = field(default_factory=ContactLaw)
 
     def __post_init__(self) -> None:
         refuse_outside(self)

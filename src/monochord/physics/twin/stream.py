@@ -9,19 +9,20 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from math import cos, pi, sin, tan
+from math import cos, exp, pi, sin, sqrt, tan
 from typing import Any, TypeVar
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Floats
+from monochord.core.types import Audio, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Samples
 from monochord.physics.theory import (
     bending_stiffness,
     contact_width,
     decay_rates,
     hertz_stiffness,
+    line_stiffness,
     mindlin_ratio,
     static_compliance,
     stretch_stiffness,
@@ -34,6 +35,7 @@ from monochord.physics.twin.records import (
     END_2,
     FORCE,
     FRAME,
+    MAX_MOUNT_MODES,
     NORMAL,
     OMEGA2_BENDING,
     OMEGA2_TENSION,
@@ -47,10 +49,14 @@ from monochord.physics.twin.records import (
     DriverParameters,
     DriverState,
     KeyRecord,
+    LayerParameters,
     Motion,
+    MountOscillator,
+    MountParameters,
     Out,
     Parameters,
     PickupParameters,
+    Plausible,
     PreampState,
     Q,
     Records,
@@ -60,20 +66,20 @@ from monochord.physics.twin.records import (
     dtype_of,
     rows,
 )
-from monochord.physics.twin.setup import Ebow, Pluck, Scene, Sensor, Touch
+from monochord.physics.twin.setup import Ebow, Mount, MountMode, Pluck, Scene, Sensor, Touch
 
 COMPLIANCE_PLACES = 513
 """Entries of the table of static compliance along the string."""
 WIDTH_MODES = 400
 """Modes that a touch's compliance is corrected by for its width."""
-WIDTH_FORCE = 1.0
-"""Press in N at which the width of a touch is taken."""
+LAW_FORCE = 1.0
+"""Press in N at which the width of a touch and the exponent of its law are taken."""
 CLEARANCE_OF_NEW: Metres = 1e-3
 """Distance from all of the string at which a new object waits for the first control update."""
 SHARES_A_CORE = 4
 """Parts into which each core's share of many twins is cut, so that none waits long for another."""
 
-Named = TypeVar("Named", Parameters, State)
+Named = TypeVar("Named", Parameters, State, Plausible)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +118,8 @@ class Take:
 class Twin:
     """A twin at an instant: all that its next frame depends on. Never changed; `advance` returns another.
 
-    `start` is the index of the next frame; `parameters` and `state` are the kernel's, as a batch of one
-    sensor.
+    `start` is the index of the next frame; `parameters`, `state` and `plausible`, which is None for an ideal
+    twin, are the kernel's, as a batch of one sensor.
     """
 
     sensor: Sensor
@@ -124,6 +130,7 @@ class Twin:
     start: Samples
     parameters: Parameters
     state: State
+    plausible: Plausible | None = None
 
 
 def begin(
@@ -202,6 +209,7 @@ def begin(
         start=0,
         parameters=_batched(parameters),
         state=_batched(state),
+        plausible=_plausible(scene.touches, 1.0 / (rate * chosen.oversampling)),
     )
 
 
@@ -212,8 +220,9 @@ def advance(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
     _refuse_negative(frames)
     state = State(*(array.copy() for array in twin.state))
     out = empty_out(1, len(twin.scene.touches), frames)
-    kernel(2 * padded(twin.plan.count))(twin.parameters, state, out, np.array([twin.start]), 0, 1)
-    return take_of(out, 0), replace(twin, start=twin.start + frames, state=state)
+    more = None if twin.plausible is None else Plausible(*(array.copy() for array in twin.plausible))
+    kernel(2 * padded(twin.plan.count))(twin.parameters, state, more, out, np.array([twin.start]), 0, 1)
+    return take_of(out, 0), replace(twin, start=twin.start + frames, state=state, plausible=more)
 
 
 def advance_many(
@@ -222,7 +231,7 @@ def advance_many(
     """Return the next `frames` frames of every twin, and the twins after them, in the order given.
 
     Each is what `advance` returns, bit for bit. Twins of one shape (as many modes and touches, an outside
-    sound of the same length) run side by side, one a core; those of another shape run after them. The kernel
+    sound of the same length, one world) run side by side, one a core; others run after them. The kernel
     releases Python's lock, so that plain threads do.
 
     Parameters
@@ -248,7 +257,7 @@ def advance_many(
     for i, twin in enumerate(twins):
         # Keys may differ in number: they are padded.
         fixed = tuple(array.shape for array in twin.parameters._replace(keys=np.zeros(0)))
-        shapes.setdefault((padded(twin.plan.count), fixed), []).append(i)
+        shapes.setdefault((padded(twin.plan.count), fixed, twin.plausible is None), []).append(i)
     done: dict[int, tuple[Take, Twin]] = {}
     for group in shapes.values():
         done |= zip(group, _side_by_side([twins[i] for i in group], frames, cores), strict=True)
@@ -267,9 +276,11 @@ def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> 
         padded_parameters.append(twin.parameters._replace(keys=wide))
     parameters = Parameters(*(_stacked(arrays) for arrays in zip(*padded_parameters, strict=True)))
     state = State(*(_stacked(arrays) for arrays in zip(*(twin.state for twin in twins), strict=True)))
+    additions = [twin.plausible for twin in twins if twin.plausible is not None]
+    more = Plausible(*(_stacked(arrays) for arrays in zip(*additions, strict=True))) if additions else None
     out = empty_out(len(twins), len(twins[0].scene.touches), frames)
     run = kernel(2 * padded(twins[0].plan.count))
-    arguments = parameters, state, out, np.array([twin.start for twin in twins])
+    arguments = parameters, state, more, out, np.array([twin.start for twin in twins])
     cores = cores or len(os.sched_getaffinity(0))
     edges = np.linspace(0, len(twins), min(len(twins), SHARES_A_CORE * cores) + 1).astype(int)
     with ThreadPoolExecutor(cores) as pool:
@@ -277,7 +288,12 @@ def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> 
     return [
         (
             take_of(out, i),
-            replace(twin, start=twin.start + frames, state=State(*(a[i : i + 1].copy() for a in state))),
+            replace(
+                twin,
+                start=twin.start + frames,
+                state=State(*(a[i : i + 1].copy() for a in state)),
+                plausible=None if more is None else Plausible(*(a[i : i + 1].copy() for a in more)),
+            ),
         )
         for i, twin in enumerate(twins)
     ]
@@ -320,8 +336,14 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
         solution=np.zeros(count, dtype_of(ContactSolution)),
         mutual=np.zeros((2, count, count)),
     )
+    plausible = _plausible(touches, 1.0 / (rate * twin.plan.oversampling))
+    if plausible is not None and twin.plausible is not None:
+        for name in ("q", "v"):
+            plausible.mount_modes[name][0, :continued] = twin.plausible.mount_modes[name][0, :continued]
     scene = replace(twin.scene, touches=touches)
-    return replace(twin, scene=scene, parameters=_batched(parameters), state=_batched(state))
+    return replace(
+        twin, scene=scene, parameters=_batched(parameters), state=_batched(state), plausible=plausible
+    )
 
 
 def switch(twin: Twin, drivers: tuple[bool, bool]) -> Twin:
@@ -492,13 +514,12 @@ def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: RatePlan, rate:
     exact = np.sqrt(touch_weights(omega, step, chosen.beta))
     for t, touch in enumerate(touches):
         material = touch.material
-        radius = touch.radius if touch.radius is not None else material.radius
-        elastic = (radius, material.young_modulus, material.poisson_ratio)
         _refuse_outside(touch, sensor)
+        k1, k2, width = _surface(string, touch)
         records[t] = _record(
             TouchParameters,
-            k1=0.0,
-            k2=hertz_stiffness(string, *elastic),
+            k1=k1,
+            k2=k2,
             beta=material.loss,
             tangential_ratio=mindlin_ratio(material.poisson_ratio),
             static_friction=material.friction_static,
@@ -511,10 +532,62 @@ def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: RatePlan, rate:
         )
         for i, key in enumerate(touch.motion):
             keys[t, i] = (key.time, key.position, key.force, key.clearance, key.across)
-        width = float(contact_width(string, *elastic, WIDTH_FORCE))
         weights[t, : chosen.count] = exact * _blur(string.length, width, chosen.count)
         compliance[t] = _compliance(sensor, width)
     return {"touches": records, "keys": keys, "weights": weights, "compliance": compliance}
+
+
+def _surface(string: StringParams, touch: Touch) -> tuple[float, float, Metres]:
+    """Return k1 in N/m and k2 in N/m^1.5 of a touch, and the length of string on which it presses, in m."""
+    material, law = touch.material, touch.law
+    elastic = material.young_modulus, material.poisson_ratio
+    if law.flat is not None:
+        return line_stiffness(string, law.flat, *elastic), 0.0, law.flat
+    radius = touch.radius if touch.radius is not None else material.radius
+    k2 = hertz_stiffness(string, radius, *elastic)
+    width = float(contact_width(string, radius, *elastic, LAW_FORCE))
+    linear = 3.0 - 2.0 * law.exponent  # the share of k1 in the force at LAW_FORCE
+    return linear * LAW_FORCE ** (1.0 / 3.0) * k2 ** (2.0 / 3.0), (1.0 - linear) * k2, width
+
+
+def _plausible(touches: tuple[Touch, ...], step: float) -> Plausible | None:
+    """Return what the world `plausible` adds, as a batch of one sensor; None if it is nothing."""
+    if all(touch.mount == Mount() and touch.law.layer == 0.0 for touch in touches):
+        return None
+    layers = np.zeros(len(touches), dtype_of(LayerParameters))
+    mounts = np.zeros(len(touches), dtype_of(MountParameters))
+    modes = np.zeros((len(touches), MAX_MOUNT_MODES), dtype_of(MountOscillator))
+    for t, touch in enumerate(touches):
+        layers[t] = touch.law.layer, touch.law.layer_load
+        for i, mode in enumerate(touch.mount.modes):
+            modes[t, i] = _mount_mode(mode, step)
+        real = modes[t, : len(touch.mount.modes)]
+        static = float(np.sum(1.0 / (real["mass"] * real["square"])))
+        spring = touch.mount.compliance
+        mounts[t] = spring, static + spring, real["q_force"].sum()
+    return _batched(Plausible(layers=layers, mounts=mounts, mount_modes=modes))
+
+
+def _mount_mode(mode: MountMode, step: float) -> Records:
+    """Return a mode at rest: its closed solution over a step under a held force."""
+    omega, mass = 2.0 * pi * mode.frequency, mode.mass
+    sigma = 0.5 * omega / mode.quality
+    ring = sqrt(omega**2 - sigma**2)
+    sine, cosine = exp(-sigma * step) * sin(ring * step) / ring, exp(-sigma * step) * cos(ring * step)
+    return _record(
+        MountOscillator,
+        mass=mass,
+        square=omega**2,
+        q_q=cosine + sigma * sine,
+        q_v=sine,
+        v_q=-(omega**2) * sine,
+        v_v=cosine - sigma * sine,
+        q_force=(1.0 - cosine - sigma * sine) / (mass * omega**2),
+        v_force=sine / mass,
+        q=0.0,
+        v=0.0,
+        v_free=0.0,
+    )
 
 
 def _refuse_outside(touch: Touch, sensor: Sensor) -> None:
