@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -258,26 +259,60 @@ def sung(number: int) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     return np.stack(sound).astype(np.float32), time, labels
 
 
+def shared(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
+    """Return a folder that the first of the workers who ask for it fills; it is to be read alone."""
+    base = factory.getbasetemp()
+    folder = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / name
+    with folder.with_suffix(".lock").open("w", encoding="ascii") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not folder.is_dir():
+            part = folder.with_suffix(".part")
+            shutil.rmtree(part, ignore_errors=True)
+            part.mkdir()
+            make(part)
+            part.rename(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the two sessions of the plan small, and their dataset, split by time."""
+    from monochord.datasets.build import build_dataset
+    from monochord.datasets.split import split_dataset
+    from monochord.lab.offline import make
+    from monochord.lab.plan import assignments
+    from monochord.lab.plans import load_plan
+
+    def fill(home: Path) -> None:
+        sessions = [make(session, home).path for session in assignments(load_plan("small"))]
+        dataset = build_dataset(sessions, home / "dataset")
+        split_dataset(dataset, by="time").write(dataset.path / "split.json")
+
+    return shared(tmp_path_factory, "small", fill)
+
+
 @pytest.fixture(scope="session")
 def learnable(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset of eight sessions from which position, force, contact and slip can be learned in seconds."""
+    return shared(tmp_path_factory, "learnable", make_learnable) / "dataset"
+
+
+def make_learnable(home: Path) -> None:
     from monochord.core.types import Block
     from monochord.datasets.build import BuildOptions, build_dataset
     from monochord.datasets.split import split_dataset
     from monochord.sessions import Description, SessionClock, SessionWriter
 
-    home = tmp_path_factory.mktemp("learnable")
     files: list[Path] = []
     for number in range(8):
         samples, time, labels = sung(number)
-        told = Description(name=f"sung_{number}", sample_rate=LEARNABLE, simulated=True)
+        description = Description(name=f"sung_{number}", sample_rate=LEARNABLE, simulated=True)
         files.append(home / f"sung_{number}.mcap")
-        with SessionWriter(files[-1], told, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+        with SessionWriter(files[-1], description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
             writer.audio(Block(samples=samples, start=0, adc_time=0.0))
             writer.labels(time, labels)
     dataset = build_dataset(files, home / "dataset", BuildOptions())
     split_dataset(dataset, fractions=(0.5, 0.25, 0.25)).write(dataset.path / "split.json")
-    return dataset.path
 
 
 @pytest.fixture(scope="session")
@@ -329,3 +364,18 @@ LESSON: dict[str, Any] = {
 def lesson(learnable: Path) -> dict[str, Any]:
     """Settings of a training run on `learnable`, as plain values; all runs share the rows of features."""
     return {**LESSON, "dataset": str(learnable), "cache": str(learnable.parent / "features")}
+
+
+@pytest.fixture
+def lesson_run(
+    lesson: dict[str, Any], made_up_features: None, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """The folder of a whole training run of `lesson`, to be read alone."""
+    pytest.importorskip("torch")
+    from monochord.perception.training.settings import TrainingSettings
+    from monochord.perception.training.train import train
+
+    def fill(home: Path) -> None:
+        train(TrainingSettings.read(lesson), home / "run")
+
+    return shared(tmp_path_factory, "lesson", fill) / "run"

@@ -6,11 +6,6 @@ from pathlib import Path
 import pytest
 
 from monochord.cli import run
-from monochord.datasets.build import build_dataset
-from monochord.datasets.split import split_dataset
-from monochord.lab.offline import make
-from monochord.lab.plan import assignments
-from monochord.lab.plans import load_plan
 
 GRID = """
 title = "What the reference buys"
@@ -23,23 +18,13 @@ set = ["heads.force.hidden=[8, 8, 8]"]
 """
 
 
-@pytest.fixture(name="home", scope="module")
-def _home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the sessions of the plan small, and their dataset, split by time."""
-    home = tmp_path_factory.mktemp("home")
-    sessions = [make(session, home).path for session in assignments(load_plan("small"))]
-    dataset = build_dataset(sessions, home / "dataset")
-    split_dataset(dataset, by="time").write(dataset.path / "split.json")
-    return home
-
-
 @pytest.mark.slow
 def test_variations_are_trained_judged_and_compared(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("torch")
     grid, out = tmp_path / "grid.toml", tmp_path / "out"
-    grid.write_text(GRID.format(home=home, epochs=2))
+    grid.write_text(GRID.format(home=small, epochs=2))
     assert run(["ablate", str(grid), "--out", str(out), "--workers", "2"]) == 0
     printed = capsys.readouterr()
     assert "What the reference buys, simulated, on validation" in printed.out
@@ -61,22 +46,16 @@ def test_variations_are_trained_judged_and_compared(
     assert "training" not in tested.err
     assert "smaller: evaluation" in tested.err
     assert "on test" in tested.out
-    grid.write_text(GRID.format(home=home, epochs=3))
+    grid.write_text(GRID.format(home=small, epochs=3))
     assert run(["ablate", str(grid), "--out", str(out)]) == 2
     assert "a variation of another grid" in capsys.readouterr().err
 
 
 def test_one_that_fails_ends_with_a_line_and_status_1(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = [
-        "--dataset",
-        str(home / "dataset"),
-        "--out",
-        str(tmp_path),
-        "--rows",
-        str(tmp_path / "rows.json"),
-    ]
+    dataset, rows_file = str(small / "dataset"), tmp_path / "rows.json"
+    arguments = ["--dataset", dataset, "--out", str(tmp_path), "--rows", str(rows_file), "--workers", "1"]
     arguments += ["--only", "closed_form", "--only", "no_noise"]
     odd = [
         "--set",
@@ -92,7 +71,7 @@ def test_one_that_fails_ends_with_a_line_and_status_1(
         "monochord: 1 of 2 variations failed (no_noise); variation no_noise, train: "
     )
     assert "/dev/null/none" in printed.err
-    rows = json.loads((tmp_path / "rows.json").read_text())
+    rows = json.loads(rows_file.read_text())
     assert {row["feature"].partition(",")[0] for row in rows} == {"closed_form"}
 
 
@@ -126,10 +105,10 @@ def test_what_cannot_be_is_one_line(
     ],
 )
 def test_what_no_variation_can_be_made_of_is_refused_before_the_first(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
 ) -> None:
     out = tmp_path / "out"
-    assert run(["ablate", "parts", "--dataset", str(home / "dataset"), "--out", str(out), *arguments]) == 2
+    assert run(["ablate", "parts", "--dataset", str(small / "dataset"), "--out", str(out), *arguments]) == 2
     error = capsys.readouterr().err
     assert line in error
     assert error.count("\n") == 1

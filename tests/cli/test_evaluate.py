@@ -12,13 +12,9 @@ import pytest
 from monochord.capture.sources.session import SessionSource
 from monochord.cli import run
 from monochord.core.types import Estimates
-from monochord.datasets.build import build_dataset
-from monochord.datasets.split import Split, split_dataset
+from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
 from monochord.evaluation.results import read_results
-from monochord.lab.offline import make
-from monochord.lab.plan import assignments
-from monochord.lab.plans import load_plan
 from monochord.live import LiveRun
 from monochord.live import run as live
 from monochord.live.settings import WindowSettings
@@ -30,17 +26,8 @@ from monochord.perception.training.train import train
 PHYSICS = ("--set", "tension_law=geometric")
 
 
-@pytest.fixture(name="home", scope="module")
-def _home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two sessions of the twin, and their dataset, split by time."""
-    home = tmp_path_factory.mktemp("home")
-    sessions = [make(session, home).path for session in assignments(load_plan("small"))]
-    split_dataset(build_dataset(sessions, home / "dataset"), by="time").write(home / "dataset" / "split.json")
-    return home
-
-
-def test_sessions_are_evaluated_whole(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["evaluate", "--sessions", str(home / "hold_000.mcap"), *PHYSICS]) == 0
+def test_sessions_are_evaluated_whole(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["evaluate", "--sessions", str(small / "hold_000.mcap"), *PHYSICS]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("closed_form, simulated: ")
     cells = lines[2].split()
@@ -49,13 +36,13 @@ def test_sessions_are_evaluated_whole(home: Path, capsys: pytest.CaptureFixture[
 
 
 def test_a_dataset_is_evaluated_clean_and_in_noise_beside_baselines(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, rows = tmp_path / "out", tmp_path / "rows.json"
-    options = ["--dataset", str(home / "dataset"), "--sensor", "prototype", "--noise", "white:-20"]
+    options = ["--dataset", str(small / "dataset"), "--sensor", "prototype", "--noise", "white:-20"]
     assert run(["evaluate", *options, *PHYSICS, "--out", str(out), "--rows", str(rows), "--json"]) == 0
     card = json.loads(capsys.readouterr().out)
-    split = Split.read(home / "dataset" / "split.json")
+    split = Split.read(small / "dataset" / "split.json")
     assert card["windows"] == 2 * len(split.test)
     assert card["simulated"]
     by = {row["condition"]: row["position"] for row in card["table"] if row["state"] == "touched"}
@@ -87,9 +74,9 @@ def test_a_dataset_is_evaluated_clean_and_in_noise_beside_baselines(
     ],
 )
 def test_impossible_options_are_refused_in_a_line(
-    home: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
+    small: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
 ) -> None:
-    named = [str(home / "dataset") if word == "DATASET" else word for word in arguments]
+    named = [str(small / "dataset") if word == "DATASET" else word for word in arguments]
     assert run(["evaluate", *named]) == 2
     error = capsys.readouterr().err
     assert line in error
@@ -97,23 +84,16 @@ def test_impossible_options_are_refused_in_a_line(
 
 
 def test_an_empty_test_and_a_split_of_another_dataset_are_refused(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    split = Split.read(home / "dataset" / "split.json")
+    split = Split.read(small / "dataset" / "split.json")
     Split(by="time", parts={**split.parts, "test": np.zeros(0, np.int64)}).write(tmp_path / "empty.json")
     Split(by="time", parts=split.parts, dataset="another").write(tmp_path / "other.json")
-    command = ["evaluate", "--dataset", str(home / "dataset"), "--sensor", "prototype"]
+    command = ["evaluate", "--dataset", str(small / "dataset"), "--sensor", "prototype"]
     assert run([*command, "--split", str(tmp_path / "empty.json")]) == 2
     assert "no windows to evaluate" in capsys.readouterr().err
     assert run([*command, "--split", str(tmp_path / "other.json")]) == 2
     assert "other dataset" in capsys.readouterr().err
-
-
-def trained(lesson: dict[str, Any], out: Path) -> Path:
-    """Train a small run; skip without torch."""
-    pytest.importorskip("torch")
-    train(TrainingSettings.read(lesson), out)
-    return out
 
 
 class Collector(Listener):
@@ -141,11 +121,10 @@ def assert_live_gives_the_same(folder: Path, learnable: Path, file: Path) -> Non
         np.testing.assert_array_equal(part.std[estimate], [each.std for each in live_estimates])
 
 
-@pytest.mark.usefixtures("made_up_features")
 def test_a_run_is_evaluated_on_sessions_that_it_was_not_trained_on(
-    lesson: dict[str, Any], learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    lesson_run: Path, learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = trained(lesson, tmp_path / "run")
+    folder = lesson_run
     assert run(["evaluate", str(folder), "--out", str(tmp_path / "out"), "--json"]) == 0
     card = json.loads(capsys.readouterr().out)
     split = Split.read(learnable / "split.json")
@@ -180,11 +159,11 @@ def test_a_model_of_shuffled_labels_is_at_chance(
     reseal: Callable[[Path], None],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    pytest.importorskip("torch")
     correlations: dict[str, list[float]] = {"position": [], "force": []}
-    short = {**lesson, "optimiser": {**lesson["optimiser"], "epochs": 15}}
+    short = {**lesson, "optimiser": {**lesson["optimiser"], "batch": 256, "epochs": 15}}
     for seed in range(4):  # a few touches agree with anything once in a while
-        home = tmp_path / str(seed)
-        shuffled = home / "dataset"
+        shuffled, folder = tmp_path / f"{seed}" / "dataset", tmp_path / f"{seed}" / "run"
         shutil.copytree(learnable, shuffled)
         split, stream = Split.read(shuffled / "split.json"), np.random.default_rng(seed)
         for name in correlations:
@@ -194,7 +173,8 @@ def test_a_model_of_shuffled_labels_is_at_chance(
                 labels[known] = stream.permutation(labels[known])
             np.save(shuffled / "labels" / f"{name}.npy", labels)
         reseal(shuffled)
-        folder = trained({**short, "dataset": str(shuffled), "cache": str(tmp_path / "own")}, home / "run")
+        settings = {**short, "dataset": str(shuffled), "cache": str(tmp_path / "own")}
+        train(TrainingSettings.read(settings), folder)
         assert run(["evaluate", str(folder), "--no-baselines", "--json"]) == 0
         card = json.loads(capsys.readouterr().out)
         (row,) = [row for row in card["table"] if row["state"] == "touched"]

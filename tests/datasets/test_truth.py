@@ -11,9 +11,6 @@ from tests.sessions.made import plain_readings
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Block, Feed
 from monochord.datasets.truth import truth_of
-from monochord.lab.offline import make
-from monochord.lab.plan import assignments
-from monochord.lab.plans import load_plan
 from monochord.sessions import (
     Description,
     ReadingTrack,
@@ -25,10 +22,9 @@ from monochord.sessions import (
 
 
 @pytest.fixture(scope="session", name="slide")
-def _slide(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def _slide(small: Path) -> Path:
     """A session of the virtual bench, sliding touches, its streams late by different amounts."""
-    assignment = next(each for each in assignments(load_plan("small")) if each.name.startswith("slide"))
-    return make(assignment, tmp_path_factory.mktemp("bench")).path
+    return small / "slide_000.mcap"
 
 
 def test_labels_of_a_session_without_instruments_are_on_the_microphones_clock(write: Write) -> None:

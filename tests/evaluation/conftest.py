@@ -6,12 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.datasets.build import build_dataset
-from monochord.datasets.store import Dataset
+from monochord.datasets.store import Dataset, open_dataset
 from monochord.evaluation.results import Results, Trial
-from monochord.lab.offline import make
-from monochord.lab.plan import assignments
-from monochord.lab.plans import load_plan
 
 Oracle = Callable[..., Results]
 SESSIONS, WINDOWS, HOP = 6, 200, 0.1
@@ -75,13 +71,12 @@ def _oracle() -> Oracle:
 
 
 @pytest.fixture(scope="session")
-def sessions(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
+def sessions(small: Path) -> tuple[Path, ...]:
     """Two sessions of the twin: touches at rest, touches that slide."""
-    home = tmp_path_factory.mktemp("sessions")
-    return tuple(make(session, home).path for session in assignments(load_plan("small")))
+    return small / "hold_000.mcap", small / "slide_000.mcap"
 
 
 @pytest.fixture(scope="session")
-def dataset(sessions: tuple[Path, ...], tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+def dataset(small: Path) -> Dataset:
     """Return the dataset of these sessions."""
-    return build_dataset(sessions, tmp_path_factory.mktemp("built") / "dataset")
+    return open_dataset(small / "dataset")

@@ -35,7 +35,7 @@ PHYSICS = Variation(estimator="closed_form", estimator_set=("tension_law=geometr
 
 @pytest.fixture(name="several", scope="module")
 def _several(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    """Return the dataset of four sessions of four seconds, split by session."""
+    """Return the dataset of four sessions of two seconds, split by session."""
     home = tmp_path_factory.mktemp("several")
     for number in range(4):
         samples, seconds, labels = sung(number)
@@ -43,8 +43,8 @@ def _several(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
         with SessionWriter(
             home / f"sung_{number}.mcap", description, SessionClock(epoch_ns=10**18)
         ) as writer:
-            writer.audio(Block(samples=samples[:, : 4 * LEARNABLE], start=0, adc_time=0.0))
-            writer.labels(seconds[:400], {name: values[:400] for name, values in labels.items()})
+            writer.audio(Block(samples=samples[:, : 2 * LEARNABLE], start=0, adc_time=0.0))
+            writer.labels(seconds[:200], {name: values[:200] for name, values in labels.items()})
     dataset = build_dataset(sorted(home.glob("*.mcap")), home / "dataset")
     split_dataset(dataset, fractions=(0.5, 0.25, 0.25)).write(dataset.path / "split.json")
     return dataset
@@ -85,7 +85,7 @@ def test_other_windows_are_built_once(several: Dataset, tmp_path: Path) -> None:
     (folder,) = (tmp_path / "datasets").iterdir()
     assert folder.name.startswith("100ms_every_400ms_")
     windows = {name: card["windows"] for name, card in outcome.scores.items()}
-    assert windows == {"closed_form": 40, "sparse": 10, "linear": 10}
+    assert windows == {"closed_form": 20, "sparse": 5, "linear": 5}
     own = {name: rows[0]["feature"] for name, rows in outcome.rows.items()}
     assert own == {"closed_form": "closed_form", "sparse": "closed_form, sparse", "linear": "mine"}
     (row, *_) = outcome.rows["sparse"]

@@ -10,7 +10,6 @@ import pytest
 from matplotlib.collections import QuadMesh
 
 from monochord.core.errors import InputError
-from monochord.datasets.build import build_dataset
 from monochord.evaluation import realstrings
 from monochord.figures.confusion import Confusion
 from monochord.figures.error_map import ErrorMapFigure
@@ -19,9 +18,6 @@ from monochord.figures.realstrings import RealstringsFigure, string_errors
 from monochord.figures.scatter import Scatter
 from monochord.figures.snr_curves import SnrCurves
 from monochord.figures.tsne import Tsne, embedded
-from monochord.lab.offline import make
-from monochord.lab.plan import assignments
-from monochord.lab.plans import load_plan
 
 Write = Callable[..., Path]
 
@@ -155,15 +151,8 @@ def test_paper_tables_draw_our_errors_and_the_papers(rows: Path) -> None:
     }
 
 
-@pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    home = tmp_path_factory.mktemp("tsne")
-    sessions = [make(one, home).path for one in assignments(load_plan("small"))]
-    return build_dataset(sessions, home / "dataset").path
-
-
-def test_tsne_draws_every_window_and_keeps_neighbours_together(dataset: Path) -> None:
-    figure = Tsne(dataset=dataset, features=("log_mel",), windows=150, perplexity=10.0)
+def test_tsne_draws_every_window_and_keeps_neighbours_together(small: Path) -> None:
+    figure = Tsne(dataset=small / "dataset", features=("log_mel",), windows=150, perplexity=10.0)
     panels = figure.draw().axes[:4]
     for axes in panels:
         assert sum(len(np.asarray(dots.get_offsets())) for dots in axes.collections) == 150
@@ -216,9 +205,7 @@ def test_what_cannot_be_drawn_is_refused(
         figure(**{"results": write(), **options}).draw()
 
 
-def test_other_files_and_datasets_are_refused(
-    write: Write, rows: Path, dataset: Path, tmp_path: Path
-) -> None:
+def test_other_files_and_datasets_are_refused(write: Write, rows: Path, small: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="without added noise"):
         SnrCurves(results=write(noises=False)).draw()
     with pytest.raises(InputError, match="did you mean"):
@@ -236,4 +223,4 @@ def test_other_files_and_datasets_are_refused(
         ({"dataset": tmp_path}, "a folder that monochord build made"),
     ):
         with pytest.raises(InputError, match=line):
-            Tsne(**{"dataset": dataset, **options}).draw()  # pyright: ignore[reportArgumentType]
+            Tsne(**{"dataset": small / "dataset", **options}).draw()  # pyright: ignore[reportArgumentType]
