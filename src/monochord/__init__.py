@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from monochord.live.listen import listen, listen_async
+    from monochord.live.tuning import tune
     from monochord.perception.data import features, load_dataset
     from monochord.perception.learner import TouchEstimator
     from monochord.perception.model import load
@@ -37,6 +38,7 @@ __all__ = [
     "load_dataset",
     "read_session",
     "simulate",
+    "tune",
 ]
 
 _HOMES = {
@@ -49,6 +51,7 @@ _HOMES = {
     "load_dataset": "monochord.perception.data",
     "read_session": "monochord.sessions",
     "simulate": "monochord.physics.simulate",
+    "tune": "monochord.live.tuning",
 }
 
 

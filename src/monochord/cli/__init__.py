@@ -32,7 +32,7 @@ INTERRUPTED = 130
 """Exit status of a command that Control-C, SIGTERM or SIGHUP cut off."""
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "First steps": ("demo", "doctor", "list"),
-    "Estimate touches": ("live", "locate"),
+    "Estimate touches": ("tune", "live", "locate"),
     "Collect data": ("record", "collect", "sessions"),
     "Train and evaluate": ("build", "audit", "train", "evaluate", "ablate", "weights"),
     "Simulate, draw, measure": ("simulate", "figure", "bench"),

@@ -21,6 +21,7 @@ from monochord.live.settings import MODEL, recording_source
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.model import folder_of, load
 from monochord.perception.model.bundled import bundled_names
+from monochord.physics.sensors import sensor_names
 from monochord.physics.strings import string_names
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -132,6 +133,16 @@ def string_options(command: F) -> F:
     return command
 
 
+def sensor_option(command: F) -> F:
+    """Add the sensor: a preset, or the file that ``monochord tune`` wrote."""
+    return click.option(
+        "--sensor",
+        metavar="PRESET",
+        help="A sensor of 'monochord list sensors', or FILE.toml, such as monochord tune writes.",
+        **completes(sensor_names),
+    )(command)
+
+
 def window_options(command: F) -> F:
     """Add the window's length and hop."""
     for option in (
@@ -159,8 +170,12 @@ def refuse_without(options: str, effect: str, *names: str) -> None:
         raise InputError(options, effect, "leave it out")
 
 
-def refuse_string_twice(string: str | None, length: float | None, open_frequency: float | None) -> None:
-    """Refuse a preset beside both numbers that stand in its place."""
+def refuse_string_twice(options: dict[str, Any]) -> None:
+    """Refuse a preset of a string beside a sensor, or beside both numbers that stand in its place."""
+    string, length, open_frequency = (options[key] for key in ("string", "length", "open_frequency"))
+    if string and options["sensor"]:
+        given = f"--string {string} beside --sensor {options['sensor']}"
+        raise InputError(given, "one of both", "a sensor has its string")
     if string and length is not None and open_frequency is not None:
         given = f"--string {string} beside --length and --open-frequency"
         raise InputError(given, "a preset, or both numbers", "leave one or the other out")
@@ -224,8 +239,7 @@ def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> Non
     name = table(tree, "estimator").get("name", DEFAULT_ESTIMATOR)
     put(tree, "estimator", name=options["estimator"] or name)
     put(tree, "window", length=options["window"], hop=options["hop"])
-    if options["string"] is not None:
-        tree["string"] = options["string"]
+    tree |= {key: options[key] for key in ("string", "sensor") if options[key] is not None}
 
 
 def fields_of(registry: Registry[Any], name: str) -> list[str]:

@@ -18,6 +18,7 @@ from monochord.cli._options import (
     put_source,
     refuse_short,
     refuse_string_twice,
+    sensor_option,
     set_option,
     source_options,
     string_options,
@@ -40,6 +41,7 @@ LINES = "jsonl"
 @click.command()
 @click.argument("inputs", metavar="[MODEL] [INPUT]", nargs=-1, **completes(bundled_names))
 @source_options
+@sensor_option
 @string_options
 @window_options
 @click.option(
@@ -68,7 +70,7 @@ def live(inputs: tuple[str, ...], **options: Any) -> None:
     monochord live run session.mcap
     monochord live --device 'USB Audio' --rate 48000 --length 0.65 --open-frequency 110
     """  # noqa: D301
-    refuse_string_twice(options["string"], options["length"], options["open_frequency"])
+    refuse_string_twice(options)
     model, opened = model_and_input(inputs)
     tree = override(_tree(model, opened, options), options["assignments"])
     tree = calibrated(tree, options["calibrate"])

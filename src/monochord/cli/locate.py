@@ -19,6 +19,7 @@ from monochord.cli._options import (
     recording,
     refuse_short,
     refuse_string_twice,
+    sensor_option,
     string_options,
     window_options,
 )
@@ -33,6 +34,7 @@ from monochord.perception.model.bundled import bundled_names
 
 @click.command()
 @click.argument("inputs", metavar="[MODEL] FILE", nargs=-1, required=True, **completes(bundled_names))
+@sensor_option
 @string_options
 @window_options
 @click.option("--allow-truncated", is_flag=True, help="Read what is there of a file that was cut short.")
@@ -50,7 +52,7 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
     monochord locate two_microphones.wav --string prototype
     monochord locate demo session.mcap
     """  # noqa: D301
-    refuse_string_twice(options["string"], options["length"], options["open_frequency"])
+    refuse_string_twice(options)
     model, file = model_and_input(inputs)
     if file is None:
         raise InputError(f"model {model} alone", "a FILE beside it")

@@ -24,13 +24,13 @@ from monochord.cli._options import (
     put,
     put_source,
     radius,
+    sensor_option,
     set_option,
     source_options,
 )
 from monochord.cli._output import echo
 from monochord.core.config import Tree, load_toml, override, table
 from monochord.core.errors import DeviceError, InputError
-from monochord.physics.sensors import sensor_names
 
 RESERVED = tuple(field.name for field in fields(RecordingSettings))
 """Tables that --set reaches by their first word, and so no instrument's name."""
@@ -51,12 +51,7 @@ RESERVED = tuple(field.name for field in fields(RecordingSettings))
 @click.option("--object", "object_", metavar="TEXT", help="What touches the string.")
 @click.option("--material", metavar="TEXT", help="What that is made of.")
 @click.option("--radius", type=radius, metavar="M", help="Its radius at the touch.")
-@click.option(
-    "--sensor",
-    metavar="PRESET",
-    help="A sensor of 'monochord list sensors', or FILE.toml.",
-    **completes(sensor_names),
-)
+@sensor_option
 @click.option("--notes", metavar="TEXT", help="Whatever else should be known.")
 @click.option("--simulated", is_flag=True, default=None, help="Mark the session as no real one.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object.")

@@ -27,6 +27,7 @@ def listen(
     hop: Seconds = 0.01,
     window: Seconds | None = None,
     string: str = "",
+    sensor: str = "",
     **options: Any,
 ) -> Iterator[Prediction]:
     """Yield a prediction for every window of a source, as soon as the window is complete.
@@ -50,6 +51,8 @@ def listen(
         Length of a window in s; the model's own by default, 0.1 s for other estimators.
     string
         A string preset, for a source that does not know its string.
+    sensor
+        A sensor's preset, or the file that `tune` or ``monochord tune`` wrote: its string counts.
     options
         Options of the source, such as ``seed=1`` or ``speed=0.0`` for the twin.
 
@@ -71,7 +74,7 @@ def listen(
     >>> len(predictions), sorted(predictions[0].estimates)
     (21, ['contact', 'force', 'position', 'slip'])
     """
-    return _predictions(_live_run(source, model, seconds, hop, window, string, options))
+    return _predictions(_live_run(source, model, seconds, hop, window, string, sensor, options))
 
 
 async def listen_async(
@@ -91,9 +94,9 @@ async def listen_async(
     >>> asyncio.run(first())
     0.0
     """
-    names = ("seconds", "hop", "window", "string")
+    names = ("seconds", "hop", "window", "string", "sensor")
     given = {name: options.pop(name) for name in names if name in options}
-    defaults: dict[str, Any] = {"seconds": math.inf, "hop": 0.01, "window": None, "string": ""}
+    defaults: dict[str, Any] = {"seconds": math.inf, "hop": 0.01, "window": None, "string": "", "sensor": ""}
     setup = _live_run(source, model, **{**defaults, **given}, options=options)
     with ExitStack() as stack:
         live = await asyncio.to_thread(stack.enter_context, opened(setup))
@@ -124,19 +127,22 @@ def _live_run(
     hop: Seconds,
     window: Seconds | None,
     string: str,
+    sensor: str,
     options: dict[str, Any],
 ) -> LiveRun:
     estimator, length = _estimator(model)
     return LiveRun(
-        source=_source(source, options),
+        source=source_of(source, options),
         estimator=estimator,
         window=WindowSettings(length=window or length, hop=hop),
         string=string,
+        sensor=sensor,
         seconds=seconds,
     )
 
 
-def _source(source: str | Path | Source, options: dict[str, Any]) -> Source:
+def source_of(source: str | Path | Source, options: dict[str, Any]) -> Source:
+    """Return the source that `listen` opens for its argument of that name, with these options."""
     if isinstance(source, Source):
         if options:
             given = f"options {', '.join(options)} beside a source that was built"

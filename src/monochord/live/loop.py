@@ -18,7 +18,11 @@ from monochord.core.windows import windows
 from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Moment
 from monochord.live.summary import Meter, Summary
+from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
+
+LENGTH_TOLERANCE = 0.02
+"""Share by which a sensor's length may differ from what a source says of its string."""
 
 
 def run(setup: LiveRun) -> Summary:
@@ -90,7 +94,7 @@ class LiveStream:
 
     def __init__(self, setup: LiveRun, stream: Stream) -> None:
         self._stream, self._seconds = stream, setup.seconds
-        self.signal = _with_string(stream.signal, setup.string)
+        self.signal = _with_string(stream.signal, setup)
         self._size, self._hop = setup.window.frames(self.signal.sample_rate)
         self._estimate = setup.estimator.prepare(self.signal, self._size)
         self._estimate(_sawtooth(self.signal, self._size))  # what loads or compiles at first use does so now
@@ -177,14 +181,25 @@ def _sawtooth(signal: Signal, size: Samples) -> Window:
     return Window(samples=samples, start=0, sample_rate=signal.sample_rate)
 
 
-def _with_string(signal: Signal, preset: str) -> Signal:
-    """Return the signal with the string that the run names; refused where the source knows its own."""
-    if not preset:
+def _with_string(signal: Signal, setup: LiveRun) -> Signal:
+    """Return the signal with the string that the run names, or with that of its sensor as tuned.
+
+    A string is refused where the source knows its own, and a sensor where that one is of another length.
+    """
+    if setup.sensor:
+        string = load_sensor(setup.sensor).string
+        own = signal.string
+        if own is not None and abs(string.length / own.length - 1.0) > LENGTH_TOLERANCE:
+            given = f"sensor '{setup.sensor}' with a string of {string.length:g} m"
+            raise InputError(given, f"{own.length:g} m, as the source says of its own", "name that sensor")
+        return dataclasses.replace(signal, string=string)
+    if not setup.string:
         return signal
-    string = load_string(preset).string
+    string = load_string(setup.string).string
     if signal.string is not None:
         allowed = "no string beside a source that knows its own"
-        raise InputError(f"string '{preset}'", allowed, f"name it as INPUT: monochord live {preset} ...")
+        remedy = f"name it as INPUT: monochord live {setup.string} ..."
+        raise InputError(f"string '{setup.string}'", allowed, remedy)
     return dataclasses.replace(signal, string=string)
 
 

@@ -63,7 +63,8 @@ class LiveRun:
     """A live run, ready to start: built plug-ins, the window, and when to end.
 
     `string` names the preset of the string for a source that does not know its own, and is refused by one
-    that does; `seconds` of the stream are processed.
+    that does. `sensor` names a sensor, or the file of one as tuned: its string counts, whatever the source
+    knows of its own. `seconds` of the stream are processed.
     """
 
     source: Source
@@ -71,6 +72,7 @@ class LiveRun:
     sinks: tuple[Sink, ...] = ()
     window: WindowSettings = WindowSettings()
     string: str = ""
+    sensor: str = ""
     seconds: Seconds = math.inf
 
 
@@ -86,6 +88,7 @@ class LiveSettings:
     window: WindowSettings = WindowSettings()
     sinks: dict[str, dict[str, Any]] = field(default_factory=lambda: {"terminal": {}})
     string: str = ""
+    sensor: str = ""
     seconds: Seconds = math.inf
 
     @classmethod
@@ -111,6 +114,7 @@ class LiveSettings:
             sinks=tuple(sinks),
             window=self.window,
             string=self.string,
+            sensor=self.sensor,
             seconds=self.seconds,
         )
 
@@ -124,6 +128,7 @@ class LiveSettings:
             "window": to_tree(self.window),
             "sinks": {name.replace("-", "_"): to_tree(sink) for name, sink in sinks},
             "string": self.string,
+            "sensor": self.sensor,
             "seconds": self.seconds,
         }
 

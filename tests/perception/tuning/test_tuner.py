@@ -130,6 +130,12 @@ def test_a_high_partial_that_may_be_another_is_refused() -> None:
     assert both.tuning.partials == (7, 2)
 
 
+def test_a_series_of_a_multiple_of_the_pitch_is_refused() -> None:
+    state = followed(tones(1.01 * open_frequency(PROTOTYPE) * np.array([3.0, 6.02]), [0.1, 0.03]), PROTOTYPE)
+    assert state.tuning is None
+    assert "another string" in state.why_not
+
+
 def test_a_string_of_another_pitch_is_refused() -> None:
     state = followed(tones([1.4 * open_frequency(PROTOTYPE)], [0.1]), PROTOTYPE)
     assert state.tuning is None

@@ -209,10 +209,8 @@ class Tuner:
         least = 0.0 if dead or self.channels == 1 else MIN_SHARE
         reading = read_tuning(lasting, self.nominal, stiffness, least)
         why_not = self._why_undecided(reading, lasting)
-        numbers = reading.numbers[reading.numbers > 0.0].astype(int).tolist()
-        if not why_not and least == 0.0 and gcd(*numbers) > 1:
-            heard = "partial " + ", ".join(map(str, dict.fromkeys(numbers)))
-            why_not = f"{heard} at one microphone: it may be a touched string's segment"
+        numbers = list(dict.fromkeys(reading.numbers[reading.numbers > 0.0].astype(int).tolist()))
+        why_not = why_not or _why_ambiguous(numbers, one_microphone=least == 0.0)
         if why_not:
             return None, why_not
         decay, decay_std = _decay(lasting, reading)
@@ -223,7 +221,7 @@ class Tuner:
             inharmonicity_std=reading.inharmonicity_std,
             decay=decay,
             decay_std=decay_std,
-            partials=tuple(dict.fromkeys(numbers)),
+            partials=tuple(numbers),
             windows=len(windows),
             channels=tuple(channel for channel in range(1, self.channels + 1) if channel != dead),
         )
@@ -261,6 +259,22 @@ def _why_no_partials(lines: Floats) -> tuple[str, int]:
         also = f" and one at {others[0]:.0f} Hz" if others else ""
         return f"touched: a line at {one:.0f} Hz{also} is at one microphone alone", 0
     return "", 0
+
+
+def _why_ambiguous(numbers: list[int], *, one_microphone: bool) -> str:
+    """Return why partials of these numbers may be those of something shorter than the string.
+
+    Partials with a common divisor are a series of their own, as of a segment, or of another string of a
+    multiple of the pitch. A single one is taken for a partial if both microphones hear it.
+    """
+    if gcd(*numbers) == 1:
+        return ""
+    if len(numbers) > 1:
+        heard = ", ".join(map(str, sorted(numbers)))
+        return f"partials {heard} alone are those of {gcd(*numbers)} times the pitch: another string"
+    if one_microphone:
+        return f"partial {numbers[0]} at one microphone: it may be that of a touched string's segment"
+    return ""
 
 
 def _decay(lasting: Floats, reading: TuningReading) -> tuple[float, float]:

@@ -1,19 +1,117 @@
-"""Sensors: one TOML file a design, with its source.
+"""Sensors: one TOML file a design, with its source, or one of a sensor as tuned.
 
-A file names its string preset, ``string = "prototype"``; ``[override]`` changes values of it. The other keys
-are the fields of `monochord.physics.twin.Sensor`.
+A design names its string preset, ``string = "prototype"``; ``[override]`` changes values of it. The other
+keys are the fields of `monochord.physics.twin.Sensor`. What ``monochord tune`` writes names the design,
+``design = "prototype"``, beside a table ``[tuning]``; the sensor is that design with the string so tuned.
 """
 
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
-from monochord.core.config import from_tree, to_tree
+from monochord.core.config import dump_toml, from_tree, load_toml, to_tree
 from monochord.core.errors import InputError
 from monochord.core.presets import Presets
+from monochord.core.types import StringParams
+from monochord.core.units import Hertz, Newtons, Seconds
 from monochord.physics.strings import load_string
+from monochord.physics.theory import open_frequency
 from monochord.physics.twin.setup import Sensor
+
+MAX_RETUNING = 0.25
+"""Largest share by which a sensor may be tuned off its design."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorTuning:
+    """What a sensor's untouched sound said of its string.
+
+    Parameters
+    ----------
+    open_frequency, open_frequency_std
+        Without stiffness, f0 = sqrt(T / mu) / (2 L), and its standard error, in Hz.
+    tension, tension_std
+        What follows from it, T = mu (2 L f0)^2, in N. For information: the sensor's is computed again.
+    inharmonicity, inharmonicity_std
+        B of f_n = n f0 sqrt(1 + B n^2).
+    decay, decay_std
+        Rate in 1/s at which its free partials die away, where they were heard to.
+    partials
+        Numbers of the partials that were heard, the loudest first.
+    microphones
+        Those that heard them, from 1 on.
+    seconds
+        How much untouched sound it was taken from.
+    time
+        When it was measured, in ISO 8601.
+    source
+        What it was measured from: a file, a session, ports.
+    """
+
+    open_frequency: Hertz
+    open_frequency_std: Hertz = 0.0
+    tension: Newtons | None = None
+    tension_std: Newtons | None = None
+    inharmonicity: float | None = None
+    inharmonicity_std: float | None = None
+    decay: float | None = None
+    decay_std: float | None = None
+    partials: tuple[int, ...] = ()
+    microphones: tuple[int, ...] = ()
+    seconds: Seconds = 0.0
+    time: str = ""
+    source: str = ""
+
+
+def sensor_toml(design: str, tuning: SensorTuning) -> str:
+    """Return the text of a file that `load_sensor` reads as this design, so tuned.
+
+    Examples
+    --------
+    >>> print(sensor_toml("prototype", SensorTuning(open_frequency=990.0)).partition("[tuning]")[0])
+    design = "prototype"
+    <BLANKLINE>
+    <BLANKLINE>
+    """
+    return dump_toml({"design": design, "tuning": to_tree(tuning)})
+
+
+def sensor_tuning(name: str) -> SensorTuning | None:
+    """Return what a sensor's file says of its tuning, None where it is a design."""
+    if not name.endswith(".toml"):
+        return None
+    tree = load_toml(Path(name))
+    return _tuning(tree, f"sensor {Path(name).stem}") if "tuning" in tree else None
+
+
+def sensor_design(name: str) -> str:
+    """Return the name of the design of a sensor, which may be the file of one as tuned.
+
+    Examples
+    --------
+    >>> sensor_design("prototype-one-driver")
+    'prototype_one_driver'
+    """
+    if not name.endswith(".toml"):
+        return name.replace("-", "_")
+    return str(load_toml(Path(name)).get("design", Path(name).absolute()))
+
+
+def retuned(string: StringParams, frequency: Hertz) -> StringParams:
+    """Return a string with the tension that brings it to an open frequency; all else stays.
+
+    Examples
+    --------
+    >>> string = retuned(load_string("prototype").string, 990.0)
+    >>> round(string.tension, 2), round(open_frequency(string), 6)
+    (62.38, 990.0)
+    """
+    return replace(string, tension=string.tension * (frequency / open_frequency(string)) ** 2)
 
 
 def _read(tree: dict[str, Any], where: str) -> Sensor:
+    if "design" in tree:
+        return _tuned(tree, where)
     string, override = tree.get("string"), tree.pop("override", {})
     if not isinstance(string, str) or not isinstance(override, dict):
         given = f"{where}: string = {string!r} with override = {override!r}"
@@ -23,6 +121,32 @@ def _read(tree: dict[str, Any], where: str) -> Sensor:
         if not tree.get(needed):
             raise InputError(f"option '{where}.{needed}' (not given)", "a text")
     return from_tree(Sensor, tree, where)
+
+
+def _tuned(tree: dict[str, Any], where: str) -> Sensor:
+    """Return the design that a file names, with its string as tuned; other keys are those of the design."""
+    design = tree.pop("design")
+    if not isinstance(design, str) or (design.endswith(".toml") and "design" in load_toml(Path(design))):
+        allowed = f"{', '.join(sensor_names())}, or the file of a design"
+        raise InputError(f"{where}: design = {design!r}", allowed)
+    tuning = _tuning(tree, where)
+    for key in tree.keys() - {"name", "tuning"}:
+        raise InputError(f"{where}: {key} beside a design", "design and [tuning] alone", "leave it out")
+    sensor = load_sensor(design)
+    off = tuning.open_frequency / open_frequency(sensor.string) - 1.0
+    if not abs(off) <= MAX_RETUNING:
+        given = f"{where}: an open frequency of {tuning.open_frequency:g} Hz"
+        nominal = open_frequency(sensor.string)
+        allowed = f"within {100.0 * MAX_RETUNING:.0f} % of {nominal:.1f} Hz, the design's"
+        raise InputError(given, allowed, "tune it again, or name another design")
+    return replace(sensor, string=retuned(sensor.string, tuning.open_frequency))
+
+
+def _tuning(tree: dict[str, Any], where: str) -> SensorTuning:
+    table = tree.get("tuning")
+    if not isinstance(table, dict):
+        raise InputError(f"{where}: tuning = {table!r}", "a table [tuning] with open_frequency")
+    return from_tree(SensorTuning, table, f"{where}.tuning")
 
 
 SENSORS = Presets(package=__name__, kind="sensor", read=_read)

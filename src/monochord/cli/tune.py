@@ -1,0 +1,136 @@
+"""The tuning of a sensor's own string, from untouched sound."""
+
+import dataclasses
+import json
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from monochord.cli._options import (
+    amount,
+    put_source,
+    refuse_unwritable,
+    sensor_option,
+    set_option,
+    source_options,
+    window_options,
+)
+from monochord.cli._output import echo
+from monochord.core.config import Tree, override
+from monochord.core.errors import InputError
+from monochord.live import LiveSettings
+from monochord.live.tuning import SECONDS, WINDOW, SensorAsTuned, tuned
+from monochord.physics.sensors import sensor_tuning
+
+OUT = Path("sensor.toml")
+
+
+@click.command()
+@click.argument("inputs", metavar="[INPUT]...", nargs=-1)
+@source_options
+@sensor_option
+@click.option(
+    "--seconds",
+    type=amount,
+    default=SECONDS,
+    show_default=True,
+    metavar="S",
+    help="How much of each INPUT to listen to.",
+)
+@window_options
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help=f"File of the sensor as tuned.  [default: {OUT}]",
+)
+@click.option("--force", is_flag=True, help="Replace that file if it exists.")
+@set_option("monochord list settings live")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: bool, **options: Any) -> None:
+    """Listen to the untouched string and write its pitch into sensor.toml.
+
+    INPUT is what the source opens: a recording (.wav, .flac, or a session's .mcap), ports, a device; several
+    are several takes. The drivers are on and nothing touches the string. The file is the sensor as it is
+    tuned now; live, locate, record and collect take it by --sensor. Nothing is written where the sound does
+    not tell the pitch.
+
+    \b
+    monochord tune --sensor prototype
+    monochord tune untouched.wav --sensor long --out long.toml
+    monochord tune --source twin --set source.sensor=gauge_012
+    """  # noqa: D301
+    path = out or OUT
+    refuse_unwritable(path, (".toml",))
+    if path.exists() and not force:
+        raise InputError(f"file '{path}', which is there already", "a new file", "replace it with --force")
+    settings = [_settings(opened, options) for opened in inputs or (None,)]
+    names = [
+        opened or str(one.source["name"]) for opened, one in zip(inputs or (None,), settings, strict=True)
+    ]
+    result = tuned(
+        [one.build().source for one in settings],
+        names,
+        sensor=options["sensor"] or "",
+        seconds=settings[0].seconds,
+        window=settings[0].window,
+    )
+    result = dataclasses.replace(result, time=datetime.now(UTC).isoformat(timespec="seconds"))
+    _write(path, result.toml())
+    if as_json:
+        measured = sensor_tuning(str(path))
+        echo(json.dumps({"path": str(path), **_facts(result), "tuning": dataclasses.asdict(measured)}))  # pyright: ignore[reportArgumentType]
+        return
+    echo(*_lines(result), f"written to {path}; use it by --sensor {path}")
+
+
+def _settings(opened: str | None, options: dict[str, Any]) -> LiveSettings:
+    """Return the settings of a run that would open this input; only its source, window and time are used."""
+    tree: Tree = {"sinks": {}, "seconds": options["seconds"]}
+    put_source(tree, options, opened)
+    tree["window"] = {"length": options["window"] or WINDOW.length, "hop": options["hop"] or WINDOW.hop}
+    return LiveSettings.read(override(tree, options["assignments"]))
+
+
+def _facts(result: SensorAsTuned) -> dict[str, Any]:
+    return {
+        "design": result.design,
+        "nominal": result.nominal,
+        "deviation": result.deviation,
+        "cents": result.cents,
+        "refused_windows": result.refused,
+        "notes": list(result.notes),
+    }
+
+
+def _lines(result: SensorAsTuned) -> list[str]:
+    """Return the result in a person's units."""
+    tuning, measured = result.tuning, result.measured()
+    partials = ", ".join(map(str, tuning.partials))
+    off = f"{100.0 * result.deviation:+.2f} %, {result.cents:+.0f} cents"
+    lines = [
+        f"{result.design}: open string at {tuning.frequency:.2f} Hz +- {tuning.frequency_std:.2f}",
+        f"  off nominal    {off} from {result.nominal:.1f} Hz",
+        f"  tension        {measured.tension:.2f} N +- {measured.tension_std:.2f}",
+        f"  inharmonicity  {tuning.inharmonicity:.2e} +- {tuning.inharmonicity_std:.1e}",
+    ]
+    if measured.decay is not None:
+        lines.append(
+            f"  losses         free partials die away at {tuning.decay:.1f} 1/s +- {tuning.decay_std:.1f}"
+        )
+    lines.append(f"  heard          partials {partials} in {result.seconds:.1f} s of untouched sound")
+    if result.refused:
+        lines.append(f"  left out       {result.refused} windows: touched, silent or torn")
+    return lines + [f"  note           {note}" for note in result.notes]
+
+
+def _write(path: Path, text: str) -> None:
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)  # noqa: PTH105  (replaces the file at once)
+    except OSError as error:
+        raise InputError(f"file {path} ({error.strerror})", "a path that can be written") from error

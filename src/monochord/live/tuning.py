@@ -1,0 +1,225 @@
+"""The tuning of a sensor from sources of untouched sound: what ``monochord tune`` does."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from monochord.capture.sources.base import Source, Stream
+from monochord.core.errors import InputError
+from monochord.core.types import StringParams
+from monochord.core.units import Hertz, Seconds
+from monochord.core.windows import windows
+from monochord.live.listen import source_of
+from monochord.live.settings import WindowSettings
+from monochord.perception.tuning import Tuner, TunerState, Tuning
+from monochord.physics.sensors import SensorTuning, load_sensor, sensor_design, sensor_names, sensor_toml
+from monochord.physics.theory import inharmonicity, open_frequency
+from monochord.physics.twin import Sensor
+
+WINDOW = WindowSettings(length=0.1, hop=0.1)
+"""The usual windows of a tuning."""
+SECONDS: Seconds = 3.0
+"""How much of a source is listened to, by default."""
+KEEP = 1000
+"""Most windows that a tuning is taken from."""
+STIFFNESS_DEVIATIONS = 4.0
+"""Standard errors by which stiffness differs from the design's on a wire that is another."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorAsTuned:
+    """A sensor's design, and what its untouched sound says of its string.
+
+    `design` is the name of its preset, `sensor` that preset; `tuning` as measured, from `seconds` of
+    untouched sound of `source`, at `time`. `refused` windows did not count.
+    """
+
+    design: str
+    sensor: Sensor
+    tuning: Tuning
+    seconds: Seconds
+    source: str
+    time: str = ""
+    refused: int = 0
+
+    @property
+    def string(self) -> StringParams:
+        """The design's string at the tension that gives this pitch."""
+        return self.tuning.tuned(self.sensor.string)
+
+    @property
+    def nominal(self) -> Hertz:
+        """Open frequency of the design."""
+        return open_frequency(self.sensor.string)
+
+    @property
+    def deviation(self) -> float:
+        """Share by which the open frequency lies above the design's."""
+        return self.tuning.deviation(self.sensor.string)
+
+    @property
+    def cents(self) -> float:
+        """The deviation in cents, hundredths of a semitone."""
+        return 1200.0 * math.log2(1.0 + self.deviation)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What else a person should know of it."""
+        tuning, notes = self.tuning, list[str]()
+        missing = set(range(1, 3)) - set(tuning.channels)
+        if missing:
+            notes.append(f"microphone {min(missing)} hears nothing of the string")
+        expected = inharmonicity(self.string)
+        if abs(tuning.inharmonicity - expected) > STIFFNESS_DEVIATIONS * tuning.inharmonicity_std:
+            notes.append(f"stiffness {tuning.inharmonicity / expected:.2f} times the design's: another wire?")
+        return tuple(notes)
+
+    def toml(self) -> str:
+        """Return the text of the file that is this sensor, which `load_sensor` reads."""
+        return sensor_toml(self.design, self.measured())
+
+    def measured(self) -> SensorTuning:
+        """Return what was measured, as it stands in the file."""
+        tuning = self.tuning
+        tension, tension_std = tuning.tension(self.sensor.string)
+        has_decay = math.isfinite(tuning.decay)
+        return SensorTuning(
+            open_frequency=tuning.frequency,
+            open_frequency_std=tuning.frequency_std,
+            tension=tension,
+            tension_std=tension_std,
+            inharmonicity=tuning.inharmonicity,
+            inharmonicity_std=tuning.inharmonicity_std,
+            decay=tuning.decay if has_decay else None,
+            decay_std=tuning.decay_std if has_decay else None,
+            partials=tuning.partials,
+            microphones=tuning.channels,
+            seconds=self.seconds,
+            time=self.time,
+            source=self.source,
+        )
+
+
+def tune(
+    *sources: str | Path | Source,
+    sensor: str = "",
+    seconds: Seconds = SECONDS,
+    window: Seconds = WINDOW.length,
+    **options: Any,
+) -> SensorAsTuned:
+    """Return a sensor as tuned, by its untouched sound.
+
+    Parameters
+    ----------
+    sources
+        Each as for `listen`: a recording, the name of a source, or a source that was built; jack if none is
+        given. Several are several takes of one sensor.
+    sensor
+        The design: a preset's name, or the file of an earlier tuning. It may be left out where the source
+        knows its string, as a session or the twin does.
+    seconds
+        How much of each source is listened to, in s.
+    window
+        Length of the windows that are looked at, in s.
+    options
+        Options of the source, such as ``seed=1`` or ``speed=0.0`` for the twin.
+
+    Raises
+    ------
+    InputError
+        If the sensor is unknown, or the sound does not tell its pitch: it is silent, touched, of another
+        string, or more than one pitch is possible.
+    DeviceError
+        If a device is absent or goes away.
+
+    Examples
+    --------
+    >>> tuned = tune("twin", seconds=1.0, speed=0.0)
+    >>> tuned.design, abs(tuned.deviation) < 0.004, tuned.tuning.partials[0]
+    ('prototype', True, 2)
+    """
+    opened = [source_of(source, options) for source in sources or ("jack",)]
+    names = [str(source) if isinstance(source, str | Path) else type(source).__name__ for source in sources]
+    return tuned(opened, names or ["jack"], sensor, seconds, WindowSettings(length=window, hop=WINDOW.hop))
+
+
+def tuned(
+    sources: Sequence[Source],
+    names: Sequence[str],
+    sensor: str = "",
+    seconds: Seconds = SECONDS,
+    window: WindowSettings = WINDOW,
+) -> SensorAsTuned:
+    """Return a sensor as tuned, by sources that are built and what they are called; see `tune`.
+
+    Raises
+    ------
+    InputError
+        As `tune`.
+    """
+    design = sensor_design(sensor) if sensor else ""
+    if design:
+        load_sensor(design)  # refused before any device is opened
+    state = TunerState()
+    for source, name in zip(sources, names, strict=True):
+        with source.open() as stream:
+            signal = stream.signal
+            design = design or preset_of(signal.string)
+            state, heard = _followed(stream, load_sensor(design).string, state, seconds, window)
+        if not heard:
+            given = f"{name} (shorter than a window)"
+            raise InputError(given, f"{window.length:g} s or more", "use a shorter --window")
+    if state.tuning is None:
+        raise InputError(
+            f"{', '.join(names)}: {state.why_not}",
+            f"sound of an untouched, driven string of the sensor {design}",
+            "let go of it, or touch and release it so that it sounds otherwise",
+        )
+    return SensorAsTuned(
+        design=design,
+        sensor=load_sensor(design),
+        tuning=state.tuning,
+        seconds=len(state.lines) * window.hop,
+        source=", ".join(names),
+        refused=state.refusals,
+    )
+
+
+def _followed(
+    stream: Stream, string: StringParams, state: TunerState, seconds: Seconds, window: WindowSettings
+) -> tuple[TunerState, int]:
+    """Return the state after one more stream, which goes on where the one before ended, and its windows."""
+    signal = replace(stream.signal, string=string)
+    size, hop = window.frames(signal.sample_rate)
+    tuner = replace(Tuner.of(signal, size), keep=KEEP)
+    offset, count = state.start + size, 0
+    for each in windows(stream, size=size, hop=hop, sample_rate=signal.sample_rate):
+        if each.start + size > seconds * signal.sample_rate:
+            break
+        state = tuner.step(state, replace(each, start=each.start + offset))
+        count += 1
+    return state, count
+
+
+def preset_of(string: StringParams | None) -> str:
+    """Return the name of the sensor that has this string, at whatever tension.
+
+    Raises
+    ------
+    InputError
+        If the string is not known, or no preset has it.
+
+    Examples
+    --------
+    >>> preset_of(load_sensor("long").string)
+    'long'
+    """
+    names = sensor_names()
+    for name in names if string is not None else ():
+        own = load_sensor(name).string
+        if string is not None and replace(own, tension=string.tension) == string:
+            return name
+    given = "a source that does not know its string" if string is None else "a string of no preset"
+    raise InputError(given, ", ".join(names), "name the sensor: --sensor prototype")

@@ -1,0 +1,150 @@
+"""The command `tune`, the file that it writes, and what takes that file."""
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+import monochord as mc
+from monochord.cli import run
+from monochord.core.errors import InputError
+from monochord.physics.sensors import SensorTuning, load_sensor, sensor_design, sensor_toml, sensor_tuning
+from monochord.physics.theory import open_frequency
+from monochord.physics.twin.virtual_sensor import VirtualSensor
+from monochord.sessions import read_session
+
+RATIO = 0.953
+POSITION = 0.083
+NOMINAL = open_frequency(load_sensor("prototype").string)
+
+
+@pytest.fixture(scope="module")
+def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of the prototype, tuned 0.8 semitones too low, that is touched after 1.5 s."""
+    design = load_sensor("prototype")
+    sensor = replace(design, string=replace(design.string, tension=design.string.tension * RATIO**2))
+    twin, path = VirtualSensor(sensor, seed=5), tmp_path_factory.mktemp("tune") / "take.wav"
+    before = twin.advance(1.5)[0]
+    twin.press(POSITION, 0.8)
+    sound = np.concatenate((before, twin.advance(1.0)[0]), axis=1)
+    soundfile.write(path, sound.T, 44100, subtype="FLOAT")
+    return path
+
+
+@pytest.fixture
+def tuned(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """The file of that sensor as tuned."""
+    path = tmp_path / "sensor.toml"
+    assert run(["tune", str(take), "--sensor", "prototype", "--out", str(path)]) == 0
+    capsys.readouterr()
+    return path
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    capsys.readouterr()
+    assert run([*arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    return captured.err
+
+
+def test_it_prints_and_writes_the_sensor(
+    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["tune", str(take), "--sensor", "prototype"]) == 0
+    assert "-4.7" in capsys.readouterr().out
+    sensor, design = load_sensor("sensor.toml"), load_sensor("prototype")
+    ratio = open_frequency(sensor.string) / NOMINAL
+    assert ratio == pytest.approx(RATIO, abs=0.002)
+    tension = design.string.tension * ratio**2
+    assert sensor == replace(design, name="prototype", string=replace(design.string, tension=tension))
+    assert sensor_design("sensor.toml") == "prototype"
+    assert run(["tune", str(take), "--sensor", "sensor.toml", "--force", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    written = tomllib.loads(Path("sensor.toml").read_text(encoding="utf-8"))
+    assert result["tuning"]["open_frequency"] == written["tuning"]["open_frequency"]
+    assert written["tuning"]["source"] == str(take)
+    assert result["deviation"] == pytest.approx(ratio - 1.0)
+    assert result["refused_windows"] >= 8  # those that are touched
+
+
+def test_a_file_is_replaced_only_where_asked(
+    tuned: Path, take: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = tuned.read_bytes()
+    line = refusal(capsys, "tune", str(take), "--sensor", "prototype", "--out", str(tuned))
+    assert "--force" in line
+    assert tuned.read_bytes() == before
+
+
+def test_a_sound_that_does_not_tell_writes_nothing(
+    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    touched, out = tmp_path / "touched.wav", tmp_path / "out.toml"
+    sound = soundfile.read(take)[0]
+    soundfile.write(touched, sound[-22050:], 44100, subtype="FLOAT")
+    to = ("--out", str(out))
+    assert "touched" in refusal(capsys, "tune", str(touched), "--sensor", "prototype", *to)
+    assert "another string" in refusal(capsys, "tune", str(take), "--sensor", "long", *to)
+    assert "--sensor" in refusal(capsys, "tune", str(take), *to)
+    assert "did you mean 'prototype'" in refusal(capsys, "tune", str(take), "--sensor", "protoype", *to)
+    soundfile.write(touched, sound[:2000], 44100, subtype="FLOAT")
+    assert "shorter" in refusal(capsys, "tune", str(touched), "--sensor", "prototype", *to)
+    assert not out.exists()
+
+
+def test_live_and_locate_take_the_sensor(tuned: Path, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["locate", str(take), "--sensor", str(tuned), "--json"]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    touched = [line["position"] for line in lines if line["time"] > 1.9]
+    assert touched == pytest.approx([POSITION] * len(touched), abs=1e-3)
+    assert not any(line["valid"] for line in lines if line["time"] < 1.3)
+    (*_, last) = mc.listen(take, "tuning", sensor=str(tuned))
+    assert last["frequency"].value == pytest.approx(RATIO * NOMINAL, rel=0.002)
+    line = refusal(capsys, "locate", str(take), "--sensor", str(tuned), "--string", "prototype")
+    assert "one of both" in line
+
+
+def test_a_session_records_the_sensor(tuned: Path, take: Path, tmp_path: Path) -> None:
+    session = tmp_path / "take.mcap"
+    source = ("--source", "wav", "--set", f"source.path={take}")
+    assert run(["record", str(session), *source, "--sensor", str(tuned)]) == 0
+    string = read_session(session).description.string
+    assert string == load_sensor(str(tuned)).string
+    again = mc.tune(session)  # whose string is that of the prototype at another tension
+    assert again.design == "prototype"
+    assert again.tuning.frequency == pytest.approx(RATIO * NOMINAL, rel=0.002)
+
+
+def test_takes_are_put_together(take: Path) -> None:
+    one, two = mc.tune(take, sensor="prototype"), mc.tune(take, take, sensor="prototype")
+    assert two.seconds == pytest.approx(2.0 * one.seconds)
+    assert two.tuning.frequency == pytest.approx(one.tuning.frequency, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ('design = "prototype"', 'design = "protoype"', "did you mean 'prototype'"),
+        ('design = "prototype"', "design = 1", "design = 1"),
+        ("[tuning]", "range = [0.05, 0.15]\n[tuning]", "range beside a design"),
+        ("open_frequency = 990.0", "open_frequency = 2000.0", "2000 Hz"),
+        ("open_frequency = 990.0", "open_frequncy = 990.0", "did you mean 'open_frequency'"),
+        ("[tuning]", "[tunings]", "tuning = None"),
+    ],
+)
+def test_a_wrong_file_is_refused(tmp_path: Path, before: str, after: str, message: str) -> None:
+    path = tmp_path / "sensor.toml"
+    text = sensor_toml("prototype", SensorTuning(open_frequency=990.0))
+    path.write_text(text, encoding="utf-8")
+    assert open_frequency(load_sensor(str(path)).string) == pytest.approx(990.0)
+    assert sensor_tuning(str(path)) == SensorTuning(open_frequency=990.0)
+    assert before in text
+    path.write_text(text.replace(before, after, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=message):
+        load_sensor(str(path))
