@@ -79,28 +79,3 @@ def test_rows_as_a_person_reads_them(row: Row, text: list[str]) -> None:
     line = _line(row)
     for part in text:
         assert part in line
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["lve"], "did you mean 'live'"),
-        (["live", "--set", "second=1"], "did you mean 'seconds'"),
-        (["--set", "seconds=1"], "one NAME with --set"),
-        (["fdtd", "--set", "sec=1"], "option 'sec'"),
-        (["fdtd", "--set", "seconds=0"], "0.001 to 3600 s"),
-        (["bound", "--set", "windows=0"], "1 or more"),
-        (["realstrings", "--set", "window=0"], "window 0 s: allowed is"),
-        (["realstrings", "--set", "hop=0"], "hop 0 s: allowed is"),
-        (["realstrings", "--set", "first=5"], "from 5 s to 1.05 s: allowed is"),
-        (["realstrings", "--set", "last=0.1"], "to 0.1 s: allowed is"),
-    ],
-)
-def test_what_is_wrong_is_said(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["bench", "--json", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.splitlines()  # refused before anything is measured
-    assert message in line

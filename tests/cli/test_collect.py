@@ -52,41 +52,19 @@ def test_the_same_plan_with_one_driver(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "line"),
+    ("options", "words"),
     [
-        (["small", "--set", "senser=long"], "did you mean 'sensor'"),
-        (["small", "--set", "sensor=prototipe"], "did you mean 'prototype'"),
-        (["smal"], "did you mean 'small'"),
-        (["small", "--only", "slid"], "did you mean 'slide'"),
-        (["small", "--workers", "0"], "workers"),
-        (["absent.toml"], "absent.toml"),
-    ],
-)
-def test_bad_input_is_one_line(
-    arguments: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.run(["collect", *arguments, "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err
-    assert line in error
-    assert error.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("options", "line"),
-    [
-        (
-            ["--real-time", "--workers", "2"],
-            "--real-time with --workers or --cluster: allowed is one of them",
-        ),
-        (["--server", "x"], "--server: allowed is with --real-time"),
+        (["--set", "sensor=prototipe"], "did you mean 'prototype'"),
         (["--real-time", "--server", "nobody"], "JACK server 'nobody': not running"),
     ],
 )
-def test_real_time_takes_what_it_needs(
-    options: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_a_worker_refuses_is_one_line(
+    options: list[str], words: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.run(["collect", "small", "--out", str(tmp_path), "--only", "hold", *options]) == 2
-    assert line in capsys.readouterr().err
+    assert cli.run(["collect", "small", "--out", str(tmp_path / "out"), *options]) == 2
+    error = capfd.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
 
 
 def test_two_collections_into_one_folder_are_not_taken_at_once(

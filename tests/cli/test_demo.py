@@ -61,23 +61,6 @@ def test_by_physics_alone_it_finds_the_position() -> None:
     assert result_of("--seconds", "2", "--estimator", "closed-form")["median_error"] < 1e-3
 
 
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (["--estimator", "modle"], "did you mean 'model'"),
-        (["--material", "wod"], "did you mean 'wood'"),
-        (["--seconds", "0"], "above 0"),
-    ],
-)
-def test_what_it_cannot_show_is_one_line(
-    arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["demo", *arguments]) == 2
-    lines = [said for said in capsys.readouterr().err.splitlines() if said.startswith("monochord: ")]
-    assert len(lines) == 1
-    assert line in lines[0]
-
-
 def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["demo", str(short)]) == 2
     lines = [said for said in capsys.readouterr().err.splitlines() if said.startswith("monochord: ")]

@@ -58,31 +58,6 @@ def test_a_dataset_is_evaluated_clean_and_in_noise_beside_baselines(
     assert rows.with_suffix(".md").is_file()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        ([], "no sessions to evaluate"),
-        (["nowhere"], "model nowhere"),
-        (["--dataset", "nowhere"], "dataset"),
-        (["--dataset", "DATASET", "--sessions", "x"], "--sessions beside --dataset"),
-        (["--dataset", "DATASET", "--split", "nowhere.json"], "nowhere.json (No such file"),
-        (["--dataset", "DATASET", "--noise", "pimk:3"], "did you mean 'pink'"),
-        (["--dataset", "DATASET", "--estimator", "closed_from"], "did you mean 'closed_form'"),
-        (["--dataset", "DATASET", "--sensor", "prototipe"], "did you mean 'prototype'"),
-        (["--dataset", "DATASET", "--set", "sides=both"], "an unknown string"),
-        (["--sessions", "nowhere.mcap"], "sessions 'nowhere.mcap'"),
-    ],
-)
-def test_impossible_options_are_refused_in_a_line(
-    small: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], line: str
-) -> None:
-    named = [str(small / "dataset") if word == "DATASET" else word for word in arguments]
-    assert run(["evaluate", *named]) == 2
-    error = capsys.readouterr().err
-    assert line in error
-    assert error.count("\n") == 1
-
-
 def test_an_empty_test_and_a_split_of_another_dataset_are_refused(
     small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -50,26 +50,3 @@ def test_a_full_disk_is_an_error_of_one_line(
     line = capsys.readouterr().err
     assert "No space left on device" in line
     assert line.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["trend"], "did you mean 'trends'"),
-        (["trends", "--set", "stps=3"], "did you mean 'steps'"),
-        (["trends", "--set", "steps=few"], "steps"),
-        (["trends", "--out", "a.bmp"], ".png, .pdf, .svg"),
-        (["trends", "--out", "absent/a.png"], "a folder that exists"),
-        (["trends", "--set", "string=apendix"], "did you mean 'appendix'"),
-        (["trends", "--model", "splitstring"], "did you mean 'split_string'"),
-        (["convergence", "--model", "splitstring"], "did you mean 'split_string'"),
-        ([], "Missing argument"),
-    ],
-)
-def test_refusals_are_one_line(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(["figure", *arguments]) == 2
-    line = capsys.readouterr().err
-    assert message in line
-    assert line.count("\n") == 1

@@ -66,11 +66,6 @@ def test_text_shows_names_and_defaults(capsys: pytest.CaptureFixture[str]) -> No
     assert "plain_010" not in text
 
 
-def test_unknown_kind_is_refused_with_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["list", "sorces"]) == 2
-    assert "did you mean 'sources'" in capsys.readouterr().err
-
-
 def test_settings_are_listed_by_the_names_that_set_takes(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["list", "settings", "live", "--json"]) == 0
     (live,) = json.loads(capsys.readouterr().out)["settings"]
@@ -88,8 +83,3 @@ def test_devices_and_models_are_listed(capsys: pytest.CaptureFixture[str]) -> No
     assert {device["source"] for device in devices} <= {"jack", "soundcard"}
     assert run(["list", "models", "demo", "--json"]) == 0
     assert [model["name"] for model in json.loads(capsys.readouterr().out)["models"]] == ["demo"]
-
-
-def test_an_unknown_name_of_a_kind_is_refused_with_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["list", "sources", "jakc"]) == 2
-    assert "source 'jakc': allowed is" in capsys.readouterr().err

@@ -169,29 +169,6 @@ def test_settings_come_from_a_file_then_options_then_set(
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
-    [
-        (["--instrument", "netft=1.2.3.4"], "did you mean 'net_ft'"),
-        (["--set", "net_ft.bias=true"], "add --instrument net_ft"),
-        (["--set", "source.sped=1"], "did you mean 'speed'"),
-        (["--sensor", "nonsense"], "sensor 'nonsense'"),
-        (["--set", "disk.start=1e18"], "MB free: allowed is"),
-        (["--seconds", "-1"], "a number above 0"),
-    ],
-)
-def test_what_cannot_be_done_is_refused_in_a_line(
-    tmp_path: Path, sound: Path, more: list[str], told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "take.mcap"
-    assert run(words(out, sound, *more)) == 2
-    captured = capsys.readouterr()
-    assert told in captured.err
-    assert captured.err.count("\n") == 1
-    assert captured.out == ""
-    assert not out.exists()
-
-
-@pytest.mark.parametrize(
     "text", ["source = 5", "instruments = 5", 'about = "x"', "[instruments]\npose_udp = [1]"], ids=ascii
 )
 @pytest.mark.parametrize("command", ["record", "live"])

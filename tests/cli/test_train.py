@@ -120,10 +120,3 @@ def test_options_of_another_estimator_are_refused_beside_a_run(
 ) -> None:
     assert run(["live", str(trained), "--source", "twin", *extra]) == 2
     assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_two_inputs_that_are_no_run_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["live", "one.wav", "two.wav", "--source", "wav"]) == 2
-    assert "model one.wav (not there): allowed is a folder that monochord train" in capsys.readouterr().err
-    assert run(["live", "one.wav", "two.wav", "three.wav", "--source", "wav"]) == 2
-    assert "one MODEL at most, and one INPUT at most" in capsys.readouterr().err

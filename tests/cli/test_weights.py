@@ -97,11 +97,6 @@ def test_check_of_a_damaged_file_is_one_line(
     assert "a whole safetensors file" in one_line(capsys)
 
 
-def test_a_name_mistyped_is_answered_with_it(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["weights", "get", "yamnt"]) == 2
-    assert "did you mean 'yamnet'" in one_line(capsys)
-
-
 def test_export_writes_an_onnx_file_and_says_of_which_weights(
     published: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
