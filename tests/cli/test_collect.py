@@ -45,9 +45,9 @@ def test_a_plan_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 def test_the_same_plan_with_one_driver(tmp_path: Path) -> None:
     arguments = ["collect", "small", "--only", "hold", "--out", str(tmp_path), "--workers", "1"]
     assert cli.run([*arguments, "--set", "sensor=prototype_one_driver"]) == 0
-    told = read_session(tmp_path / "hold_000.mcap").description
-    assert told.sensor["name"] == "prototype_one_driver"
-    assert told.sensor["drivers"][1]["limit"] == 0.0
+    recorded = read_session(tmp_path / "hold_000.mcap").description
+    assert recorded.sensor["name"] == "prototype_one_driver"
+    assert recorded.sensor["drivers"][1]["limit"] == 0.0
     assert cli.run(arguments) == 2  # not this session of this plan
 
 

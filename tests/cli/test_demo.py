@@ -63,7 +63,7 @@ def test_by_physics_alone_it_finds_the_position() -> None:
 
 def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["demo", str(short)]) == 2
-    lines = [said for said in capsys.readouterr().err.splitlines() if said.startswith("monochord: ")]
+    lines = [message for message in capsys.readouterr().err.splitlines() if message.startswith("monochord: ")]
     assert len(lines) == 1
     assert "a string of 0.195 m for a model: allowed is 0.2 m" in lines[0]
 

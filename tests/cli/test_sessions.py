@@ -21,20 +21,20 @@ Capture = pytest.CaptureFixture[str]
 
 def write(path: Path, *, lost: int = 0, close: bool = True, **described: Any) -> Path:
     """A second of a session; three force readings are missing."""
-    told: dict[str, Any] = {
+    description: dict[str, Any] = {
         "name": path.stem,
         "sample_rate": RATE,
         "feeds": FEEDS,
         "object": "key",
         **described,
     }
-    writer = SessionWriter(path, Description(**told), SessionClock(epoch_ns=10**18))
+    writer = SessionWriter(path, Description(**description), SessionClock(epoch_ns=10**18))
     noise = 0.1 * np.random.default_rng(0).standard_normal((2, RATE)).astype(np.float32)
     writer.audio(Block(samples=noise[:, :20000], start=0, adc_time=0.0))
     writer.audio(
         Block(samples=noise[:, 20000:], start=20000 + lost, dropped=lost, adc_time=(20000 + lost) / RATE)
     )
-    for feed in told["feeds"]:
+    for feed in description["feeds"]:
         count = np.delete(np.arange(round(feed.rate)), [10, 20, 21]) if feed is FEEDS[0] else np.arange(250)
         writer.readings(
             Readings(
@@ -74,10 +74,10 @@ def test_check_tells_good_from_bad_in_a_line_each(tmp_path: Path, capsys: Captur
     assert capsys.readouterr().out.startswith("ok")
     assert run(["sessions", "check", *map(str, (good, cut, hurt, tmp_path / "other.mcap"))]) == 2
     captured = capsys.readouterr()
-    said = captured.out.splitlines()
-    assert [line.split()[0] for line in said] == ["ok", "bad", "bad"]
-    assert "was not closed" in said[1]
-    assert "damaged chunk" in said[2]
+    printed = captured.out.splitlines()
+    assert [line.split()[0] for line in printed] == ["ok", "bad", "bad"]
+    assert "was not closed" in printed[1]
+    assert "damaged chunk" in printed[2]
     assert captured.err.count("\n") == 1
     assert "other.mcap" in captured.err
 
@@ -85,11 +85,11 @@ def test_check_tells_good_from_bad_in_a_line_each(tmp_path: Path, capsys: Captur
 def test_what_went_wrong_in_recording_is_noted_and_bad_if_strict(tmp_path: Path, capsys: Capture) -> None:
     path = str(write(tmp_path / "a.mcap", lost=100))
     assert run(["sessions", "check", path, "--json"]) == 0
-    (told,) = lines(capsys)
-    assert told["ok"]
-    assert told["path"] == path
-    assert "100 frames lost in 1 gap" in told["remarks"]
-    assert "wrench: 3 of 1000 readings missing" in told["remarks"]
+    (result,) = lines(capsys)
+    assert result["ok"]
+    assert result["path"] == path
+    assert "100 frames lost in 1 gap" in result["remarks"]
+    assert "wrench: 3 of 1000 readings missing" in result["remarks"]
     assert run(["sessions", "check", path, "--strict"]) == 2
     assert capsys.readouterr().out.startswith("bad")
 
@@ -99,17 +99,17 @@ def test_show_tells_what_is_in_it(tmp_path: Path, capsys: Capture) -> None:
         write(tmp_path / "a.mcap", lost=100, radius=0.003, notes="two\nlines", simulated=True, day=2, seed=7)
     )
     assert run(["sessions", "show", path, "--json"]) == 0
-    (told,) = lines(capsys)
-    assert told["seconds"] == pytest.approx((RATE + 100) / RATE)
-    assert told["begin"] == "2001-09-09T01:46:40.000+00:00"
-    assert told["ending"] == "closed"
-    assert (told["audio"]["gaps"], told["audio"]["lost_frames"]) == (1, 100)
-    wrench = told["streams"]["wrench"]
+    (result,) = lines(capsys)
+    assert result["seconds"] == pytest.approx((RATE + 100) / RATE)
+    assert result["begin"] == "2001-09-09T01:46:40.000+00:00"
+    assert result["ending"] == "closed"
+    assert (result["audio"]["gaps"], result["audio"]["lost_frames"]) == (1, 100)
+    wrench = result["streams"]["wrench"]
     assert (wrench["readings"], wrench["missing"], wrench["faulty"]) == (997, 3, 1)
-    assert told["streams"]["pose"]["measured_rate"] == pytest.approx(250.0)
-    assert told["labels"] == {"columns": ["contact", "position"], "rows": 2}
-    assert told["events"] == {"note": 1}
-    assert told["about"]["object"] == "key"
+    assert result["streams"]["pose"]["measured_rate"] == pytest.approx(250.0)
+    assert result["labels"] == {"columns": ["contact", "position"], "rows": 2}
+    assert result["events"] == {"note": 1}
+    assert result["about"]["object"] == "key"
     assert run(["sessions", "show", path]) == 0
     text = capsys.readouterr().out
     for part in (
@@ -138,26 +138,26 @@ def test_recover_repairs_what_was_cut_off_and_leaves_the_rest(tmp_path: Path, ca
     before = whole.read_bytes()
     frames = read_session(cut).audio.samples
     assert run(["sessions", "recover", str(cut), str(whole)]) == 0
-    said = capsys.readouterr().out.splitlines()
-    assert "repaired" in said[0]
-    assert "13 bytes of unfinished or damaged records lost" in said[0]
-    assert "whole, nothing to do" in said[1]
+    printed = capsys.readouterr().out.splitlines()
+    assert "repaired" in printed[0]
+    assert "13 bytes of unfinished or damaged records lost" in printed[0]
+    assert "whole, nothing to do" in printed[1]
     assert whole.read_bytes() == before
     np.testing.assert_array_equal(read_session(cut).audio.samples, frames)
     assert run(["sessions", "check", str(cut)]) == 0
     assert run(["sessions", "recover", str(cut), str(tmp_path / "none.mcap"), "--json"]) == 2
-    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()[1:]]
-    assert [each["path"] for each in told] == [str(cut), str(tmp_path / "none.mcap")]
-    assert "error" in told[1]
+    result = [json.loads(line) for line in capsys.readouterr().out.splitlines()[1:]]
+    assert [each["path"] for each in result] == [str(cut), str(tmp_path / "none.mcap")]
+    assert "error" in result[1]
 
 
 @pytest.mark.parametrize("form", ["wav-csv", "parquet"])
 def test_what_is_exported_comes_back(tmp_path: Path, capsys: Capture, form: str) -> None:
     path, out = write(tmp_path / "a.mcap", lost=100), tmp_path / "out"
     assert run(["sessions", "export", form, str(path), "--out", str(out), "--json"]) == 0
-    (told,) = lines(capsys)
-    assert told["sessions"] == 1
-    assert told["bytes"] == sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
+    (result,) = lines(capsys)
+    assert result["sessions"] == 1
+    assert result["bytes"] == sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
     assert run(["sessions", "import", str(out / "a"), "--out", str(tmp_path / "b.mcap")]) == 0
     again, before = read_session(tmp_path / "b.mcap"), read_session(path)
     assert again.audio.samples.tobytes() == before.audio.samples.tobytes()
@@ -180,9 +180,9 @@ def test_a_users_own_files_become_a_session(tmp_path: Path, capsys: Capture) -> 
     out = tmp_path / "take.mcap"
     about = ["--object", "Allen key", "--radius", "0.002", "--string", "appendix"]
     assert run(["sessions", "import", *files, "--out", str(out), *about, "--json"]) == 0
-    (told,) = lines(capsys)
-    assert told["about"]["object"] == "Allen key"
-    assert told["about"]["string"]["length"] == 0.65
+    (result,) = lines(capsys)
+    assert result["about"]["object"] == "Allen key"
+    assert result["about"]["string"]["length"] == 0.65
     np.testing.assert_array_equal(read_session(out).audio.samples, sound.T)
     assert run(["locate", str(out)]) == 0
     assert "windows with a position" in capsys.readouterr().out
@@ -221,11 +221,11 @@ def test_what_cannot_be_done_is_one_line(tmp_path: Path, capsys: Capture) -> Non
 
 
 def test_what_an_objects_name_tells_is_told_once(tmp_path: Path, capsys: Capture) -> None:
-    told: dict[str, Any] = {"object": "plastic, radius 5 mm", "material": "plastic", "radius": 0.005}
-    run(["sessions", "show", str(write(tmp_path / "bench.mcap", **told))])
+    description: dict[str, Any] = {"object": "plastic, radius 5 mm", "material": "plastic", "radius": 0.005}
+    run(["sessions", "show", str(write(tmp_path / "bench.mcap", **description))])
     assert "touched by   plastic, radius 5 mm\n" in capsys.readouterr().out
-    told["object"] = "key"
-    run(["sessions", "show", str(write(tmp_path / "own.mcap", **told))])
+    description["object"] = "key"
+    run(["sessions", "show", str(write(tmp_path / "own.mcap", **description))])
     assert "touched by   key, plastic, radius 5 mm\n" in capsys.readouterr().out
 
 
@@ -245,9 +245,9 @@ def test_a_stream_whose_rate_is_not_known_is_told_so(tmp_path: Path, capsys: Cap
     ) as writer:
         writer.audio(Block(samples=noise, start=0, adc_time=0.0))
     assert run(["sessions", "show", str(path)]) == 0
-    said = capsys.readouterr().out
-    assert "1 channel at 44100 Hz" in said
-    assert "x y z qx qy qz qw at rate unknown; 0 missing" in said
+    printed = capsys.readouterr().out
+    assert "1 channel at 44100 Hz" in printed
+    assert "x y z qx qy qz qw at rate unknown; 0 missing" in printed
 
 
 def test_what_damage_cost_is_told_and_kept_beside(tmp_path: Path, capsys: Capture) -> None:
@@ -256,8 +256,8 @@ def test_what_damage_cost_is_told_and_kept_beside(tmp_path: Path, capsys: Captur
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
     assert run(["sessions", "recover", str(path)]) == 0
-    said = capsys.readouterr().out
-    assert "bytes of unfinished or damaged records lost" in said
-    assert f"saved in {path}.cut" in said
+    printed = capsys.readouterr().out
+    assert "bytes of unfinished or damaged records lost" in printed
+    assert f"saved in {path}.cut" in printed
     assert Path(f"{path}.cut").read_bytes()[:1000] in content
     assert run(["sessions", "check", str(path)]) == 0

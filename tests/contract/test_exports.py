@@ -16,8 +16,8 @@ each_form = pytest.mark.parametrize("form", EXPORTS.names())
 
 def session(path: Path, seed: int = 0) -> SessionReader:
     feed = Feed(stream="wrench", columns=("fx",), units=("N",), rate=100.0)
-    told = Description(name=path.stem, sample_rate=RATE, feeds=(feed,))
-    with SessionWriter(path, told, SessionClock(epoch_ns=10**18)) as writer:
+    description = Description(name=path.stem, sample_rate=RATE, feeds=(feed,))
+    with SessionWriter(path, description, SessionClock(epoch_ns=10**18)) as writer:
         noise = np.random.default_rng(seed).standard_normal((2, RATE)).astype(np.float32)
         writer.audio(Block(samples=noise[:, :1000], start=0, adc_time=0.0))
         writer.audio(Block(samples=noise[:, 1000:], start=1100, dropped=100, adc_time=1100 / RATE))

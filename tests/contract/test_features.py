@@ -28,12 +28,12 @@ def prepared(name: str) -> Extractor | str:
 @pytest.fixture
 def extract(name: str) -> Extractor:
     """The feature `name`, prepared; one that needs weights that are not here says how to get them."""
-    found = prepared(name)
-    if isinstance(found, str):
-        assert re.search(r"monochord weights get \w+", found), found
-        assert "\n" not in found
-        pytest.skip(found)
-    return found
+    extractor = prepared(name)
+    if isinstance(extractor, str):
+        assert re.search(r"monochord weights get \w+", extractor), extractor
+        assert "\n" not in extractor
+        pytest.skip(extractor)
+    return extractor
 
 
 def sounds() -> Audio:

@@ -46,7 +46,7 @@ def test_cached_kernels_stand_in_one_file_with_what_they_call(name: str) -> None
 
 def reached(name: str) -> set[str]:
     """The twin's modules with compiled parts that a module imports, and theirs in turn."""
-    found = {name}
+    reached_modules = {name}
     waiting = [name]
     while waiting:
         tree = ast.parse(Path(str(import_module(waiting.pop()).__file__)).read_text(encoding="utf-8"))
@@ -55,10 +55,10 @@ def reached(name: str) -> set[str]:
                 continue
             module = str(node.module)
             names = [module] if module != TWIN.rstrip(".") else [TWIN + alias.name for alias in node.names]
-            new = {other for other in names if other in sys.modules} - found
-            found |= new
+            new = {other for other in names if other in sys.modules} - reached_modules
+            reached_modules |= new
             waiting += sorted(new)
-    return found
+    return reached_modules
 
 
 def test_the_fingerprint_covers_all_that_the_twins_kernel_is_made_of() -> None:

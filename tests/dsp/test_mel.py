@@ -70,9 +70,9 @@ def test_a_tone_is_loudest_in_its_band() -> None:
 def test_twice_as_loud_is_four_times_the_energy(sound: Audio) -> None:
     energies = LogMel(size=1600, hop=16, centred=True)
     once, twice = energies(sound), energies(2.0 * sound)
-    heard = once > np.log(FLOOR) + 1e-3
-    assert heard.mean() > 0.5
-    assert np.abs(twice - once - np.log(4.0))[heard].max() < 1e-5
+    above_floor = once > np.log(FLOOR) + 1e-3
+    assert above_floor.mean() > 0.5
+    assert np.abs(twice - once - np.log(4.0))[above_floor].max() < 1e-5
 
 
 def test_silence_is_the_floor() -> None:

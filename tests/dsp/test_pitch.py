@@ -52,15 +52,15 @@ def test_partials_may_be_missing(f0: float, partials: range) -> None:
 
 
 def test_a_pure_tone_is_its_own_fundamental() -> None:
-    found = FINDER.find(string(330.0, partials=range(1, 2)))
-    assert found[0].frequency == pytest.approx(330.0, abs=0.2)
-    assert all(found[0].evidence - other.evidence > 6.0 for other in found[1:])
+    candidates = FINDER.find(string(330.0, partials=range(1, 2)))
+    assert candidates[0].frequency == pytest.approx(330.0, abs=0.2)
+    assert all(candidates[0].evidence - other.evidence > 6.0 for other in candidates[1:])
 
 
 def test_noise_has_little_evidence() -> None:
     rng = np.random.default_rng(5)
     seen = [FINDER.find(rng.standard_normal((1, SIZE))) for _ in range(100)]
-    assert max(found[0].evidence for found in seen if found) < 27.0
+    assert max(candidates[0].evidence for candidates in seen if candidates) < 27.0
 
 
 def test_white_noise_at_0_db_is_survived() -> None:

@@ -27,8 +27,8 @@ def view(peaks: Peaks, top: float = 6000.0) -> View:
 
 def fit(f0: float, inharmonicity: float, frequency: Floats, height: float) -> tuple[float, float, float, int]:
     peaks = peaks_at(frequency, np.full(frequency.size, np.exp(height)))
-    found, std, bend, _, used = fit_series(f0, inharmonicity, PRIOR, peaks, view(peaks))
-    return found, bend, std, used
+    estimate, std, bend, _, used = fit_series(f0, inharmonicity, PRIOR, peaks, view(peaks))
+    return estimate, bend, std, used
 
 
 def stiff(f0: float, inharmonicity: float, count: int) -> Floats:
@@ -39,8 +39,8 @@ def stiff(f0: float, inharmonicity: float, count: int) -> Floats:
 @pytest.mark.parametrize(("f0", "inharmonicity"), [(82.4, 2e-4), (110.0, 0.0), (330.0, 5e-5), (146.8, 8e-4)])
 def test_exact_peaks_give_back_their_series(f0: float, inharmonicity: float) -> None:
     peaks = stiff(f0, inharmonicity, 20)
-    found, bend, std, used = fit(f0 * 1.004, 0.8 * inharmonicity, peaks, 12.0)
-    assert found == pytest.approx(f0, rel=2e-5)
+    estimate, bend, std, used = fit(f0 * 1.004, 0.8 * inharmonicity, peaks, 12.0)
+    assert estimate == pytest.approx(f0, rel=2e-5)
     assert bend == pytest.approx(inharmonicity, abs=1e-5)
     assert 0.0 < std < 0.1
     assert used >= 18
@@ -51,16 +51,16 @@ def test_standard_error_covers_the_error() -> None:
     pulls = []
     for _ in range(200):
         peaks = stiff(150.0, 1e-4, 15) + rng.normal(0.0, 0.1, 15)
-        found, _, std, _ = fit(150.0, 1e-4, peaks, 14.0)
-        pulls.append((found - 150.0) / std)
+        estimate, _, std, _ = fit(150.0, 1e-4, peaks, 14.0)
+        pulls.append((estimate - 150.0) / std)
     assert 0.6 < np.std(pulls) < 1.5
 
 
 def test_a_stray_peak_hardly_moves_the_fit() -> None:
     peaks = stiff(100.0, 1e-4, 12)
     stray = np.sort(np.append(np.delete(peaks, 7), peaks[7] - 5.0))
-    found, _, _, _ = fit(100.0, 1e-4, stray, 10.0)
-    assert found == pytest.approx(100.0, abs=0.05)
+    estimate, _, _, _ = fit(100.0, 1e-4, stray, 10.0)
+    assert estimate == pytest.approx(100.0, abs=0.05)
 
 
 def test_no_peak_near_means_no_fit() -> None:

@@ -70,20 +70,20 @@ def test_floor_is_blind_to_partials() -> None:
 
 @pytest.mark.parametrize("frequency", [82.4, 440.0, 1234.5, 4999.9])
 def test_peak_lies_on_the_tone(frequency: float) -> None:
-    found = peaks(tones(frequency))
-    assert found.frequency[np.argmax(found.power)] == pytest.approx(frequency, abs=0.15)
-    assert found.rank[np.argmax(found.power)] == 1.0
+    lines = peaks(tones(frequency))
+    assert lines.frequency[np.argmax(lines.power)] == pytest.approx(frequency, abs=0.15)
+    assert lines.rank[np.argmax(lines.power)] == 1.0
 
 
 def test_side_lobes_are_left_out_and_weak_tones_kept() -> None:
-    found = peaks(tones(1000.0, 1600.0, levels=(1.0, 0.003)), least=1.0).frequency
-    strong = found[(found > 950.0) & (found < 1050.0)]
+    lines = peaks(tones(1000.0, 1600.0, levels=(1.0, 0.003)), least=1.0).frequency
+    strong = lines[(lines > 950.0) & (lines < 1050.0)]
     assert strong.size == 1
-    assert np.abs(found - 1600.0).min() < 0.5
-    assert found.size < 12
+    assert np.abs(lines - 1600.0).min() < 0.5
+    assert lines.size < 12
 
 
 def test_a_peak_of_noise_is_less_sure_than_a_tone() -> None:
     noisy = tones(1000.0) + 0.3 * np.random.default_rng(1).standard_normal(SIZE)
-    found = peaks(noisy, least=1.0)
-    assert found.variance[np.argmax(found.power)] < 0.1 * found.variance[np.argmin(found.power)]
+    lines = peaks(noisy, least=1.0)
+    assert lines.variance[np.argmax(lines.power)] < 0.1 * lines.variance[np.argmin(lines.power)]

@@ -41,10 +41,10 @@ class _Bands(Extractor):
         return np.array([self._row(window) for window in windows], np.float32).reshape(len(windows), -1)
 
     def _row(self, window: Audio) -> list[float]:
-        found: list[float] = []
+        row: list[float] = []
         for channel in np.nan_to_num(np.clip(window, -2.0, 2.0)):
             power = np.abs(np.fft.rfft(channel * self._taper, 8 * len(channel))) ** 2
             total = np.add.reduceat(power, self._edges[:-1])
             strongest = self._edges[0] + int(np.argmax(power[self._edges[0] : self._edges[-1]]))
-            found += [*np.log(total + 1e-9), float(np.log(self._frequency[strongest]))]
-        return found
+            row += [*np.log(total + 1e-9), float(np.log(self._frequency[strongest]))]
+        return row

@@ -19,10 +19,10 @@ def mean(values: list[Fraction]) -> Fraction:
     return sum(values, Fraction(0)) / len(values)
 
 
-def regression(truth: list[Fraction], said: list[Fraction], std: list[Fraction]) -> dict[str, float]:
-    off = [b - a for a, b in zip(truth, said, strict=True)]
+def regression(truth: list[Fraction], estimate: list[Fraction], std: list[Fraction]) -> dict[str, float]:
+    off = [b - a for a, b in zip(truth, estimate, strict=True)]
     a = [value - mean(truth) for value in truth]
-    b = [value - mean(said) for value in said]
+    b = [value - mean(estimate) for value in estimate]
     product = sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
     squares = sum((x * x for x in a), Fraction(0)) * sum((y * y for y in b), Fraction(0))
     covered = [abs(error) <= Fraction(3, 2) * one for error, one in zip(off, std, strict=True)]
@@ -66,20 +66,20 @@ def main() -> None:
     stream = random.Random(SEED)
     # Binary fractions, so that what the file holds in decimals is exactly what was reckoned with.
     truth = [Fraction(stream.randint(-900, 900), 256) for _ in range(ROWS)]
-    said = [value + Fraction(stream.randint(-300, 300), 256) for value in truth]
+    estimate = [value + Fraction(stream.randint(-300, 300), 256) for value in truth]
     std = [Fraction(stream.randint(1, 250), 256) for _ in range(ROWS)]
     kind = [stream.randint(0, 1) for _ in range(ROWS)]
     likely = [Fraction(min(64, max(0, stream.randint(-8, 56) + 16 * one)), 64) for one in kind]
     golden = {
         "rows": {
             "reference": [float(value) for value in truth],
-            "estimate": [float(value) for value in said],
+            "estimate": [float(value) for value in estimate],
             "std": [float(value) for value in std],
             "kind": kind,
             "probability": [float(value) for value in likely],
         },
         "limit": 0.5, "sigmas": 1.5, "bins": BINS,
-        "expected": regression(truth, said, std) | decisions(kind, likely),
+        "expected": regression(truth, estimate, std) | decisions(kind, likely),
     }  # fmt: skip
     path = Path(__file__).with_name("golden.json")
     path.write_text(json.dumps(golden, indent=1) + "\n", encoding="utf-8")

@@ -41,9 +41,9 @@ def test_honest_normal_errors_are_covered_as_the_normal_law_says(sigmas: float) 
     stream = np.random.default_rng(0)
     std = stream.uniform(0.1, 3.0, 20000)
     truth = stream.normal(size=std.size)
-    said = truth + std * stream.normal(size=std.size)
-    assert coverage(truth, said, std, sigmas) == pytest.approx(normal_coverage(sigmas), abs=0.012)
-    assert coverage(truth, said, 0.5 * std, sigmas) < normal_coverage(sigmas) - 0.1
+    estimate = truth + std * stream.normal(size=std.size)
+    assert coverage(truth, estimate, std, sigmas) == pytest.approx(normal_coverage(sigmas), abs=0.012)
+    assert coverage(truth, estimate, 0.5 * std, sigmas) < normal_coverage(sigmas) - 0.1
 
 
 def test_normal_coverage_is_the_known_share() -> None:

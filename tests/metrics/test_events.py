@@ -60,8 +60,8 @@ def test_a_pause_in_the_series_ends_a_stretch() -> None:
 
 def test_stretches_of_a_series_can_be_scored() -> None:
     time = np.linspace(0.0, 9.99, 1000)
-    truth, said = (time % 1.0) > 0.5, ((time - 0.03) % 1.0) > 0.5
-    events, alarms = (stretches(time, on, 0.01) for on in (truth, said))
+    truth, detected = (time % 1.0) > 0.5, ((time - 0.03) % 1.0) > 0.5
+    events, alarms = (stretches(time, on, 0.01) for on in (truth, detected))
     assert detection_delays(events, alarms)[1:] == pytest.approx(0.03, abs=0.011)
 
 

@@ -46,11 +46,11 @@ def test_the_limit_itself_is_within() -> None:
 
 
 def test_correlation_is_of_shape_alone_and_has_a_sign() -> None:
-    truth, said = ROWS["reference"], ROWS["estimate"]
-    r = pearson_r(truth, said)
-    assert pearson_r(truth, 3.0 * said - 7.0) == pytest.approx(r, abs=1e-12)
-    assert pearson_r(truth, -said) == pytest.approx(-r, abs=1e-12)
-    assert pearson_r(1e-200 * truth, 1e200 * said) == pytest.approx(r, abs=1e-12)
+    truth, answer = ROWS["reference"], ROWS["estimate"]
+    r = pearson_r(truth, answer)
+    assert pearson_r(truth, 3.0 * answer - 7.0) == pytest.approx(r, abs=1e-12)
+    assert pearson_r(truth, -answer) == pytest.approx(-r, abs=1e-12)
+    assert pearson_r(1e-200 * truth, 1e200 * answer) == pytest.approx(r, abs=1e-12)
     assert np.isnan(pearson_r(truth, np.ones_like(truth)))
 
 

@@ -36,13 +36,13 @@ def test_scores_are_the_plain_metrics_of_what_was_answered() -> None:
     std = RANDOM.uniform(0.5, 1.5, size=50)
     estimate[:10] = np.nan
     score = regression_score(truth, estimate, std, limit=1.0)
-    true, said = truth[10:], estimate[10:]
-    assert score.mae == mean_absolute_error(true, said)
-    assert score.bias == mean_error(true, said)
-    assert score.r == pearson_r(true, said)
-    assert score.coverage == tuple(coverage(true, said, std[10:], sigmas) for sigmas in (1.0, 2.0))
+    true, answer = truth[10:], estimate[10:]
+    assert score.mae == mean_absolute_error(true, answer)
+    assert score.bias == mean_error(true, answer)
+    assert score.r == pearson_r(true, answer)
+    assert score.coverage == tuple(coverage(true, answer, std[10:], sigmas) for sigmas in (1.0, 2.0))
     assert score.answered == 0.8
-    assert score.within == np.count_nonzero(np.abs(said - true) <= 1.0) / 50
+    assert score.within == np.count_nonzero(np.abs(answer - true) <= 1.0) / 50
 
 
 def test_an_abstention_is_wrong_but_no_error() -> None:

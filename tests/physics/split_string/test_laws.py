@@ -174,7 +174,7 @@ def test_a_driven_segment_sounds_above_its_own_frequency_by_half_over_q_squared(
     bass = load_string("bass_100")
     string = replace(bass.string, damping=share * bass.string.damping)
     contact = bass.usual_contact
-    heard = peaks(simulate(SplitString(string=string, contact=contact), 2.0, route="modal"), settle=1.0)
-    for found, own in zip(heard, segment_frequencies(string, contact), strict=True):
+    frequencies = peaks(simulate(SplitString(string=string, contact=contact), 2.0, route="modal"), settle=1.0)
+    for frequency, own in zip(frequencies, segment_frequencies(string, contact), strict=True):
         quality = 2.0 * np.pi * own * string.linear_density / string.damping
-        assert found / own - 1.0 == pytest.approx(0.5 / quality**2, rel=0.1)
+        assert frequency / own - 1.0 == pytest.approx(0.5 / quality**2, rel=0.1)

@@ -141,21 +141,21 @@ def test_a_plucked_segment_starts_as_a_triangle_at_rest() -> None:
     assert grid.now.max() == pytest.approx(GRIDDED.pluck.height, rel=0.02)
     assert np.argmax(grid.now) == 40
     assert grid.now[20] == pytest.approx(GRIDDED.pluck.height / 2.0, rel=1e-6)
-    silent, heard = np.zeros((2, 2)), np.zeros((2, 2))
-    grid.step(leapfrog, silent, heard)
-    assert abs(heard[0, 0]) < 1e-12 * GRIDDED.pluck.height  # y(dt) = y(-dt)
-    assert heard[1].tolist() == [0.0, 0.0]  # the other segment's ear is left alone
+    silent, outputs = np.zeros((2, 2)), np.zeros((2, 2))
+    grid.step(leapfrog, silent, outputs)
+    assert abs(outputs[0, 0]) < 1e-12 * GRIDDED.pluck.height  # y(dt) = y(-dt)
+    assert outputs[1].tolist() == [0.0, 0.0]  # the other segment's ear is left alone
 
 
 def test_the_newest_displacement_is_at_hand_after_odd_and_even_numbers_of_steps() -> None:
     whole, parted = (lay_out(GRIDDED, split(GRIDDED)[0]) for _ in range(2))
-    heard = np.zeros((2, 6))
-    whole.step(leapfrog, np.zeros((2, 6)), heard)
+    outputs = np.zeros((2, 6))
+    whole.step(leapfrog, np.zeros((2, 6)), outputs)
     again = [np.zeros((2, n)) for n in (1, 3, 2)]
     for part in again:
         parted.step(leapfrog, np.zeros_like(part), part)
     assert parted.now.tolist() == whole.now.tolist()
-    assert np.concatenate(again, axis=1).tolist() == heard.tolist()
+    assert np.concatenate(again, axis=1).tolist() == outputs.tolist()
 
 
 def test_an_unstable_step_is_refused_with_its_limit_and_the_remedy_works() -> None:
@@ -187,12 +187,12 @@ def test_modes_ring_as_their_exact_motion_says() -> None:
     random = np.random.default_rng(0)
     frequency, decay = random.uniform(1e3, 1e5, 23), np.full(23, 40.0)
     shape, q, v = random.standard_normal((2, 23)), random.standard_normal(23), random.standard_normal(23)
-    heard = np.ones((2, 50))
+    outputs = np.ones((2, 50))
     q_after, v_after = q.copy(), v.copy()
-    ring(free_motion(frequency, decay, 1e-5), shape, q_after, v_after, heard)
+    ring(free_motion(frequency, decay, 1e-5), shape, q_after, v_after, outputs)
     for sample in (0, 1, 49):
         moved = free_motion(frequency, decay, sample * 1e-5)
-        assert heard[:, sample] == pytest.approx(1.0 + shape @ (moved[2] * q + moved[3] * v), rel=1e-9)
+        assert outputs[:, sample] == pytest.approx(1.0 + shape @ (moved[2] * q + moved[3] * v), rel=1e-9)
     moved = free_motion(frequency, decay, 50e-5)
     assert q_after == pytest.approx(moved[0] * q + moved[1] * v, rel=1e-8, abs=1e-10)
 
@@ -200,10 +200,10 @@ def test_modes_ring_as_their_exact_motion_says() -> None:
 def test_a_driven_node_moves_by_its_load_times_the_signal() -> None:
     now, before = np.zeros(5), np.zeros(5)
     load = np.array([[0.0, 0.0, 3.0, 0.0, 9.0]])
-    heard = np.zeros((1, 1))
-    leapfrog(now, before, (1.0, 0.5, -1.0), load, np.array([[0.5]]), np.array([1]), np.array([0.5]), heard)
+    outputs = np.zeros((1, 1))
+    leapfrog(now, before, (1.0, 0.5, -1.0), load, np.array([[0.5]]), np.array([1]), np.array([0.5]), outputs)
     assert before.tolist() == [0.0, 0.0, 1.5, 0.0, 0.0]  # the ends are fixed, whatever pushes them
-    assert heard.item() == 0.75  # half of node 1 and half of node 2
+    assert outputs.item() == 0.75  # half of node 1 and half of node 2
 
 
 def test_a_standing_wave_of_the_grid_turns_by_the_scheme_s_own_frequency() -> None:
@@ -213,8 +213,8 @@ def test_a_standing_wave_of_the_grid_turns_by_the_scheme_s_own_frequency() -> No
     turn = 2.0 * np.arcsin(courant * np.sin(np.pi / (nodes - 1) / 2.0))
     now, before = shape.copy(), shape * np.cos(turn)
     coefficients = (2.0 - 2.0 * courant**2, courant**2, -1.0)
-    silent, heard = np.zeros((1, steps)), np.zeros((1, steps))
-    leapfrog(now, before, coefficients, np.zeros((1, nodes)), silent, np.array([8]), np.zeros(1), heard)
+    silent, outputs = np.zeros((1, steps)), np.zeros((1, steps))
+    leapfrog(now, before, coefficients, np.zeros((1, nodes)), silent, np.array([8]), np.zeros(1), outputs)
     assert now == pytest.approx(shape * np.cos(turn * steps), abs=1e-13)
 
 
@@ -230,10 +230,10 @@ def state(drivers: int, nodes: int = 64, steps: int = 301) -> list[Floats]:
 def test_both_kernels_agree_to_rounding(drivers: int) -> None:
     results: list[Floats] = []
     for kernel in (grid.leapfrog, kernels.leapfrog):
-        now, before, loads, signals, heard = state(drivers)
+        now, before, loads, signals, outputs = state(drivers)
         nodes, weights = np.array([13, 40][:drivers]), np.array([0.25, 0.9][:drivers])
-        kernel(now, before, (1.3, 0.349, -0.999), loads, signals, nodes, weights, heard)
-        results.append(np.concatenate((now, before, heard.ravel())))
+        kernel(now, before, (1.3, 0.349, -0.999), loads, signals, nodes, weights, outputs)
+        results.append(np.concatenate((now, before, outputs.ravel())))
     assert np.abs(results[0]).max() > 1e-5
     assert results[1] == pytest.approx(results[0], rel=1e-12, abs=1e-17)
 

@@ -42,8 +42,8 @@ def test_the_appendix_case_peaks_where_theory_says(route: Route) -> None:
 @pytest.mark.parametrize("place", [0.3, 0.5, 0.7])
 def test_the_peaks_follow_the_touch(place: float, force: float) -> None:
     contact = Contact(position=place * APPENDIX.string.length, force=force)
-    found = peaks(simulate(SplitString(string=APPENDIX.string, contact=contact), 0.4, route="modal"))
-    assert found == pytest.approx(segment_frequencies(APPENDIX.string, contact), rel=1e-3)
+    measured = peaks(simulate(SplitString(string=APPENDIX.string, contact=contact), 0.4, route="modal"))
+    assert measured == pytest.approx(segment_frequencies(APPENDIX.string, contact), rel=1e-3)
 
 
 def test_the_microphones_mix_the_segments() -> None:

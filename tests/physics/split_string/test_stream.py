@@ -102,9 +102,9 @@ def test_a_sample_rate_out_of_range_is_refused() -> None:
 def test_a_segment_too_short_to_be_heard_is_silent_and_the_other_sounds() -> None:
     _, ringing = advance(begin(SplitString(string=APPENDIX.string)), 8820)
     sound, ringing = advance(touch(ringing, Contact(position=0.005, force=0.0)), 22050)
-    heard = np.abs(sound[:, -4410:]).max(axis=1)
-    assert heard[0] < 1e-3
-    assert heard[1] > 0.05
+    measured = np.abs(sound[:, -4410:]).max(axis=1)
+    assert measured[0] < 1e-3
+    assert measured[1] > 0.05
     sound, _ = advance(touch(ringing, None), 22050)
     assert (np.abs(sound[:, -4410:]).max(axis=1) > 0.05).all()
 
@@ -184,15 +184,15 @@ def tone(frequency: float, seconds: float = 0.05, phase: float = 0.0, level: flo
 @pytest.mark.parametrize("size", [2048, 2205])
 def test_a_line_is_read_between_bins(frequency: float, size: int) -> None:
     signal = tone(frequency, phase=0.7)[:size]
-    heard, phase = lines(np.stack((signal, 1e-4 * signal)), RATE)
-    assert heard == pytest.approx([frequency] * 2, rel=2e-4)
+    measured, phase = lines(np.stack((signal, 1e-4 * signal)), RATE)
+    assert measured == pytest.approx([frequency] * 2, rel=2e-4)
     now = 2.0 * np.pi * frequency * signal.size / RATE + 0.7
     assert np.cos(phase - now) == pytest.approx([1.0, 1.0], abs=0.02)
 
 
 def test_silence_has_no_line() -> None:
-    heard, _ = lines(np.zeros((2, 2205)), RATE)
-    assert heard.tolist() == [0.0, 0.0]
+    measured, _ = lines(np.zeros((2, 2205)), RATE)
+    assert measured.tolist() == [0.0, 0.0]
 
 
 def test_a_driver_is_silent_until_it_has_heard_a_window_then_joins_in_phase() -> None:

@@ -95,15 +95,15 @@ def test_unknown_stiffness_costs_and_one_partial_cannot_tell_it() -> None:
 def test_contact_bound_is_what_the_inverse_makes_of_noisy_frequencies() -> None:
     contact, snr, highest = Contact(position=0.2, force=1.0), 0.1, 3000.0
     rng = np.random.default_rng(2)
-    heard: list[Floats] = []
+    measured: list[Floats] = []
     for f, length in zip(split_frequencies(STRING, 0.2, 1.0), (0.2, 0.45), strict=True):
         b = inharmonicity(STRING, length)
         error = series_bound(
             f, partial_numbers(highest, f, b), snr, duration=0.1, sample_rate=8000.0, inharmonicity=b
         )
-        heard.append(f + error * rng.normal(size=4000))
-    x = locate_from_segments(STRING.length, *heard)
-    force = force_from_tension(STRING, tension_from_segments(STRING, *heard))
+        measured.append(f + error * rng.normal(size=4000))
+    x = locate_from_segments(STRING.length, *measured)
+    force = force_from_tension(STRING, tension_from_segments(STRING, *measured))
     bound = contact_bound(STRING, contact, snr, duration=0.1, sample_rate=8000.0, highest=highest)
     assert (np.std(x), np.std(force)) == pytest.approx(bound, rel=0.05)
 

@@ -50,8 +50,8 @@ def test_inverse_returns_position_and_force(fraction: float, force: float, law: 
     pressed = geometric_tension(string, x, force) if law == "geometric" else linear_tension(string, force)
     assert tension == pytest.approx(pressed, rel=1e-12)
     # The geometric law rises with F^2, so that near F = 0 rounding of T is all that is left of it.
-    heard = force_from_tension(string, max(tension, string.tension), x, law)
-    assert heard == pytest.approx(force, rel=1e-6, abs=1e-4)
+    recovered = force_from_tension(string, max(tension, string.tension), x, law)
+    assert recovered == pytest.approx(force, rel=1e-6, abs=1e-4)
 
 
 @given(FRACTIONS, FORCES, st.sampled_from(["linear", "geometric"]))
