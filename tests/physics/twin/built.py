@@ -13,6 +13,7 @@ from monochord.physics.theory import Losses, static_compliance
 from monochord.physics.twin import (
     ContactLaw,
     Ebow,
+    End,
     Key,
     Mount,
     Pickups,
@@ -26,6 +27,7 @@ from monochord.physics.twin import (
     stream,
 )
 from monochord.physics.twin import records as layout
+from monochord.physics.twin.ends import lengthened
 from monochord.physics.twin.rate import RatePlan, mode_frequencies, touch_weights
 from monochord.physics.twin.records import rows
 
@@ -111,10 +113,12 @@ def sprung(
     force: float = 1.0,
     mount: Mount = RIGID,
     law: ContactLaw = HERTZ,
+    ends: tuple[End, End] = (End(), End()),
 ) -> Twin:
     """A flexible string that rests on a spring without width, at rest but for a slight stir."""
-    sensor = replace(flexible(), pickups=replace(QUIET, low=500.0))  # which the static press does not pass
-    string = sensor.string
+    quiet = replace(QUIET, low=500.0)  # which the static press does not pass
+    sensor = replace(flexible(), pickups=quiet, ends=ends)
+    string = lengthened(sensor).string
     pressed = replace(hold(AT, force, PLASTIC), mount=mount, law=law)
     twin = begin(sensor, Scene(touches=(pressed,), drivers=(False, False)), oversampling=finer)
     plan, half = twin.plan, modes(twin).shape[1] // 2

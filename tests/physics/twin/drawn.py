@@ -8,10 +8,28 @@ from monochord.core.errors import InputError
 from monochord.core.types import StringParams
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses
-from monochord.physics.twin import Ebow, Key, Outside, Pickups, Pluck, Scene, Sensor, Touch, Twin, begin
+from monochord.physics.twin import (
+    ContactLaw,
+    Ebow,
+    End,
+    Key,
+    Mount,
+    MountMode,
+    Outside,
+    Pickups,
+    Pluck,
+    Scene,
+    Sensor,
+    Touch,
+    Twin,
+    begin,
+)
 from monochord.physics.twin.rate import HALF_SIZES, TOP_FREQUENCIES, mode_count, padded
+from monochord.physics.twin.setup import MAX_END_SHARE
 
 Draw = np.random.Generator
+MIN_LENGTH = 0.02
+"""A flat object is not drawn wider than half of this, in m."""
 
 
 def log_uniform(rng: Draw, low: float, high: float) -> float:
@@ -133,6 +151,79 @@ def scene(rng: Draw, length: float, seconds: float) -> Scene:
         drivers=(bool(rng.random() < 0.7), bool(rng.random() < 0.7)),
         tension_law="geometric" if rng.random() < 0.7 else "linear",
     )
+
+
+def end(rng: Draw, string: StringParams) -> End:
+    most = MAX_END_SHARE / (string.tension * string.linear_density) ** 0.5
+    return End(
+        compliance=either(rng, 0.0, min(2e-5, 0.0099 * string.length / string.tension)),
+        admittance=either(rng, 0.0, min(0.05, 0.99 * most)),
+        frequency=log_uniform(rng, 20.0, 12000.0),
+        quality=log_uniform(rng, 0.1, 100.0),
+    )
+
+
+def with_effects(rng: Draw, sensor: Sensor) -> Sensor:
+    """The same sensor with every effect of the world `plausible`, as strong as it may be."""
+    string = sensor.string
+    drivers = [
+        replace(
+            driver,
+            level=log_uniform(rng, 0.05, 20.0),
+            bias=either(rng, -1.0, 1.0),
+            pull=either(
+                rng, 0.0, min(500.0, 1.99 * string.tension / string.length)
+            ),  # the string is softest in its middle
+        )
+        for driver in sensor.drivers
+    ]
+    pickups = replace(
+        sensor.pickups,
+        distortion=(either(rng, -0.01, 0.01), either(rng, -0.01, 0.01)),
+        hum=(either(rng, 0.0, 0.1), either(rng, 0.0, 0.1)),
+        mains=either(rng, 45.0, 65.0),
+        feed=(either(rng, -1e3, 1e3), either(rng, -1e3, 1e3)),
+        residual=True,
+    )
+    return replace(
+        sensor,
+        drivers=(drivers[0], drivers[1]),
+        pickups=pickups,
+        ends=(end(rng, string), end(rng, string)),
+    )
+
+
+def held(rng: Draw, touch: Touch) -> Touch:
+    """The same touch with a mount, another law and a rough layer."""
+    modes = tuple(
+        MountMode(
+            mass=log_uniform(rng, 1e-4, 1.0),
+            frequency=log_uniform(rng, 20.0, 8000.0),
+            quality=log_uniform(rng, 1.0, 1e3),
+        )
+        for _ in range(int(rng.integers(0, 4)))
+    )
+    law = ContactLaw(
+        exponent=either(rng, 1.0, 1.5),
+        flat=None if rng.random() < 0.7 else log_uniform(rng, 2e-4, min(1e-2, 0.5 * MIN_LENGTH)),
+        layer=either(rng, 0.0, 1e-4),
+        layer_load=log_uniform(rng, 1e-4, 1.0),
+    )
+    return replace(touch, mount=Mount(modes=modes, compliance=either(rng, 0.0, 1e-3)), law=law)
+
+
+def plausible_twin(seed: int, seconds: float, halves: tuple[int, ...] = HALF_SIZES) -> Twin:
+    """A drawn twin with all effects of the world `plausible`; those that are refused are drawn again."""
+    drawn, rng = seed, np.random.default_rng([seed, 1])
+    while True:
+        ideal = twin(drawn, seconds, halves)
+        try:
+            sensor = with_effects(rng, ideal.sensor)
+            touches = tuple(held(rng, touch) for touch in ideal.scene.touches)
+            scene = replace(ideal.scene, touches=touches)
+            return begin(sensor, scene, sample_rate=ideal.sample_rate, seed=seed)
+        except InputError:
+            drawn += 7919
 
 
 def twin(

@@ -37,6 +37,11 @@ def test_a_drawn_twin_stays_sound(seed: int) -> None:
     refuse_the_impossible(drawn.twin(seed, 0.3, halves=(16,)), 0.3)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_a_drawn_plausible_twin_stays_sound(seed: int) -> None:
+    refuse_the_impossible(drawn.plausible_twin(seed, 0.3, halves=(16,)), 0.3)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("seed", range(1000, 1020))

@@ -13,6 +13,7 @@ from tests.physics.twin.built import FOAM, PLASTIC, SENSOR, inside, key, modes, 
 
 from monochord.physics.twin import (
     ContactLaw,
+    End,
     Mount,
     MountMode,
     Outside,
@@ -31,11 +32,12 @@ ROOT = Path(__file__).parents[3]
 NOISE = Outside(samples=np.random.default_rng(1).uniform(-0.2, 0.2, 1000).astype(np.float32))
 PRESS, ACROSS = hold(0.08, 1.0, PLASTIC), hold(0.08, 0.8, PLASTIC, across=0.02)
 BOUNCE = touch(key(0.0, 0.08, 0.0, 1e-3), key(3e-3, 0.08, 2.0), key(5e-3, 0.08, 0.0, 1e-3))
+PLUCK = Pluck(position=0.07, height=5e-4, angle=0.4)
 MOUNT = Mount(modes=(MountMode(frequency=700.0), MountMode(mass=0.004, frequency=2500.0)), compliance=3e-6)
 LAYER = ContactLaw(exponent=1.25, layer=2e-6)
 SCENES = {
-    "free": Scene(pluck=Pluck(position=0.07, height=5e-4, angle=0.4), drivers=(False, False)),
-    "ebows": Scene(pluck=Pluck(position=0.07, height=5e-4, angle=0.4)),
+    "free": Scene(pluck=PLUCK, drivers=(False, False)),
+    "ebows": Scene(pluck=PLUCK),
     "touch": Scene(touches=(PRESS,)),
     "slides across": Scene(touches=(ACROSS,)),
     "slides along": Scene(touches=(touch(key(0.0, 0.08, 0.8), key(0.03, 0.082, 0.8), rolls=False),)),
@@ -46,6 +48,7 @@ SCENES = {
     "linear": Scene(touches=(PRESS,), tension_law="linear"),
     "outside": Scene(touches=(PRESS,), outside=NOISE),
     "drift": Scene(touches=(PRESS,)),
+    "yields, pulls and hums": Scene(touches=(replace(ACROSS, mount=MOUNT, law=LAYER),), pluck=PLUCK),
     "mounted": Scene(touches=(replace(PRESS, mount=MOUNT),)),
     "rough layer": Scene(touches=(replace(ACROSS, law=LAYER),)),
     "flat": Scene(touches=(replace(PRESS, law=ContactLaw(flat=2e-3)),)),
@@ -54,6 +57,18 @@ SCENES = {
         touches=(replace(PRESS, mount=MOUNT), replace(hold(0.12, 0.5, FOAM), law=LAYER)), outside=NOISE
     ),
 }
+SENSORS = {
+    "drift": replace(SENSOR, drift=2.0, drift_rate=0.5),
+    "yields, pulls and hums": replace(
+        SENSOR,
+        ends=(End(compliance=1e-6, admittance=1e-2, frequency=1500.0), End(compliance=5e-7)),
+        drivers=tuple(replace(coil, bias=0.4, pull=60.0, level=3.0) for coil in SENSOR.drivers),
+        pickups=replace(
+            SENSOR.pickups, distortion=(0.01, -0.005), hum=(0.01, 0.02), feed=(0.5, -0.2), residual=True
+        ),
+    ),
+}
+"""Sensors of scenes that are not `SENSOR`."""
 SKIPPED = {"two": 150, "two at one place": 270, "two mounted": 150}
 """Frames of the first 300 that the kernel alone advances: two touches take the readable step many rounds."""
 
@@ -62,7 +77,7 @@ SKIPPED = {"two": 150, "two at one place": 270, "two mounted": 150}
 def test_kernel_equals_the_readable_step(name: str) -> None:
     # Over 300 frames sums in another order grow to some 1e-12 of the amplitude, and to 1e-7 where an object
     # slides and sticks; the kernel's rounds end at 1e-12 of the stretch.
-    sensor = replace(SENSOR, drift=2.0, drift_rate=0.5) if name == "drift" else SENSOR
+    sensor = SENSORS.get(name, SENSOR)
     skipped = SKIPPED.get(name, 0)
     twin = advance(begin(sensor, SCENES[name], seed=5, tolerance=1e-12), skipped)[1]
     quick, after = advance(twin, 300 - skipped)

@@ -4,14 +4,26 @@ An EBow pushes with F = F_max tanh(g y / F_max), y the velocity at its sense coi
 (after Heet 1978: feedback from a sense coil to a drive coil). The filter is the trapezoidal state-variable
 one (Zavalishin 2012), and the force held over a step is that of its middle, extrapolated.
 
+A driver may saturate unevenly (even harmonics), and its magnet pull the string by a negative stiffness. The
+magnet's force, too, is that of the middle of a step, extrapolated: over any motion it does no more work than
+the potential gives.
+
 Each microphone picks up both ends through the frame, B = [[l1, 1-l1], [1-l2, l2]] A (the paper, Eq. 5), and
-air-borne sound; a preamplifier limits its band; the converter adds noise and clips.
+air-borne sound; a preamplifier limits its band and may distort; the converter adds noise and clips.
 """
 
 import numpy as np
 
 from monochord.physics.twin.jit import inlined
-from monochord.physics.twin.records import DriverParameters, DriverState, PickupParameters, PreampState
+from monochord.physics.twin.records import (
+    STAGE_CLIP,
+    ChainParameters,
+    CoilEffects,
+    DriverParameters,
+    DriverState,
+    PickupParameters,
+    PreampState,
+)
 from monochord.physics.twin.roughness import mixed_bits
 
 UNIT = (12.0 / 8.0) ** 0.5 / 65536.0
@@ -28,8 +40,13 @@ def saturated(x: float) -> float:
 
 
 @inlined
-def drive(ebow: DriverParameters, memory: DriverState, velocity: float) -> float:
-    """Return the force in N held over the next step, given the velocity at the sense coil in m/s."""
+def drive(
+    ebow: DriverParameters, memory: DriverState, velocity: float, coil: CoilEffects | None = None
+) -> float:
+    """Return the force in N held over the next step, given the velocity at the sense coil in m/s.
+
+    `coil` is what makes it asymmetric, if anything does.
+    """
     g, k = ebow.g, ebow.k
     high = (velocity - (k + g) * memory.first - memory.second) * ebow.scale
     band = g * high + memory.first
@@ -42,7 +59,15 @@ def drive(ebow: DriverParameters, memory: DriverState, velocity: float) -> float
     limit = ebow.limit
     if limit <= 0.0 or memory.gate <= 0.0:
         return 0.0
+    if coil is not None:
+        return memory.gate * limit * coil.scale * (saturated(ebow.gain * ahead + coil.bias) - coil.rest)
     return memory.gate * limit * saturated(ebow.gain * ahead)
+
+
+@inlined
+def magnet(coil: CoilEffects) -> float:
+    """Return a magnet's force in N held over the next step: towards where the string already is."""
+    return coil.pull * (1.5 * coil.place - 0.5 * coil.place_before)
 
 
 @inlined
@@ -67,6 +92,13 @@ def amplified(pickup: PickupParameters, memory: PreampState, signal: float) -> f
     memory.first = g * high + band
     memory.second = g * band + low
     return low
+
+
+@inlined
+def distorted(chain: ChainParameters, signal: float) -> float:
+    """Return a signal after the stage before the converter, which bends it and clips."""
+    x = min(STAGE_CLIP, max(-STAGE_CLIP, signal))
+    return x + x * x * (chain.second + chain.third * x)
 
 
 @inlined

@@ -49,6 +49,8 @@ from monochord.physics.twin.records import (
     SLIP_SPEED_TIME,
     STICK,
     SWITCHING_TIME,
+    ChainParameters,
+    CoilEffects,
     Constants,
     ContactSolution,
     ContactState,
@@ -563,13 +565,26 @@ def _solve_tension(
 
 
 @inlined
+def _keep_place(coil: CoilEffects, place: float) -> None:
+    """Note where the string is over a coil."""
+    coil.place_before = coil.place
+    coil.place = place
+
+
+@inlined
 def _step(sensor: Parameters, state: State, plausible: Plausible | None, size: int, index: int) -> None:
     """Take one step of the whole sensor."""
     constants: Constants = sensor.constants
     memory: SensorState = state.memory
     bank = state.bank
-    first = electronics.drive(sensor.drivers[0], state.drivers[0], memory.coil_speed_1)
-    second = electronics.drive(sensor.drivers[1], state.drivers[1], memory.coil_speed_2)
+    near = None if plausible is None else plausible.coils[0]
+    far = None if plausible is None else plausible.coils[1]
+    first = electronics.drive(sensor.drivers[0], state.drivers[0], memory.coil_speed_1, near)
+    second = electronics.drive(sensor.drivers[1], state.drivers[1], memory.coil_speed_2, far)
+    if plausible is not None:
+        plausible.coils[0].drive, plausible.coils[1].drive = first, second
+        first += electronics.magnet(plausible.coils[0])
+        second += electronics.magnet(plausible.coils[1])
     shake = 0.0
     if sensor.sound.size > 0:
         shake = (
@@ -592,6 +607,10 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, size: i
         )
         if plausible is not None:
             mount.push(plausible.mount_modes[t], state.solution[t].force)
+    if plausible is not None:
+        first, second = string.places_over_coils(bank, size)
+        _keep_place(plausible.coils[0], first)
+        _keep_place(plausible.coils[1], second)
 
 
 @inlined
@@ -613,7 +632,37 @@ def _judge_settled(memory: SensorState, first: float, second: float, period: flo
 
 
 @inlined
-def _write_frame(sensor: Parameters, state: State, out: Out, frame: int, index: int) -> None:
+def _residual_ends(
+    sensor: Parameters, state: State, plausible: Plausible, past: float
+) -> tuple[float, float]:
+    """Return what the modes beyond the bank bring to both ends, in N in the pickups' direction."""
+    near, far = 0.0, 0.0
+    for t in range(len(sensor.touches)):
+        solution: ContactSolution = state.solution[t]
+        force = plausible.chain.normal * solution.force + plausible.chain.across * solution.force_across
+        here, then = state.motion[t].position, state.ahead[t].position
+        place = (here + past * (then - here)) / sensor.constants.length
+        near += interpolated(plausible.end_shares[t, 0], place) * force
+        far += interpolated(plausible.end_shares[t, 1], place) * force
+    return near, far
+
+
+@inlined
+def _picked_up(plausible: Plausible, index: int) -> tuple[float, float]:
+    """Return what the drivers' coils and the mains induce in both microphones, in full scale."""
+    chain: ChainParameters = plausible.chain
+    first, second = plausible.coils[0].drive, plausible.coils[1].drive
+    hum = interpolated(plausible.hum, (chain.hum_step * index) % 1.0)
+    return (
+        chain.feed_own * first + chain.feed_other * second + chain.hum_1 * hum,
+        chain.feed_other * first + chain.feed_own * second + chain.hum_2 * hum,
+    )
+
+
+@inlined
+def _write_frame(
+    sensor: Parameters, state: State, plausible: Plausible | None, out: Out, frame: int, index: int
+) -> None:
     """Write one frame: microphones and labels."""
     constants: Constants = sensor.constants
     memory: SensorState = state.memory
@@ -621,11 +670,20 @@ def _write_frame(sensor: Parameters, state: State, out: Out, frame: int, index: 
     air = 0.0
     if sensor.sound.size > 0:
         air = float(sensor.sound[index % sensor.sound.size])
-    first, second = electronics.mixed(
-        sensor.pickup, taut * memory.end_force_1, taut * memory.end_force_2, air
-    )
+    past = ((index * constants.oversampling) % CONTROL_PERIOD) / CONTROL_PERIOD
+    near, far = taut * memory.end_force_1, taut * memory.end_force_2
+    if plausible is not None:
+        more_near, more_far = _residual_ends(sensor, state, plausible, past)
+        near, far = near + more_near, far + more_far
+    first, second = electronics.mixed(sensor.pickup, near, far, air)
+    if plausible is not None:
+        more_first, more_second = _picked_up(plausible, index)
+        first, second = first + more_first, second + more_second
     first = electronics.amplified(sensor.pickup, state.preamps[0], first)
     second = electronics.amplified(sensor.pickup, state.preamps[1], second)
+    if plausible is not None:
+        first = electronics.distorted(plausible.chain, first)
+        second = electronics.distorted(plausible.chain, second)
     noise = sensor.pickup.noise
     out.microphones[0, frame] = electronics.converted(
         first + noise * electronics.normal_noise(constants.seed, 4 * index)
@@ -633,7 +691,6 @@ def _write_frame(sensor: Parameters, state: State, out: Out, frame: int, index: 
     out.microphones[1, frame] = electronics.converted(
         second + noise * electronics.normal_noise(constants.seed, 4 * index + 2)
     )
-    past = ((index * constants.oversampling) % CONTROL_PERIOD) / CONTROL_PERIOD
     for t in range(len(sensor.touches)):
         own: ContactState = state.contact[t]
         now: Motion = state.motion[t]
@@ -646,6 +703,8 @@ def _write_frame(sensor: Parameters, state: State, out: Out, frame: int, index: 
         speed = np.sqrt(own.speed_across**2 + own.speed_along**2)
         out.contact[t, frame] = touching
         out.position[t, frame] = now.position + past * (ahead.position - now.position)
+        if plausible is not None:
+            out.position[t, frame] -= plausible.chain.offset
         out.force[t, frame] = own.mean_force * touching
         out.reaction[t, frame] = own.force
         out.slip[t, frame] = 1 if touching == 1 and speed > SLIP_SPEED else 0
@@ -683,7 +742,10 @@ def kernel(
             )  # fmt: skip
             plausible = None
             if more is not None:
-                plausible = Plausible(more.layers[i], more.mounts[i], more.mount_modes[i])
+                plausible = Plausible(
+                    more.layers[i], more.mounts[i], more.mount_modes[i], more.coils[i], more.chain[i],
+                    more.hum[i], more.end_shares[i],
+                )  # fmt: skip
             out = Out(
                 outs.microphones[i], outs.contact[i], outs.position[i], outs.force[i], outs.reaction[i],
                 outs.slip[i], outs.across[i], outs.along[i], outs.friction[i], outs.settled[i],
@@ -695,7 +757,7 @@ def kernel(
                     if index % CONTROL_PERIOD == 0:
                         _update_controls(sensor, state, plausible, size, index)
                     _step(sensor, state, plausible, size, index)
-                _write_frame(sensor, state, out, frame, starts[i] + frame)
+                _write_frame(sensor, state, plausible, out, frame, starts[i] + frame)
         return fingerprint
 
     return run

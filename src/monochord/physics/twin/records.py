@@ -163,6 +163,42 @@ class MountOscillator:
     """Its speed after the step, without a force in it."""
 
 
+class CoilEffects:
+    """A driver's asymmetry and its magnet, and where the string is over it."""
+
+    bias: float
+    rest: float
+    scale: float
+    """b, tanh b, and 1 / (1 - tanh^2 b)."""
+    pull: float
+    """Negative stiffness of the magnet, in N/m."""
+    place: float
+    place_before: float
+    """Of the string at the drive coil, along the driver's angle, now and a step ago, in m."""
+    drive: float
+    """Force of the drive, without the magnet, in N."""
+
+
+class ChainParameters:
+    """What the ends, the chain of amplifiers and the scheme's coordinates add."""
+
+    second: float
+    third: float
+    """Coefficients of x^2 and x^3 of the stage before the converter."""
+    feed_own: float
+    feed_other: float
+    """Full scale a newton of drive, in the pickup at the driver's end and in the other."""
+    hum_1: float
+    hum_2: float
+    hum_step: float
+    """Of each channel over that of the table, and cycles a frame."""
+    normal: float
+    across: float
+    """Share of a residual end force that the pickups feel, of the press direction and of that across it."""
+    offset: float
+    """Where the scheme's string begins before the real one, which its yielding end lengthens, in m."""
+
+
 class KeyRecord:
     """A key of a touch's motion: s, m, N, m above the string at rest, m/s across it."""
 
@@ -305,6 +341,13 @@ def dtype_of(record: type) -> np.dtype[Any]:
     return np.dtype((np.record, np.dtype(fields, align=True)))
 
 
+def record_of(kind: type, **fields: float) -> Records:
+    """Return one record, each field given by its name."""
+    record = np.zeros((), dtype_of(kind))
+    record[()] = tuple(fields[name] for name in record.dtype.names or ())
+    return record
+
+
 class Parameters(NamedTuple):
     """What does not change while the twin runs.
 
@@ -366,6 +409,14 @@ class Plausible(NamedTuple):
     """(touches,) `MountParameters`."""
     mount_modes: Records
     """(touches, `MAX_MOUNT_MODES`) `MountOscillator`; those that an object lacks stay at rest."""
+    coils: Records
+    """(2,) `CoilEffects`."""
+    chain: Records
+    """`ChainParameters`."""
+    hum: Floats
+    """(n,): a cycle of the mains, of unit rms."""
+    end_shares: Floats
+    """(touches, 2, places): of a touch's force, what the modes beyond the bank bring to each end."""
 
 
 class Out(NamedTuple):
@@ -414,8 +465,13 @@ def rows(touches: int) -> int:
     return SHAPE + ROWS_A_TOUCH * touches
 
 
+TABLE_PLACES = 513
+"""Entries of the tables along the string."""
 MAX_MOUNT_MODES = 3
 """Modes of object, gripper and frame under a touch."""
+
+STAGE_CLIP = 1.2
+"""Full scale at which the stage before the converter clips: below, it is monotonic."""
 
 NONE, STICK, CREEP, SLIDE = range(4)
 """States of friction."""

@@ -8,7 +8,7 @@ changes, where the kernel predicts, corrects and stops early.
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import exp, floor, hypot, log1p, pi, sqrt
+from math import cosh, exp, floor, hypot, log1p, pi, sqrt, tanh
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from monochord.core.units import Samples
 from monochord.physics.twin import friction, roughness
 from monochord.physics.twin import records as r
 from monochord.physics.twin.records import (
+    ChainParameters,
     Constants,
     ContactSolution,
     ContactState,
@@ -85,7 +86,7 @@ def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
             if index % r.CONTROL_PERIOD == 0:
                 _update_controls(sensor, state, plausible, bank, index)
             _step(sensor, state, plausible, bank, index)
-        _write_frame(sensor, state, bank, out, frame, twin.start + frame)
+        _write_frame(sensor, state, plausible, bank, out, frame, twin.start + frame)
     return take_of(batched_out, 0), replace(twin, start=twin.start + frames, state=batch, plausible=more)
 
 
@@ -231,8 +232,7 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, bank: F
     if sensor.sound.size:
         frame = (index // constants.oversampling) % sensor.sound.size
         shake = constants.frame_acceleration * sensor.sound[frame]
-    first = _driver_force(sensor.drivers[0], state.drivers[0], memory.coil_speed_1)
-    second = _driver_force(sensor.drivers[1], state.drivers[1], memory.coil_speed_2)
+    first, second = _driver_forces(sensor, state, plausible)
     push = bank[r.DRIVE_1] * first + bank[r.DRIVE_2] * second + bank[r.FRAME] * shake
     q, v = bank[r.Q].copy(), bank[r.V].copy()
     q_free = bank[r.Q_Q] * q + bank[r.Q_V] * v + bank[r.Q_FORCE] * push
@@ -275,6 +275,10 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, bank: F
             modes = plausible.mount_modes[t]
             modes["q"] += modes["q_force"] * solutions[t].force
             modes["v"] += modes["v_force"] * solutions[t].force
+    state.solution[:] = solutions
+    if plausible is not None:
+        plausible.coils["place_before"] = plausible.coils["place"]
+        plausible.coils["place"] = bank[[r.DRIVE_1, r.DRIVE_2]] @ bank[r.Q]
 
 
 def _moved_touches(
@@ -302,7 +306,24 @@ def _moved_touches(
     return solutions
 
 
-def _driver_force(driver: DriverParameters, memory: DriverState, velocity: float) -> float:
+def _driver_forces(sensor: Parameters, state: State, plausible: Plausible | None) -> tuple[float, float]:
+    """Return both drivers' forces in N, those of their magnets with them."""
+    memory: SensorState = state.memory
+    first, second = (
+        _driver_force(
+            sensor.drivers[d], state.drivers[d], speed, 0.0 if plausible is None else plausible.coils[d].bias
+        )
+        for d, speed in enumerate((memory.coil_speed_1, memory.coil_speed_2))
+    )
+    if plausible is None:
+        return first, second
+    coils = plausible.coils
+    coils["drive"] = first, second
+    magnets = coils["pull"] * (coils["place"] + 0.5 * (coils["place"] - coils["place_before"]))
+    return first + magnets[0], second + magnets[1]
+
+
+def _driver_force(driver: DriverParameters, memory: DriverState, velocity: float, bias: float) -> float:
     """Return a driver's force in N: band filter (trapezoidal rule), extrapolated half a step, and limit."""
     g, k = driver.g, driver.k
     band = (memory.first + g * (velocity - memory.second)) / (1.0 + g * (g + k))
@@ -311,11 +332,17 @@ def _driver_force(driver: DriverParameters, memory: DriverState, velocity: float
     memory.first, memory.second, memory.output = 2.0 * band - memory.first, 2.0 * low - memory.second, output
     if driver.limit == 0.0 or memory.gate == 0.0:
         return 0.0
-    half = 0.5 * float(np.clip(driver.gain * (1.5 * output - 0.5 * before), -20.0, 20.0))
+    pushed = _saturated(driver.gain * (1.5 * output - 0.5 * before) + bias)
+    return memory.gate * driver.limit * (pushed - tanh(bias)) * cosh(bias) ** 2
+
+
+def _saturated(x: float) -> float:
+    """Return tanh(x), as the kernel has it."""
+    half = 0.5 * float(np.clip(x, -20.0, 20.0))
     fraction = 11.0
     for odd in (9.0, 7.0, 5.0, 3.0, 1.0):
         fraction = odd + half * half / fraction
-    return memory.gate * driver.limit * 2.0 * (half / fraction) / (1.0 + (half / fraction) ** 2)
+    return 2.0 * (half / fraction) / (1.0 + (half / fraction) ** 2)
 
 
 def _solve_touches(
@@ -548,23 +575,38 @@ def _keep_contact(
     own.mean_force += step / r.CONTACT_HOLD * (one.force - own.mean_force)
 
 
-def _write_frame(sensor: Parameters, state: State, bank: Floats, out: Out, frame: int, index: int) -> None:
+def _write_frame(
+    sensor: Parameters,
+    state: State,
+    plausible: Plausible | None,
+    bank: Floats,
+    out: Out,
+    frame: int,
+    index: int,
+) -> None:
     """Write one frame: microphones and labels."""
     constants: Constants = sensor.constants
     memory: SensorState = state.memory
     pickup: PickupParameters = sensor.pickup
     taut = memory.tuned_tension / constants.tension
     near, far = taut * (bank[r.END_1] @ bank[r.Q]), taut * (bank[r.END_2] @ bank[r.Q])
+    past = ((index * constants.oversampling) % r.CONTROL_PERIOD) / r.CONTROL_PERIOD
+    if plausible is not None:
+        more_near, more_far = _residual_ends(sensor, state, plausible, past)
+        near, far = near + more_near, far + more_far
     air = float(sensor.sound[index % sensor.sound.size]) if sensor.sound.size else 0.0
-    raw = (
+    raw = np.array([
         pickup.gain_1 * (pickup.own_1 * near + (1.0 - pickup.own_1) * far) + pickup.air_1 * air,
         pickup.gain_2 * (pickup.own_2 * far + (1.0 - pickup.own_2) * near) + pickup.air_2 * air,
-    )
+    ])  # fmt: skip
+    if plausible is not None:
+        raw += _picked_up(plausible, index)
     amplified = [_amplified(pickup, state.preamps[c], raw[c]) for c in (0, 1)]
+    if plausible is not None:
+        amplified = [_distorted(plausible, signal) for signal in amplified]
     for c in (0, 1):
         noisy = amplified[c] + pickup.noise * _normal_noise(int(constants.seed), 4 * index + 2 * c)
         out.microphones[c, frame] = np.clip(noisy, -1.0, 1.0)
-    past = ((index * constants.oversampling) % r.CONTROL_PERIOD) / r.CONTROL_PERIOD
     for t in range(len(sensor.touches)):
         own: ContactState = state.contact[t]
         touching = own.time_off < r.CONTACT_HOLD
@@ -572,7 +614,7 @@ def _write_frame(sensor: Parameters, state: State, bank: Floats, out: Out, frame
             own.touching, memory.steady_time, memory.settled = touching, 0.0, 0.0
         now, ahead = state.motion[t].position, state.ahead[t].position
         out.contact[t, frame] = touching
-        out.position[t, frame] = now + past * (ahead - now)
+        out.position[t, frame] = now + past * (ahead - now) - (plausible.chain.offset if plausible else 0.0)
         out.force[t, frame] = own.mean_force * touching
         out.reaction[t, frame] = own.force
         out.slip[t, frame] = touching and hypot(own.speed_across, own.speed_along) > r.SLIP_SPEED
@@ -595,6 +637,35 @@ def _write_frame(sensor: Parameters, state: State, bank: Floats, out: Out, frame
     if memory.steady_time >= r.SETTLING_TIME:
         memory.settled = 1.0
     out.settled[frame] = memory.settled
+
+
+def _residual_ends(
+    sensor: Parameters, state: State, plausible: Plausible, past: float
+) -> tuple[float, float]:
+    """Return what a static force of the touches' size brings to the ends beside the bank's modes, in N."""
+    both = np.zeros(2)
+    places = np.linspace(0.0, sensor.constants.length, sensor.compliance.shape[-1])
+    for t, shares in enumerate(plausible.end_shares):
+        position = (1.0 - past) * state.motion[t].position + past * state.ahead[t].position
+        force = plausible.chain.normal * state.contact[t].force
+        force += plausible.chain.across * state.solution[t].force_across
+        both += force * np.array([np.interp(position, places, share) for share in shares])
+    return float(both[0]), float(both[1])
+
+
+def _picked_up(plausible: Plausible, index: int) -> Floats:
+    """Return what drivers and mains induce in both microphones."""
+    chain: ChainParameters = plausible.chain
+    mixing = np.array([[chain.feed_own, chain.feed_other], [chain.feed_other, chain.feed_own]])
+    cycle = np.linspace(0.0, 1.0, plausible.hum.size)
+    hum = np.interp((chain.hum_step * index) % 1.0, cycle, plausible.hum)
+    return mixing @ plausible.coils["drive"] + np.array([chain.hum_1, chain.hum_2]) * hum
+
+
+def _distorted(plausible: Plausible, signal: float) -> float:
+    """Return a signal after the stage before the converter."""
+    x = float(np.clip(signal, -r.STAGE_CLIP, r.STAGE_CLIP))
+    return x + plausible.chain.second * x**2 + plausible.chain.third * x**3
 
 
 def _amplified(pickup: PickupParameters, memory: PreampState, signal: float) -> float:

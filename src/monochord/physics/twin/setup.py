@@ -18,6 +18,12 @@ from monochord.physics.twin.records import MAX_MOUNT_MODES
 
 MAX_TOUCHES = 8
 """Objects that may touch the string at once."""
+DISTORTION_LEVEL = 0.5
+"""Amplitude of a sine, in full scale, at which distortion is stated."""
+HUM_SHARES = (1.0, 0.25, 0.5, 0.1, 0.3)
+"""Amplitudes of the mains' harmonics, from the first, relative to it (assumed)."""
+MAX_END_SHARE = 0.02
+"""Largest admittance of an end times the string's impedance; the first order leaves out its square."""
 FINITE = sys.float_info.max
 """Largest finite number: bound of a field without a range of its own."""
 Share = Annotated[float, Meta(ge=0.0, le=0.3)]
@@ -33,6 +39,11 @@ class Ebow:
     The aperture is the standard deviation of a Gaussian. Its band has the centre `centre` and quality
     `quality`; `gain` in N s/m is that of a small velocity in its band, `limit` in N its largest force.
     `angle` is between its pull and the direction in which touches press, in radians.
+
+    Off by default: `level` multiplies gain and limit, as another EBow does or another height over the string.
+    `bias` b shifts its saturation to F_max (tanh(x + b) - tanh b) / (1 - tanh^2 b), which sounds even
+    harmonics: the pull on a magnetised string goes with the square of the flux. `pull` is the negative
+    stiffness of its magnet at the drive coil, in N/m, along its angle: it lowers one polarisation's pitch.
     """
 
     sense: Metres
@@ -43,6 +54,9 @@ class Ebow:
     gain: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.01
     limit: Annotated[Newtons, Meta(ge=0.0, le=1.0)] = 0.01
     angle: Annotated[float, Meta(ge=-pi, le=pi)] = 0.2
+    level: Annotated[float, Meta(ge=0.05, le=20.0)] = 1.0
+    bias: Annotated[float, Meta(ge=-1.0, le=1.0)] = 0.0
+    pull: Annotated[float, Meta(ge=0.0, le=500.0)] = 0.0
 
     def __post_init__(self) -> None:
         refuse_outside(self)
@@ -55,6 +69,13 @@ class Pickups:
     `own` is l1 and l2 of the paper's Eq. 5; `gain` in full scale a newton; `angle` is the direction in which
     they sense force, from that of a touch's press. The preamplifiers pass `low` to `high`; `hiss` is the
     converter's rms noise in full scale; `air` is the share of an outside sound that each picks up.
+
+    Off by default: `distortion` is the amplitude of the second and of the third harmonic that the stage
+    before the converter adds to a sine of amplitude `DISTORTION_LEVEL`, relative to it; 0.001 is -60 dB, and
+    the stage clips at 1.2. `hum` is the rms in full scale of each channel's pick-up from the mains, whose
+    frequency is `mains` and whose harmonics are `HUM_SHARES`. `feed` is what a driver's coil induces in the
+    pickup at its own end and in the other, in full scale a newton of its drive. `residual` adds to the end
+    forces the static share of the modes beyond the bank, some 3 % of a touch's force.
     """
 
     own: tuple[Annotated[float, Meta(ge=0.0, le=1.0)], Annotated[float, Meta(ge=0.0, le=1.0)]] = (0.85, 0.85)
@@ -64,6 +85,32 @@ class Pickups:
     high: Annotated[Hertz, Meta(ge=1000.0, le=20000.0)] = 15000.0
     hiss: Annotated[float, Meta(ge=0.0, le=0.1)] = 3.0e-5
     air: tuple[float, float] = (1.0, 0.9)
+    distortion: tuple[
+        Annotated[float, Meta(ge=-0.01, le=0.01)], Annotated[float, Meta(ge=-0.01, le=0.01)]
+    ] = (0.0, 0.0)
+    hum: tuple[Annotated[float, Meta(ge=0.0, le=0.1)], Annotated[float, Meta(ge=0.0, le=0.1)]] = (0.0, 0.0)
+    mains: Annotated[Hertz, Meta(ge=45.0, le=65.0)] = 50.0
+    feed: tuple[Annotated[float, Meta(ge=-1e3, le=1e3)], Annotated[float, Meta(ge=-1e3, le=1e3)]] = (0.0, 0.0)
+    residual: bool = False
+
+    def __post_init__(self) -> None:
+        refuse_outside(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class End:
+    """How an end of the string yields, across the string in both directions; rigid by default.
+
+    Its admittance, velocity over force, is i w C + A / (1 + i Q (w / w0 - w0 / w)): a spring of `compliance`
+    C in m/N, as a tuner or a saddle is far below its resonances, and one resonance of the frame, with A, its
+    `admittance` in s/kg, `frequency` and `quality`. The spring lengthens the string by T C at this end, for
+    every touch; the resonance changes frequency and decay of each mode of the whole string, in first order.
+    """
+
+    compliance: Annotated[float, Meta(ge=0.0, le=2e-5)] = 0.0
+    admittance: Annotated[float, Meta(ge=0.0, le=0.05)] = 0.0
+    frequency: Annotated[Hertz, Meta(ge=20.0, le=12000.0)] = 1000.0
+    quality: Annotated[float, Meta(ge=0.1, le=100.0)] = 5.0
 
     def __post_init__(self) -> None:
         refuse_outside(self)
@@ -120,9 +167,9 @@ class Changes:
 class Sensor:
     """A sensor as built: string, losses, two drivers, two pickups, and its sensing range.
 
-    `drift` is the deviation of the string's tension from its nominal value at the start, in N, and
-    `drift_rate` its rate in N/s, up to a quarter of the tension in all. `shake` is the acceleration of the
-    frame, in m/s^2, that an outside sound of full scale causes.
+    `ends` say how the string's ends yield. `drift` is the deviation of the string's tension from its nominal
+    value at the start, in N, and `drift_rate` its rate in N/s, up to a quarter of the tension in all. `shake`
+    is the acceleration of the frame, in m/s^2, that an outside sound of full scale causes.
 
     `frame_expansion` and `string_expansion` are relative, in 1/K: handbook values of aluminium and of steel.
     `tolerances` say how another sensor of the design may differ and `changes` how this one does on another
@@ -138,6 +185,7 @@ class Sensor:
     notes: str = ""
     losses: Losses = field(default_factory=Losses)
     pickups: Pickups = field(default_factory=Pickups)
+    ends: tuple[End, End] = field(default_factory=lambda: (End(), End()))
     drift: Annotated[Newtons, Meta(ge=-50.0, le=50.0)] = 0.0
     drift_rate: Annotated[float, Meta(ge=-1.0, le=1.0)] = 0.0
     shake: Annotated[float, Meta(ge=0.0, le=100.0)] = 2.0
@@ -358,8 +406,27 @@ def refuse_impossible(sensor: Sensor) -> None:
     for place in [*places, *sensor.range]:
         if not 0.0 < place < string.length:
             raise InputError(f"{where}: place {place:g} m", f"between 0 and {string.length:g} m")
+    _refuse_strong_parts(sensor, where)
     if not sensor.range[0] < sensor.range[1] < inf:
         raise InputError(f"{where}: range {sensor.range}", "start before end")
+
+
+def _refuse_strong_parts(sensor: Sensor, where: str) -> None:
+    """Raise `InputError` for a magnet that the string may stick to, or an end that yields too much to it."""
+    string = sensor.string
+    for d, driver in enumerate(sensor.drivers):
+        most = 0.5 * string.tension * string.length / (driver.drive * (string.length - driver.drive))
+        if driver.pull > most:
+            given = f"{where}: driver {d + 1} pulls with {driver.pull:g} N/m"
+            raise InputError(given, f"{most:.3g} N/m at most", "half of what the string resists with there")
+    impedance = (string.tension * string.linear_density) ** 0.5
+    for end in sensor.ends:
+        if (
+            end.admittance * impedance > MAX_END_SHARE
+            or end.compliance * string.tension > 0.01 * string.length
+        ):
+            given = f"{where}: an end of {end.admittance:g} s/kg and {end.compliance:g} m/N"
+            raise InputError(given, "one that hardly yields to this string")
 
 
 @cache

@@ -9,7 +9,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from math import cos, exp, pi, sin, sqrt, tan
+from math import cos, pi, sin, tan
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,6 +27,8 @@ from monochord.physics.theory import (
     static_compliance,
     stretch_stiffness,
 )
+from monochord.physics.twin.ends import end_shifts, lengthened, offset_of
+from monochord.physics.twin.plausible import plausible_of
 from monochord.physics.twin.rate import RatePlan, mode_frequencies, padded, plan, touch_weights
 from monochord.physics.twin.records import (
     DECAY,
@@ -35,13 +37,13 @@ from monochord.physics.twin.records import (
     END_2,
     FORCE,
     FRAME,
-    MAX_MOUNT_MODES,
     NORMAL,
     OMEGA2_BENDING,
     OMEGA2_TENSION,
     SENSE_1,
     SHAPE,
     STRETCH,
+    TABLE_PLACES,
     TANGENTIAL,
     Constants,
     ContactSolution,
@@ -49,10 +51,7 @@ from monochord.physics.twin.records import (
     DriverParameters,
     DriverState,
     KeyRecord,
-    LayerParameters,
     Motion,
-    MountOscillator,
-    MountParameters,
     Out,
     Parameters,
     PickupParameters,
@@ -64,12 +63,17 @@ from monochord.physics.twin.records import (
     State,
     TouchParameters,
     dtype_of,
+    record_of,
     rows,
 )
-from monochord.physics.twin.setup import Ebow, Mount, MountMode, Pluck, Scene, Sensor, Touch
+from monochord.physics.twin.setup import (
+    Ebow,
+    Pluck,
+    Scene,
+    Sensor,
+    Touch,
+)
 
-COMPLIANCE_PLACES = 513
-"""Entries of the table of static compliance along the string."""
 WIDTH_MODES = 400
 """Modes that a touch's compliance is corrected by for its width."""
 LAW_FORCE = 1.0
@@ -171,24 +175,25 @@ def begin(
         raise InputError(f"seed {seed}", "0 to 2^62 - 1")
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"tolerance {tolerance:g}", "between 0 and 1")
-    chosen, rate = plan(sensor.string, float(sample_rate), oversampling=oversampling), float(sample_rate)
+    longer, rate = lengthened(sensor), float(sample_rate)
+    chosen = plan(longer.string, rate, oversampling=oversampling)
     count = len(scene.touches)
     bank = np.zeros((rows(count), 2 * padded(chosen.count)))
-    bank[: rows(0)] = _bank(sensor, chosen, 1.0 / (rate * chosen.oversampling))
-    bank[Q] = _plucked(sensor, scene.pluck, chosen)
+    bank[: rows(0)] = _bank(longer, chosen, 1.0 / (rate * chosen.oversampling))
+    bank[Q] = _plucked(longer, scene.pluck, chosen)
     memory = np.zeros((), dtype_of(SensorState))
     memory["touches_changed"] = 1.0
     memory["stretch"] = float(bank[STRETCH] @ bank[Q] ** 2)
     parameters = Parameters(
-        constants=_constants(sensor, scene, chosen, rate, seed, tolerance),
+        constants=_constants(longer, scene, chosen, rate, seed, tolerance),
         drivers=_drivers(sensor, scene, 1.0 / (rate * chosen.oversampling)),
         pickup=_pickup(sensor, rate),
         sound=_outside(scene),
-        **_touches(sensor, scene.touches, chosen, rate),
+        **_touches(longer, scene.touches, chosen, rate),
     )
     drivers = np.zeros(2, dtype_of(DriverState))
     drivers["gate"] = parameters.drivers["on"]
-    contact, motion = _new_contacts(scene.touches, 0.0, bank)
+    contact, motion = _new_contacts(longer, scene.touches, 0.0, bank)
     state = State(
         bank=bank.ravel(),
         contact=contact,
@@ -209,7 +214,7 @@ def begin(
         start=0,
         parameters=_batched(parameters),
         state=_batched(state),
-        plausible=_plausible(scene.touches, 1.0 / (rate * chosen.oversampling)),
+        plausible=_plausible(longer, scene.touches, chosen, rate, parameters.weights, bank),
     )
 
 
@@ -305,8 +310,8 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     The keys' times count from the twin's own time zero. The first touches continue as the objects they were;
     further ones are new objects, which begin where their motion says, and missing ones are gone.
     """
-    rate = float(twin.sample_rate)
-    parameters = _single(twin.parameters)._replace(**_touches(twin.sensor, touches, twin.plan, rate))
+    longer, rate = lengthened(twin.sensor), float(twin.sample_rate)
+    parameters = _single(twin.parameters)._replace(**_touches(longer, touches, twin.plan, rate))
     state = _single(twin.state)
     count, size = len(touches), 2 * padded(twin.plan.count)
     continued = min(count, len(twin.scene.touches))
@@ -316,7 +321,7 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     if count > 0:
         bank[NORMAL, : size // 2] = bank[SHAPE, : size // 2]
         bank[TANGENTIAL, size // 2 :] = bank[SHAPE, : size // 2]
-    contact, motion = _new_contacts(touches, twin.start / twin.sample_rate, bank)
+    contact, motion = _new_contacts(longer, touches, twin.start / twin.sample_rate, bank)
     ahead = motion.copy()
     contact[:continued], motion[:continued], ahead[:continued] = (
         state.contact[:continued],
@@ -336,10 +341,12 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
         solution=np.zeros(count, dtype_of(ContactSolution)),
         mutual=np.zeros((2, count, count)),
     )
-    plausible = _plausible(touches, 1.0 / (rate * twin.plan.oversampling))
+    plausible = _plausible(longer, touches, twin.plan, rate, parameters.weights, bank)
     if plausible is not None and twin.plausible is not None:
         for name in ("q", "v"):
             plausible.mount_modes[name][0, :continued] = twin.plausible.mount_modes[name][0, :continued]
+        for name in ("place", "place_before", "drive"):
+            plausible.coils[name] = twin.plausible.coils[name]
     scene = replace(twin.scene, touches=touches)
     return replace(
         twin, scene=scene, parameters=_batched(parameters), state=_batched(state), plausible=plausible
@@ -395,16 +402,18 @@ def _stacked(arrays: Sequence[np.ndarray]) -> np.ndarray:
     return stacked
 
 
+def _plausible(
+    sensor: Sensor, touches: tuple[Touch, ...], chosen: RatePlan, rate: Hertz, weights: Floats, bank: Floats
+) -> Plausible | None:
+    """Return what the world `plausible` adds, as a batch of one sensor; None if it is nothing."""
+    step = 1.0 / (rate * chosen.oversampling)
+    single = plausible_of(sensor, touches, rate=rate, step=step, bank=bank, weights=weights)
+    return None if single is None else _batched(single)
+
+
 def _refuse_negative(frames: Samples) -> None:
     if frames < 0:
         raise InputError(f"{frames} frames", "0 or more")
-
-
-def _record(kind: type, **fields: float) -> Records:
-    """Return one record, each field given by its name."""
-    record = np.zeros((), dtype_of(kind))
-    record[()] = tuple(fields[name] for name in record.dtype.names or ())
-    return record
 
 
 def _bank(sensor: Sensor, chosen: RatePlan, step: float) -> Floats:
@@ -432,6 +441,10 @@ def _bank(sensor: Sensor, chosen: RatePlan, step: float) -> Floats:
         bank[END_1, own] = end
         bank[END_2, own] = -end * np.cos(n * pi)
     bank[FRAME, :count] = -string.linear_density * (1.0 - np.cos(n * pi)) / wave
+    shift = sum(end_shifts(string, end, omega) for end in sensor.ends)
+    for own in (slice(count), slice(half, half + count)):
+        bank[OMEGA2_BENDING, own] += 2.0 * omega * np.real(shift)
+        bank[DECAY, own] += np.imag(shift)
     return bank
 
 
@@ -439,7 +452,7 @@ def _constants(
     sensor: Sensor, scene: Scene, chosen: RatePlan, rate: Hertz, seed: int, tolerance: float
 ) -> Records:
     string, linear, axial = sensor.string, scene.tension_law == "linear", stretch_stiffness(sensor.string)
-    return _record(
+    return record_of(
         Constants,
         step=1.0 / (rate * chosen.oversampling),
         length=string.length,
@@ -470,13 +483,14 @@ def _driver(driver: Ebow, step: float, *, on: bool) -> Records:
     g, k = tan(pi * min(driver.centre * step, 0.45)), 1.0 / driver.quality
     gain = driver.gain / driver.limit if driver.limit > 0.0 else 0.0
     scale = 1.0 / (1.0 + g * (g + k))
-    return _record(DriverParameters, g=g, k=k, gain=gain, limit=driver.limit, scale=scale, on=float(on))
+    limit = driver.limit * driver.level
+    return record_of(DriverParameters, g=g, k=k, gain=gain, limit=limit, scale=scale, on=float(on))
 
 
 def _pickup(sensor: Sensor, rate: Hertz) -> Records:
     pickups, low = sensor.pickups, tan(pi * sensor.pickups.low / rate)
     g = tan(pi * min(pickups.high, 0.45 * rate) / rate)
-    return _record(
+    return record_of(
         PickupParameters,
         own_1=pickups.own[0],
         own_2=pickups.own[1],
@@ -506,17 +520,18 @@ def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: RatePlan, rate:
     string, step = sensor.string, 1.0 / (rate * chosen.oversampling)
     omega = mode_frequencies(string, chosen.count)
     weights = np.zeros((len(touches), padded(chosen.count)))
-    compliance = np.zeros((len(touches), COMPLIANCE_PLACES))
+    compliance = np.zeros((len(touches), TABLE_PLACES))
     records = np.zeros(len(touches), dtype_of(TouchParameters))
     keys = np.zeros(
         (len(touches), max((len(touch.motion) for touch in touches), default=1)), dtype_of(KeyRecord)
     )
     exact = np.sqrt(touch_weights(omega, step, chosen.beta))
+    offset = offset_of(sensor)
     for t, touch in enumerate(touches):
         material = touch.material
         _refuse_outside(touch, sensor)
         k1, k2, width = _surface(string, touch)
-        records[t] = _record(
+        records[t] = record_of(
             TouchParameters,
             k1=k1,
             k2=k2,
@@ -531,7 +546,7 @@ def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: RatePlan, rate:
             keys=len(touch.motion),
         )
         for i, key in enumerate(touch.motion):
-            keys[t, i] = (key.time, key.position, key.force, key.clearance, key.across)
+            keys[t, i] = (key.time, key.position + offset, key.force, key.clearance, key.across)
         weights[t, : chosen.count] = exact * _blur(string.length, width, chosen.count)
         compliance[t] = _compliance(sensor, width)
     return {"touches": records, "keys": keys, "weights": weights, "compliance": compliance}
@@ -550,51 +565,11 @@ def _surface(string: StringParams, touch: Touch) -> tuple[float, float, Metres]:
     return linear * LAW_FORCE ** (1.0 / 3.0) * k2 ** (2.0 / 3.0), (1.0 - linear) * k2, width
 
 
-def _plausible(touches: tuple[Touch, ...], step: float) -> Plausible | None:
-    """Return what the world `plausible` adds, as a batch of one sensor; None if it is nothing."""
-    if all(touch.mount == Mount() and touch.law.layer == 0.0 for touch in touches):
-        return None
-    layers = np.zeros(len(touches), dtype_of(LayerParameters))
-    mounts = np.zeros(len(touches), dtype_of(MountParameters))
-    modes = np.zeros((len(touches), MAX_MOUNT_MODES), dtype_of(MountOscillator))
-    for t, touch in enumerate(touches):
-        layers[t] = touch.law.layer, touch.law.layer_load
-        for i, mode in enumerate(touch.mount.modes):
-            modes[t, i] = _mount_mode(mode, step)
-        real = modes[t, : len(touch.mount.modes)]
-        static = float(np.sum(1.0 / (real["mass"] * real["square"])))
-        spring = touch.mount.compliance
-        mounts[t] = spring, static + spring, real["q_force"].sum()
-    return _batched(Plausible(layers=layers, mounts=mounts, mount_modes=modes))
-
-
-def _mount_mode(mode: MountMode, step: float) -> Records:
-    """Return a mode at rest: its closed solution over a step under a held force."""
-    omega, mass = 2.0 * pi * mode.frequency, mode.mass
-    sigma = 0.5 * omega / mode.quality
-    ring = sqrt(omega**2 - sigma**2)
-    sine, cosine = exp(-sigma * step) * sin(ring * step) / ring, exp(-sigma * step) * cos(ring * step)
-    return _record(
-        MountOscillator,
-        mass=mass,
-        square=omega**2,
-        q_q=cosine + sigma * sine,
-        q_v=sine,
-        v_q=-(omega**2) * sine,
-        v_v=cosine - sigma * sine,
-        q_force=(1.0 - cosine - sigma * sine) / (mass * omega**2),
-        v_force=sine / mass,
-        q=0.0,
-        v=0.0,
-        v_free=0.0,
-    )
-
-
 def _refuse_outside(touch: Touch, sensor: Sensor) -> None:
     length = sensor.string.length
     edge = 0.02 * length
     for key in touch.motion:
-        if not edge <= key.position <= length - edge:
+        if not edge <= key.position + offset_of(sensor) <= length - edge:
             raise InputError(f"a touch at {key.position:g} m", f"{edge:g} to {length - edge:g} m")
 
 
@@ -607,8 +582,8 @@ def _blur(length: float, width: float, count: int) -> Floats:
 def _compliance(sensor: Sensor, width: float) -> Floats:
     """Return the static compliance along the string, in m/N, of a touch of a width in m."""
     string = sensor.string
-    place = np.linspace(0.0, 1.0, COMPLIANCE_PLACES)
-    point = np.zeros(COMPLIANCE_PLACES)
+    place = np.linspace(0.0, 1.0, TABLE_PLACES)
+    point = np.zeros(TABLE_PLACES)
     point[1:-1] = static_compliance(string, place[1:-1] * string.length)
     omega = mode_frequencies(string, WIDTH_MODES)
     lost = (1.0 - _blur(string.length, width, WIDTH_MODES) ** 2) * 2.0
@@ -622,7 +597,7 @@ def _plucked(sensor: Sensor, pluck: Pluck | None, chosen: RatePlan) -> Floats:
     q = np.zeros(2 * half)
     if pluck is None:
         return q
-    length, place = sensor.string.length, pluck.position
+    length, place = sensor.string.length, pluck.position + offset_of(sensor)
     if not 0.0 < place < length:
         raise InputError(f"a pluck at {place:g} m", f"between 0 and {length:g} m")
     n = np.arange(1, chosen.count + 1)
@@ -633,7 +608,9 @@ def _plucked(sensor: Sensor, pluck: Pluck | None, chosen: RatePlan) -> Floats:
     return q
 
 
-def _new_contacts(touches: tuple[Touch, ...], time: float, bank: Floats) -> tuple[Records, Records]:
+def _new_contacts(
+    sensor: Sensor, touches: tuple[Touch, ...], time: float, bank: Floats
+) -> tuple[Records, Records]:
     """Return states and motions of new objects: where they are at a time, but off all of the string.
 
     Their depth, and with it the first contact, follows from the next control update.
@@ -646,5 +623,6 @@ def _new_contacts(touches: tuple[Touch, ...], time: float, bank: Floats) -> tupl
         times = [key.time for key in touch.motion]
         for name in ("position", "force", "clearance", "across"):
             motion[name][t] = np.interp(time, times, [getattr(key, name) for key in touch.motion])
+    motion["position"] += offset_of(sensor)
     motion["depth"] = -far
     return contact, motion

@@ -178,6 +178,17 @@ def finish_step(bank: Floats, size: int, tension: float) -> tuple[float, float, 
 
 
 @inlined
+def places_over_coils(bank: Floats, size: int) -> tuple[float, float]:
+    """Return where the string is at both drive coils, along the drivers' angles, in m."""
+    first, second = 0.0, 0.0
+    for i in range(size):
+        q = bank[Q * size + i]
+        first += bank[DRIVE_1 * size + i] * q
+        second += bank[DRIVE_2 * size + i] * q
+    return first, second
+
+
+@inlined
 def fill_shape(bank: Floats, size: int, row: int, position: float, weight: Floats) -> None:
     """Fill a row with sin(n pi x / L) times each mode's weight, by recurrence; `position` is x / L."""
     angle = np.pi * position
