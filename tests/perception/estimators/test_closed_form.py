@@ -1,14 +1,19 @@
 """The closed-form estimator: both forms against exact physics, and its abstentions."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Contact, Estimate, Signal, StringParams, Window
 from monochord.perception.estimators.closed_form import ClosedForm
+from monochord.physics.sensors import load_sensor
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
+from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 RATE, SIZE = 44100, 4410
 MONO = Signal(sample_rate=RATE, channels=1)
@@ -204,3 +209,56 @@ class TestTwoSegments:
         assert estimates["position"].value == pytest.approx(0.25, abs=1e-3)
         assert estimates["force"].std < 0.5
         assert abs(estimates["force"].value - 1.5) < 3.0 * estimates["force"].std + 0.1
+
+
+def twin_windows(ratio: float, position: float, untouched: float) -> tuple[list[Window], float]:
+    """Return windows of a twin that is tuned to `ratio` times nominal: untouched for a time, then touched."""
+    design = load_sensor("prototype")
+    sensor = replace(design, string=replace(design.string, tension=design.string.tension * ratio**2))
+    twin = VirtualSensor(sensor, seed=7)
+    before = twin.advance(0.4 + untouched)[0][:, round(0.4 * RATE) :]
+    twin.press(position, 0.8)
+    twin.advance(0.35)
+    sound = np.concatenate((before, twin.advance(0.5)[0]), axis=1)
+    starts = range(0, sound.shape[1] - SIZE + 1, SIZE // 2)
+    windows = [
+        Window(samples=np.ascontiguousarray(sound[:, start : start + SIZE]), start=start, sample_rate=RATE)
+        for start in starts
+    ]
+    return windows, untouched
+
+
+class TestAnotherTuning:
+    prototype = load_sensor("prototype").string
+
+    @pytest.mark.parametrize("ratio", [0.91, 0.955, 1.02, 1.06, 1.09])
+    @pytest.mark.parametrize(
+        "options", [{"tension_law": "geometric"}, {"length": 0.2, "open_frequency": 1010.6}]
+    )
+    def test_it_re_tunes_itself_by_untouched_windows(self, ratio: float, options: dict[str, Any]) -> None:
+        string = None if "length" in options else self.prototype
+        signal = Signal(sample_rate=RATE, channels=2, string=string)
+        estimate = ClosedForm(**options).prepare(signal, SIZE)
+        windows, untouched = twin_windows(ratio, 0.072, 0.5)
+        for each in windows:
+            position = estimate(each)["position"]
+            if each.start >= untouched * RATE:
+                assert position.value == pytest.approx(0.072, abs=1e-3)
+
+    @pytest.mark.parametrize("ratio", [0.91, 0.955, 1.02, 1.06, 1.09])
+    def test_without_one_it_is_right_or_abstains(self, ratio: float) -> None:
+        signal = Signal(sample_rate=RATE, channels=2, string=self.prototype)
+        estimate = ClosedForm(tension_law="geometric").prepare(signal, SIZE)
+        windows, _ = twin_windows(ratio, 0.072, 0.0)
+        for each in windows:
+            position = estimate(each)["position"]
+            assert not position.valid or position.value == pytest.approx(0.072, abs=1e-3)
+            assert position.valid or "run monochord tune" in position.why_not
+
+    def test_unknown_density_tells_no_force(self) -> None:
+        signal = Signal(sample_rate=RATE, channels=2)
+        estimate = ClosedForm(length=0.2, open_frequency=1010.6).prepare(signal, SIZE)
+        windows, _ = twin_windows(1.0, 0.072, 0.5)
+        *_, last = [estimate(each) for each in windows]
+        assert last["position"].valid
+        assert {last[name].why_not for name in ("force", "tension")} == {"the string's density is not known"}

@@ -54,6 +54,8 @@ TOLERANCE_BINS, TOLERANCE_SHARE = 1.2, 0.003
 """Largest distance of a line from a partial: so many bins plus such a share of its frequency."""
 MIN_SHARE = 0.02
 """Least share of a line's power at a microphone that counts."""
+MIN_OPPOSITION = 0.4
+"""Least difference of two lines' shares at microphone 1 that are clearly of two segments; 0.9 is usual."""
 
 FREQUENCY, WEIGHT, SHARE_1 = range(3)
 """Columns of an array of lines: Hz, 0 to 1, and the share of the power at microphone 1."""
@@ -62,15 +64,17 @@ POSITION, OPEN, MODE_1, MODE_2, SCORE, UNEXPLAINED, LINE_1, LINE_2 = range(8)
 
 
 class StringModel(NamedTuple):
-    """A string's length in m, nominal open frequency in Hz, stiffness beta in m^2, and expected rise.
+    """A string's length in m, nominal open frequency in Hz, stiffness beta in m^2, and what may raise it.
 
-    `rise` is the share by which the largest expected force raises the open frequency.
+    `rise` is the share by which the largest expected force raises the open frequency, and `slack` the share
+    by which it may be tuned off nominal, either way, at no cost: 0 for a string whose tuning is known.
     """
 
     length: Metres
     nominal: Hertz
     stiffness: float
     rise: float
+    slack: float = 0.0
 
 
 class ModeReading(NamedTuple):
@@ -104,6 +108,16 @@ class ModeReading(NamedTuple):
     def touched(self) -> bool:
         """Whether two segments are an allowed reading at all."""
         return self.position > 0.0
+
+    @property
+    def opposed(self) -> bool:
+        """Whether each of the sustained lines is louder at its own microphone, as only two segments' are."""
+        return self.touched and self.share_1 - self.share_2 > MIN_OPPOSITION
+
+    @property
+    def uneven(self) -> bool:
+        """Whether a sustained line is clearly louder at one microphone: none of the untouched string is."""
+        return self.touched and max(abs(self.share_1 - 0.5), abs(self.share_2 - 0.5)) > 0.5 * MIN_OPPOSITION
 
     @property
     def lead(self) -> float:
@@ -230,7 +244,7 @@ def _readings(
             n1, n2 = modes // MAX_MODE_2 + 1.0, modes % MAX_MODE_2 + 1.0
             x, own = _located(frequency[0, i], n1, frequency[1, j], n2, string)
             off = own / string.nominal - 1.0
-            if not -MAX_FALL < off < string.rise + MAX_RISE:
+            if not -MAX_FALL - string.slack < off < string.rise + MAX_RISE + string.slack:
                 continue
             if not END_MARGIN * length < x < (1.0 - END_MARGIN) * length:
                 continue
@@ -238,9 +252,9 @@ def _readings(
             score, unexplained = _explained(lines, x, own, sustained, spacing, string)
             score -= MODE_COST_1 * np.log(n1) + MODE_COST_2 * np.log(n2) + WEAK_LINE_COST * weakness
             if off < 0.0:
-                score -= FALL_COST * max(-off - FREE_DEVIATION, 0.0) ** 2
+                score -= FALL_COST * max(-off - FREE_DEVIATION - string.slack, 0.0) ** 2
             else:
-                score -= RISE_COST * max(off - string.rise - FREE_DEVIATION, 0.0) ** 2
+                score -= RISE_COST * max(off - string.rise - FREE_DEVIATION - string.slack, 0.0) ** 2
             row = (x, own, n1, n2, score, unexplained, float(i), float(j))
             for k in range(len(row)):  # one assignment of a row compiles numba's messages about shapes: 6 s
                 readings[count, k] = row[k]

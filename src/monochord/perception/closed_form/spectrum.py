@@ -10,7 +10,7 @@ Auger and Flandrin (1995), Improving the readability of time-frequency and time-
 reassignment method, IEEE Trans. Signal Process. 43, 1068.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from typing import NamedTuple
 
@@ -41,12 +41,13 @@ class Spectrum(NamedTuple):
     """One window of two microphones.
 
     `samples` (2, n) about their mean, `transform` (2, bins) without a taper, `power` (2, bins) under a Hann
-    taper, and `reading`, the modes that its strongest lines are.
+    taper, frequencies and powers (2, `LINES`) of its strongest `lines`, and `reading`, their modes.
     """
 
     samples: Floats
     transform: NDArray[np.complex128]
     power: Floats
+    lines: tuple[Floats, Floats]
     reading: ModeReading
 
 
@@ -115,8 +116,7 @@ class SpectrumAnalyser:
         shortest = int(np.ceil(MIN_BINS * rate / nominal))
         if size < shortest:
             raise InputError(f"a window of {size} frames", f"from {shortest} frames on for this string")
-        bending = pi**3 * string.young_modulus * string.core_diameter**4 / 64.0
-        model = StringModel(string.length, nominal, bending / string.tension, rise)
+        model = StringModel(string.length, nominal, _bending(string) / string.tension, rise)
         analyser = cls(string=string, sample_rate=rate, size=size, model=model)
         analyser.analyse(np.zeros((2, size), np.float32))
         return analyser
@@ -127,9 +127,19 @@ class SpectrumAnalyser:
         transform = np.fft.rfft(samples)
         power = hann_power(transform, self.size)
         lowest = LOWEST_LINE * self.nominal
-        frequency, height = strongest_lines(transform, power, self.bin_spacing, lowest, HIGHEST_LINE)
-        reading = modes.read_modes(frequency, height, power, self.bin_spacing, self.model)
-        return Spectrum(samples, transform, power, reading)
+        lines = strongest_lines(transform, power, self.bin_spacing, lowest, HIGHEST_LINE)
+        reading = modes.read_modes(*lines, power, self.bin_spacing, self.model)
+        return Spectrum(samples, transform, power, lines, reading)
+
+    def read_at_any_tuning(self, spectrum: Spectrum, slack: float) -> ModeReading:
+        """Return the modes that the lines are if the string may be tuned off nominal by a share `slack`."""
+        model = self.model._replace(slack=slack)
+        return modes.read_modes(*spectrum.lines, spectrum.power, self.bin_spacing, model)
+
+    def tuned(self, string: StringParams) -> "SpectrumAnalyser":
+        """Return the analyser of the same wire under another tension."""
+        nominal, stiffness = open_frequency(string), _bending(string) / string.tension
+        return replace(self, string=string, model=self.model._replace(nominal=nominal, stiffness=stiffness))
 
     def partials(self, fundamental: Hertz, segment: Metres, count: int) -> Floats:
         """Return the first partials in Hz of a segment, given its length in m and flexible fundamental."""
@@ -139,6 +149,10 @@ class SpectrumAnalyser:
     def per_mille(self, frequency: Hertz) -> float:
         """Return how far a frequency lies above the nominal open one, in thousandths; 0 for none."""
         return 1000.0 * (frequency / self.nominal - 1.0) if frequency > 0.0 else 0.0
+
+
+def _bending(string: StringParams) -> float:
+    return pi**3 * string.young_modulus * string.core_diameter**4 / 64.0
 
 
 @numba.njit(cache=True, error_model="numpy")

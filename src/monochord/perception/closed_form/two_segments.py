@@ -6,7 +6,7 @@ of the segments without their stiffness; a tension law turns tension into force.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,31 +45,39 @@ class TwoSegments:
 
     def prepare(self, sample_rate: int, size: int) -> Prepared:
         """Return the function from a window of two channels to the estimates that `UNITS` names."""
+        analyser = self.analyser(sample_rate, size)
+
+        def estimate(window: Window) -> Estimates:
+            why_not = why_unusable(window)
+            return abstain(why_not) if why_not else self.estimates(analyser, analyser.analyse(window.samples))
+
+        return estimate
+
+    def analyser(self, sample_rate: int, size: int) -> SpectrumAnalyser:
+        """Return the analyser of windows of `size` frames, for the forces that are expected."""
         string = self.string
         largest = tension_from_force(string, self.most_force, 0.5 * string.length, self.law)
         rise = (largest / string.tension) ** 0.5 - 1.0
         signal = Signal(sample_rate=sample_rate, channels=2, string=string)
-        analyser = SpectrumAnalyser.of(signal, size, rise=rise)
+        return SpectrumAnalyser.of(signal, size, rise=rise)
 
-        def estimate(window: Window) -> Estimates:
-            why_not = why_unusable(window)
-            return _abstain(why_not) if why_not else self._estimate(analyser, window)
+    def tuned(self, string: StringParams) -> "TwoSegments":
+        """Return the form of the same wire under another tension."""
+        return replace(self, string=string)
 
-        return estimate
-
-    def _estimate(self, analyser: SpectrumAnalyser, window: Window) -> Estimates:
-        spectrum = analyser.analyse(window.samples)
+    def estimates(self, analyser: SpectrumAnalyser, spectrum: Spectrum) -> Estimates:
+        """Return the estimates from the spectra of a window that can be used."""
         reading, line_std = spectrum.reading, _LineErrors(analyser, spectrum)
         if line_std.salience < MIN_SALIENCE or max(reading.score, reading.untouched_score) < MIN_LEAD:
-            return _abstain("no harmonic structure")
+            return abstain("no harmonic structure")
         if reading.contact_lead <= 0.0:
             frequency = reading.untouched_frequency
-            return _abstain("no contact") | {
+            return abstain("no contact") | {
                 "contact": Estimate(value=0.0, std=_contact_std(-reading.contact_lead), unit=""),
                 "frequency": Estimate(value=frequency, std=line_std(frequency), unit="Hz"),
             }
         if min(reading.lead, reading.contact_lead) < MIN_LEAD:
-            return _abstain("two candidates")
+            return abstain("two candidates")
         std_1 = line_std(reading.line_1) / reading.mode_1
         return self._locate(reading, std_1, line_std(reading.line_2) / reading.mode_2)
 
@@ -124,7 +132,8 @@ class _LineErrors:
         return self._spacing * math.hypot(BEAT, BLUR * math.exp(-0.5 * salience))
 
 
-def _abstain(why_not: str) -> dict[str, Estimate]:
+def abstain(why_not: str) -> dict[str, Estimate]:
+    """Return an abstention from each of the two-sided form's estimates."""
     return {name: Estimate.abstain(unit, why_not) for name, unit in UNITS.items()}
 
 

@@ -1,19 +1,25 @@
 """The closed-form estimator: position and force by physics, from the pitch of what sounds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 from monochord.core.errors import InputError
-from monochord.core.types import Prepared, Signal
-from monochord.core.units import Hertz, Metres, Newtons, Samples
+from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
+from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samples
 from monochord.perception.closed_form.far_segment import FarSegment
-from monochord.perception.closed_form.two_segments import TwoSegments
+from monochord.perception.closed_form.two_segments import MIN_LEAD, TwoSegments, abstain
+from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.estimators.base import Estimator
+from monochord.perception.tuning import OwnString, TunerState
 from monochord.physics.theory import TensionLaw, open_frequency
 
 FAR_ONLY = ("calibration", "length", "open_frequency", "reach", "margin", "evidence")
 """Options of the far form alone."""
+KNOWN = "its known pitch"
+DENSITY: KilogramsPerMetre = 1.0e-3
+"""Stands in for that of an unknown string, whose position does not depend on it."""
 BOTH_ONLY = ("tension_law", "most_force")
 """Options of the two-sided form alone."""
 
@@ -25,8 +31,9 @@ class ClosedForm(Estimator):
     The far form uses the pitch of one segment, as on a fretted instrument: x = L (1 - f_open / f). The
     two-sided form uses both, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 + f2) gives tension,
     hence force.
-    Windows are judged one by one; a window that is silent, clipped, torn by a gap, without harmonic structure
-    or with two candidates gives an abstention that says so.
+    A window that is silent, clipped, torn by a gap, without harmonic structure or with two candidates gives
+    an abstention that says so. The two-sided form follows the string's own tuning, within 10 % of the known
+    one, by the windows in which nothing touches it; the rest is judged window by window.
 
     Parameters
     ----------
@@ -39,7 +46,9 @@ class ClosedForm(Estimator):
         take's inharmonicity B as a third number. A position of 0 is the open note itself.
     sides
         "far", "both", or "auto": both where the signal has two channels of a known string and no open
-        frequency is given, else far.
+        frequency is given. With two channels and an open frequency each window shows which: two segments
+        where each is louder at its own microphone, and from then on, else far. Force and tension then need
+        the string's density, that is a known string.
     reach
         Largest position of the far form as a share of the length.
     margin
@@ -70,11 +79,20 @@ class ClosedForm(Estimator):
         both = signal.channels == 2 and signal.string is not None and self.open_frequency is None
         if self.sides == "both" or (self.sides == "auto" and both):
             self._refuse_set(FAR_ONLY, "both segments", "one segment with --open-frequency")
-            return self._two_segments(signal).prepare(signal.sample_rate, size)
+            return _Followed(self._two_segments(signal), signal, size)
         self._refuse_set(
             BOTH_ONLY, "the far segment alone", "both segments with two microphones and --string"
         )
-        return self._far_segment(signal).prepare(signal.sample_rate, size)
+        far = self._far_segment(signal)
+        estimate = far.prepare(signal.sample_rate, size)
+        if self.sides == "far" or signal.channels != 2:
+            return estimate
+        string = _string_of(far, signal.string)
+        with suppress(InputError):  # windows too short or a rate too low for two segments
+            form = TwoSegments(string=string, law=self.tension_law, most_force=self.most_force)
+            both_sides = _Followed(form, replace(signal, string=string), size)
+            return _either(estimate, both_sides, knows_density=signal.string is not None)
+        return estimate
 
     def _refuse_set(self, names: Sequence[str], form: str, remedy: str) -> None:
         """Refuse options that the form at hand has no use for."""
@@ -114,3 +132,61 @@ class ClosedForm(Estimator):
             margin=self.margin,
             evidence=self.evidence,
         )
+
+
+class _Followed:
+    """The two-sided form on one stream of windows, re-tuned by those that nothing touches.
+
+    `opposed` says whether the last window was of two segments, each louder at its own microphone.
+    """
+
+    def __init__(self, form: TwoSegments, signal: Signal, size: Samples) -> None:
+        self._own, self._analyser = OwnString.of(signal, size), form.analyser(signal.sample_rate, size)
+        self._form, self._state = form, TunerState()
+        self._tuned, self._tuned_analyser = form, self._analyser
+        self.opposed = False
+
+    def __call__(self, window: Window) -> Estimates:
+        before, self._state = self._state.tuning, self._own.step(self._state, window)
+        tuning, self.opposed = self._state.tuning, False
+        if tuning is not before:
+            string = self._own.retuned(tuning)
+            self._tuned, self._tuned_analyser = self._form.tuned(string), self._analyser.tuned(string)
+        why_not = why_unusable(window)
+        if why_not:
+            return abstain(why_not)
+        spectrum = self._tuned_analyser.analyse(window.samples)
+        if tuning is None:
+            why_not = self._own.why_elsewhere(self._analyser, spectrum, KNOWN)
+        if why_not:
+            return abstain(why_not)
+        reading = spectrum.reading
+        self.opposed = reading.opposed and min(reading.score, reading.contact_lead) >= MIN_LEAD
+        return self._tuned.estimates(self._tuned_analyser, spectrum)
+
+
+def _either(far: Prepared, both: _Followed, *, knows_density: bool) -> Prepared:
+    """Return the far form until a window is clearly one of two segments, from then on the two-sided one."""
+    start, two_sided = -1, False
+
+    def estimate(window: Window) -> Estimates:
+        nonlocal start, two_sided
+        two_sided = two_sided and window.start > start
+        start = window.start
+        estimates = both(window)
+        two_sided = two_sided or both.opposed
+        if not two_sided:
+            return far(window)
+        if knows_density:
+            return estimates
+        unknown = Estimate.abstain("N", "the string's density is not known")
+        return {**estimates, "tension": unknown, "force": unknown}
+
+    return estimate
+
+
+def _string_of(far: FarSegment, known: StringParams | None) -> StringParams:
+    """Return the string of a far form's pitch; one that is not known is ideally flexible."""
+    string = known or StringParams(length=far.length, linear_density=DENSITY, tension=1.0)
+    ratio = far.open_frequency * far.length / (open_frequency(string) * string.length)
+    return replace(string, length=far.length, tension=string.tension * ratio**2)
