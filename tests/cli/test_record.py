@@ -8,12 +8,13 @@ import sys
 import threading
 import time
 from collections.abc import Generator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
+from tests.ports import free_ports
 
 from monochord.cli import run
 from monochord.lab.net_ft_device import NetFtDevice, NetFtSettings
@@ -70,14 +71,6 @@ def test_an_instrument_is_opened_where_it_is_and_set_by_its_name(
     assert summary["instruments"]["net_ft"]["missing"] == 0
     assert "net_ft" in captured.err  # the view
     assert np.allclose(read_session(out).readings("wrench").column("fz"), 1.5, atol=1e-3)
-
-
-def free_ports(count: int) -> list[int]:
-    with ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(count)]
-        for each in sockets:
-            each.bind(("127.0.0.1", 0))
-        return [each.getsockname()[1] for each in sockets]
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-import socket
 import subprocess
 import sys
 import threading
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.ports import free_ports
 
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Instrument
@@ -22,12 +22,6 @@ from monochord.lab.net_ft_device import NetFtDevice
 
 Options = dict[str, Any]
 each_instrument = pytest.mark.parametrize("name", INSTRUMENTS.names())
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 @pytest.fixture
@@ -48,7 +42,7 @@ def silent(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[[str], Op
         "pose_csv": pose_csv,
         "pose_dds": lambda: {"domain": 1 + os.getpid() % 99},
     }
-    return lambda name: special[name]() if name in special else {"address": f"127.0.0.1:{free_port()}"}
+    return lambda name: special[name]() if name in special else {"address": f"127.0.0.1:{free_ports(1)[0]}"}
 
 
 def build(name: str, options: Options) -> Instrument:

@@ -23,6 +23,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from tests.play_count import BLOCK, RATE, SCALE
+from tests.ports import free_ports
 
 from monochord.sessions import SessionReader, check, read_session
 
@@ -130,18 +131,12 @@ def kill_times() -> list[float]:
     return [SECONDS * (number + random.uniform(-0.3, 0.3)) / (KILLS + 1) for number in range(1, KILLS + 1)]
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
-
-
 @pytest.mark.slow
 @pytest.mark.timeout(600 + 3 * SECONDS)
 def test_a_long_recording_through_five_killed_servers_has_all_or_says_what_it_lacks(
     jack_server: Any, net_ft: list[str], start_recorder: Any, record_property: Callable[[str, object], None]
 ) -> None:
-    port = free_port()
+    port = free_ports(1)[0]
     options = ["--set", f"source.server={jack_server.name}", "--set", "source.ports=player:", *net_ft]
     options += ["--instrument", f"pose_udp={port}", "--set", f"pose_udp.rate={POSES}"]
     times = [*kill_times(), SECONDS]

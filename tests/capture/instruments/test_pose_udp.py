@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.ports import free_ports
 
 from monochord.capture.instruments.base import Connection
 from monochord.capture.instruments.pose_udp import PoseUdp
@@ -17,9 +18,7 @@ from monochord.core.types import Readings
 
 @pytest.fixture
 def port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
+    return free_ports(1)[0]
 
 
 @pytest.fixture
