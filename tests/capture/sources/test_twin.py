@@ -41,6 +41,19 @@ def test_a_touch_is_approached_pressed_and_released() -> None:
     assert "position" not in after
 
 
+def test_a_plausible_world_sounds_otherwise_and_is_labelled_alike() -> None:
+    sounds: list[Audio] = []
+    for world in ("ideal", "plausible"):
+        sound, (pressed,) = play([(0.45, 0.65)], duration=0.7, script=(RESTING,), world=world, build=1, day=1)
+        assert (pressed["contact"], pressed["slip"]) == (1.0, 0.0)
+        assert pressed["position"] == pytest.approx(0.08, abs=1e-6)
+        assert pressed["force"] == pytest.approx(0.8, rel=0.1)
+        sounds.append(sound)
+    assert np.abs(sounds[0] - sounds[1]).max() > 0.01
+    with pytest.raises(InputError, match="world"):
+        play(duration=0.1, world="real")
+
+
 @pytest.mark.parametrize("speed", [0.02, -0.02])
 @pytest.mark.parametrize("direction", ["across", "along"])
 def test_a_slide_shows_in_the_truth_with_its_sign(direction: str, speed: float) -> None:

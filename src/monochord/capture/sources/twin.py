@@ -1,7 +1,7 @@
 """The twin in place of the sensor: a driven string that is pressed and slid over, with its true labels."""
 
 import math
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,9 +20,9 @@ from monochord.core.units import Newtons, Samples, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import TensionLaw
-from monochord.physics.twin import Labels, Outside, Pluck, Scene, Sensor, Twin, advance, begin, retouch
+from monochord.physics.twin import Labels, Outside, Pluck, Scene, Sensor, Touch, Twin, advance, begin, retouch
 from monochord.physics.twin.outside import outside_at
-from monochord.physics.twin.variation import build, day
+from monochord.physics.twin.world import World, plausible_touch, sensor_of
 
 LABEL_SECONDS: Seconds = 61.0
 """For how long labels are stored: a second more than the longest window."""
@@ -53,6 +53,10 @@ class TwinSource(Source):
         signal's string is the design's either way, which is all that an estimator can know.
     day
         Seed of the same sensor on another day; by default the day it was tuned.
+    world
+        "ideal", or "plausible": what a real build brings besides, such as ends and objects that give way,
+        other contact laws, a wrong tuning, distortion and hum, drawn by `build` (0 if there is none), `day`
+        and `seed`.
     script
         Touches in the order of their starts, such as ``[{start = 1.0, position = 0.08, force = 0.5,
         seconds = 2.0, across = 0.01}]``; without ``seconds`` the touch stays. Empty: touches drawn at random.
@@ -88,6 +92,7 @@ class TwinSource(Source):
     sensor: str = "prototype"
     build: int | None = None
     day: int | None = None
+    world: World = "ideal"
     script: tuple[ScriptedTouch, ...] = ()
     seed: int = 0
     hold: Seconds = 1.8
@@ -108,8 +113,7 @@ class TwinSource(Source):
         """Begin with the untouched, plucked string; raises `InputError` for an option that cannot be used."""
         design = load_sensor(self.sensor)
         self._refuse_impossible(design)
-        sensor = design if self.build is None else build(design, self.build)
-        sensor = sensor if self.day is None else day(sensor, self.day)
+        sensor = sensor_of(design, self.world, build=self.build, day=self.day)
         stream = _TwinStream(self, design, sensor)
         try:
             yield stream
@@ -188,6 +192,8 @@ class _TwinStream(PacedStream):
         advance(self._twin, 1)  # compiles here, where nobody waits for a block
         self._labels = LabelMemory(round(LABEL_SECONDS * rate), rate)
         self._changes = twin_changes(options.touches(design), sensor.string, options.materials[0], rate)
+        if options.world == "plausible":
+            self._changes = _with_effects(self._changes, options.seed)
         self._change = next(self._changes, None)
         self._ahead: Audio = np.zeros((2, 0), dtype=np.float32)
 
@@ -212,6 +218,14 @@ class _TwinStream(PacedStream):
         take, self._twin = advance(self._twin, frames)
         self._labels.add(take.labels)
         return take.microphones
+
+
+def _with_effects(
+    changes: Iterator[tuple[Samples, tuple[Touch, ...]]], seed: int
+) -> Iterator[tuple[Samples, tuple[Touch, ...]]]:
+    """Yield the same touches with the mounts and surfaces of the world `plausible`."""
+    for start, touches in changes:
+        yield start, tuple(plausible_touch(touch, seed) for touch in touches)
 
 
 LABELS = ("contact", "position", "force", "slip", "slip_across", "slip_along", "settled")

@@ -11,7 +11,7 @@ Gonzalez 1996, as for collisions in Bilbao, Torin and Chatziioannou 2015), and e
 however stiff. All is written in s = sqrt(delta), in which force, energy and eta are polynomials.
 
 A rough surface adds a layer in series, whose asperities close by u = u0 log(1 + f / F0): its stiffness grows
-as (f + F0) / u0, with the load (Persson 2006). It stores u0 (f - F0 log(1 + f / F0)), so that the discrete
+as (f + F0) / u0, with the load (Persson 2007). It stores u0 (f - F0 log(1 + f / F0)), so that the discrete
 gradient holds with it too. A `layer` of None is left out where the function is compiled.
 """
 

@@ -265,9 +265,9 @@ class ContactLaw:
 
     References
     ----------
-    Persson (2006), Contact mechanics for randomly rough surfaces, Surf. Sci. Rep. 61, 201; Lorenz and Persson
-    (2009), Interfacial separation between elastic solids with randomly rough surfaces, J. Phys.: Condens.
-    Matter 21, 015003, for u0.
+    Persson (2007), Relation between interfacial separation and load: a general theory of contact mechanics,
+    Phys. Rev. Lett. 99, 125502, for u0; Pastewka et al. (2013), Finite-size scaling in the interfacial
+    stiffness of rough elastic contacts, Phys. Rev. E 87, 062809, for small loads.
     """
 
     exponent: Annotated[float, Meta(ge=1.0, le=1.5)] = 1.5

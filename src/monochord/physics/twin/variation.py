@@ -123,6 +123,17 @@ def day(sensor: Sensor, seed: int) -> Sensor:
     )
 
 
+def random_stream(seed: int, name: str) -> np.random.Generator:
+    """Return the random stream of one quantity, by its name and a seed.
+
+    Examples
+    --------
+    >>> random_stream(1, "length").random() == random_stream(1, "length").random()
+    True
+    """
+    return np.random.default_rng([seed, crc32(name.encode())])
+
+
 def tension_per_kelvin(sensor: Sensor) -> Newtons:
     """Return the rise of tension a kelvin, in N/K.
 
@@ -192,7 +203,7 @@ def _clipped(value: float, low: float, high: float) -> float:
 
 def _normal(seed: int, name: str) -> float:
     """Return the draw of one quantity: standard normal, truncated at `TRUNCATION`."""
-    stream = np.random.default_rng([seed, crc32(name.encode())])
+    stream = random_stream(seed, name)
     while abs(value := float(stream.standard_normal())) > TRUNCATION:
         pass
     return value

@@ -11,8 +11,7 @@ from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin.setup import MAX_TOUCHES, Key, Pluck, Scene, Sensor, Touch
 from monochord.physics.twin.stream import Labels, advance, begin, retouch, switch
-from monochord.physics.twin.variation import build as build_of
-from monochord.physics.twin.variation import day as day_of
+from monochord.physics.twin.world import World, plausible_touch, sensor_of
 
 CLEARANCE: Metres = 3e-3
 """Where an approach begins and a release ends, above the string at rest: many times the string's swing."""
@@ -40,13 +39,16 @@ class VirtualSensor:
         Random seed of the converters' noise and of the objects' surfaces.
     build, day
         Seeds of another build within the design's tolerances, and of another day; None is the design itself.
+    world
+        ``ideal``, or ``plausible``: what a real build brings besides, see `monochord.physics.twin.world`. The
+        mounts and surfaces of its objects are drawn by `seed` and material.
     sample_rate
         In Hz, 16000 to 192000.
 
     Raises
     ------
     InputError
-        For an unknown sensor, or a seed or rate out of range.
+        For an unknown sensor or world, or a seed or rate out of range.
 
     Examples
     --------
@@ -67,11 +69,12 @@ class VirtualSensor:
         seed: int = 0,
         build: int | None = None,
         day: int | None = None,
+        world: World = "ideal",
         sample_rate: int = 44100,
     ) -> None:
         design = load_sensor(sensor) if isinstance(sensor, str) else sensor
-        built = design if build is None else build_of(design, build)
-        self.sensor = built if day is None else day_of(built, day)
+        self.sensor = sensor_of(design, world, build=build, day=day)
+        self.world, self._seed = world, seed
         length = self.sensor.string.length
         pluck = Pluck(position=0.2 * length, height=PLUCK * length)
         self._twin = begin(self.sensor, Scene(pluck=pluck), sample_rate=sample_rate, seed=seed)
@@ -136,7 +139,7 @@ class VirtualSensor:
             Key(time=down + PRESS, position=position, force=force),
         )
         touch = Touch(material=load_material(material), motion=motion, radius=radius, rolls=rolls)
-        self._touches.append(touch)
+        self._touches.append(touch if self.world == "ideal" else plausible_touch(touch, self._seed))
         self._changed = True
         return len(self._touches) - 1
 
