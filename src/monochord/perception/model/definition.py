@@ -6,14 +6,16 @@ from itertools import pairwise
 from math import inf, isfinite
 from typing import Any
 
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import StringParams
 from monochord.core.units import Samples, Seconds
 from monochord.perception.heads.base import CONTACT, Task
 
 FORMAT = 2
 """Version of a model's folder; 2 since heads have a linear path."""
-MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS = 1 << 17, 64, 16, 64
+TOUCHES_KEPT = 64
+"""Touches that a correction keeps, to say which would help most."""
+MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS, MAX_VARIABLES = 1 << 17, 64, 16, 64, 16
 """Bounds on what is read from a file, checked before it takes memory."""
 
 
@@ -70,17 +72,45 @@ class Calibration:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CorrectionRecord:
+    """The correction of a head's errors on one build and object; see `monochord.perception.model.correction`.
+
+    `variables` are its variables beside the head's own estimate: columns of the feature or of the reference,
+    or the difference of two, as in "ratio open - open". `noise` is what it leaves over. Its prior is of the
+    errors in `sessions` sessions, and it was calibrated by `touches` known touches, 0 for none.
+    """
+
+    variables: tuple[str, ...] = ()
+    noise: float = 1.0
+    sessions: int = 0
+    touches: int = 0
+
+    def __post_init__(self) -> None:
+        if len(self.variables) > MAX_VARIABLES:
+            raise InputError(f"{len(self.variables)} variables of a correction", f"{MAX_VARIABLES} at most")
+        if not 0.0 < self.noise < inf:
+            raise InputError(f"noise {self.noise:g} of a correction", "a finite number above 0")
+
+    @property
+    def terms(self) -> int:
+        """Number of its terms."""
+        count = 1 + len(self.variables)
+        return 1 + count + count * (count + 1) // 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HeadRecord:
     """A head: its task, and how its outputs relate to the label.
 
     A quantity is ``offset + scale`` times the network's output, and its standard error `scale` times the
-    spread, both before calibration.
+    spread, both before calibration and correction.
     """
 
     task: Task
     offset: float = 0.0
     scale: float = 1.0
     calibration: Calibration = Calibration()
+    correction: CorrectionRecord | None = None
 
     def __post_init__(self) -> None:
         scales = (self.scale, self.calibration.factor)
@@ -170,6 +200,31 @@ class Definition:
             if not patterns or any(fnmatchcase(column, pattern) for pattern in patterns)
         )
 
+    def variables_of(self, name: str) -> tuple[tuple[int, int], ...]:
+        """Return the columns of each variable of a head's correction: of what, and less what, -1 for nothing.
+
+        They are indices into the columns of the feature and, after them, of the reference.
+
+        Raises
+        ------
+        InputError
+            If a variable names no column.
+        """
+        columns = [*self.feature.columns, *(self.reference.feature.columns if self.reference else ())]
+        correction = self.heads[name].correction
+
+        def index(column: str) -> int:
+            if column not in columns:
+                remedy = did_you_mean(column, columns)
+                raise InputError(f"variable '{column}' of a correction of {name}", "a column's name", remedy)
+            return columns.index(column)
+
+        pairs: list[tuple[int, int]] = []
+        for variable in correction.variables if correction else ():
+            of, minus, less = variable.partition(" - ")
+            pairs.append((index(of), index(less) if minus else -1))
+        return tuple(pairs)
+
     def inputs(self, name: str) -> int:
         """Return how many columns a head sees, of the feature and of the reference."""
         return len(self.columns_of(name)) + (self.widths[1] if self.heads[name].task.context else 0)
@@ -178,7 +233,8 @@ class Definition:
         """Return the names and shapes of all weights.
 
         Scaling comes first, with the features of probe windows, then each head's layers in the order in which
-        they are applied, each with a matrix (outputs, inputs) and a bias (outputs,), and its linear path.
+        they are applied, each with a matrix (outputs, inputs) and a bias (outputs,), its linear path, and its
+        correction, with the position, the force and the variables of some touches of all kinds.
         """
         base, context = self.widths
         shapes: dict[str, tuple[int, ...]] = {
@@ -200,4 +256,10 @@ class Definition:
             if record.task.linear:
                 shapes[f"{name}.linear.weight"] = (1, self.inputs(name))
                 shapes[f"{name}.linear.bias"] = (1,)
+            if record.correction:
+                count, terms = 1 + len(record.correction.variables), record.correction.terms
+                shapes[f"{name}.correction.centre"] = shapes[f"{name}.correction.scale"] = (count,)
+                shapes[f"{name}.correction.mean"] = (terms,)
+                shapes[f"{name}.correction.covariance"] = (terms, terms)
+                shapes[f"{name}.correction.touches"] = (TOUCHES_KEPT, 2 + count)
         return shapes

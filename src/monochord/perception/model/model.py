@@ -13,6 +13,7 @@ from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.context import ModelState, context_row, step
+from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.network import Network, Output, estimates_of, probability
 from monochord.perception.model.probe import probed, refuse_another
@@ -97,10 +98,10 @@ class Model:
             reason = self.why_not(window)
             heads = self.definition.heads.items()
             return state, {name: Estimate.abstain(record.task.unit, reason) for name, record in heads}
-        return state, estimates_of(self.definition, outputs)
+        return state, estimates_of(self.definition, outputs, self.corrections)
 
     def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
-        """Return the state after a window, and the output of each head, which calibration does not change.
+        """Return the state after a window, and the output of each head, before calibration and correction.
 
         A window is read against the reference of the windows before it. One that cannot be used has no
         outputs and leaves the reference as it is.
@@ -111,9 +112,13 @@ class Model:
             return state, {}
         feature, reference = self._extractors
         samples = window.samples[None]
-        base = network.scaled(feature(samples)[0])
-        context = network.scaled_context(context_row(state, trained.widths[1]))
+        row, known = feature(samples)[0], context_row(state, trained.widths[1])
+        base, context = network.scaled(row), network.scaled_context(known)
         outputs = {name: network.output(name, base, context) for name in trained.heads}
+        for name, pairs in self._variables.items():
+            columns = np.concatenate([row, known[:-1], np.zeros(1, np.float32)])  # the last one is for -1
+            values = tuple(float(columns[of]) - float(columns[less]) for of, less in pairs)
+            outputs[name] = replace(outputs[name], variables=values)
         if reference is not None and trained.reference is not None:
             contact = probability(outputs[trained.gate], trained.heads[trained.gate])
             time = window.start / window.sample_rate
@@ -135,6 +140,28 @@ class Model:
             remedy = f"set --window {trained.window / trained.sample_rate:g}"
             allowed = f"{trained.window} frames at {trained.sample_rate} Hz"
             raise InputError(f"windows of {size} frames for a model", allowed, remedy)
+
+    @cached_property
+    def corrections(self) -> dict[str, Correction]:
+        """The corrections of the heads that have one."""
+        names = self.definition.heads
+        return {name: own for name in names if (own := self.correction(name))}
+
+    def correction(self, name: str) -> Correction | None:
+        """Return the correction of a head; None where it has none."""
+        record = self.definition.heads[name].correction
+        if record is None:
+            return None
+        centre, scale, mean, covariance = (
+            self.weights[f"{name}.correction.{each}"].astype(np.float64)
+            for each in ("centre", "scale", "mean", "covariance")
+        )
+        return Correction(centre=centre, scale=scale, mean=mean, covariance=covariance, noise=record.noise)
+
+    @cached_property
+    def _variables(self) -> dict[str, tuple[tuple[int, int], ...]]:
+        heads = self.definition.heads.items()
+        return {name: self.definition.variables_of(name) for name, record in heads if record.correction}
 
     @cached_property
     def _network(self) -> Network:

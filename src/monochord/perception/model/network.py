@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from monochord.core.types import Audio, Estimate
 from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
+from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, HeadRecord
 
 Indices = NDArray[np.int64]
@@ -24,10 +25,14 @@ STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Output:
-    """Output of a head's last layer: a logit, or a scaled quantity with the logarithm of its spread."""
+    """Output of a head's last layer: a logit, or a scaled quantity with the logarithm of its spread.
+
+    `variables` are the values of those of its correction, beside its own.
+    """
 
     value: float
     log_spread: float = 0.0
+    variables: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,16 +130,33 @@ def probability(output: Output, record: HeadRecord) -> float:
     return 1.0 / (1.0 + math.exp(-min(max(logit, -bound), bound)))
 
 
-def quantity(output: Output, record: HeadRecord) -> tuple[float, float]:
-    """Return a quantity and its calibrated standard error, in the unit of the label."""
-    spread = STD_OF_SPREAD.get(record.task.loss, 1.0) * math.exp(min(max(output.log_spread, -20.0), 20.0))
-    return record.offset + record.scale * output.value, record.scale * record.calibration.factor * spread
+def quantity(output: Output, record: HeadRecord, correction: Correction | None = None) -> tuple[float, float]:
+    """Return a quantity and its calibrated standard error, in the unit of the label.
+
+    With a correction, the expected error is added, and its uncertainty to that of the head.
+    """
+    std = spread(output, record)
+    value = output.value
+    if correction is not None:
+        terms = correction.terms(np.array((value, *output.variables)))
+        error, uncertain = correction.error(terms)
+        value, std = value + float(error), math.sqrt(correction.noise * std**2 + float(uncertain) ** 2)
+    return record.offset + record.scale * value, record.scale * std
 
 
-def estimates_of(definition: Definition, outputs: Mapping[str, Output]) -> dict[str, Estimate]:
+def spread(output: Output, record: HeadRecord) -> float:
+    """Return the calibrated standard error that a head states by itself, in units of its scale."""
+    own = STD_OF_SPREAD.get(record.task.loss, 1.0) * math.exp(min(max(output.log_spread, -20.0), 20.0))
+    return record.calibration.factor * own
+
+
+def estimates_of(
+    definition: Definition, outputs: Mapping[str, Output], corrections: Mapping[str, Correction]
+) -> dict[str, Estimate]:
     """Return the estimates of all heads; those that need a touch abstain where there is none.
 
-    The standard error of a probability p is that of the yes or no, sqrt(p (1 - p)).
+    `corrections` are those of the heads that have one. The standard error of a probability p is that of the
+    yes or no, sqrt(p (1 - p)).
     """
     gate = definition.gate
     touched = probability(outputs[gate], definition.heads[gate]) >= DECISION
@@ -148,7 +170,7 @@ def estimates_of(definition: Definition, outputs: Mapping[str, Output]) -> dict[
             value = probability(outputs[name], record)
             std = math.sqrt(value * (1.0 - value))
         else:
-            value, std = quantity(outputs[name], record)
+            value, std = quantity(outputs[name], record, corrections.get(name))
         estimates[name] = (
             Estimate(value=value, std=std, unit=task.unit)
             if std <= task.limit

@@ -156,6 +156,9 @@ class TrainingSettings:
         Noise that is added to training windows.
     objects
         Contact-compliance augmentation of training windows.
+    corrections
+        Variables of each head's correction on an unknown build and object, by the head's name: columns of the
+        feature or the reference, or the difference of two; see `monochord.perception.model.correction`.
     optimiser
         AdamW and when it ends.
     cache
@@ -177,6 +180,7 @@ class TrainingSettings:
     )
     noise: NoiseSettings = NoiseSettings()
     objects: ObjectSettings = ObjectSettings()
+    corrections: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     optimiser: OptimiserSettings = OptimiserSettings()
     cache: Path | None = None
     board: bool = False
@@ -194,7 +198,12 @@ class TrainingSettings:
         built: dict[str, Head] = {
             name.replace("-", "_"): HEADS.build(name, options) for name, options in self.heads.items()
         }
-        return {name: head.task() for name, head in built.items()}
+        tasks = {name: head.task() for name, head in built.items()}
+        for name in self.corrections:
+            if name not in tasks or tasks[name].is_probability:
+                allowed = ", ".join(head for head, task in tasks.items() if not task.is_probability)
+                raise InputError(f"corrections of '{name}'", f"a head that estimates a quantity: {allowed}")
+        return tasks
 
     def feature_named(self) -> tuple[str, dict[str, Any]]:
         """Return the name of the feature, and all its options."""

@@ -14,6 +14,7 @@ from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
 from monochord.perception.model.context import ModelState
+from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Calibration, Definition
 from monochord.perception.model.files import INSIDE_A_RUN, save
 from monochord.perception.model.model import Model
@@ -21,10 +22,10 @@ from monochord.perception.model.network import Output, probability, quantity
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
+from monochord.perception.training.correct import counting, with_prior, with_variables
 from monochord.perception.training.examples import (
     chosen,
     examples_of,
-    masks_of,
     noises_of,
     probes,
     quietest,
@@ -100,6 +101,7 @@ def train(settings: TrainingSettings, out: Path, progress: Progress = lambda *_:
     )
     definition, scaler = scaled_heads(data.definition, learned), scaling(learned)
     definition = dataclasses.replace(definition, quietest=quietest(dataset, learned.rows))
+    definition = with_variables(definition, settings.corrections)
     setup = TrainingSetup(
         definition=definition, optimiser=settings.optimiser, drop=settings.context.drop, seed=settings.seed
     )
@@ -142,18 +144,21 @@ def calibrated(
     """Return a model whose uncertainty is calibrated on a stream of windows (n,), and its scores there.
 
     The windows are read one by one, as live. Contact is calibrated first, since its probability decides
-    which windows become the reference that other heads see.
+    which windows become the reference that other heads see. A correction's prior is of the errors that are
+    left after that.
     """
     gate = model.definition.gate
     touch = touches_of(dataset)
-    outputs = _outputs(model, dataset, rows, progress)
+    outputs = outputs_of(model, dataset, rows, progress)
     model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch))
-    outputs = _outputs(model, dataset, rows, progress)
+    outputs = outputs_of(model, dataset, rows, progress)
     scores: dict[str, HeadScores] = {}
     for name in model.definition.heads:
         if name != gate:
             model = _with(model, name, _calibration(model.definition, name, dataset, outputs, touch))
-        scores[name] = _score(model.definition, name, dataset, outputs)
+        if model.definition.heads[name].correction:
+            model = with_prior(model, name, dataset, outputs, touch)
+        scores[name] = _score(model, name, dataset, outputs)
     return model, scores
 
 
@@ -218,9 +223,10 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def _outputs(
-    model: Model, dataset: Dataset, rows: Indices, progress: Progress
+def outputs_of(
+    model: Model, dataset: Dataset, rows: Indices, progress: Progress = lambda *_: None
 ) -> dict[int, Mapping[str, Output]]:
+    """Return the outputs of every head for the windows (n,) that can be used, by row; see `replay`."""
     result: dict[int, Mapping[str, Output]] = {}
     for done, (row, outputs) in enumerate(replay(model, dataset, rows), start=1):
         if outputs:
@@ -236,15 +242,6 @@ def _with(model: Model, name: str, calibration: Calibration) -> Model:
     return dataclasses.replace(model, definition=dataclasses.replace(definition, heads=heads))
 
 
-def _counting(
-    definition: Definition, name: str, dataset: Dataset, outputs: Mapping[int, Mapping[str, Output]]
-) -> Indices:
-    """Return the windows that count for a head and have an output."""
-    rows = np.array(sorted(outputs), np.int64)
-    task = definition.heads[name].task
-    return rows[masks_of(dataset, {name: task})[name][rows]]
-
-
 def _calibration(
     definition: Definition,
     name: str,
@@ -252,7 +249,7 @@ def _calibration(
     outputs: Mapping[int, Mapping[str, Output]],
     touch: Indices,
 ) -> Calibration:
-    record, rows = definition.heads[name], _counting(definition, name, dataset, outputs)
+    record, rows = definition.heads[name], counting(definition, name, dataset, outputs)
     reference, session = dataset.label(record.task.label)[rows], dataset.session[rows].astype(np.int64)
     if record.task.is_probability:
         logit = np.array([outputs[row][name].value for row in rows.tolist()])
@@ -262,19 +259,27 @@ def _calibration(
 
 
 def _score(
-    definition: Definition, name: str, dataset: Dataset, outputs: Mapping[int, Mapping[str, Output]]
+    model: Model, name: str, dataset: Dataset, outputs: Mapping[int, Mapping[str, Output]]
 ) -> HeadScores:
-    record, rows = definition.heads[name], _counting(definition, name, dataset, outputs)
+    definition = model.definition
+    record, rows = definition.heads[name], counting(definition, name, dataset, outputs)
     reference = dataset.label(record.task.label)[rows]
     if record.task.is_probability:
         estimate = np.array([probability(outputs[row][name], record) for row in rows.tolist()])
         return probability_scores(reference == 1.0, estimate)
-    return quantity_scores(reference, *_quantities(definition, name, rows, outputs), record.offset)
+    correction = model.correction(name)
+    return quantity_scores(
+        reference, *_quantities(definition, name, rows, outputs, correction), record.offset
+    )
 
 
 def _quantities(
-    definition: Definition, name: str, rows: Indices, outputs: Mapping[int, Mapping[str, Output]]
+    definition: Definition,
+    name: str,
+    rows: Indices,
+    outputs: Mapping[int, Mapping[str, Output]],
+    correction: Correction | None = None,
 ) -> tuple[Floats, Floats]:
-    pairs = [quantity(outputs[row][name], definition.heads[name]) for row in rows.tolist()]
+    pairs = [quantity(outputs[row][name], definition.heads[name], correction) for row in rows.tolist()]
     value, std = np.array(pairs).T
     return value, std

@@ -1,0 +1,176 @@
+"""Corrections: how a sensor or an object differs from those of the training, from a few known touches.
+
+On a build or an object that was not in training, the errors of a head are no noise: they are alike from
+window to window. They are written as
+
+    error = w . phi(z) + noise,
+
+where z are a few variables, the head's own estimate among them, and phi their polynomials up to the second
+degree. The weights w are constant for one build and object, and differ from one to the next. Their prior,
+normal with a mean and a covariance, is estimated from sessions that the model was not trained on (empirical
+Bayes). Known touches condition it, as in any Bayesian linear regression; without one, its covariance is what
+an unknown build adds to the uncertainty.
+
+Windows of one touch have much the same error, so all windows of a touch count as one. Noise has the tails of
+Student's t, since a misread mode is far off.
+
+References
+----------
+Dempster, Laird and Rubin (1977), Maximum likelihood from incomplete data via the EM algorithm, J. R. Stat.
+Soc. B 39, 1; Lange, Little and Taylor (1989), Robust statistical modeling using the t distribution, J. Am.
+Stat. Assoc. 84, 881; Bishop (2006), Pattern Recognition and Machine Learning, section 3.3.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.types import Floats
+
+MAX_VARIABLE = 4.0
+"""Largest size of a scaled variable; further out a polynomial would be a guess."""
+FIRST_VARIANCE = 0.05
+"""Prior variance of each weight at the begin of its estimation, in units of the scale squared."""
+ROUNDS = 60
+"""Rounds of the estimation; more change the prior by less than its own uncertainty."""
+MIN_VARIANCE = 1e-8
+DEGREES = 4.0
+"""Degrees of freedom of Student's t, as which errors are distributed: a misread mode is far off."""
+ROBUST_ROUNDS = 4
+"""Rounds in which errors that are far off lose weight."""
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Correction:
+    """Weights of a head's error, as far as they are known.
+
+    Errors are the label less the estimate, in units of the head's scale. `centre` and `scale` (v,) are those
+    of the variables, `mean` (k,) and `covariance` (k, k) of the weights; `noise` is the variance of what the
+    weights leave over, as a multiple of the head's own.
+
+    Examples
+    --------
+    >>> flat, wide = np.zeros(3), np.eye(3)
+    >>> unknown = Correction(centre=flat[:1], scale=wide[0, :1], mean=flat, covariance=wide, noise=1.0)
+    >>> terms = unknown.terms(np.array([[0.0], [1.0]]))
+    >>> terms.tolist()
+    [[1.0, 0.0, 0.0], [1.0, 1.0, 1.0]]
+    >>> known = unknown.given(terms, np.array([0.3, 0.3]), np.array([0.1, 0.1]), np.array([0, 1]))
+    >>> [round(float(x), 2) for each in (unknown, known) for x in each.error(terms[0])]
+    [0.0, 1.0, 0.3, 0.1]
+    """
+
+    centre: Floats
+    scale: Floats
+    mean: Floats
+    covariance: Floats
+    noise: float
+
+    def terms(self, variables: Floats) -> Floats:
+        """Return the polynomials (..., k) of variables (..., v)."""
+        scaled = np.clip((variables - self.centre) / self.scale, -MAX_VARIABLE, MAX_VARIABLE)
+        pairs = combinations_with_replacement(range(scaled.shape[-1]), 2)
+        products = [scaled[..., a] * scaled[..., b] for a, b in pairs]
+        return np.concatenate(
+            [np.ones((*scaled.shape[:-1], 1)), scaled, np.stack(products, axis=-1)], axis=-1
+        )
+
+    def error(self, terms: Floats) -> tuple[Floats, Floats]:
+        """Return the expected error (...,) at terms (..., k), and its standard error without noise."""
+        variance = np.einsum("...i,ij,...j->...", terms, self.covariance, terms)
+        return terms @ self.mean, np.sqrt(np.maximum(variance, 0.0))
+
+    def given(self, terms: Floats, error: Floats, std: Floats, touch: Indices) -> "Correction":
+        """Return the correction once the errors of some windows are known.
+
+        Parameters
+        ----------
+        terms, error, std
+            Terms (n, k), errors (n,), and the standard errors (n,) that the head itself states.
+        touch
+            The touch (n,) of each window.
+        """
+        trust, estimate = np.ones(len(error)), self
+        inverse = np.linalg.inv(self.covariance)
+        for _ in range(ROBUST_ROUNDS):
+            weight = trust * _touch_weights(touch) / (self.noise * std**2)
+            covariance = _symmetric(np.linalg.inv(inverse + (terms * weight[:, None]).T @ terms))
+            mean = covariance @ (inverse @ self.mean + terms.T @ (weight * error))
+            estimate = replace(self, mean=mean, covariance=covariance)
+            trust = estimate.trust(terms, error, std)
+        return estimate
+
+    def trust(self, terms: Floats, error: Floats, std: Floats) -> Floats:
+        """Return the weight (n,) that Student's t gives each error: little to one that is far off."""
+        expected, uncertain = self.error(terms)
+        off = ((error - expected) ** 2 + uncertain**2) / (self.noise * std**2)
+        return (DEGREES + 1.0) / (DEGREES + off)
+
+
+def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: Indices) -> Correction:
+    """Return the correction of a build and object of which nothing is known yet.
+
+    Parameters
+    ----------
+    variables, error, std
+        Variables (n, v), errors (n,), and standard errors (n,) that the head itself states, of windows that
+        the model was not trained on.
+    group
+        The group (n,) of each window, within which weights are constant: a session.
+    touch
+        The touch (n,) of each window.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> group = np.repeat(np.arange(200), 10)
+    >>> error = np.repeat(rng.normal(size=200), 10) + 0.1 * rng.normal(size=2000)
+    >>> zeros, each = np.zeros((2000, 1)), np.arange(2000)
+    >>> unknown = prior(zeros, error, np.full(2000, 0.1), group, each)
+    >>> round(float(unknown.covariance[0, 0]), 1), round(unknown.noise, 1)
+    (1.0, 1.0)
+    """
+    centre = np.median(variables, axis=0)
+    spread = np.quantile(variables, 0.84, axis=0) - np.quantile(variables, 0.16, axis=0)
+    start = Correction(
+        centre=centre,
+        scale=np.where(spread > 0.0, 0.5 * spread, 1.0),
+        mean=np.zeros(1),
+        covariance=np.zeros((1, 1)),
+        noise=1.0,
+    )
+    terms = start.terms(variables)
+    size = terms.shape[1]
+    weight = _touch_weights(touch)
+    noise = max(float(np.median(np.abs(error) / std)) ** 2, MIN_VARIANCE)
+    estimate = replace(start, mean=np.zeros(size), covariance=FIRST_VARIANCE * np.eye(size), noise=noise)
+    groups = [np.flatnonzero(group == each) for each in np.unique(group)]
+    for _ in range(ROUNDS):
+        known = [estimate.given(terms[rows], error[rows], std[rows], touch[rows]) for rows in groups]
+        means = np.array([each.mean for each in known])
+        mean = means.mean(axis=0)
+        off = means - mean
+        covariance = np.mean([each.covariance for each in known], axis=0) + off.T @ off / len(known)
+        total = 0.0
+        for rows, each in zip(groups, known, strict=True):
+            expected, uncertain = each.error(terms[rows])
+            left = ((error[rows] - expected) ** 2 + uncertain**2) / std[rows] ** 2
+            total += float((weight[rows] * each.trust(terms[rows], error[rows], std[rows])) @ left)
+        covariance = _symmetric(covariance + MIN_VARIANCE * np.eye(size))
+        noise = max(total / float(weight.sum()), MIN_VARIANCE)
+        estimate = replace(estimate, mean=mean, covariance=covariance, noise=noise)
+    return estimate
+
+
+def _touch_weights(touch: Indices) -> Floats:
+    """Return the weight (n,) of each window, such that all windows of a touch together count as one."""
+    _, at, counts = np.unique(touch, return_inverse=True, return_counts=True)
+    return 1.0 / counts[at.reshape(-1)]
+
+
+def _symmetric(matrix: Floats) -> Floats:
+    return 0.5 * (matrix + matrix.T)

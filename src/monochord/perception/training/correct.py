@@ -1,0 +1,122 @@
+"""Corrections of a model: their prior, of sessions that it was not trained on, and what known touches add."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from monochord.core.types import Audio, Floats, Indices
+from monochord.datasets.store import Dataset
+from monochord.perception.model.correction import Correction, prior
+from monochord.perception.model.definition import TOUCHES_KEPT, CorrectionRecord, Definition
+from monochord.perception.model.model import Model
+from monochord.perception.model.network import Output, spread
+from monochord.perception.training.examples import masks_of
+
+Outputs = Mapping[int, Mapping[str, Output]]
+"""The outputs of every head for the windows of a dataset, by their rows."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class KnownErrors:
+    """Errors of a head on windows (n,), label less estimate, in units of its scale.
+
+    `std` is what the head states by itself, `variables` (n, v) those of its correction, the first of which is
+    its own estimate.
+    """
+
+    rows: Indices
+    error: Floats
+    std: Floats
+    variables: Floats
+
+
+def with_variables(definition: Definition, corrections: Mapping[str, tuple[str, ...]]) -> Definition:
+    """Return a definition whose heads have corrections of these variables, whose prior is not known yet.
+
+    Raises
+    ------
+    InputError
+        If a variable names no column.
+    """
+    heads = dict(definition.heads)
+    for name, variables in corrections.items():
+        heads[name] = dataclasses.replace(heads[name], correction=CorrectionRecord(variables=variables))
+    definition = dataclasses.replace(definition, heads=heads)
+    for name in corrections:
+        definition.variables_of(name)
+    return definition
+
+
+def counting(definition: Definition, name: str, dataset: Dataset, outputs: Outputs) -> Indices:
+    """Return the windows that count for a head and have an output."""
+    rows = np.array(sorted(outputs), np.int64)
+    task = definition.heads[name].task
+    return rows[masks_of(dataset, {name: task})[name][rows]]
+
+
+def known_errors(definition: Definition, name: str, dataset: Dataset, outputs: Outputs) -> KnownErrors:
+    """Return the errors of a head on the windows that count for it."""
+    record, rows = definition.heads[name], counting(definition, name, dataset, outputs)
+    own = [outputs[row][name] for row in rows.tolist()]
+    value = np.array([each.value for each in own])
+    return KnownErrors(
+        rows=rows,
+        error=(dataset.label(record.task.label)[rows] - record.offset) / record.scale - value,
+        std=np.array([spread(each, record) for each in own]),
+        variables=np.array([(each.value, *each.variables) for each in own]).reshape(len(rows), -1),
+    )
+
+
+def with_prior(model: Model, name: str, dataset: Dataset, outputs: Outputs, touch: Indices) -> Model:
+    """Return a model with the prior of a head's correction: a session is of one build and object."""
+    definition = model.definition
+    known = known_errors(definition, name, dataset, outputs)
+    session = dataset.session[known.rows].astype(np.int64)
+    correction = prior(known.variables, known.error, known.std, session, touch[known.rows])
+    kept = _kept_touches(dataset, known, touch[known.rows])
+    return with_correction(model, name, correction, touches=0, sessions=len(np.unique(session)), kept=kept)
+
+
+def with_correction(
+    model: Model, name: str, correction: Correction, *, touches: int, sessions: int, kept: Audio
+) -> Model:
+    """Return a model with a head's correction, `touches` known ones of which it rests on."""
+    record = model.definition.heads[name]
+    variables = record.correction.variables if record.correction else ()
+    record = dataclasses.replace(
+        record,
+        correction=CorrectionRecord(
+            variables=variables, noise=correction.noise, sessions=sessions, touches=touches
+        ),
+    )
+    arrays = {
+        "centre": correction.centre,
+        "scale": correction.scale,
+        "mean": correction.mean,
+        "covariance": correction.covariance,
+        "touches": kept,
+    }
+    weights = {f"{name}.correction.{key}": array.astype(np.float32) for key, array in arrays.items()}
+    definition = dataclasses.replace(model.definition, heads={**model.definition.heads, name: record})
+    return dataclasses.replace(model, definition=definition, weights={**model.weights, **weights})
+
+
+def _kept_touches(dataset: Dataset, known: KnownErrors, touch: Indices) -> Audio:
+    """Return position, force and variables of touches of all kinds, (`TOUCHES_KEPT`, 2 + v).
+
+    The first is one in the middle, each next one that which is furthest from all before.
+    """
+    _, first = np.unique(touch, return_index=True)
+    rows = known.rows[first]
+    place = np.stack(
+        [np.nan_to_num(dataset.label(name)[rows]) if name in dataset.labels else np.zeros(len(rows))
+         for name in ("position", "force")], axis=1,
+    )  # fmt: skip
+    scaled = (place - place.mean(axis=0)) / np.maximum(place.std(axis=0), 1e-12)
+    chosen = [int(np.linalg.norm(scaled, axis=1).argmin())]
+    distance = np.full(len(rows), np.inf)
+    for _ in range(TOUCHES_KEPT - 1):
+        distance = np.minimum(distance, np.linalg.norm(scaled - scaled[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
+    return np.hstack([place, known.variables[first]])[chosen].astype(np.float32)
