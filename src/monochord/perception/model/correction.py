@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.types import Floats
+from monochord.metrics import normal_coverage
 
 MAX_VARIABLE = 4.0
 """Largest size of a scaled variable; further out a polynomial would be a guess."""
@@ -36,8 +37,10 @@ FIRST_VARIANCE = 0.05
 ROUNDS = 60
 """Rounds of the estimation; more change the prior by less than its own uncertainty."""
 MIN_VARIANCE = 1e-8
-DEGREES = 4.0
+DEGREES = 10.0
 """Degrees of freedom of Student's t, as which errors are distributed: a misread mode is far off."""
+MAX_LEVERAGE = 0.9
+"""Largest share of its own in the estimate at a touch that is corrected for."""
 ROBUST_ROUNDS = 4
 """Rounds in which errors that are far off lose weight."""
 
@@ -50,7 +53,7 @@ class Correction:
 
     Errors are the label less the estimate, in units of the head's scale. `centre` and `scale` (v,) are those
     of the variables, `mean` (k,) and `covariance` (k, k) of the weights; `noise` is the variance of what the
-    weights leave over, as a multiple of the head's own.
+    weights leave over, as a multiple of the head's own; it covers as many errors as one sigma should.
 
     Examples
     --------
@@ -132,7 +135,7 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
     >>> zeros, each = np.zeros((2000, 1)), np.arange(2000)
     >>> unknown = prior(zeros, error, np.full(2000, 0.1), group, each)
     >>> round(float(unknown.covariance[0, 0]), 1), round(unknown.noise, 1)
-    (1.0, 1.0)
+    (0.9, 1.0)
     """
     centre = np.median(variables, axis=0)
     spread = np.quantile(variables, 0.84, axis=0) - np.quantile(variables, 0.16, axis=0)
@@ -149,27 +152,44 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
     noise = max(float(np.median(np.abs(error) / std)) ** 2, MIN_VARIANCE)
     estimate = replace(start, mean=np.zeros(size), covariance=FIRST_VARIANCE * np.eye(size), noise=noise)
     groups = [np.flatnonzero(group == each) for each in np.unique(group)]
+    left = np.empty(len(error))
     for _ in range(ROUNDS):
         known = [estimate.given(terms[rows], error[rows], std[rows], touch[rows]) for rows in groups]
         means = np.array([each.mean for each in known])
         mean = means.mean(axis=0)
         off = means - mean
         covariance = np.mean([each.covariance for each in known], axis=0) + off.T @ off / len(known)
-        total = 0.0
         for rows, each in zip(groups, known, strict=True):
             expected, uncertain = each.error(terms[rows])
-            left = ((error[rows] - expected) ** 2 + uncertain**2) / std[rows] ** 2
-            total += float((weight[rows] * each.trust(terms[rows], error[rows], std[rows])) @ left)
+            left[rows] = ((error[rows] - expected) ** 2 + uncertain**2) / std[rows] ** 2
         covariance = _symmetric(covariance + MIN_VARIANCE * np.eye(size))
-        noise = max(total / float(weight.sum()), MIN_VARIANCE)
+        noise = max(_quantile(left, weight, normal_coverage(1.0)), MIN_VARIANCE)
         estimate = replace(estimate, mean=mean, covariance=covariance, noise=noise)
-    return estimate
+    for rows in groups:
+        left[rows] = _left_out(estimate, terms[rows], error[rows], std[rows], touch[rows])
+    return replace(estimate, noise=estimate.noise * max(_quantile(left, weight, normal_coverage(1.0)), 1.0))
+
+
+def _left_out(unknown: Correction, terms: Floats, error: Floats, std: Floats, touch: Indices) -> Floats:
+    """Return the squared error (n,) of each window by the other touches of its group, in variances stated."""
+    known = unknown.given(terms, error, std, touch)
+    expected, uncertain = known.error(terms)
+    noise = unknown.noise * std**2
+    own = np.minimum(known.trust(terms, error, std) * uncertain**2 / noise, MAX_LEVERAGE)
+    return ((error - expected) / (1.0 - own)) ** 2 / (noise + uncertain**2 / (1.0 - own))
 
 
 def _touch_weights(touch: Indices) -> Floats:
     """Return the weight (n,) of each window, such that all windows of a touch together count as one."""
     _, at, counts = np.unique(touch, return_inverse=True, return_counts=True)
     return 1.0 / counts[at.reshape(-1)]
+
+
+def _quantile(values: Floats, weight: Floats, share: float) -> float:
+    """Return the value below which a share of the weight lies: as one sigma of squares."""
+    order = np.argsort(values)
+    below = np.cumsum(weight[order]) / weight.sum()
+    return float(values[order][min(int(np.searchsorted(below, share)), len(values) - 1)])
 
 
 def _symmetric(matrix: Floats) -> Floats:

@@ -1,0 +1,100 @@
+"""Corrections: a prior that holds on new groups, and touches that make it narrower."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monochord.core.types import Floats
+from monochord.perception.model.correction import Correction, Indices, prior
+
+WEIGHTS = np.array([0.2, 0.3, -0.1, 0.1, 0.05, 0.1])
+"""Standard deviations of the weights of 1, a, b, a^2, a b, b^2 between groups."""
+NOISE = 0.1
+
+
+def groups(count: int, seed: int, touches: int = 12) -> tuple[Floats, Floats, Indices, Indices]:
+    """Variables, errors, group and touch of groups, each with its own weights, three windows a touch."""
+    random = np.random.default_rng(seed)
+    variables = random.uniform(-1.5, 1.5, (count, touches, 1, 2)).repeat(3, axis=2)
+    a, b = variables[..., 0], variables[..., 1]
+    terms = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b], axis=-1)
+    weights = np.array([0.05, 0.1, 0.0, 0.0, 0.0, 0.0]) + WEIGHTS * random.normal(size=(count, 6))
+    error = np.einsum("gtwk,gk->gtw", terms, weights) + NOISE * random.normal(size=(count, touches, 1))
+    number = np.broadcast_to(np.arange(count)[:, None, None], error.shape)
+    touch = np.broadcast_to(np.arange(count * touches).reshape(count, touches, 1), error.shape)
+    return variables.reshape(-1, 2), error.ravel(), number.ravel(), touch.ravel()
+
+
+@pytest.fixture(scope="module")
+def unknown() -> Correction:
+    variables, error, group, touch = groups(150, 0)
+    return prior(variables, error, np.full(error.size, NOISE), group, touch)
+
+
+def stated(correction: Correction, variables: Floats) -> tuple[Floats, Floats]:
+    expected, uncertain = correction.error(correction.terms(variables))
+    return expected, np.sqrt(correction.noise * NOISE**2 + uncertain**2)
+
+
+@pytest.mark.parametrize("known", [0, 1, 3, 8])
+def test_errors_of_new_groups_lie_within_what_is_stated_and_known_touches_narrow_it(
+    unknown: Correction, known: int
+) -> None:
+    variables, error, group, touch = groups(300, 1)
+    ratio, size, before = list[Floats](), list[float](), list[float]()
+    for each in range(300):
+        rows = np.flatnonzero(group == each)
+        used, rest = rows[: 3 * known], rows[24:]
+        std = np.full(used.size, NOISE)
+        own = unknown
+        if known:
+            own = unknown.given(unknown.terms(variables[used]), error[used], std, touch[used])
+        expected, std = stated(own, variables[rest])
+        ratio.append((error[rest] - expected) / std)
+        size.append(float(np.abs(error[rest] - expected).mean()))
+        before.append(float(std.mean()))
+    off = np.abs(np.concatenate(ratio))
+    assert np.mean(off < 1.0) == pytest.approx(0.683, abs=0.07)
+    assert np.mean(off < 2.0) == pytest.approx(0.954, abs=0.035)
+    assert np.mean(size) < {0: 0.45, 1: 0.40, 3: 0.32, 8: 0.16}[known]
+
+
+def test_a_misread_touch_has_little_weight(unknown: Correction) -> None:
+    variables, error, _, touch = groups(1, 2)
+    terms, std = unknown.terms(variables), np.full(error.size, NOISE)
+    clean = unknown.given(terms, error, std, touch)
+    error[:3] += 100.0 * NOISE
+    wrong = unknown.given(terms, error, std, touch)
+    at = unknown.terms(np.zeros((1, 2)))
+    assert abs(float((wrong.error(at)[0] - clean.error(at)[0])[0])) < NOISE
+    plain = np.linalg.lstsq(terms, error, rcond=None)[0]
+    assert abs(float((at @ plain)[0] - clean.error(at)[0][0])) > NOISE
+
+
+def test_touches_in_turn_teach_as_much_as_all_at_once(unknown: Correction) -> None:
+    variables, error, _, touch = groups(1, 3)
+    terms, std = unknown.terms(variables), np.full(error.size, NOISE)
+    half = error.size // 2
+    once = unknown.given(terms, error, std, touch)
+    first = unknown.given(terms[:half], error[:half], std[:half], touch[:half])
+    twice = first.given(terms[half:], error[half:], std[half:], touch[half:])
+    np.testing.assert_allclose(twice.mean, once.mean, atol=0.05)
+    np.testing.assert_allclose(np.diag(twice.covariance), np.diag(once.covariance), rtol=0.5)
+
+
+def test_windows_of_one_touch_count_as_one(unknown: Correction) -> None:
+    terms = unknown.terms(np.zeros((30, 2)))
+    error, std = np.full(30, 0.5), np.full(30, NOISE)
+    one = unknown.given(terms, error, std, np.zeros(30, np.int64))
+    alone = unknown.given(terms[:1], error[:1], std[:1], np.zeros(1, np.int64))
+    np.testing.assert_allclose(one.mean, alone.mean, atol=1e-12)
+    np.testing.assert_allclose(one.covariance, alone.covariance, atol=1e-12)
+
+
+def test_far_variables_are_bounded(unknown: Correction) -> None:
+    far = unknown.terms(np.array([[1e9, -1e9]]))
+    assert np.isfinite(far).all()
+    assert np.abs(far).max() <= 16.0
+    moved = replace(unknown, centre=unknown.centre + 1e9)
+    assert np.abs(moved.terms(np.zeros((1, 2)))).max() <= 16.0

@@ -1,0 +1,111 @@
+"""Adaptation of a trained model to a build whose labels follow another law, by a few known touches."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.conftest import LEARNABLE, sung
+
+from monochord.cli import run
+from monochord.core.errors import InputError
+from monochord.core.types import Block
+from monochord.datasets.build import build_dataset
+from monochord.datasets.split import Split
+from monochord.datasets.store import Dataset, open_dataset
+from monochord.perception.model import Model, load, save
+from monochord.perception.training.adapt import adapt
+from monochord.perception.training.correct import with_prior, with_variables
+from monochord.perception.training.examples import touches_of
+from monochord.perception.training.train import outputs_of
+from monochord.sessions import Description, SessionClock, SessionWriter
+
+pytest.importorskip("torch")
+pytestmark = pytest.mark.usefixtures("made_up_features")
+BIAS = 0.5
+
+
+@pytest.fixture
+def correctable(lesson_run: Path, learnable: Path) -> Model:
+    """The model of `lesson` with corrections, whose prior knows biased sessions as well."""
+    model, dataset = load(lesson_run), open_dataset(learnable)
+    definition = with_variables(model.definition, {"position": (), "force": ()})
+    model = replace(model, definition=definition)
+    rows = np.sort(
+        np.concatenate([Split.read(learnable / "split.json").parts[name] for name in ("validation", "test")])
+    )
+    outputs = outputs_of(model, dataset, rows)
+    force = dataset.label("force") + np.where(dataset.session % 2 == 0, BIAS, -BIAS)  # as of other builds
+    dataset = replace(dataset, labels={**dataset.labels, "force": force})
+    for name in ("position", "force"):
+        model = with_prior(model, name, dataset, outputs, touches_of(dataset))
+    return model
+
+
+@pytest.fixture
+def foreign_session(tmp_path: Path) -> Path:
+    """A session of a build on which the same sound means half a newton more."""
+    samples, time, labels = sung(77)
+    labels["force"] = labels["force"] + BIAS
+    file = tmp_path / "foreign.mcap"
+    description = Description(name="foreign", sample_rate=LEARNABLE, simulated=True)
+    with SessionWriter(file, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+        writer.audio(Block(samples=samples, start=0, adc_time=0.0))
+        writer.labels(time, labels)
+    return file
+
+
+@pytest.fixture
+def foreign(foreign_session: Path, tmp_path: Path) -> Dataset:
+    return build_dataset([foreign_session], tmp_path / "foreign")
+
+
+def test_known_touches_of_another_build_take_its_bias_away(correctable: Model, foreign: Dataset) -> None:
+    result = adapt(correctable, foreign, touches=8)
+    force = result.heads["force"]
+    assert force.touches == 8
+    assert force.before > 0.8 * BIAS
+    assert force.after < 0.6 * force.before
+    assert force.coverage > 0.5
+    assert result.heads["position"].after < 1.2 * result.heads["position"].before
+    assert result.next_touch is not None
+    assert 0.05 <= result.next_touch.position <= 0.15
+    assert 0.0 < result.next_touch.gain < 1.0
+
+
+def test_an_adapted_model_is_saved_and_remembers_what_it_heard(
+    correctable: Model, foreign: Dataset, tmp_path: Path
+) -> None:
+    adapted = adapt(correctable, foreign).model
+    again = load(tmp_path / "model") if save(adapted, tmp_path / "model") else adapted
+    record = again.definition.heads["force"].correction
+    assert record is not None
+    assert (record.touches, record.variables) == (12, ())
+    assert "foreign" in again.definition.sessions
+    more = adapt(again, foreign, touches=3).model.definition.heads["force"].correction
+    assert more is not None
+    assert more.touches == 15
+
+
+def test_models_without_corrections_and_too_few_touches_are_refused(
+    lesson_run: Path, correctable: Model, foreign: Dataset
+) -> None:
+    with pytest.raises(InputError, match="a model without corrections"):
+        adapt(load(lesson_run), foreign)
+    with pytest.raises(InputError, match="12 touches with a label of position: allowed is 40 or more"):
+        adapt(correctable, foreign, touches=40)
+
+
+def test_the_command_writes_a_model_that_live_takes(
+    correctable: Model, foreign_session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given, out = tmp_path / "given", tmp_path / "out"
+    save(correctable, given)
+    line = ["calibrate", str(given), "--sessions", str(foreign_session), "--touches", "6", "--out", str(out)]
+    assert run(line) == 0
+    printed = capsys.readouterr().out
+    assert "with 6 touches" in printed
+    assert "the touch that would help most next" in printed
+    assert load(out).definition.heads["force"].correction
+    assert run(line) == 2
+    assert "exists" in capsys.readouterr().err
