@@ -101,9 +101,9 @@ class Correction:
         inverse = np.linalg.inv(self.covariance)
         for _ in range(ROBUST_ROUNDS):
             weight = trust * _touch_weights(touch) / (self.noise * std**2)
-            covariance = _symmetric(np.linalg.inv(inverse + (terms * weight[:, None]).T @ terms))
+            covariance: Floats = np.linalg.inv(inverse + (terms * weight[:, None]).T @ terms)
             mean = covariance @ (inverse @ self.mean + terms.T @ (weight * error))
-            estimate = replace(self, mean=mean, covariance=covariance)
+            estimate = replace(self, mean=mean, covariance=_symmetric(covariance))
             trust = estimate.trust(terms, error, std)
         return estimate
 

@@ -19,6 +19,7 @@ NO_CONTACT, UNCERTAIN = "no contact", "too uncertain"
 """Why a head abstains."""
 MAX_LOGIT = 700.0
 """Largest logit whose exponential is a finite double."""
+NO_CORRECTIONS: Mapping[str, Correction] = {}
 STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 """Standard deviation of an error distribution whose spread is 1."""
 
@@ -151,7 +152,9 @@ def spread(output: Output, record: HeadRecord) -> float:
 
 
 def estimates_of(
-    definition: Definition, outputs: Mapping[str, Output], corrections: Mapping[str, Correction]
+    definition: Definition,
+    outputs: Mapping[str, Output],
+    corrections: Mapping[str, Correction] = NO_CORRECTIONS,
 ) -> dict[str, Estimate]:
     """Return the estimates of all heads; those that need a touch abstain where there is none.
 
