@@ -98,12 +98,12 @@ class Correction:
             The touch (n,) of each window.
         """
         trust, estimate = np.ones(len(error)), self
-        inverse = np.linalg.inv(self.covariance)
+        inverse = _inverse(self.covariance)
         for _ in range(ROBUST_ROUNDS):
             weight = trust * _touch_weights(touch) / (self.noise * std**2)
-            covariance: Floats = np.linalg.inv(inverse + (terms * weight[:, None]).T @ terms)
+            covariance = _inverse(inverse + (terms * weight[:, None]).T @ terms)
             mean = covariance @ (inverse @ self.mean + terms.T @ (weight * error))
-            estimate = replace(self, mean=mean, covariance=_symmetric(covariance))
+            estimate = replace(self, mean=mean, covariance=covariance)
             trust = estimate.trust(terms, error, std)
         return estimate
 
@@ -190,6 +190,11 @@ def _quantile(values: Floats, weight: Floats, share: float) -> float:
     order = np.argsort(values)
     below = np.cumsum(weight[order]) / weight.sum()
     return float(values[order][min(int(np.searchsorted(below, share)), len(values) - 1)])
+
+
+def _inverse(matrix: Floats) -> Floats:
+    """Return the inverse of a symmetric matrix, symmetric to the last bit."""
+    return _symmetric(np.linalg.inv(matrix).astype(np.float64))
 
 
 def _symmetric(matrix: Floats) -> Floats:
