@@ -7,6 +7,7 @@ from monochord.core.errors import InputError
 from monochord.lab.plan import Delays, Group, Plan, assignments
 from monochord.lab.plans import load_plan, plan_names
 from monochord.lab.schedule import schedule
+from monochord.physics.twin.world import only
 
 GRID = Group(name="a", grid=(5, 4), sessions=3, radii=(0.002, 0.004), days=(1, 2), forces=(0.1, 2.0))
 PLAN = Plan(name="p", groups=(GRID, Group(name="b", like="a", sessions=2, lifted=3e-3)))
@@ -40,6 +41,19 @@ def test_builds_cycle_before_days_and_draw_other_sensors() -> None:
     strings = [one.sensor().string for one in sessions]
     assert strings[0] == strings[2] != strings[1]
     assert [one.build for one in assignments(tiny(build=3))] == [3, 3]
+
+
+def test_a_plausible_world_has_its_own_sensors_and_grippers() -> None:
+    groups = (Group(name="a", sessions=4, builds=(7, 8)), Group(name="b", world="ideal", builds=(7,)))
+    *plausible, ideal = assignments(tiny(groups=groups, world="plausible"))
+    motion = schedule(ideal).motion.keys
+    touches = [one.touch(motion) for one in plausible]
+    assert touches[0] == touches[2] != touches[1]
+    assert [bool(one.touch(motion).mount.modes) for one in (*plausible, ideal)] == [True] * 4 + [False]
+    assert ideal.sensor().drivers[0].bias == 0.0 != plausible[0].sensor().drivers[0].bias
+    still = assignments(tiny(groups=groups, world="plausible", effects=only("hum")))[0]
+    assert still.touch(motion) == ideal.touch(motion)
+    assert still.sensor().drivers[0].bias == 0.0
 
 
 def test_a_drawn_object_is_the_sessions_own() -> None:

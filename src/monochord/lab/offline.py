@@ -203,6 +203,7 @@ def describe(session: Assignment) -> Description:
         "lifted": repr(group.lifted),
         "music": group.music,
         "motors": group.motors,
+        "world": session.world,
         "second": repr(group.second),
     }
     return Description(

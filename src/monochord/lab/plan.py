@@ -15,8 +15,8 @@ from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Second
 from monochord.lab.objects import drawn_object
 from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
-from monochord.physics.twin import Sensor
-from monochord.physics.twin.variation import build, day
+from monochord.physics.twin import Key, Sensor, Touch
+from monochord.physics.twin.world import ALL, Effects, World, plausible_touch, sensor_of
 
 Range: TypeAlias = tuple[float, float]
 Count = Annotated[int, Meta(ge=1, le=100000)]
@@ -63,6 +63,8 @@ class Group:
     oblique
         Range of how far a press goes on across the string, as a share of its depth: it loads the touch
         sideways.
+    world
+        "ideal" or "plausible", see `monochord.physics.twin.world`; by default the plan's.
     builds
         Seeds of the builds of the sessions, in turn; by default the plan's.
     days
@@ -103,6 +105,7 @@ class Group:
     radii: tuple[Metres, ...] = ()
     second: Annotated[Metres, Meta(ge=0.0, le=1.0)] = 0.0
     oblique: tuple[float, float] = (0.0, 0.0)
+    world: World | None = None
     builds: tuple[Annotated[int, Meta(ge=0)], ...] = ()
     days: tuple[Annotated[int, Meta(ge=0)], ...] = (0,)
     hold: Annotated[Seconds, Meta(ge=0.1, le=60.0)] = 1.0
@@ -203,6 +206,10 @@ class Plan:
         A preset's name or file.
     build
         Seed of a build of that design within its tolerances; by default the design itself.
+    world
+        "ideal", or "plausible" for what a real build brings besides, see `monochord.physics.twin.world`.
+    effects
+        The effects of a plausible world, each a switch.
     epoch
         Begin of day 0, in s since 1970: sessions do not contain the time at which they were made.
     sample_rate, force_rate, pose_rate, label_rate
@@ -225,6 +232,8 @@ class Plan:
     notes: str = ""
     sensor: str = "prototype"
     build: int | None = None
+    world: World = "ideal"
+    effects: Effects = ALL
     epoch: Annotated[int, Meta(ge=0, le=2**31 - 10**8)] = 1_767_225_600
     sample_rate: Annotated[int, Meta(ge=16000, le=192000)] = 44100
     force_rate: Annotated[Hertz, Meta(ge=100.0, le=10000.0)] = 1000.0
@@ -288,6 +297,11 @@ class Assignment:
         return builds[self.index % len(builds)] if builds else self.plan.build
 
     @property
+    def world(self) -> World:
+        """The world that it is of."""
+        return self.group.world or self.plan.world
+
+    @property
     def material(self) -> Material:
         """The material of its object."""
         drawn = self.group.material == DRAWN
@@ -320,9 +334,20 @@ class Assignment:
 
     def sensor(self) -> Sensor:
         """Return the sensor of this session: this build of the design, on this day."""
-        sensor = self.design()
-        sensor = sensor if self.build is None else build(sensor, self.build)
-        return sensor if self.day == 0 else day(sensor, self.day)
+        day = None if self.day == 0 else self.day
+        return sensor_of(self.design(), self.world, build=self.build, day=day, effects=self.plan.effects)
+
+    def touch(self, motion: tuple[Key, ...]) -> Touch:
+        """Return its object, which slides along a motion.
+
+        In a plausible world one gripper holds all objects of a build, save drawn ones, each with its own.
+        """
+        radius = self.radius if self.origin.group.radii else None
+        touch = Touch(material=self.material, motion=motion, radius=radius, rolls=False)
+        if self.world == "ideal":
+            return touch
+        own = self.name if self.group.material == DRAWN else f"build {self.build}"
+        return plausible_touch(touch, crc32(f"{self.seed} {own}".encode()), self.plan.effects)
 
     def random(self, purpose: str) -> np.random.Generator:
         """Return random numbers of this session for one purpose."""

@@ -221,9 +221,7 @@ class _Renderer:
 
     def _begin(self) -> Twin:
         session, sensor = self.session, self.session.sensor()
-        touch = Touch(
-            material=self.material, motion=self.schedule.motion.keys, radius=session.radius, rolls=False
-        )
+        touch = session.touch(self.schedule.motion.keys)
         touches = (touch, *_second(touch, session.group.second, sensor))
         scene = Scene(touches=touches, outside=self._ambient(sensor), drivers=(False, False))
         seed = int(session.random("twin").integers(2**62))
