@@ -155,11 +155,23 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signal:
-    """What an open source says of its audio: rate, channels, and the string if it knows that."""
+    """What an open source says of its audio: rate, channels, and the string if it knows that.
+
+    `string` is as it is tuned. `design` is the same wire as something learned knows it, where that is tuned
+    otherwise: a feature in hertz or newtons is then stated as of that one.
+    """
 
     sample_rate: int
     channels: int
     string: StringParams | None = None
+    design: StringParams | None = None
+
+    @property
+    def tension_scale(self) -> float:
+        """Tension of the design over that of the string; 1 without a design of its own."""
+        if self.string is None or self.design is None:
+            return 1.0
+        return self.design.tension / self.string.tension
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -58,7 +58,7 @@ class ClosedForm(Feature):
     its frequency in thousandths over nominal (`rest`); the share of lines that the reading leaves
     unexplained (`left over`), and the count of lines. Flags, 0 or 1: no reading at all; two candidates,
     where the lead is less than `margin`; untouched, where contact is negative; and why the window cannot be
-    used.
+    used. Of a string tuned otherwise than its design, tension and frequencies are as if it were tuned so.
 
     Parameters
     ----------
@@ -86,14 +86,15 @@ class ClosedForm(Feature):
         if not (0.0 <= self.margin < np.inf and 0.0 < self.most_force < np.inf):
             given = f"margin {self.margin:g}, most_force {self.most_force:g} N"
             raise InputError(given, "a margin from 0 on and a force above 0 N")
-        extractor = _Extractor(analyser, self)
+        extractor = _Extractor(analyser, self, signal.tension_scale)
         extractor(np.zeros((1, 2, size), np.float32))
         return extractor
 
 
 class _Extractor(Extractor):
-    def __init__(self, analyser: SpectrumAnalyser, options: ClosedForm) -> None:
+    def __init__(self, analyser: SpectrumAnalyser, options: ClosedForm, tension_scale: float) -> None:
         self._analyser, self._string, self._options = analyser, analyser.string, options
+        self._tension_scale, self._kilohertz = tension_scale, 1000.0 / tension_scale**0.5
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -114,15 +115,15 @@ class _Extractor(Extractor):
         )
         return (
             reading.position,
-            tension,
+            tension * self._tension_scale,
             analyser.per_mille(reading.open_frequency),
             self._force(tension, reading.position),
-            first / 1000.0,
-            second / 1000.0,
+            first / self._kilohertz,
+            second / self._kilohertz,
             reading.mode_1,
             reading.mode_2,
-            reading.line_1 / 1000.0,
-            reading.line_2 / 1000.0,
+            reading.line_1 / self._kilohertz,
+            reading.line_2 / self._kilohertz,
             reading.share_1,
             reading.share_2,
             reading.score,

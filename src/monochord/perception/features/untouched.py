@@ -38,6 +38,7 @@ class Untouched(Feature):
     at each microphone, which its driver sustains (`held 1`, `held 2`); log10 of each microphone's mean
     square; the score of the reading that the string is untouched; for partials 1 to 6 the open frequency that
     follows from each, in thousandths over the nominal one, and log10 of its power over the loudest one's.
+    Of a string tuned otherwise than its design, the tension is as if it were tuned so.
 
     The lowest audible partial gives the open frequency: a driver that sustains a high one pulls it by a
     thousandth or two. An inaudible partial repeats that value, so that a mean over windows has no bias. Rows
@@ -56,14 +57,14 @@ class Untouched(Feature):
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Return the extractor, compiled, for two channels of a known string."""
-        extractor = _Extractor(SpectrumAnalyser.of(signal, size))
+        extractor = _Extractor(SpectrumAnalyser.of(signal, size), signal.tension_scale)
         extractor(np.zeros((1, 2, size), np.float32))
         return extractor
 
 
 class _Extractor(Extractor):
-    def __init__(self, analyser: SpectrumAnalyser) -> None:
-        self._analyser = analyser
+    def __init__(self, analyser: SpectrumAnalyser, tension_scale: float) -> None:
+        self._analyser, self._tension_scale = analyser, tension_scale
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -99,4 +100,4 @@ class _Extractor(Extractor):
 
     def _tension(self, frequency: Hertz) -> float:
         string = self._analyser.string
-        return string.linear_density * (2.0 * string.length * frequency) ** 2
+        return string.linear_density * (2.0 * string.length * frequency) ** 2 * self._tension_scale

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Estimate, Estimates, Signal, Window
+from monochord.core.types import Audio, Estimate, Estimates, Signal, StringParams, Window
 from monochord.core.units import Samples
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.features import FEATURES
@@ -17,9 +17,13 @@ from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.network import Network, Output, estimates_of, probability
 from monochord.perception.model.probe import probed, refuse_another
+from monochord.physics.sensors import retuned
+from monochord.physics.theory import open_frequency
 
 LENGTH_TOLERANCE = 0.02
 """Share by which a string's length may differ from that of the training."""
+MAX_RETUNING = 0.12
+"""Share by which a string's pitch may differ from that of the training, where it is known."""
 UNUSABLE = ("gap", "silence", "samples that are not numbers")
 """Windows that a model cannot use; it is trained on clipped windows as on others."""
 
@@ -34,6 +38,9 @@ class Model:
         Everything but the numbers that were learned.
     weights
         Arrays float32 by the names and shapes of `Definition.shapes`.
+    string
+        The string that features are relative to: that of the training as it is tuned now; None for as it was
+        in training.
 
     Examples
     --------
@@ -48,6 +55,28 @@ class Model:
 
     definition: Definition
     weights: Mapping[str, Audio]
+    string: StringParams | None = None
+
+    def tuned(self, string: StringParams) -> "Model":
+        """Return the model for a sensor whose string is tuned as this one: features are relative to it.
+
+        The wire stays that of the training; only its tension follows the open frequency. A string at the
+        pitch of the training changes nothing, to the bit.
+
+        Raises
+        ------
+        InputError
+            If it is tuned further from the training's than a tuning can be heard.
+        """
+        trained = self.definition.string
+        if trained is None:
+            return self
+        own, known = open_frequency(string), open_frequency(trained)
+        if not abs(own / known - 1.0) <= MAX_RETUNING:
+            given = f"a string tuned to {own:.1f} Hz for a model"
+            allowed = f"within {100.0 * MAX_RETUNING:.0f} % of {known:.1f} Hz, as it was trained"
+            raise InputError(given, allowed, "tune the sensor, or train one for it")
+        return self if own == known else replace(self, string=retuned(trained, own))
 
     def check(self, signal: Signal, size: Samples | None = None) -> None:
         """Raise `InputError` unless such a signal can be read, in windows of `size` frames; prepare for it.
@@ -98,7 +127,7 @@ class Model:
             reason = self.why_not(window)
             heads = self.definition.heads.items()
             return state, {name: Estimate.abstain(record.task.unit, reason) for name, record in heads}
-        return state, estimates_of(self.definition, outputs, self.corrections)
+        return state, self._at_own_tension(estimates_of(self.definition, outputs, self.corrections))
 
     def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
         """Return the state after a window, and the output of each head, before calibration and correction.
@@ -133,6 +162,21 @@ class Model:
         samples = window.samples
         power = float(np.vdot(samples, samples)) / samples.size
         return "silence" if power < self.definition.quietest**2 else ""
+
+    def _at_own_tension(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+        """Return estimates with forces as of the string's own tension.
+
+        A light press F raises the open frequency by the share E A F^2 x (L - x) / (4 L^2 T^3), so that what
+        sounds alike in relative terms is a force that goes as T^(3/2).
+        """
+        trained = self.definition.string
+        if self.string is None or trained is None:
+            return estimates
+        scale = (self.string.tension / trained.tension) ** 1.5
+        return {
+            name: replace(each, value=scale * each.value, std=scale * each.std) if each.unit == "N" else each
+            for name, each in estimates.items()
+        }
 
     def _check_size(self, size: Samples) -> None:
         trained = self.definition
@@ -171,16 +215,18 @@ class Model:
     def _extractors(self) -> tuple[Extractor, Extractor | None]:
         """The features of a window and of the reference, which are checked to be those of the training."""
         trained = self.definition
-        # The string as designed, as in training: what a source knows of its own string is not used.
         signal = Signal(sample_rate=trained.sample_rate, channels=trained.channels, string=trained.string)
 
         def extractor(record: FeatureRecord, part: str) -> Extractor:
-            prepared = FEATURES.build(record.name, record.options).prepare(signal, trained.window)
+            feature = FEATURES.build(record.name, record.options)
+            prepared = feature.prepare(signal, trained.window)
             _refuse_other_columns(record, prepared.columns)
             probe = self.weights[f"{part}.probe"]
             scale = self.weights[f"{part}.scale"][: probe.shape[1]]
             refuse_another(record.name, probed(prepared, trained.channels, trained.window), probe, scale)
-            return prepared
+            if self.string is None:
+                return prepared
+            return feature.prepare(replace(signal, string=self.string, design=trained.string), trained.window)
 
         reference = trained.reference
         return (
