@@ -20,7 +20,7 @@ LOWEST, HIGHEST = -0.015, 0.008
 The reader of modes takes 0.8 % either way at no cost, and little more above: a press raises the tension, it
 does not lower it. The bundled model has position errors of 0.2 mm from -4 to 0 %, and of 9 mm at +1 %."""
 PRESS_RISE = 0.01
-"""Share by which a press may raise the open frequency of any string; 2 N at the middle of the prototype do."""
+"""Share by which a press may raise the open frequency: 2 N at the middle of the prototype do."""
 KNOWN = "what this model knows"
 
 
