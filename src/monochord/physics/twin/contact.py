@@ -191,6 +191,7 @@ def _solve_plain(
     compliance: float,
     s: float,
     s_old: float,
+    eta_old: float,
     k1: float,
     k2: float,
     residual: float,
@@ -221,11 +222,12 @@ def _solve_plain(
             + 0.5 * residual * (f_slope * secant + (f + f_old) * secant_slope)
         )
         if layer is not None:
-            eta += layer_closure(f, layer)
-            eta_slope += layer.thickness * f_slope / (layer.load + f)
             more, more_slope, energy, energy_slope = _layer_secants(
                 f, f_old, f_slope, secant, secant_slope, layer
             )
+            # The closure from the old one on, which eta_old holds: that saves a logarithm.
+            eta += eta_old - square - residual * f_old + more * (s - s_old)
+            eta_slope += layer.thickness * f_slope / (layer.load + f)
             travel += more
             travel_slope += more_slope
             rise += energy
@@ -351,7 +353,7 @@ def solve(
     if gap <= 0.0 and s_old == 0.0:
         return 0.0, gap, 0.0
     if gap > 0.0 and s_old > 0.0 and start > 0.0:
-        s, eta = _solve_plain(gap, compliance, start, s_old, k1, k2, residual, beta, layer)
+        s, eta = _solve_plain(gap, compliance, start, s_old, eta_old, k1, k2, residual, beta, layer)
         force = (gap - eta) / compliance
         if s > 0.0 and force >= 0.0:
             return s, eta, force

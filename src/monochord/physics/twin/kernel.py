@@ -652,7 +652,8 @@ def _picked_up(plausible: Plausible, index: int) -> tuple[float, float]:
     """Return what the drivers' coils and the mains induce in both microphones, in full scale."""
     chain: ChainParameters = plausible.chain
     first, second = plausible.coils[0].drive, plausible.coils[1].drive
-    hum = interpolated(plausible.hum, (chain.hum_step * index) % 1.0)
+    turns = chain.hum_step * index
+    hum = interpolated(plausible.hum, turns - np.floor(turns))
     return (
         chain.feed_own * first + chain.feed_other * second + chain.hum_1 * hum,
         chain.feed_other * first + chain.feed_own * second + chain.hum_2 * hum,

@@ -45,6 +45,9 @@ MAX_ITERATIONS = 200
 GAUSS = ((-sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (sqrt(0.6), 5.0 / 18.0))
 """Nodes and weights: exact for the mean of a polynomial of degree five."""
 MASK_64 = (1 << 64) - 1
+SMOOTH = r.record_of(LayerParameters, thickness=0.0, load=1.0)[()]
+RIGID = r.record_of(MountParameters, spring=0.0, static=0.0, held=0.0)[()]
+"""What an ideal twin's objects have in place of a rough layer and of a mount."""
 
 
 def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
@@ -176,14 +179,12 @@ def _prepare_touch(
 
 def _layer(plausible: Plausible | None, t: int) -> Any:
     """Return a touch's `LayerParameters`, of no thickness in an ideal twin."""
-    return (
-        np.array([(0.0, 1.0)], r.dtype_of(LayerParameters))[0] if plausible is None else plausible.layers[t]
-    )
+    return SMOOTH if plausible is None else plausible.layers[t]
 
 
 def _mount(plausible: Plausible | None, t: int) -> Any:
     """Return a touch's `MountParameters`, rigid in an ideal twin."""
-    return np.zeros(1, r.dtype_of(MountParameters))[0] if plausible is None else plausible.mounts[t]
+    return RIGID if plausible is None else plausible.mounts[t]
 
 
 def _closed(force: float, layer: LayerParameters) -> float:
