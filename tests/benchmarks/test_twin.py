@@ -33,6 +33,13 @@ def test_compiling_is_worth_it(rows: dict[str, Row]) -> None:
     assert full.value < 0.05 * slow.value
 
 
+def test_a_plausible_world_stands_beside_the_ideal_one(rows: dict[str, Row]) -> None:
+    row = rows["full in the world plausible, wall/audio"]
+    assert row.baseline == "full, ideal"
+    assert row.ratio is not None
+    assert 0.8 < row.ratio < 2.5  # measured: 1.4 over longer stretches
+
+
 def test_many_are_timed_on_one_core_and_on_all(rows: dict[str, Row]) -> None:
     cores = len(os.sched_getaffinity(0))
     many, share = rows["3 touched twins, wall/audio"], rows[f"share of {cores} cores used"]
@@ -44,9 +51,10 @@ def test_many_are_timed_on_one_core_and_on_all(rows: dict[str, Row]) -> None:
 
 def test_no_row_but_these(rows: dict[str, Row]) -> None:
     names = [*(f"{name}, wall/audio" for name in PARTS), "full, wall/audio again"]
+    names += ["full in the world plausible, wall/audio"]
     names += ["paper's FDTD, wall/audio", "un-jitted reference, wall/audio"]
-    assert [*rows][:7] == names
-    assert len(rows) == 9
+    assert [*rows][:8] == names
+    assert len(rows) == 10
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ changes, where the kernel predicts, corrects and stops early.
 from collections.abc import Callable
 from dataclasses import replace
 from math import cosh, exp, floor, hypot, log1p, pi, sqrt, tanh
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,9 +45,15 @@ MAX_ITERATIONS = 200
 GAUSS = ((-sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (sqrt(0.6), 5.0 / 18.0))
 """Nodes and weights: exact for the mean of a polynomial of degree five."""
 MASK_64 = (1 << 64) - 1
-SMOOTH = r.record_of(LayerParameters, thickness=0.0, load=1.0)[()]
 RIGID = r.record_of(MountParameters, spring=0.0, static=0.0, held=0.0)[()]
-"""What an ideal twin's objects have in place of a rough layer and of a mount."""
+"""What holds an ideal twin's objects."""
+
+
+class Layer(NamedTuple):
+    """A rough layer's u0 in m and F0 in N, as plain numbers: those of records are slow to read."""
+
+    thickness: float
+    load: float
 
 
 def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
@@ -177,9 +183,12 @@ def _prepare_touch(
         own.height = _height(touch, own, _surface_seed(constants, t))
 
 
-def _layer(plausible: Plausible | None, t: int) -> Any:
-    """Return a touch's `LayerParameters`, of no thickness in an ideal twin."""
-    return SMOOTH if plausible is None else plausible.layers[t]
+def _layer(plausible: Plausible | None, t: int) -> Layer:
+    """Return a touch's rough layer, of no thickness in an ideal twin."""
+    if plausible is None:
+        return Layer(thickness=0.0, load=1.0)
+    layer: LayerParameters = plausible.layers[t]
+    return Layer(thickness=float(layer.thickness), load=float(layer.load))
 
 
 def _mount(plausible: Plausible | None, t: int) -> Any:
@@ -187,7 +196,7 @@ def _mount(plausible: Plausible | None, t: int) -> Any:
     return RIGID if plausible is None else plausible.mounts[t]
 
 
-def _closed(force: float, layer: LayerParameters) -> float:
+def _closed(force: float, layer: Layer) -> float:
     """Return by how much a rough layer closes, in m."""
     return layer.thickness * log1p(force / layer.load)
 
@@ -420,7 +429,7 @@ def _pressed(
     compliance: float,
     own: ContactState,
     touch: TouchParameters,
-    layer: LayerParameters,
+    layer: Layer,
     step: float,
 ) -> tuple[float, float, float]:
     """Solve eta + compliance force(eta) = gap for one touch; return s, eta and the force held over the step.
@@ -467,7 +476,7 @@ def _elastic(s: float, k1: float, k2: float) -> float:
     return k1 * s**2 + k2 * s**3
 
 
-def _approach(s: float, k1: float, k2: float, residual: float, layer: LayerParameters) -> float:
+def _approach(s: float, k1: float, k2: float, residual: float, layer: Layer) -> float:
     """Return eta in m: compression s^2, deflection of the modes beyond the bank, and closure of the layer."""
     return s**2 + residual * _elastic(s, k1, k2) + _closed(_elastic(s, k1, k2), layer)
 
