@@ -8,6 +8,7 @@ import pytest
 
 from monochord.cli import run
 from monochord.evaluation.results import read_results
+from monochord.physics.sensors import SensorTuning, sensor_toml
 
 PLAN = """
 sensor = "prototype"
@@ -23,10 +24,16 @@ days = [10]
 """
 
 
-@pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("sessions")
-    (folder / "plan.toml").write_text(PLAN, encoding="utf-8")
+@pytest.fixture(scope="module", params=["prototype", "tuned"])
+def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session of the prototype, or of one that is recorded as tuned 5 % below nominal."""
+    folder, sensor = tmp_path_factory.mktemp("sessions"), "prototype"
+    if request.param == "tuned":
+        sensor = str(folder / "sensor.toml")
+        text = sensor_toml("prototype", SensorTuning(open_frequency=960.0))
+        Path(sensor).write_text(text, encoding="utf-8")
+    plan = PLAN.replace("prototype", sensor)
+    (folder / "plan.toml").write_text(plan, encoding="utf-8")
     assert run(["collect", str(folder / "plan.toml"), "--out", str(folder)]) == 0
     (file,) = folder.glob("*.mcap")
     return file
@@ -51,5 +58,7 @@ def test_every_estimate_is_the_same(
             live = np.array([line_of[start][key] for start in starts], dtype=float)
             np.testing.assert_array_equal(columns[name], live, strict=True)
     assert np.isfinite(results.value["position"]).sum() > 10
+    settled = results.truth["settled"] == 1.0
+    assert np.nanmax(np.abs(results.value["position"] - results.truth["position"])[settled]) < 2e-3
     reasons = [results.reasons[number] for number in results.why["position"].tolist()]
     assert reasons == [line_of[start]["why_not"] for start in starts]

@@ -22,6 +22,7 @@ from monochord.datasets.build import (
 from monochord.datasets.kinds import KINDS, table_of
 from monochord.datasets.split import PARTS, Split, refuse_impossible, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
+from monochord.perception.tuning.sessions import heard_tension
 from monochord.sessions import Description, read_session
 
 SPLIT_FILE = "split.json"
@@ -87,7 +88,7 @@ def build(
     _refuse_split(by or _default_split(len(files)), files, held_out)
     options = BuildOptions(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
     with progress_bar() as progress:
-        dataset = build_dataset(files, out, options, progress)
+        dataset = build_dataset(files, out, options, progress, heard_tension)
     for line in dataset.manifest.refused.values():
         echo(f"left out: {line}", err=True)
     by = by or _default_split(len(dataset.manifest.parts))

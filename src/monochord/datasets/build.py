@@ -15,7 +15,8 @@ from monochord.core import labels as label_rules
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
-from monochord.core.units import Samples, Seconds
+from monochord.core.types import Audio, StringParams
+from monochord.core.units import Newtons, Samples, Seconds
 from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
 from monochord.datasets.manifest import TABLE, Manifest, Part, audio_name, file_checksum
@@ -30,7 +31,7 @@ from monochord.datasets.store import (
     write_table,
 )
 from monochord.datasets.truth import SessionTruth, truth_of
-from monochord.sessions import AudioTrack, SessionReader, read_session
+from monochord.sessions import TUNING, AudioTrack, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
 
 FULL_SCALE = 1.0 - 2.0**-15
@@ -38,6 +39,8 @@ FULL_SCALE = 1.0 - 2.0**-15
 Labelling: TypeAlias = Literal["", "recorded", "measured"]
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with the name of each session, how many are done, and how many there are."""
+Listen: TypeAlias = Callable[[Audio, int, StringParams], Newtons | None]
+"""Returns the tension that sound (channels, n) at a rate tells of a string of this design, if it does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +107,7 @@ def build_dataset(
     out: Path,
     options: BuildOptions = DEFAULT_OPTIONS,
     progress: Progress = lambda *_: None,
+    listen: Listen = lambda *_: None,
 ) -> Dataset:
     """Return the dataset that sessions make, written to the new folder `out`; `store` tells what is in it.
 
@@ -122,6 +126,8 @@ def build_dataset(
         How; the usual ones by default.
     progress
         Called before each session, and at the end.
+    listen
+        Tells the tension of the string from the sound of sessions that were recorded without a tuning.
 
     Raises
     ------
@@ -143,7 +149,7 @@ def build_dataset(
         )
     files = named_sessions(sessions)
     with part_folder(out) as part:
-        writer = _Writer(part, options)
+        writer = _Writer(part, options, listen)
         for done, (name, path) in enumerate(files.items()):
             progress(name, done, len(files))
             writer.add(name, path)
@@ -179,8 +185,8 @@ def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
 class _Writer:
     """A dataset that is being written into an empty folder, session by session."""
 
-    def __init__(self, folder: Path, options: BuildOptions) -> None:
-        self.folder, self.options = folder, options
+    def __init__(self, folder: Path, options: BuildOptions, listen: Listen) -> None:
+        self.folder, self.options, self.listen = folder, options, listen
         self.parts: list[Part] = []
         self.files: dict[str, FileSums] = {}
         self.tables: list[dict[str, NDArray[Any]]] = []
@@ -215,6 +221,7 @@ class _Writer:
         self.columns.append(_labels(session.audio, truth, starts, size, options.rules))
         late = truth.alignment.lateness.get(AUDIO)
         description = session.description
+        tension, tuned = self._tension_of(session)
         self.parts.append(
             Part(
                 name=name,
@@ -236,6 +243,8 @@ class _Writer:
                 complete=session.complete,
                 late=late.offsets[0].value if late and late.offsets[0].known else None,
                 flags=truth.alignment.flags,
+                tension=tension,
+                tuned=tuned,
             )
         )
 
@@ -270,6 +279,16 @@ class _Writer:
             forced=self.options.force,
             versions={name: version(name) for name in ("monochord", "numpy")},
         ).write(self.folder)
+
+    def _tension_of(self, session: SessionReader) -> tuple[Newtons | None, str | None]:
+        """Return the tension of a session's string at rest, and where it is known from."""
+        description = session.description
+        if description.string is None:
+            return None, None
+        if TUNING in description.more:
+            return description.string.tension, "recorded"
+        heard = self.listen(session.audio.samples, description.sample_rate, description.string)
+        return heard, None if heard is None else "heard"
 
     def _rate_of(self, name: str, session: SessionReader) -> int:
         """Return the session's rate; refuse one that differs from those before."""

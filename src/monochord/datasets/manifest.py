@@ -13,7 +13,7 @@ import numpy as np
 from monochord.core.config import from_tree, load_json, to_tree
 from monochord.core.errors import InputError
 from monochord.core.labels import Rules
-from monochord.core.units import Metres, Samples, Seconds
+from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.datasets.checksums import BLOCK, REMEDY, FileSums
 from monochord.datasets.measured import Thresholds
 
@@ -44,7 +44,8 @@ class Part:
     rows of the table, from row `first` on. `labels` says where they come from: "recorded" or "measured".
     `late` is by how much its sound was late at its begin, in s, where it has taps, and `flags` are what its
     alignment was warned of, where it was taken all the same. `music` is what sounded in the room, empty for
-    nothing, and None where that is unknown.
+    nothing, and None where that is unknown. `tension` is that of its string at rest, in N, where it is known:
+    `tuned` says whether it was "recorded" with the sensor as tuned, or "heard" in the untouched beginning.
     """
 
     name: str
@@ -66,6 +67,8 @@ class Part:
     complete: bool = True
     late: Seconds | None = None
     flags: tuple[str, ...] = ()
+    tension: Newtons | None = None
+    tuned: str | None = None
 
     @property
     def body(self) -> str:

@@ -19,7 +19,7 @@ from monochord.perception.estimators.base import Estimator
 
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with what is replayed, how many sessions are done, and how many there are."""
-MUSIC = "music"
+MUSIC, RECORDED = "music", "recorded"
 AMBIENT_NOISE: Mapping[str, str] = {"music*": MUSIC}
 """Noise present during the recording, by pattern of session name, of sessions that do not state it."""
 
@@ -48,6 +48,13 @@ class Selection:
         """The signal that an estimator is prepared for."""
         manifest = self.dataset.manifest
         return Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=self.string)
+
+    def signal_of(self, session: int) -> Signal:
+        """Return the signal of a session: with its string as tuned, where that was recorded, as live."""
+        part = self.dataset.manifest.parts[session]
+        if self.string is None or part.tension is None or part.tuned != RECORDED:
+            return self.signal
+        return replace(self.signal, string=replace(self.string, tension=part.tension))
 
     @property
     def sessions(self) -> list[int]:
@@ -108,7 +115,7 @@ def replay(
     estimates: list[Estimates] = []
     for done, session in enumerate(sessions):
         progress(dataset.manifest.parts[session].name, done, len(sessions))
-        estimate = estimator.prepare(selection.signal, dataset.manifest.window)
+        estimate = estimator.prepare(selection.signal_of(session), dataset.manifest.window)
         wanted = set(rows[dataset.session[rows] == session].tolist())
         audio = disturbed_audio(dataset, session, disturbance)
         for row, window in _windows(dataset, session, audio, max(wanted)):

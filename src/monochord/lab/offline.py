@@ -23,7 +23,8 @@ from monochord.core.types import POSE, WRENCH, Block, Feed, Floats, Readings
 from monochord.core.units import Samples, Seconds
 from monochord.lab.plan import Assignment
 from monochord.lab.render import Rendering, pieces
-from monochord.sessions import Description, SessionClock, SessionWriter, read_session
+from monochord.physics.sensors import sensor_tuning
+from monochord.sessions import TUNING, Description, SessionClock, SessionWriter, read_session
 
 BATCH: Seconds = 0.01
 """Duration of the readings that a computer takes from its socket at once."""
@@ -206,6 +207,9 @@ def describe(session: Assignment) -> Description:
         "world": session.world,
         "second": repr(group.second),
     }
+    tuning = sensor_tuning(plan.sensor)
+    if tuning:
+        more[TUNING] = json.dumps(to_tree(tuning), sort_keys=True)
     return Description(
         name=session.name,
         sample_rate=plan.sample_rate,

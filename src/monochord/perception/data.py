@@ -169,9 +169,7 @@ class LabelledData:
         signal = Signal(
             sample_rate=manifest.sample_rate, channels=manifest.channels, string=load_sensor(sensor).string
         )
-        extractor = FEATURES.build(feature, options).prepare(signal, manifest.window)
-        cache = self.dataset.path / "features"
-        table = Rows(dataset=self.dataset, name=feature, options=options, extractor=extractor, folder=cache)
+        table = Rows.prepared(self.dataset, signal, feature, options, self.dataset.path / "features")
         parts = np.full(len(self.dataset), "", dtype="<U10")
         for name, members in self.split.parts.items():
             parts[members] = name

@@ -21,6 +21,8 @@ from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_SAMPLE_RATE
 NANO = 1_000_000_000
 LATEST_STAMP = 2**31 * NANO
 """Where the seconds of a ROS 2 stamp end, in ns since 1970."""
+TUNING = "tuning"
+"""Name under `more` of what a sensor's tuning was measured to be, where it was recorded as tuned."""
 RESERVED_STREAMS = ("audio", "events", "clocks", "description")
 """Names that streams of readings cannot have."""
 

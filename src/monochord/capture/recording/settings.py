@@ -1,5 +1,6 @@
 """The settings of a recording, and the job that is built from them."""
 
+import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -17,8 +18,8 @@ from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Feed, Signal
 from monochord.core.units import Metres, Seconds
-from monochord.physics.sensors import load_sensor
-from monochord.sessions import Description
+from monochord.physics.sensors import load_sensor, sensor_tuning
+from monochord.sessions import TUNING, Description
 
 
 def kind_of(name: str, table: Mapping[str, Any]) -> str:
@@ -43,8 +44,8 @@ class Describer(Protocol):
 class About:
     """The subject of a recording, as stored in its session; the fields are those of `sessions.Description`.
 
-    `sensor` names a preset, or a TOML file in its format. `simulated` marks data that did not come from
-    hardware; a source that knows its own string is a simulation anyway.
+    `sensor` names a preset, or a TOML file in its format, such as that of a sensor as tuned. `simulated`
+    marks data that did not come from hardware; a source that knows its own string is a simulation anyway.
     """
 
     object: str = ""
@@ -60,6 +61,7 @@ class About:
     def describe(self, name: str, signal: Signal, feeds: tuple[Feed, ...]) -> Description:
         """Return the description of a session called `name`; raises `InputError` for an unknown sensor."""
         sensor = load_sensor(self.sensor) if self.sensor else None
+        tuning = sensor_tuning(self.sensor)
         return Description(
             name=name,
             sample_rate=signal.sample_rate,
@@ -75,6 +77,7 @@ class About:
             plan=self.plan,
             notes=self.note,
             feeds=feeds,
+            more={TUNING: json.dumps(to_tree(tuning), sort_keys=True)} if tuning else {},
         )
 
 

@@ -12,13 +12,9 @@ from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import Model, ModelState, load
 from monochord.perception.tuning import OwnString, TunerState
+from monochord.perception.tuning.sessions import HIGHEST, LOWEST
 from monochord.physics.theory import open_frequency
 
-LOWEST, HIGHEST = -0.015, 0.008
-"""Shares by which the open frequency may lie off the known one.
-
-The reader of modes takes 0.8 % either way at no cost, and little more above: a press raises the tension, it
-does not lower it. The bundled model has position errors of 0.2 mm from -4 to 0 %, and of 9 mm at +1 %."""
 PRESS_RISE = 0.01
 """Share by which a press may raise the open frequency: 2 N at the middle of the prototype do."""
 KNOWN = "what this model knows"

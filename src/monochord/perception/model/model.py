@@ -17,6 +17,7 @@ from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.network import Network, Output, estimates_of, probability
 from monochord.perception.model.probe import probed, refuse_another
+from monochord.perception.tuning.sessions import force_scale
 from monochord.physics.sensors import retuned
 from monochord.physics.theory import open_frequency
 
@@ -166,13 +167,12 @@ class Model:
     def _at_own_tension(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates with forces as of the string's own tension.
 
-        A light press F raises the open frequency by the share E A F^2 x (L - x) / (4 L^2 T^3), so that what
-        sounds alike in relative terms is a force that goes as T^(3/2).
+        What sounds alike in relative terms is another force there; training does the contrary with labels.
         """
         trained = self.definition.string
         if self.string is None or trained is None:
             return estimates
-        scale = (self.string.tension / trained.tension) ** 1.5
+        scale = force_scale(self.string, trained)
         return {
             name: replace(each, value=scale * each.value, std=scale * each.std) if each.unit == "N" else each
             for name, each in estimates.items()

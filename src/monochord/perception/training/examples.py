@@ -13,7 +13,6 @@ from monochord.core.types import Audio, Flags, Floats, Indices, Signal
 from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset
-from monochord.perception.features import FEATURES
 from monochord.perception.features.base import SupportsCompliance
 from monochord.perception.heads.base import CONTACT, Task
 from monochord.perception.model.context import ModelState, context_row, step
@@ -21,6 +20,7 @@ from monochord.perception.model.definition import Definition, FeatureRecord, Hea
 from monochord.perception.model.probe import probed
 from monochord.perception.training.rows import Noise, Progress, Rows
 from monochord.perception.training.settings import TrainingSettings
+from monochord.perception.tuning.sessions import force_scales
 from monochord.physics.sensors import load_sensor
 
 MIN_DEVIATION = 1e-6
@@ -84,9 +84,8 @@ def training_data(settings: TrainingSettings, dataset: Dataset, split: Split) ->
     folder = settings.cache or dataset.path / "features"
 
     def rows_of(name: str, options: dict[str, Any]) -> tuple[Rows, FeatureRecord]:
-        extractor = FEATURES.build(name, options).prepare(signal, manifest.window)
-        rows = Rows(dataset=dataset, name=name, options=options, extractor=extractor, folder=folder)
-        return rows, FeatureRecord(name=name, options=options, columns=extractor.columns)
+        rows = Rows.prepared(dataset, signal, name, options, folder)
+        return rows, FeatureRecord(name=name, options=options, columns=rows.extractor.columns)
 
     feature, record = rows_of(*settings.feature_named())
     rule = settings.context.rule() if settings.context.on else None
@@ -218,19 +217,26 @@ def assembled(
     tasks: Mapping[str, Task],
     base: Sequence[Audio],
     context: Sequence[Audio],
+    force_scales: Floats | None = None,
 ) -> Examples:
-    """Return the examples of windows `rows` (n,), from their features and references, copy by copy."""
+    """Return the examples of windows `rows` (n,), from their features and references, copy by copy.
+
+    Labels in N are divided by `force_scales` (windows of the dataset,): those of strings that are tuned
+    otherwise than the design become as of its tension.
+    """
     masks = masks_of(dataset, tasks)
+
+    def label(task: Task) -> Floats:
+        values = dataset.label(task.label)
+        return values if force_scales is None or task.unit != "N" else values / force_scales
+
     return Examples(
         rows=rows,
         session=dataset.session[rows].astype(np.int64),
         touch=touches_of(dataset)[rows],
         base=np.stack(base),
         context=np.stack(context),
-        labels={
-            name: np.where(masks[name][rows], dataset.label(task.label)[rows], 0.0)
-            for name, task in tasks.items()
-        },
+        labels={name: np.where(masks[name][rows], label(task)[rows], 0.0) for name, task in tasks.items()},
         masks={name: masks[name][rows] for name in tasks},
     )
 
@@ -260,7 +266,9 @@ def examples_of(
         features = dict(zip(quiet.tolist(), data.reference.of(quiet, noise, progress), strict=True))
         whole = references(dataset, stream, contact, rule, features)
         context.append(whole[np.searchsorted(stream, rows)])
-    return assembled(dataset, rows, data.tasks, base, context)
+    design = data.definition.string
+    scales = force_scales(dataset, design) if design else None
+    return assembled(dataset, rows, data.tasks, base, context, scales)
 
 
 def with_objects(data: TrainingData, examples: Examples, settings: TrainingSettings) -> Examples:

@@ -8,23 +8,25 @@ changed is computed again, and so is a damaged file: behind the array is its SHA
 import hashlib
 import json
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Indices
+from monochord.core.types import Audio, Indices, Signal
 from monochord.core.units import Samples
 from monochord.datasets.augment import Augmentation
 from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.store import Dataset
+from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.probe import probed
+from monochord.perception.tuning.sessions import own_strings
 
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and of how much."""
@@ -45,13 +47,43 @@ class Noise:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """A feature on a dataset, by the name and the options that the feature was built from."""
+    """A feature on a dataset, by the name and the options that the feature was built from.
+
+    `own` are the extractors of sessions whose string is tuned otherwise than the design, by their number, and
+    `extractor` is that of all others.
+    """
 
     dataset: Dataset
     name: str
     options: dict[str, object]
     extractor: Extractor
     folder: Path
+    own: Mapping[int, Extractor] = field(default_factory=dict[int, Extractor])
+
+    @classmethod
+    def prepared(
+        cls, dataset: Dataset, signal: Signal, name: str, options: dict[str, Any], folder: Path
+    ) -> "Rows":
+        """Return the feature of a dataset, relative to the string of each session as it is tuned.
+
+        Raises
+        ------
+        InputError
+            For an unknown feature, or options or a signal that it refuses.
+        """
+        feature, size, design = FEATURES.build(name, options), dataset.manifest.window, signal.string
+        strings = own_strings(dataset, design) if design else {}
+        return cls(
+            dataset=dataset,
+            name=name,
+            options=options,
+            extractor=feature.prepare(signal, size),
+            folder=folder,
+            own={
+                number: feature.prepare(replace(signal, string=string, design=design), size)
+                for number, string in strings.items()
+            },
+        )
 
     def of(self, rows: Indices, noise: Noise | None = None, progress: Progress = lambda *_: None) -> Audio:
         """Return the feature (k, columns) float32 of k windows, from disk as far as it is there.
@@ -82,7 +114,7 @@ class Rows:
             windows = self.dataset.batch(some)
             if noise is not None:
                 windows = noise.augmentation(windows, some, epoch=noise.copy)
-            batch = self.extractor(windows)
+            batch = self._features(windows, some)
             if batch.shape != (len(some), shape[1]) or not np.isfinite(batch).all():
                 given = f"feature '{self.name}' with rows {batch.shape} or values that are not finite"
                 raise InputError(given, f"finite rows {(len(some), shape[1])}", "correct the feature")
@@ -94,6 +126,17 @@ class Rows:
         os.replace(part, file)  # noqa: PTH105  (another run may have written the same)
         return result
 
+    def _features(self, windows: Audio, rows: Indices) -> Audio:
+        """Return the feature of windows (n, channels, size), each by the extractor of its session."""
+        session = self.dataset.session[rows]
+        if not self.own or not np.isin(session, list(self.own)).any():
+            return self.extractor(windows)
+        result = np.empty((len(rows), len(self.extractor.columns)), np.float32)
+        for number in np.unique(session).tolist():
+            chosen = session == number
+            result[chosen] = self.own.get(number, self.extractor)(windows[chosen])
+        return result
+
     def _key(self, rows: Indices, noise: Noise | None) -> str:
         about = {
             "feature": self.name,
@@ -103,6 +146,7 @@ class Rows:
             "window": self.dataset.manifest.window,
             "dataset": file_checksum(self.dataset.path / FILE),
             "noise": None if noise is None else {"copy": noise.copy, **to_tree(noise.augmentation)},
+            **({"own": sorted(self.own)} if self.own else {}),
             "rows": hashlib.sha256(np.ascontiguousarray(rows, np.int64).tobytes()).hexdigest(),
         }
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:32]

@@ -1,0 +1,104 @@
+"""Training on sessions whose strings are tuned otherwise: features and forces relative to each own string."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.lab.tiny import session, tiny
+
+from monochord.core.types import Signal
+from monochord.datasets.build import build_dataset
+from monochord.datasets.store import Dataset
+from monochord.lab.offline import make
+from monochord.perception.training.examples import examples_of, training_data
+from monochord.perception.training.rows import Rows
+from monochord.perception.training.settings import TrainingSettings
+from monochord.perception.tuning.sessions import force_scales, heard_tension, own_strings
+from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
+
+DESIGN = load_sensor("prototype").string
+OWN = 0.95
+"""Tuning of the second and third session, as a share of the design's pitch."""
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Three sessions: of the design, of it recorded as tuned 5 % lower, and so without being recorded as such."""
+    folder, paths = tmp_path_factory.mktemp("tuned"), list[Path]()
+    recorded, unknown = folder / "recorded.toml", folder / "unknown.toml"
+    recorded.write_text(
+        sensor_toml("prototype", SensorTuning(open_frequency=OWN * 1010.565)), encoding="utf-8"
+    )
+    unknown.write_text(_own_design(), encoding="utf-8")
+    for name, sensor in (("a", "prototype"), ("b", str(recorded)), ("c", str(unknown))):
+        (folder / name).mkdir()
+        made = make(session("hold_000", tiny(sensor=sensor)), folder / name)
+        paths.append(made.path.rename(folder / f"{name}.mcap"))
+    return build_dataset(paths, folder / "dataset", listen=heard_tension)
+
+
+def _own_design() -> str:
+    """Return the file of a design like the prototype's, tuned lower."""
+    from importlib.resources import files
+
+    text = (files("monochord.physics.sensors") / "prototype.toml").read_text(encoding="utf-8")
+    return f"{text}\n[override]\ntension = {OWN**2 * DESIGN.tension}\n"
+
+
+def test_each_session_has_its_tension(dataset: Dataset) -> None:
+    first, second, third = dataset.manifest.parts
+    assert (first.tuned, second.tuned, third.tuned) == ("heard", "recorded", "heard")
+    assert first.tension == pytest.approx(DESIGN.tension, rel=0.01)
+    for part in (second, third):
+        assert part.tension == pytest.approx(OWN**2 * DESIGN.tension, rel=0.01)
+
+
+def test_those_that_are_off_are_relative_to_their_own(dataset: Dataset) -> None:
+    strings = own_strings(dataset, DESIGN)
+    assert [*strings] == [1, 2]  # the first is near enough to be read as of the design, as it is live
+    scales = force_scales(dataset, DESIGN)
+    assert (scales[dataset.session == 0] == 1.0).all()
+    assert scales[dataset.session == 1] == pytest.approx(OWN**3, rel=0.01)
+    signal = Signal(sample_rate=44100, channels=2, string=DESIGN)
+    rows = Rows.prepared(dataset, signal, "closed_form", {}, dataset.path / "features")
+    numbers = np.flatnonzero((dataset.label("contact") == 1.0) & (dataset.label("settled") == 1.0))
+    features, session_of = rows.of(numbers), dataset.session[numbers]
+    column = {name: number for number, name in enumerate(rows.extractor.columns)}
+    for number in range(3):
+        mine = features[session_of == number]
+        assert len(mine) > 3
+        error = mine[:, column["position"]] - dataset.label("position")[numbers][session_of == number]
+        assert np.median(np.abs(error)) < 1e-3
+        assert np.median(mine[:, column["tension"]]) == pytest.approx(DESIGN.tension, rel=0.03)
+        assert abs(np.median(mine[:, column["open"]])) < 12.0
+    again = Rows.prepared(dataset, signal, "closed_form", {}, dataset.path / "features").of(numbers)
+    np.testing.assert_array_equal(features, again)
+
+
+def test_forces_are_as_of_the_designs_tension(dataset: Dataset, tmp_path: Path) -> None:
+    lesson: dict[str, Any] = {
+        "dataset": str(dataset.path),
+        "cache": str(tmp_path),
+        "feature": {"name": "closed_form"},
+        "context": {"on": False},
+        "heads": {"contact": {}, "force": {}},
+    }
+    settings = TrainingSettings.read(lesson)
+    split = _whole(dataset)
+    data = training_data(settings, dataset, split)
+    examples = examples_of(data, split.train, "train")
+    mine = (examples.session == 1) & examples.masks["force"]
+    assert mine.any()
+    expected = (
+        dataset.label("force")[examples.rows[mine]] / force_scales(dataset, DESIGN)[examples.rows[mine]]
+    )
+    np.testing.assert_allclose(examples.labels["force"][mine], expected)
+
+
+def _whole(dataset: Dataset) -> Any:
+    from monochord.datasets.split import split_dataset
+
+    split = split_dataset(dataset, by="session", seed=0)
+    return replace(split, parts={**split.parts, "train": np.arange(len(dataset))})
