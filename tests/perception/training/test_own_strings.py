@@ -25,7 +25,7 @@ OWN = 0.95
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    """Three sessions: of the design, of it recorded as tuned 5 % lower, and so without being recorded as such."""
+    """Three sessions: of the design, of it recorded as tuned 5 % lower, and of one so tuned unrecorded."""
     folder, paths = tmp_path_factory.mktemp("tuned"), list[Path]()
     recorded, unknown = folder / "recorded.toml", folder / "unknown.toml"
     recorded.write_text(
