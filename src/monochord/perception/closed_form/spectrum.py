@@ -41,13 +41,13 @@ class Spectrum(NamedTuple):
     """One window of two microphones.
 
     `samples` (2, n) about their mean, `transform` (2, bins) without a taper, `power` (2, bins) under a Hann
-    taper, frequencies and powers (2, `LINES`) of its strongest `lines`, and `reading`, their modes.
+    taper, frequencies and powers (2, `LINES`) of its strongest `peaks`, and `reading`, their modes.
     """
 
     samples: Floats
     transform: NDArray[np.complex128]
     power: Floats
-    lines: tuple[Floats, Floats]
+    peaks: tuple[Floats, Floats]
     reading: ModeReading
 
 
@@ -127,14 +127,14 @@ class SpectrumAnalyser:
         transform = np.fft.rfft(samples)
         power = hann_power(transform, self.size)
         lowest = LOWEST_LINE * self.nominal
-        lines = strongest_lines(transform, power, self.bin_spacing, lowest, HIGHEST_LINE)
-        reading = modes.read_modes(*lines, power, self.bin_spacing, self.model)
-        return Spectrum(samples, transform, power, lines, reading)
+        peaks = strongest_lines(transform, power, self.bin_spacing, lowest, HIGHEST_LINE)
+        reading = modes.read_modes(*peaks, power, self.bin_spacing, self.model)
+        return Spectrum(samples, transform, power, peaks, reading)
 
     def read_at_any_tuning(self, spectrum: Spectrum, slack: float) -> ModeReading:
         """Return the modes that the lines are if the string may be tuned off nominal by a share `slack`."""
         model = self.model._replace(slack=slack)
-        return modes.read_modes(*spectrum.lines, spectrum.power, self.bin_spacing, model)
+        return modes.read_modes(*spectrum.peaks, spectrum.power, self.bin_spacing, model)
 
     def tuned(self, string: StringParams) -> "SpectrumAnalyser":
         """Return the analyser of the same wire under another tension."""
