@@ -119,3 +119,14 @@ def test_a_wrong_model_route_or_length_is_refused() -> None:
         SIMULATORS.build("split_string", {"route": "modl"})
     with pytest.raises(InputError, match=r"0\.01 to 600 s"):
         twin(seconds=0.001)
+
+
+def test_the_twin_sounds_otherwise_in_a_plausible_world() -> None:
+    ideal, plausible, other = (
+        twin(*assignments) for assignments in ((), ("world=plausible",), ("world=plausible", "seed=1"))
+    )
+    for one, another in ((ideal, plausible), (plausible, other)):
+        assert abs(one.microphones - another.microphones).max() > 0.01
+        assert one.summary["felt"] == pytest.approx(another.summary["felt"], rel=0.05)
+    with pytest.raises(InputError, match="world"):
+        twin("world=real")

@@ -50,6 +50,15 @@ def test_a_drawn_twin_stays_sound_for_long(seed: int) -> None:
     refuse_the_impossible(drawn.twin(seed, 20.0, halves=(HALF_SIZES[seed % len(HALF_SIZES)],)), 20.0)
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("seed", range(2000, 2020))
+def test_a_drawn_plausible_twin_stays_sound_for_long(seed: int) -> None:
+    refuse_the_impossible(
+        drawn.plausible_twin(seed, 20.0, halves=(HALF_SIZES[seed % len(HALF_SIZES)],)), 20.0
+    )
+
+
 def test_a_string_too_fast_for_its_rate_is_refused() -> None:
     from dataclasses import replace
 

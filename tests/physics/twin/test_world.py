@@ -127,7 +127,7 @@ def test_each_effect_is_a_switch_that_leaves_the_others(name: str) -> None:
         drawn = [[plausible_build(DESIGN, s, e) for s in range(8)] for e in (alone, without, Effects())]
         parts = {
             "ends": lambda s: s.ends,
-            "level": lambda s: [d.level for d in s.drivers],
+            "level": lambda s: ([d.level for d in s.drivers], s.pickups.gain),
             "asymmetry": lambda s: [d.bias for d in s.drivers],
             "magnets": lambda s: [d.pull for d in s.drivers],
             "distortion": lambda s: s.pickups.distortion,
@@ -209,6 +209,15 @@ def test_presses_in_it_are_what_was_asked_for() -> None:
         twin = begin(sensor, Scene(touches=(pressed,), drivers=(False, False)), seed=seed)
         force = advance(twin, 22050)[0].labels.force[0, -1]
         assert force == pytest.approx(1.0, rel=0.06)
+
+
+def test_preamplifiers_are_turned_down_for_the_louder_driver() -> None:
+    for seed in range(8):
+        sensor = plausible_build(DESIGN, seed, only("level"))
+        louder = max(1.0, *(driver.level for driver in sensor.drivers))
+        assert sensor.pickups.gain == pytest.approx([gain / louder for gain in DESIGN.pickups.gain])
+        sound = advance(begin(sensor, Scene(pluck=Pluck(position=0.04, height=1e-4))), 22050)[0].microphones
+        assert np.mean(np.abs(sound[:, 11025:]) >= 1.0) == 0.0
 
 
 def test_an_untouched_string_sounds_in_it_and_at_its_pitch() -> None:

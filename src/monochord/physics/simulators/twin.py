@@ -15,6 +15,7 @@ from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.simulators.base import Case, Simulator, Sound
 from monochord.physics.theory import TensionLaw, mixing_matrix, open_frequency, segment_frequencies
 from monochord.physics.twin import Ebow, Key, Pluck, Scene, Sensor, Take, Touch, advance, begin
+from monochord.physics.twin.world import World, plausible_build, plausible_touch
 
 START_CLEARANCE: Metres = 1e-3
 """Height above the string at which the object begins."""
@@ -35,7 +36,7 @@ class TwinCase:
 
     The string stands in `sensor`, see `monochord.physics.twin.Sensor`. `material` is a preset's name or file,
     `across` the speed in m/s at which the object moves across the string, `drivers` which are on, and `pluck`
-    the initial shape of the string.
+    the initial shape of the string. `world` is "ideal" or "plausible", whose effects are drawn by `seed`.
     """
 
     sensor: Sensor
@@ -46,6 +47,7 @@ class TwinCase:
     drivers: tuple[bool, bool] = (True, True)
     pluck: Pluck | None = None
     seed: int = 0
+    world: World = "ideal"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,8 +165,12 @@ def _simulate(setup: TwinCase, frames: Samples, rate: int) -> Take:
             Key(time=CONTACT_TIME + PRESS_TIME, position=place, force=force, across=setup.across),
         )
         touches = (Touch(material=load_material(setup.material), motion=motion),)
+    sensor = setup.sensor
+    if setup.world == "plausible":
+        sensor = plausible_build(sensor, setup.seed)
+        touches = tuple(plausible_touch(touch, setup.seed) for touch in touches)
     scene = Scene(touches=touches, pluck=setup.pluck, drivers=setup.drivers, tension_law=setup.tension_law)
-    return advance(begin(setup.sensor, scene, sample_rate=rate, seed=setup.seed), frames)[0]
+    return advance(begin(sensor, scene, sample_rate=rate, seed=setup.seed), frames)[0]
 
 
 def _after_the_transient(take: Take) -> Samples:

@@ -342,23 +342,18 @@ def _rub(
 
 
 @inlined
-def _predict(
-    bank: Floats,
-    size: int,
-    step: float,
-    touch: TouchParameters,
-    own: ContactState,
-    solution: ContactSolution,
-    plausible: Plausible | None,
-    t: int,
-) -> float:
+def _predict(sensor: Parameters, state: State, plausible: Plausible | None, size: int, t: int) -> float:
     """Predict the selected touch's force in a step, and return what it adds to the stretch sum, in m^2."""
-    height, compliance, cross, square = string.predict(bank, size)
+    touch: TouchParameters = sensor.touches[t]
+    own: ContactState = state.contact[t]
+    solution: ContactSolution = state.solution[t]
+    height, compliance, cross, square = string.predict(state.bank, size)
     layer = None if plausible is None else plausible.layers[t]
     if plausible is not None:
         compliance += plausible.mounts[t].held
     gap = solution.surface - height
-    k1, k2, residual, beta = touch.k1, touch.k2, own.residual_compliance, touch.beta / step
+    k1, k2, residual = touch.k1, touch.k2, own.residual_compliance
+    beta = touch.beta / sensor.constants.step
     s = contact.initial_guess(gap, compliance, own.s, own.eta, k1, k2)
     solution.s, _, load = contact.solve(gap, compliance, s, own.s, own.eta, k1, k2, residual, beta, layer)
     solution.force = load
@@ -389,7 +384,7 @@ def _move_touches(
         solution.speed_along = (1.0 - rolls) * travel / (CONTROL_PERIOD * step)
         solution.rolled = rolls * travel / CONTROL_PERIOD
         solution.force_across = 0.0
-        added += _predict(bank, size, step, sensor.touches[t], own, solution, plausible, t)
+        added += _predict(sensor, state, plausible, size, t)
     return added
 
 

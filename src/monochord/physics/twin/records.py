@@ -393,7 +393,8 @@ class State(NamedTuple):
     solution: Records
     """(touches,) `ContactSolution`."""
     mutual: Floats
-    """(2, touches, touches): compliance between touches over a step, normal and tangential, in m/N."""
+    """(2, touches, touches): compliance between touches over a step, normal and tangential, in m/N; that of a
+    touch with itself includes its mount's."""
 
 
 class Plausible(NamedTuple):

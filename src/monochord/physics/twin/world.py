@@ -42,7 +42,8 @@ TUNING = -0.06, 0.06
 TEMPERATURE = 8.0
 """Standard deviation in K since tuning, truncated at 20 K: a sensor in a hall or in a van, assumed."""
 LEVEL = 0.5, 8.0
-"""Of a driver against its design: another EBow, or another height over the string, assumed."""
+"""Of a driver against its design: another EBow, or another height over the string, assumed. The preamplifiers
+are then turned down by the louder one, where that is above 1, as whoever sets them up would do."""
 BIAS = -0.5, 0.5
 """Of a driver's saturation, assumed: a second harmonic of up to -15 dB in its force. The force on a
 magnetised wire goes with the square of the flux."""
@@ -277,12 +278,16 @@ def plausible_touch(touch: Touch, seed: int, effects: Effects = ALL) -> Touch:
 
 def _driver(driver: Ebow, index: int, seed: int, effects: Effects) -> Ebow:
     if effects.level:
-        driver = replace(driver, level=_log_uniform(seed, f"level {index}", LEVEL))
+        driver = replace(driver, level=_level(index, seed))
     if effects.asymmetry:
         driver = replace(driver, bias=_uniform(seed, f"bias {index}", BIAS))
     if effects.magnets:
         driver = replace(driver, pull=_log_uniform(seed, f"pull {index}", PULL))
     return driver
+
+
+def _level(driver: int, seed: int) -> float:
+    return _log_uniform(seed, f"level {driver}", LEVEL)
 
 
 def _end(index: int, seed: int) -> End:
@@ -299,6 +304,9 @@ def _end(index: int, seed: int) -> End:
 
 def _pickups(sensor: Sensor, seed: int, effects: Effects) -> Pickups:
     pickups = sensor.pickups
+    if effects.level:
+        louder = max(1.0, *(_level(driver, seed) for driver in range(2)))
+        pickups = replace(pickups, gain=(pickups.gain[0] / louder, pickups.gain[1] / louder))
     if effects.distortion:
         second, third = (_signed(seed, f"distortion {order}", DISTORTION) for order in (2, 3))
         pickups = replace(pickups, distortion=(second, third))
