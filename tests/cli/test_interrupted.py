@@ -20,7 +20,16 @@ from monochord.lab.plan import assignments
 COMMANDS = {
     "build": ["build", "{home}/hold_000.mcap", "--out", "{out}"],
     "collect": ["collect", "small", "--out", "{out}", "--workers", "2"],
-    "evaluate": ["evaluate", "demo", "--sessions", "{home}/hold_000.mcap", "--suite", "--out", "{out}"],
+    "evaluate": [
+        "evaluate",
+        "demo",
+        "--sessions",
+        "{home}/hold_000.mcap",
+        "--suite",
+        "noise",
+        "--out",
+        "{out}",
+    ],
     "simulate": ["simulate", "prototype", "--model", "twin", "--seconds", "60", "--out", "{out}.wav"],
     "train": ["train", "paper", "--dataset", "{learnable}", "--out", "{out}"],
 }

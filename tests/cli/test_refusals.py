@@ -131,6 +131,13 @@ REFUSED = {
     "evaluate demo --sessions {session} --out {out} --dataset {session}": "--dataset",
     "evaluate demo --sessions {session} --out {out} --feature x": "--feature",
     "evaluate demo --sessions {session} --out {out} --seed 1": "--seed",
+    "evaluate demo --sessions {session} --suite": "write --suite noise",
+    "evaluate demo --sessions {session} --suite --out {out}": "--suite without a name: allowed is noise",
+    "evaluate demo --suite nois": "--suite nois",
+    "evaluate demo --sessions {session} --suite hardware": "beside --suite hardware",
+    "evaluate demo --sessions {session} --quick": "beside --suite hardware",
+    "evaluate demo --suite hardware --only motor": "did you mean 'motors'",
+    "evaluate --suite hardware": "name it: --sensor prototype",
     "evaluate demo --sessions {session} --out {out} --estimator closed_form": "--estimator",
     # simulate, figure, bench, weights, list
     "simulate": "Missing argument 'PRESET'",

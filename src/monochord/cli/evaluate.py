@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from monochord.cli._drawings import drawings
+from monochord.cli._hardware import HardwareRun, hardware_options, test_on_hardware
 from monochord.cli._options import completes, refuse_without, set_option
 from monochord.cli._output import echo, progress_bar
 from monochord.core.config import override
@@ -19,6 +20,10 @@ from monochord.evaluation.select import EvaluationSettings
 from monochord.perception.model.bundled import bundled_names
 
 PARTS = ("test", "validation")
+SUITES = ("noise", "hardware")
+OF_HARDWARE = ("cache", "only", "quick", "workers")
+NOT_OF_HARDWARE = ("dataset", "split", "part", "sessions", "noises")
+"""Parameters that only the hardware suite has, and that it does not have."""
 DEFAULT_ESTIMATOR = "closed_form"
 HEADS = ("windows", "answered", "error", "<= 5 mm", "r", "error", "<= 0.2 N", "r", "contact", "slip area")
 WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
@@ -41,18 +46,26 @@ WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
 @set_option("monochord list estimators")
 @click.option("--sensor", metavar="PRESET", help="Sensor whose string the estimator is given.")
 @click.option("--noise", "noises", multiple=True, metavar="KIND:DB", help="Also test with noise; repeatable.")
-@click.option("--suite", is_flag=True, help="Also test with every kind of noise, at 0 to 25 dB.")
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise."
+    "--suite",
+    metavar="noise|hardware",
+    is_flag=False,
+    flag_value="",
+    help="noise: also test with every kind of noise, at 0 to 25 dB. hardware: test on simulated sensors of "
+    "the same touches, with distortion, noise, other temperature, tuning, drive, builds, contact and ends.",
 )
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise and suite."
+)
+@hardware_options
 @click.option("--baselines/--no-baselines", default=True, show_default=True, help="Ridge and extra trees.")
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results and a report there."
 )
 @click.option(
-    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep rows of the paper's table in FILE."
+    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep rows of the table in FILE, a JSON."
 )
-@click.option("--feature", metavar="NAME", help="Name of these rows.  [default: the feature]")
+@click.option("--feature", metavar="NAME", help="Name of these rows.  [default: the feature, or MODEL]")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def evaluate(
     model: str | None,
@@ -63,6 +76,11 @@ def evaluate(
     estimator: str | None,
     assignments: tuple[str, ...],
     as_json: bool,
+    suite: str | None,
+    cache: Path,
+    only: tuple[str, ...],
+    quick: bool,
+    workers: int | None,
     **options: Any,
 ) -> None:
     """Test MODEL, or the estimator NAME, on sessions that it was not trained on.
@@ -75,7 +93,8 @@ def evaluate(
     \b
     monochord evaluate run --out report --noise music:10
     monochord evaluate demo --sessions monday/*.mcap
-    monochord evaluate --estimator closed_form --dataset dataset --sensor prototype --suite
+    monochord evaluate run --suite hardware --out hardware
+    monochord evaluate --estimator closed_form --dataset dataset --sensor prototype --suite noise
     """  # noqa: D301
     if model is not None and estimator is not None:
         raise InputError(f"model {model} beside --estimator {estimator}", "one of both")
@@ -83,13 +102,26 @@ def evaluate(
         refuse_without("--split or --part beside --sessions", "all of the sessions", "split", "part")
     if rows is None:
         refuse_without("--feature without --rows", "beside --rows, whose name it is", "feature")
-    if not (options["noises"] or options["suite"]):
+    if suite not in (None, *SUITES):
+        given = f"--suite {suite}" if suite else "--suite without a name"
+        raise InputError(given, ", ".join(SUITES), "write --suite noise for every kind of noise")
+    if not (options["noises"] or suite):
         refuse_without("--seed without noise", "beside --noise or --suite, whose it is", "seed")
     settings = EvaluationSettings(
-        model=model, estimator=estimator or DEFAULT_ESTIMATOR, options=override({}, assignments), **options
+        model=model,
+        estimator=estimator or DEFAULT_ESTIMATOR,
+        options=override({}, assignments),
+        suite=suite == "noise",
+        **options,
     )
     if out is not None:
         evaluation.refuse_unwritable(out)
+    if suite == "hardware":
+        refuse_without("sessions or noise beside --suite hardware", "its own sessions", *NOT_OF_HARDWARE)
+        run = HardwareRun(cache=cache, only=only, quick=quick, workers=workers)
+        test_on_hardware(run, settings, name=feature, out=out, rows=rows, as_json=as_json)
+        return
+    refuse_without("--cache, --only, --quick or --workers", "beside --suite hardware", *OF_HARDWARE)
     with progress_bar() as progress:
         outcome = evaluation.evaluate(settings, music=music, progress=progress)
     if out is not None:

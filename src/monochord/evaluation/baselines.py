@@ -7,6 +7,7 @@ augmentation.
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,55 @@ BATCH = 64
 MAX_DEVIATION = 8.0
 """Bound on scaled features, in standard deviations of the training windows, as the model bounds its own: a
 column that hardly varies in training would otherwise carry a linear map anywhere."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Baselines:
+    """Fitted baselines: by name and label the regressor or classifier, on the rows of a feature."""
+
+    feature: Mapping[str, Any]
+    fitted: Mapping[str, Mapping[str, Any]]
+
+    def results(
+        self,
+        selection: Selection,
+        noise: Disturbance | None = None,
+        progress: Progress = lambda *_: None,
+    ) -> dict[str, Results]:
+        """Return the results of every baseline on the selected windows, in noise where there is any.
+
+        The feature is relative to the string of the selection, as the sensor's is tuned there.
+        """
+        rows = _features(selection, prepared(self.feature, selection), noise, progress)
+        usable = selection.dataset.usable[selection.rows]
+        return {
+            name: results_of(selection, _columns(models, rows, usable), name=name, disturbance=noise)
+            for name, models in self.fitted.items()
+        }
+
+
+def fit_baselines(training: Selection, feature: Mapping[str, Any]) -> Baselines:
+    """Return the baselines fitted to usable training windows, on a feature of this name and these options.
+
+    Raises
+    ------
+    InputError
+        If the feature refuses the signal.
+
+    Examples
+    --------
+    ``monochord evaluate`` fits them to the training windows of a model.
+    """
+    step = -(-len(training.rows) // MAX_TRAINING_WINDOWS)
+    fitted = _fitted(training, training.rows[::step], prepared(feature, training))
+    return Baselines(feature=feature, fitted=fitted)
+
+
+def prepared(feature: Mapping[str, Any], selection: Selection) -> Extractor:
+    """Return a feature, by its name and options, for the signal and the windows of a selection."""
+    options = dict(feature)
+    name, size = options.pop("name"), selection.dataset.manifest.window
+    return FEATURES.build(name, options).prepare(selection.signal, size)
 
 
 def baseline_results(
@@ -62,22 +112,12 @@ def baseline_results(
     --------
     ``monochord evaluate`` prints them below the estimator.
     """
-    options = dict(feature)
-    name, size = options.pop("name"), selection.dataset.manifest.window
-    extractor = FEATURES.build(name, options).prepare(selection.signal, size)
-    step = -(-len(training.rows) // MAX_TRAINING_WINDOWS)
-    fitted = _fitted(training, training.rows[::step], extractor)
+    baselines = fit_baselines(training, feature)
     quiet = selection.quiet_part
     conditions: list[tuple[Selection, Disturbance | None]] = [(selection, None)]
     conditions += [(quiet, noise) for noise in noises if quiet]
-    parts: dict[str, list[Results]] = {baseline: [] for baseline in BASELINES}
-    for chosen, noise in conditions:
-        rows = _features(chosen, extractor, noise, progress)
-        usable = chosen.dataset.usable[chosen.rows]
-        for baseline, models in fitted.items():
-            estimates = _columns(models, rows, usable)
-            parts[baseline].append(results_of(chosen, estimates, name=baseline, disturbance=noise))
-    return {baseline: join(each) for baseline, each in parts.items()}
+    parts = [baselines.results(chosen, noise, progress) for chosen, noise in conditions]
+    return {name: join([part[name] for part in parts]) for name in BASELINES}
 
 
 def _features(

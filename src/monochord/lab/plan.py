@@ -12,6 +12,7 @@ from msgspec import Meta
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
+from monochord.lab.deviation import NONE, Deviation
 from monochord.lab.objects import drawn_object
 from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
@@ -210,6 +211,8 @@ class Plan:
         "ideal", or "plausible" for what a real build brings besides, see `monochord.physics.twin.world`.
     effects
         The effects of a plausible world, each a switch.
+    deviation
+        What deviates of every sensor and object beside that, as set by hand.
     epoch
         Begin of day 0, in s since 1970: sessions do not contain the time at which they were made.
     sample_rate, force_rate, pose_rate, label_rate
@@ -234,6 +237,7 @@ class Plan:
     build: int | None = None
     world: World = "ideal"
     effects: Effects = ALL
+    deviation: Deviation = NONE
     epoch: Annotated[int, Meta(ge=0, le=2**31 - 10**8)] = 1_767_225_600
     sample_rate: Annotated[int, Meta(ge=16000, le=192000)] = 44100
     force_rate: Annotated[Hertz, Meta(ge=100.0, le=10000.0)] = 1000.0
@@ -335,7 +339,8 @@ class Assignment:
     def sensor(self) -> Sensor:
         """Return the sensor of this session: this build of the design, on this day."""
         day = None if self.day == 0 else self.day
-        return sensor_of(self.design(), self.world, build=self.build, day=day, effects=self.plan.effects)
+        sensor = sensor_of(self.design(), self.world, build=self.build, day=day, effects=self.plan.effects)
+        return self.plan.deviation.of_sensor(sensor)
 
     def touch(self, motion: tuple[Key, ...]) -> Touch:
         """Return its object, which slides along a motion.
@@ -344,10 +349,10 @@ class Assignment:
         """
         radius = self.radius if self.origin.group.radii else None
         touch = Touch(material=self.material, motion=motion, radius=radius, rolls=False)
-        if self.world == "ideal":
-            return touch
-        own = self.name if self.group.material == DRAWN else f"build {self.build}"
-        return plausible_touch(touch, crc32(f"{self.seed} {own}".encode()), self.plan.effects)
+        if self.world != "ideal":
+            own = self.name if self.group.material == DRAWN else f"build {self.build}"
+            touch = plausible_touch(touch, crc32(f"{self.seed} {own}".encode()), self.plan.effects)
+        return self.plan.deviation.of_touch(touch)
 
     def random(self, purpose: str) -> np.random.Generator:
         """Return random numbers of this session for one purpose."""

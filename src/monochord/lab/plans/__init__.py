@@ -15,7 +15,7 @@ def plan_names() -> list[str]:
     Examples
     --------
     >>> plan_names()
-    ['paper', 'quick', 'small']
+    ['hardware', 'paper', 'quick', 'small']
     """
     return PLANS.names()
 

@@ -1,0 +1,82 @@
+"""Rows of figures as pages in Markdown: one for the hardware suite, one for unseen builds."""
+
+from collections.abc import Iterator, Sequence
+
+from monochord.evaluation.summary import GROSS, SummaryRow
+from monochord.metrics import normal_coverage
+
+HEADS = (
+    "answered", "position", "<= 5 mm", "force", "contact", "slip area", "1 se", "2 se", f"> {GROSS:g} se",
+)  # fmt: skip
+"""Heads of the columns of `cells`."""
+BLANK = "-"
+EXPLAINED = (
+    "Errors are mean absolute ones over touched windows with an estimate; shares are over all touched "
+    "windows, where an abstention is a miss. Under 1 se and 2 se is the share of truths within one and two "
+    f"stated standard errors ({normal_coverage(1.0):.1%} and {normal_coverage(2.0):.1%} where they are "
+    f"right), under > {GROSS:g} se the share of answered windows that are further off: confidently wrong."
+)
+
+
+def cells(row: SummaryRow) -> tuple[str, ...]:
+    """Return the figures of a row as texts, in the order of `HEADS`.
+
+    >>> row = dict.fromkeys(("answered", "position_mae_mm", "position_within_5mm", "force_mae_n"), 1.0)
+    >>> row |= dict.fromkeys(("contact_accuracy", "slip_auc", "coverage_1se", "coverage_2se", "gross_share"))
+    >>> cells(row)
+    ('100.0 %', '1 mm', '100.0 %', '1 N', '-', '-', '-', '-', '-')
+    """
+    return (
+        _share(row["answered"]),
+        _number(row["position_mae_mm"], " mm"),
+        _share(row["position_within_5mm"]),
+        _number(row["force_mae_n"], " N"),
+        _share(row["contact_accuracy"]),
+        BLANK if row["slip_auc"] is None else f"{row['slip_auc']:.3f}",
+        _share(row["coverage_1se"]),
+        _share(row["coverage_2se"]),
+        BLANK if row["gross_share"] is None else f"{100.0 * row['gross_share']:.2f} %",
+    )
+
+
+def hardware_page(rows: Sequence[SummaryRow], figure: str = "") -> str:
+    """Return the rows of the hardware suite as text: a table for each estimator, a line for each condition.
+
+    Parameters
+    ----------
+    rows
+        As `monochord.evaluation.hardware` gives them.
+    figure
+        File of a figure of them beside the page, if there is one.
+
+    Examples
+    --------
+    ``monochord evaluate MODEL --suite hardware --out FOLDER`` writes it as ``hardware.md``.
+    """
+    parts = [
+        "# On sensors as hardware may have them",
+        "",
+        "All sound is simulated: the same touches in every condition, with one thing changed in each. "
+        '"Tuned" means that the string is known as monochord tune hears it. ' + EXPLAINED,
+        "",
+    ]
+    parts += [f"![errors by condition]({figure})", ""] if figure else []
+    for model in dict.fromkeys(row["model"] for row in rows):
+        own = [row for row in rows if row["model"] == model]
+        parts += [f"## {model.replace('_', ' ')}", "", *_table(own), ""]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _table(rows: Sequence[SummaryRow]) -> Iterator[str]:
+    yield "| " + " | ".join(["condition", *HEADS, "windows"]) + " |"
+    yield "|---|" + "---:|" * (len(HEADS) + 1)
+    for row in rows:
+        yield "| " + " | ".join([row["condition"], *cells(row), str(row["n"])]) + " |"
+
+
+def _number(value: float | None, unit: str) -> str:
+    return BLANK if value is None else f"{value:.3g}{unit}"
+
+
+def _share(value: float | None) -> str:
+    return BLANK if value is None else f"{100.0 * value:.1f} %"

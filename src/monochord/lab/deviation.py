@@ -1,0 +1,97 @@
+"""What is wrong with a sensor and its object, a quantity each: faults and conditions of a test, set by hand.
+
+A plausible world draws many effects at once. A deviation states them one by one, for sessions that differ
+from others in nothing else.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+from msgspec import Meta
+
+from monochord.core.units import Hertz
+from monochord.physics.twin import Sensor, Touch
+from monochord.physics.twin.setup import ContactLaw, End, Mount
+from monochord.physics.twin.variation import tension_per_kelvin
+from monochord.physics.twin.world import SIGNAL
+
+END_COMPLIANCE, END_ADMITTANCE = 1e-6, 5e-3
+"""Of an end that yields, in m/N and s/kg: within a plausible world's range, towards the softer ones."""
+END_RESONANCES: tuple[Hertz, Hertz] = (700.0, 1600.0)
+"""Of the two ends: assumed, within a plausible world's range."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deviation:
+    """How the sensor and the object of a session deviate; not at all by default.
+
+    Parameters
+    ----------
+    distortion
+        Second harmonic that the chain adds to a sine of half of full scale, as a share of it.
+    snr
+        Ratio in dB of a usual sound, `SIGNAL`, to the noise of preamplifier and converter; None for the
+        sensor's own.
+    warming
+        Change of the temperature of frame and string, in K.
+    pitch
+        Relative change of the open string's frequency, as of a sensor that was tuned otherwise.
+    drive
+        Factor of both drivers' gain and limit.
+    ends
+        Whether the string's ends yield.
+    spring
+        Stiffness in N/m of a spring in series with the object, below it; None for an object that is held
+        rigidly.
+    linear
+        Whether the contact's force is proportional to its compression, as of a layered print.
+    """
+
+    distortion: Annotated[float, Meta(ge=-0.01, le=0.01)] = 0.0
+    snr: Annotated[float, Meta(ge=0.0, le=120.0)] | None = None
+    warming: Annotated[float, Meta(ge=-60.0, le=60.0)] = 0.0
+    pitch: Annotated[float, Meta(ge=-0.1, le=0.1)] = 0.0
+    drive: Annotated[float, Meta(ge=0.05, le=20.0)] = 1.0
+    ends: bool = False
+    spring: Annotated[float, Meta(ge=1e3, le=1e12)] | None = None
+    linear: bool = False
+
+    def of_sensor(self, sensor: Sensor) -> Sensor:
+        """Return a sensor that deviates so.
+
+        Examples
+        --------
+        >>> from monochord.physics.sensors import load_sensor
+        >>> sensor = load_sensor("prototype")
+        >>> Deviation().of_sensor(sensor) == sensor
+        True
+        >>> round(Deviation(pitch=0.02).of_sensor(sensor).drift, 2)
+        2.63
+        """
+        first, second = (replace(each, level=self.drive * each.level) for each in sensor.drivers)
+        pickups = sensor.pickups
+        if self.distortion:
+            pickups = replace(pickups, distortion=(self.distortion, pickups.distortion[1]))
+        if self.snr is not None:
+            pickups = replace(pickups, hiss=SIGNAL * 10.0 ** (-self.snr / 20.0))
+        drift = sensor.string.tension * ((1.0 + self.pitch) ** 2 - 1.0)
+        drift += self.warming * tension_per_kelvin(sensor)
+        changed = replace(sensor, drivers=(first, second), pickups=pickups, drift=sensor.drift + drift)
+        return replace(changed, ends=_yielding_ends()) if self.ends else changed
+
+    def of_touch(self, touch: Touch) -> Touch:
+        """Return a touch whose object deviates so."""
+        if self.spring is not None:
+            touch = replace(touch, mount=Mount(modes=touch.mount.modes, compliance=1.0 / self.spring))
+        return replace(touch, law=ContactLaw(exponent=1.0)) if self.linear else touch
+
+
+NONE = Deviation()
+
+
+def _yielding_ends() -> tuple[End, End]:
+    first, second = (
+        End(compliance=END_COMPLIANCE, admittance=END_ADMITTANCE, frequency=frequency)
+        for frequency in END_RESONANCES
+    )
+    return first, second
