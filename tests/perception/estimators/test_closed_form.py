@@ -246,9 +246,11 @@ class TestAnotherTuning:
                 assert position.value == pytest.approx(0.072, abs=1e-3)
 
     @pytest.mark.parametrize("ratio", [0.91, 0.955, 1.02, 1.06, 1.09])
-    def test_without_one_it_is_right_or_abstains(self, ratio: float) -> None:
-        signal = Signal(sample_rate=RATE, channels=2, string=self.prototype)
-        estimate = ClosedForm(tension_law="geometric").prepare(signal, SIZE)
+    @pytest.mark.parametrize("known", [True, False])
+    def test_without_one_it_is_right_or_abstains(self, ratio: float, *, known: bool) -> None:
+        signal = Signal(sample_rate=RATE, channels=2, string=self.prototype if known else None)
+        options: dict[str, Any] = {} if known else {"length": 0.2, "open_frequency": 1010.6}
+        estimate = ClosedForm(**options).prepare(signal, SIZE)
         windows, _ = twin_windows(ratio, 0.072, 0.0)
         for each in windows:
             position = estimate(each)["position"]

@@ -137,18 +137,19 @@ class ClosedForm(Estimator):
 class _Followed:
     """The two-sided form on one stream of windows, re-tuned by those that nothing touches.
 
-    `opposed` says whether the last window was of two segments, each louder at its own microphone.
+    `opposed` says whether the last window was of two segments, each louder at its own microphone, and
+    `detuned` whether it was of a string that is tuned otherwise.
     """
 
     def __init__(self, form: TwoSegments, signal: Signal, size: Samples) -> None:
         self._own, self._analyser = OwnString.of(signal, size), form.analyser(signal.sample_rate, size)
         self._form, self._state = form, TunerState()
         self._tuned, self._tuned_analyser = form, self._analyser
-        self.opposed = False
+        self.opposed = self.detuned = False
 
     def __call__(self, window: Window) -> Estimates:
         before, self._state = self._state.tuning, self._own.step(self._state, window)
-        tuning, self.opposed = self._state.tuning, False
+        tuning, self.opposed, self.detuned = self._state.tuning, False, False
         if tuning is not before:
             string = self._own.retuned(tuning)
             self._tuned, self._tuned_analyser = self._form.tuned(string), self._analyser.tuned(string)
@@ -159,6 +160,7 @@ class _Followed:
         if tuning is None:
             why_not = self._own.why_elsewhere(self._analyser, spectrum, KNOWN)
         if why_not:
+            self.detuned = True
             return abstain(why_not)
         reading = spectrum.reading
         self.opposed = reading.opposed and min(reading.score, reading.contact_lead) >= MIN_LEAD
@@ -175,7 +177,7 @@ def _either(far: Prepared, both: _Followed, *, knows_density: bool) -> Prepared:
         start = window.start
         estimates = both(window)
         two_sided = two_sided or both.opposed
-        if not two_sided:
+        if not (two_sided or both.detuned):
             return far(window)
         if knows_density:
             return estimates
