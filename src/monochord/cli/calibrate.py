@@ -45,7 +45,7 @@ def calibrate(
 
     \b
     monochord calibrate demo --sessions touches.mcap --out mine
-    monochord live --model mine
+    monochord live mine
     """  # noqa: D301
     given = load(model)
     if out.exists():
