@@ -123,11 +123,8 @@ class SpectrumAnalyser:
 
     def analyse(self, window: Audio) -> Spectrum:
         """Return the spectra of a window (2, size) and the modes read from them."""
-        samples = centred_samples(np.array(window, np.float32, order="C"))
-        transform = np.fft.rfft(samples)
-        power = hann_power(transform, self.size)
         lowest = LOWEST_LINE * self.nominal
-        peaks = strongest_lines(transform, power, self.bin_spacing, lowest, HIGHEST_LINE)
+        samples, transform, power, peaks = spectrum_of(window, self.bin_spacing, lowest, HIGHEST_LINE)
         reading = modes.read_modes(*peaks, power, self.bin_spacing, self.model)
         return Spectrum(samples, transform, power, peaks, reading)
 
@@ -153,6 +150,19 @@ class SpectrumAnalyser:
 
 def _bending(string: StringParams) -> float:
     return pi**3 * string.young_modulus * string.core_diameter**4 / 64.0
+
+
+def spectrum_of(
+    window: Audio, spacing: Hertz, lowest: Hertz, highest: Hertz
+) -> tuple[Floats, NDArray[np.complex128], Floats, tuple[Floats, Floats]]:
+    """Return samples, transform, power and strongest lines of a window (channels, size); see `Spectrum`.
+
+    Its bins are `spacing` apart, its lines between `lowest` and `highest`.
+    """
+    samples = centred_samples(np.array(window, np.float32, order="C"))
+    transform = np.fft.rfft(samples)
+    power = hann_power(transform, samples.shape[1])
+    return samples, transform, power, strongest_lines(transform, power, spacing, lowest, highest)
 
 
 @numba.njit(cache=True, error_model="numpy")

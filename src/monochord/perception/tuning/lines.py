@@ -10,15 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.types import Audio, Floats, Indices
-from monochord.core.units import Hertz, Samples
+from monochord.core.units import Hertz
 from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, noise_floor
-from monochord.perception.closed_form.spectrum import (
-    HIGHEST_LINE,
-    LINES,
-    centred_samples,
-    hann_power,
-    strongest_lines,
-)
+from monochord.perception.closed_form.spectrum import HIGHEST_LINE, LINES, spectrum_of
 
 MIN_SALIENCE = 5.0
 """Least height of a line over the noise floor, in nepers of power."""
@@ -46,12 +40,9 @@ def window_lines(samples: Audio, lowest: Hertz, sample_rate: int) -> Floats:
     sample_rate
         In Hz.
     """
-    size: Samples = samples.shape[1]
-    spacing = sample_rate / size
-    transform = np.fft.rfft(centred_samples(np.array(samples, np.float32, order="C")))
-    power = hann_power(transform, size)
+    spacing = sample_rate / samples.shape[1]
     highest = min(HIGHEST_LINE, 0.45 * sample_rate)
-    frequency, height = strongest_lines(transform, power, spacing, lowest, highest)
+    _, transform, power, (frequency, height) = spectrum_of(samples, spacing, lowest, highest)
     block = max(int(FLOOR_WIDTH / spacing), 8)
     salience = np.stack([np.log1p(channel / noise_floor(channel, block)) for channel in power])
     return _merged(transform, power, salience, frequency, height, spacing)
