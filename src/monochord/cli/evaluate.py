@@ -45,6 +45,9 @@ WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
 )
 @set_option("monochord list estimators")
 @click.option("--sensor", metavar="PRESET", help="Sensor whose string the estimator is given.")
+@click.option(
+    "--tuned", is_flag=True, help="Give it that string as tuned, by each session's untouched beginning."
+)
 @click.option("--noise", "noises", multiple=True, metavar="KIND:DB", help="Also test with noise; repeatable.")
 @click.option(
     "--suite",

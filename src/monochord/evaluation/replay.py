@@ -31,13 +31,16 @@ class Selection:
     Every session that has one is replayed from its beginning, so that an estimator with a memory has had the
     windows that it would have had live; the estimates of windows that are no rows are discarded. `string` is
     the sensor's string, for estimators that use it. `ambient_noise` names the noise that was present during
-    the recording by pattern of session name, for sessions that do not state whether there was music.
+    the recording by pattern of session name, for sessions that do not state whether there was music. With
+    `tuned` the string of a session is as it was heard to be tuned, as after ``monochord tune``; one that was
+    recorded as tuned is so anyway, as it is live.
     """
 
     dataset: Dataset
     rows: Indices
     string: StringParams | None = None
     ambient_noise: Mapping[str, str] = field(default_factory=lambda: AMBIENT_NOISE)
+    tuned: bool = False
 
     def __post_init__(self) -> None:
         if not len(self.rows):
@@ -50,9 +53,10 @@ class Selection:
         return Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=self.string)
 
     def signal_of(self, session: int) -> Signal:
-        """Return the signal of a session: with its string as tuned, where that was recorded, as live."""
+        """Return the signal of a session, with its string as tuned."""
         part = self.dataset.manifest.parts[session]
-        if self.string is None or part.tension is None or part.tuned != RECORDED:
+        counts = self.tuned or part.tuned == RECORDED
+        if self.string is None or part.tension is None or not counts:
             return self.signal
         return replace(self.signal, string=replace(self.string, tension=part.tension))
 

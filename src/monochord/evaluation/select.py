@@ -27,6 +27,7 @@ from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import load as load_model
 from monochord.perception.model.definition import Definition
 from monochord.perception.training.run_folder import CONFIG
+from monochord.perception.tuning.sessions import heard_tension
 from monochord.physics.sensors import load_sensor
 from monochord.sessions import read_session
 
@@ -60,6 +61,9 @@ class EvaluationSettings:
         Session files, folders or patterns to evaluate instead of a dataset.
     sensor
         Preset of the sensor whose string the estimator is given.
+    tuned
+        Whether that string is tuned as each session's untouched beginning sounds, as after ``monochord tune``.
+        That of a session that was recorded as tuned is so anyway.
     noises
         Noises such as ``white:10``: each is added in a replay of its own.
     suite
@@ -78,6 +82,7 @@ class EvaluationSettings:
     part: Part = "test"
     sessions: tuple[str, ...] = ()
     sensor: str | None = None
+    tuned: bool = False
     noises: tuple[str, ...] = ()
     suite: bool = False
     seed: int = 0
@@ -189,7 +194,8 @@ def select(
         if settings.dataset is not None:
             raise InputError("--sessions beside --dataset", "one of both")
         dataset, floors, own = _dataset_of_sessions(settings.sessions, definition, scratch, progress)
-        selection = Selection(dataset=dataset, rows=np.arange(len(dataset)), string=string or own)
+        rows = np.arange(len(dataset))
+        selection = Selection(dataset=dataset, rows=rows, string=string or own, tuned=settings.tuned)
         notes: tuple[str, ...] = ()
     else:
         folder = settings.dataset or (Path(config["dataset"]) if config.get("dataset") else None)
@@ -201,7 +207,9 @@ def select(
         notes = audited(dataset, split, learned=definition is not None)
         if settings.part != "test":
             notes += (f"the {settings.part} part, by which choices were made, and no test",)
-        selection = Selection(dataset=dataset, rows=split.parts[settings.part], string=string)
+        selection = Selection(
+            dataset=dataset, rows=split.parts[settings.part], string=string, tuned=settings.tuned
+        )
     refuse_unusable_labels(selection)
     if definition is not None and not (split and settings.part != "test"):
         notes += refuse_trained_on(selection, definition, split)
@@ -281,7 +289,8 @@ def _dataset_of_sessions(
     window = hop = 0.1
     if definition is not None:
         window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
-    dataset = build_dataset(files, scratch / "dataset", BuildOptions(window=window, hop=hop), progress)
+    options = BuildOptions(window=window, hop=hop)
+    dataset = build_dataset(files, scratch / "dataset", options, progress, heard_tension)
     sessions = {path.stem: read_session(path) for path in files}
     strings = [session.description.string for session in sessions.values()]
     floors = {name: force_floor(session, window) for name, session in sessions.items()}

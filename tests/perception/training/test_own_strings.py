@@ -11,6 +11,7 @@ from tests.lab.tiny import session, tiny
 from monochord.core.types import Signal
 from monochord.datasets.build import build_dataset
 from monochord.datasets.store import Dataset
+from monochord.evaluation.replay import Selection
 from monochord.lab.offline import make
 from monochord.perception.training.examples import examples_of, training_data
 from monochord.perception.training.rows import Rows
@@ -75,6 +76,16 @@ def test_those_that_are_off_are_relative_to_their_own(dataset: Dataset) -> None:
         assert abs(np.median(mine[:, column["open"]])) < 12.0
     again = Rows.prepared(dataset, signal, "closed_form", {}, dataset.path / "features").of(numbers)
     np.testing.assert_array_equal(features, again)
+
+
+def test_an_evaluation_gives_the_string_that_live_has_or_that_was_heard(dataset: Dataset) -> None:
+    for tuned in (False, True):
+        selection = Selection(dataset=dataset, rows=np.arange(len(dataset)), string=DESIGN, tuned=tuned)
+        strings = [selection.signal_of(number).string for number in range(3)]
+        assert strings[1] == replace(DESIGN, tension=dataset.manifest.parts[1].tension)
+        assert (strings[0] == DESIGN) is not tuned
+        ratio = strings[2].tension / DESIGN.tension if strings[2] else 0.0
+        assert ratio == pytest.approx(OWN**2 if tuned else 1.0, rel=0.01)
 
 
 def test_forces_are_as_of_the_designs_tension(dataset: Dataset, tmp_path: Path) -> None:
