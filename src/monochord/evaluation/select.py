@@ -62,8 +62,8 @@ class EvaluationSettings:
     sensor
         Preset of the sensor whose string the estimator is given.
     tuned
-        Whether that string is tuned as each session's untouched beginning sounds, as after ``monochord tune``.
-        That of a session that was recorded as tuned is so anyway.
+        Whether that string is tuned as each session's untouched beginning sounds, as after ``monochord
+        tune``. That of a session that was recorded as tuned is so anyway.
     noises
         Noises such as ``white:10``: each is added in a replay of its own.
     suite
@@ -295,7 +295,15 @@ def _dataset_of_sessions(
     strings = [session.description.string for session in sessions.values()]
     floors = {name: force_floor(session, window) for name, session in sessions.items()}
     known = {name: floor for name, floor in floors.items() if floor is not None}
-    return dataset, known, strings[0] if all(string == strings[0] for string in strings) else None
+    is_one = all(_is_same_wire(string, strings[0]) for string in strings)
+    return dataset, known, strings[0] if is_one else None
+
+
+def _is_same_wire(string: StringParams | None, other: StringParams | None) -> bool:
+    """Return whether two strings are the same, at whatever tension."""
+    if string is None or other is None:
+        return string is other
+    return replace(string, tension=other.tension) == other
 
 
 def _training(selection: Selection, split: Split | None, config: Tree) -> Selection | None:
