@@ -136,20 +136,21 @@ WITHOUT_COMPILER = """
 import sys
 import warnings
 import numpy as np
-from tests.physics.twin.test_kernel import SCENES, SENSOR
+from tests.physics.twin.test_kernel import SCENES, SENSOR, SENSORS
 from monochord.physics.twin import advance, begin
 warnings.simplefilter("ignore")  # integers of the random bits overflow, as they are meant to
-take, after = advance(begin(SENSOR, SCENES[sys.argv[1]], seed=5), 70)
+sensor = SENSORS.get(sys.argv[1], SENSOR)
+take, after = advance(begin(sensor, SCENES[sys.argv[1]], seed=5), 70)
 np.save(sys.argv[2], np.concatenate([take.microphones, take.labels.force, take.labels.across]))
 """
 
 
-@pytest.mark.parametrize("name", ["slides across", "two"])
+@pytest.mark.parametrize("name", ["slides across", "two", "yields, pulls and hums"])
 def test_the_kernel_runs_without_a_compiler_too(name: str, tmp_path: Path) -> None:
     path = tmp_path / "take.npy"
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(["src", "."])}
     subprocess.run([sys.executable, "-c", WITHOUT_COMPILER, name, str(path)], check=True, env=plain, cwd=ROOT)
-    take = advance(begin(SENSOR, SCENES[name], seed=5), 70)[0]
+    take = advance(begin(SENSORS.get(name, SENSOR), SCENES[name], seed=5), 70)[0]
     compiled = np.concatenate([take.microphones, take.labels.force, take.labels.across])
     np.testing.assert_allclose(np.load(path), compiled, rtol=1e-5, atol=1e-7)
 

@@ -247,15 +247,29 @@ def _solve_plain(
 
 
 @inlined
-def initial_guess(gap: float, compliance: float, s_old: float, eta_old: float, k1: float, k2: float) -> float:
+def initial_guess(
+    gap: float,
+    compliance: float,
+    s_old: float,
+    eta_old: float,
+    k1: float,
+    k2: float,
+    residual: float = 0.0,
+    layer: LayerParameters | None = None,
+) -> float:
     """Return an estimate of the s that solves a step; the arguments are those of `solve`.
 
     Over a step the string yields far more than the contact does, so the mean force is close to what moves the
     string by the whole gap less the old eta. In a contact that continues it is the mean of old and new force
-    (its cube root by one step of Halley's method); in a new one it goes into stored energy.
+    (its cube root by one step of Halley's method); in a new one it goes into stored energy. A rough layer
+    yields more, so that beside one the contact's own compliance counts.
     """
     if s_old > 0.0:
         force = 2.0 * (gap - eta_old) / compliance - elastic_force(s_old, k1, k2)
+        if layer is not None:
+            old, half = elastic_force(s_old, k1, k2), 0.5 * compliance
+            own = 1.0 / stiffness(s_old, k1, k2) + residual + layer_compliance(old, layer)
+            force = (gap - eta_old + (own - half) * old) / (own + half)
         if force <= 0.0:
             return 0.3 * s_old
         cube, target = s_old**3, force / (k2 + k1 / s_old)

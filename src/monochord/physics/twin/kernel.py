@@ -354,7 +354,7 @@ def _predict(sensor: Parameters, state: State, plausible: Plausible | None, size
     gap = solution.surface - height
     k1, k2, residual = touch.k1, touch.k2, own.residual_compliance
     beta = touch.beta / sensor.constants.step
-    s = contact.initial_guess(gap, compliance, own.s, own.eta, k1, k2)
+    s = contact.initial_guess(gap, compliance, own.s, own.eta, k1, k2, residual, layer)
     solution.s, _, load = contact.solve(gap, compliance, s, own.s, own.eta, k1, k2, residual, beta, layer)
     solution.force = load
     return load * (2.0 * cross + load * square)
