@@ -238,8 +238,9 @@ class MountMode:
 class Mount:
     """How a touching object gives way to the string: up to three modes, and a spring for all that is faster.
 
-    `compliance` is the spring's, in m/N: 1e-5 is 1e5 N/m. By default the object is held rigidly. It gives way
-    in the direction of its press; the force that its motion prescribes stays what it is at rest.
+    `compliance` is the spring's, in m/N: 1e-5 is 1e5 N/m. By default the object is held rigidly. Modes give
+    way in the direction of the press, the spring under friction too. The force that the object's motion
+    prescribes stays what it is at rest.
     """
 
     modes: tuple[MountMode, ...] = ()
