@@ -74,8 +74,8 @@ MOUNT_MASS = 2e-3, 50e-3
 MOUNT_FREQUENCY: tuple[Hertz, Hertz] = (300.0, 5000.0)
 MOUNT_QUALITY = 5.0, 50.0
 MOUNT_STIFFNESS = 1e4, 1e6
-"""Modes of object, gripper and frame: how many, modal mass in kg, and the static stiffness of all higher ones
-in N/m, which is also the least of each mode's: assumed."""
+"""How many modes object, gripper and frame have, their modal mass in kg, and the static stiffness in N/m of
+all higher ones, which is also the least that a mode has. Assumed."""
 EXPONENT = 1.0, 1.5
 """Of the contact law at 1 N: between a line contact's or a layered print's and Hertz's."""
 LAYER_SHARE = 0.28, 0.57
