@@ -7,22 +7,26 @@ augmentation.
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.types import Audio, Floats, Indices
+from monochord.core.types import Audio, Floats, Indices, Signal, StringParams
+from monochord.core.units import Samples
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import Progress, Selection, disturbed_audio, results_of
 from monochord.evaluation.results import Results, join
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
+from monochord.perception.tuning.sessions import force_scale, force_scales, own_strings
 
-BASELINES = ("ridge", "extra_trees")
+RIDGE = "ridge"
+BASELINES = (RIDGE, "extra_trees")
 PROBABILITIES = ("contact", "slip")
-QUANTITIES = ("position", "force")
+FORCE = "force"
+QUANTITIES = ("position", FORCE)
 MAX_TRAINING_WINDOWS = 20_000
 """Of more training windows this many are used, spread evenly."""
 BATCH = 64
@@ -34,10 +38,15 @@ column that hardly varies in training would otherwise carry a linear map anywher
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baselines:
-    """Fitted baselines: by name and label the regressor or classifier, on the rows of a feature."""
+    """Fitted baselines: by name and label the regressor or classifier, on the rows of a feature.
+
+    `design` is the string that they know; where a sensor is tuned otherwise, the feature is relative to its
+    own string, as a model's, and forces are scaled as a model's are.
+    """
 
     feature: Mapping[str, Any]
     fitted: Mapping[str, Mapping[str, Any]]
+    design: StringParams | None = None
 
     def results(
         self,
@@ -45,19 +54,39 @@ class Baselines:
         noise: Disturbance | None = None,
         progress: Progress = lambda *_: None,
     ) -> dict[str, Results]:
-        """Return the results of every baseline on the selected windows, in noise where there is any.
-
-        The feature is relative to the string of the selection, as the sensor's is tuned there.
-        """
-        rows = _features(selection, prepared(self.feature, selection), noise, progress)
+        """Return the results of every baseline on the selected windows, in noise where there is any."""
+        rows, scale = self._features(selection, noise, progress)
         usable = selection.dataset.usable[selection.rows]
         return {
-            name: results_of(selection, _columns(models, rows, usable), name=name, disturbance=noise)
+            name: results_of(selection, _columns(models, rows, usable, scale), name=name, disturbance=noise)
             for name, models in self.fitted.items()
         }
 
+    def _features(
+        self, selection: Selection, noise: Disturbance | None, progress: Progress
+    ) -> tuple[Audio, Floats]:
+        """Return the features (k, columns) of the windows, in noise, and the scale (k,) of forces."""
+        dataset, size = selection.dataset, selection.dataset.manifest.window
+        parts: list[Audio] = []
+        scale = np.ones(len(selection.rows))
+        for done, session in enumerate(selection.sessions):
+            progress(f"{dataset.manifest.parts[session].name}, baselines", done, len(selection.sessions))
+            signal, own = selection.signal_of(session), dataset.session[selection.rows] == session
+            if self.design is not None and signal.string is not None and signal.string != self.design:
+                scale[own] = force_scale(signal.string, self.design)
+                signal = replace(signal, design=self.design)
+            extractor = prepared(self.feature, signal, size)
+            audio = disturbed_audio(dataset, session, noise)
+            starts = dataset.start[selection.rows[own]]
+            for at in range(0, len(starts), BATCH):
+                windows = [audio[:, start : start + size] for start in starts[at : at + BATCH].tolist()]
+                parts.append(extractor(np.array(windows, np.float32)))
+        return np.concatenate(parts), scale
 
-def fit_baselines(training: Selection, feature: Mapping[str, Any]) -> Baselines:
+
+def fit_baselines(
+    training: Selection, feature: Mapping[str, Any], names: Sequence[str] = BASELINES
+) -> Baselines:
     """Return the baselines fitted to usable training windows, on a feature of this name and these options.
 
     Raises
@@ -70,15 +99,29 @@ def fit_baselines(training: Selection, feature: Mapping[str, Any]) -> Baselines:
     ``monochord evaluate`` fits them to the training windows of a model.
     """
     step = -(-len(training.rows) // MAX_TRAINING_WINDOWS)
-    fitted = _fitted(training, training.rows[::step], prepared(feature, training))
-    return Baselines(feature=feature, fitted=fitted)
+    fitted = _fitted(training, training.rows[::step], feature, names)
+    return Baselines(feature=feature, fitted=fitted, design=training.string)
 
 
-def prepared(feature: Mapping[str, Any], selection: Selection) -> Extractor:
-    """Return a feature, by its name and options, for the signal and the windows of a selection."""
+def prepared(feature: Mapping[str, Any], signal: Signal, size: Samples) -> Extractor:
+    """Return a feature, by its name and options, for a signal and windows of `size` frames."""
     options = dict(feature)
-    name, size = options.pop("name"), selection.dataset.manifest.window
-    return FEATURES.build(name, options).prepare(selection.signal, size)
+    return FEATURES.build(options.pop("name"), options).prepare(signal, size)
+
+
+def training_features(training: Selection, rows: Indices, feature: Mapping[str, Any]) -> Audio:
+    """Return the features (k, columns) of rows in rising order, relative to the string of each session."""
+    dataset, design, size = training.dataset, training.string, training.dataset.manifest.window
+    strings = own_strings(dataset, design) if design is not None else {}
+    usual = prepared(feature, training.signal, size)
+    parts: list[Audio] = []
+    for session in np.unique(dataset.session[rows]).tolist():
+        extractor, own = usual, rows[dataset.session[rows] == session]
+        if session in strings:
+            signal = replace(training.signal, string=strings[session], design=design)
+            extractor = prepared(feature, signal, size)
+        parts += [extractor(dataset.batch(own[at : at + BATCH])) for at in range(0, len(own), BATCH)]
+    return np.concatenate(parts)
 
 
 def baseline_results(
@@ -120,33 +163,20 @@ def baseline_results(
     return {name: join([part[name] for part in parts]) for name in BASELINES}
 
 
-def _features(
-    selection: Selection, extractor: Extractor, noise: Disturbance | None, progress: Progress
-) -> Audio:
-    """Return the features (k, columns) of the selected windows, in noise."""
-    dataset, size = selection.dataset, selection.dataset.manifest.window
-    parts: list[Audio] = []
-    for done, session in enumerate(selection.sessions):
-        progress(f"{dataset.manifest.parts[session].name}, baselines", done, len(selection.sessions))
-        audio = disturbed_audio(dataset, session, noise)
-        starts = dataset.start[selection.rows[dataset.session[selection.rows] == session]]
-        for at in range(0, len(starts), BATCH):
-            windows = [audio[:, start : start + size] for start in starts[at : at + BATCH].tolist()]
-            parts.append(extractor(np.array(windows, np.float32)))
-    return np.concatenate(parts)
-
-
-def _fitted(training: Selection, rows: Indices, extractor: Extractor) -> dict[str, dict[str, Any]]:
+def _fitted(
+    training: Selection, rows: Indices, feature: Mapping[str, Any], names: Sequence[str]
+) -> dict[str, dict[str, Any]]:
     """Return by baseline the fitted regressor or classifier of each label that the training windows have."""
-    dataset = training.dataset
-    batches = [dataset.batch(rows[at : at + BATCH]) for at in range(0, len(rows), BATCH)]
-    features = np.concatenate([extractor(batch) for batch in batches]).astype(np.float64)
+    dataset, design = training.dataset, training.string
+    features = training_features(training, rows, feature).astype(np.float64)
     touched = dataset.label("contact")[rows] == 1.0
-    fitted: dict[str, dict[str, Any]] = {baseline: {} for baseline in BASELINES}
+    fitted: dict[str, dict[str, Any]] = {baseline: {} for baseline in names}
     for name in (*PROBABILITIES, *QUANTITIES):
         if name not in dataset.labels:
             continue
         label = dataset.label(name)[rows]
+        if name == FORCE and design is not None:
+            label = label / force_scales(dataset, design)[rows]
         counts = np.isfinite(label) & (touched | (name == "contact"))
         if np.unique(label[counts]).size < 2:
             continue
@@ -172,13 +202,17 @@ def _fit(baseline: str, name: str, features: Floats, label: Floats) -> Any:
         return make_pipeline(StandardScaler(), bound, linear).fit(features, label)
 
 
-def _columns(models: Mapping[str, Any], rows: Audio, usable: NDArray[np.bool_]) -> dict[str, Any]:
+def _columns(
+    models: Mapping[str, Any], rows: Audio, usable: NDArray[np.bool_], scale: Floats
+) -> dict[str, Any]:
     """Return the columns of `replay.columns` for n windows; those that are not usable have no estimate."""
     features = rows.astype(np.float64)
     value = {
         name: model.predict_proba(features)[:, 1] if name in PROBABILITIES else model.predict(features)
         for name, model in models.items()
     }
+    if FORCE in value:
+        value[FORCE] = scale * value[FORCE]
     return {
         "value": {name: np.where(usable, column, np.nan) for name, column in value.items()},
         "std": {name: np.full(len(rows), np.nan) for name in value},

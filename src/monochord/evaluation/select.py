@@ -5,7 +5,7 @@ from the training.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -215,7 +215,10 @@ def select(
         notes += refuse_trained_on(selection, definition, split)
     if candidate.random_weights and definition is not None:
         notes += (f"the weights of the feature {definition.feature.name} are random: it was not trained",)
-    training = _training(selection, split, config)
+    if split is not None:
+        training = _fitting_rows(selection.dataset, split, selection.string)
+    else:
+        training = training_of(candidate, selection.string)
     return EvaluationData(selection=selection, training=training, force_floor=floors, notes=notes)
 
 
@@ -306,13 +309,23 @@ def _is_same_wire(string: StringParams | None, other: StringParams | None) -> bo
     return replace(string, tension=other.tension) == other
 
 
-def _training(selection: Selection, split: Split | None, config: Tree) -> Selection | None:
-    """Return the windows that baselines are fitted to; None if they are not available."""
-    dataset = selection.dataset
-    if split is None:
-        folder = Path(config["dataset"]) if config.get("dataset") else None
-        if folder is None or not folder.is_dir():
-            return None
-        dataset, split = open_dataset(folder), Split.read(Path(config.get("split") or folder / SPLIT))
+def training_of(candidate: Candidate, string: StringParams | None) -> Selection | None:
+    """Return the windows that a model was trained on, for baselines; None where they are not there.
+
+    Examples
+    --------
+    ``monochord evaluate run --sessions FILES`` fits its baselines to them.
+    """
+    config = candidate.config
+    folder = Path(config["dataset"]) if config.get("dataset") else None
+    if folder is None or not folder.is_dir():
+        return None
+    return _fitting_rows(
+        open_dataset(folder), Split.read(Path(config.get("split") or folder / SPLIT)), string
+    )
+
+
+def _fitting_rows(dataset: Dataset, split: Split, string: StringParams | None) -> Selection | None:
+    """Return the windows of the training part that can be used; None if there are none."""
     rows = split.train[dataset.usable[split.train]]
-    return replace(selection, dataset=dataset, rows=rows) if len(rows) else None
+    return Selection(dataset=dataset, rows=rows, string=string) if len(rows) else None

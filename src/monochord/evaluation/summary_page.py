@@ -9,6 +9,8 @@ HEADS = (
     "answered", "position", "<= 5 mm", "force", "contact", "slip area", "1 se", "2 se", f"> {GROSS:g} se",
 )  # fmt: skip
 """Heads of the columns of `cells`."""
+INTERVALS = {"position_mae_mm": 1, "force_mae_n": 3}
+"""Places among these of figures whose interval a page shows."""
 BLANK = "-"
 EXPLAINED = (
     "Errors are mean absolute ones over touched windows with an estimate; shares are over all touched "
@@ -65,6 +67,51 @@ def hardware_page(rows: Sequence[SummaryRow], figure: str = "") -> str:
         own = [row for row in rows if row["model"] == model]
         parts += [f"## {model.replace('_', ' ')}", "", *_table(own), ""]
     return "\n".join(parts).rstrip() + "\n"
+
+
+def builds_page(rows: Sequence[SummaryRow]) -> str:
+    """Return the rows of unseen builds as text: a table for each world, condition and object.
+
+    Examples
+    --------
+    ``monochord transfer MODEL --sessions FILES --rows docs/results/builds.json`` writes it beside the rows.
+    """
+    parts = [
+        "# Builds that were never heard",
+        "",
+        "Each build is adapted to by its first touches, of known position and force, and scored on the "
+        'touches after them. "Ridge" is ridge regression on the same feature, fitted to the same training '
+        'windows and corrected by the same touches; "from scratch" is one fitted to these touches '
+        "alone. "
+        + EXPLAINED
+        + " In brackets are intervals of 95 %, drawn over builds where there are five or more.",
+        "",
+    ]
+    kinds = dict.fromkeys((row["world"], row["condition"], row["object"]) for row in rows)
+    for world, condition, body in kinds:
+        own = [
+            row for row in rows if (row["world"], row["condition"], row["object"]) == (world, condition, body)
+        ]
+        where = f"{world} world, simulated" if world else "real sound"
+        parts += [f"## {condition.capitalize()}, {body.replace('_', ' ')}, {where}", "", *_curves(own), ""]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _curves(rows: Sequence[SummaryRow]) -> Iterator[str]:
+    yield "| " + " | ".join(["estimator", "touches", *HEADS, "builds", "windows"]) + " |"
+    yield "|---|" + "---:|" * (len(HEADS) + 3)
+    for row in rows:
+        figures = list(cells(row))
+        for name, at in INTERVALS.items():
+            figures[at] += _interval(row, name)
+        name = row["model"].replace("_", " ")
+        line = [name, str(row["touches"]), *figures, str(row["builds"]), str(row["n"])]
+        yield "| " + " | ".join(line) + " |"
+
+
+def _interval(row: SummaryRow, name: str) -> str:
+    low_high = row.get("intervals", {}).get(name)
+    return f" ({low_high[0]:.3g} to {low_high[1]:.3g})" if low_high else ""
 
 
 def _table(rows: Sequence[SummaryRow]) -> Iterator[str]:

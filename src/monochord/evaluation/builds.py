@@ -1,0 +1,301 @@
+"""How well a model does on builds that it was never trained on, by how many of their touches it knows.
+
+Each session, or all sessions of a build, is adapted to by its first touches and scored on the touches after
+them. Beside the model stand ridge regression on the same feature, fitted to the same training windows and
+corrected by the same touches, and ridge regression fitted to these touches alone. A string that is tuned far
+off the design is known as it is heard, to all of them.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.ownership import scratch_folder
+from monochord.core.types import Flags
+from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
+from monochord.datasets.store import Dataset
+from monochord.evaluation.baselines import RIDGE, Baselines, fit_baselines
+from monochord.evaluation.replay import Progress, Selection, replay
+from monochord.evaluation.results import Results, join
+from monochord.evaluation.scorecard import EVERYTHING
+from monochord.evaluation.scores import regression_rows
+from monochord.evaluation.select import Candidate, EvaluationSettings, load, refuse_trained_on, training_of
+from monochord.evaluation.summary import SummaryRow, summary_row
+from monochord.perception.estimators.model import ModelEstimator
+from monochord.perception.model import Model, save
+from monochord.perception.model import load as load_model
+from monochord.perception.training.adapt import REMEDY, adapt
+from monochord.perception.training.examples import touches_of
+from monochord.perception.tuning.sessions import force_scales, heard_tension, own_strings
+from monochord.sessions import read_session
+
+TOUCHES = (0, 1, 5, 10, 25, 50, 100)
+"""Numbers of known touches."""
+MIN_LEFT = 3
+"""Fewest touches that are left to score by."""
+SCRATCH = "from scratch"
+"""Name of the ridge regression that has seen nothing but the known touches."""
+UNSEEN = "unseen builds"
+"""Condition of the rows."""
+PRIOR_TOUCHES, MIN_SLOPE, MIN_SPREAD = 1.0, 4, 1e-9
+"""Of a baseline's correction: touches without error that shrink an offset by itself, fewest touches for a
+slope, and least spread of estimates."""
+QUANTITIES = ("position", "force")
+
+Per: TypeAlias = Literal["session", "build"]
+Curves: TypeAlias = dict[tuple[str, int], Results]
+"""Results by the name of the estimator and the number of known touches."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """Sessions of one build, which are adapted to together; `world` is "" for real sound."""
+
+    files: tuple[Path, ...]
+    world: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rivals:
+    """The model as it was trained, its name in the rows, and the ridge regression beside it."""
+
+    name: str
+    model: Model
+    candidate: Candidate
+    ridge: Baselines | None
+
+
+Run: TypeAlias = Callable[[Sequence[Group], Callable[[Group], Curves]], Iterable[tuple[Group, Curves]]]
+"""Runs a function for every group, in whatever order and in however many processes."""
+
+
+def one_by_one(groups: Sequence[Group], work: Callable[[Group], Curves]) -> Iterator[tuple[Group, Curves]]:
+    """Yield each group with what `work` makes of it, in this process."""
+    for group in groups:
+        yield group, work(group)
+
+
+def evaluate_builds(
+    settings: EvaluationSettings,
+    *,
+    name: str = "",
+    touches: Sequence[int] = TOUCHES,
+    per: Per = "session",
+    condition: str = UNSEEN,
+    run: Run = one_by_one,
+    progress: Progress = lambda *_: None,
+) -> list[SummaryRow]:
+    """Return a row of figures for each world, estimator, number of known touches, and object.
+
+    A group with fewer than `MIN_LEFT` touches beside the known ones is left out of that number's rows; each
+    row says how many builds it is of.
+
+    Parameters
+    ----------
+    settings
+        A model with corrections, and sessions of builds that it was not trained on.
+    name
+        Name of the model in the rows; by default "model".
+    touches
+        Numbers of known touches.
+    per
+        Whether each session is adapted to by itself, as each has an object of its own, or a build's together.
+    condition
+        Of the rows.
+    run
+        Spreads the groups over processes.
+    progress
+        Called for every group.
+
+    Raises
+    ------
+    InputError
+        If the model has no corrections, a session was trained on, or no group has touches enough.
+
+    Examples
+    --------
+    ``monochord transfer MODEL --sessions sealed --rows docs/results/builds.json`` keeps them.
+    """
+    candidate = load(settings)
+    model = load_model(settings.model or "")
+    if not model.corrections:
+        raise InputError("a model without corrections", "a model that can be adapted", REMEDY)
+    if min(touches, default=-1) < 0:
+        raise InputError(f"{len(touches)} numbers of touches", "one or more, each 0 or more")
+    training = training_of(candidate, model.definition.string) if settings.baselines else None
+    ridge = fit_baselines(training, candidate.feature, (RIDGE,)) if training else None
+    rivals = _Rivals(name=name or candidate.name, model=model, candidate=candidate, ridge=ridge)
+    groups = groups_of(find_sessions(settings.sessions), per)
+    work = partial(_curves, rivals=rivals, touches=tuple(sorted(set(touches))))
+    parts: dict[tuple[str, str, int], list[Results]] = {}
+    for done, (group, curves) in enumerate(run(groups, work), start=1):
+        for (model_name, count), results in curves.items():
+            parts.setdefault((group.world, model_name, count), []).append(results)
+        progress("builds", done, len(groups))
+    if not parts:
+        given = f"{len(groups)} groups of sessions"
+        raise InputError(given, f"one with {MIN_LEFT} touches beside the known ones", "take fewer --touches")
+    names = list(dict.fromkeys(model_name for _, model_name, _ in parts))
+    rows: list[SummaryRow] = []
+    for key in sorted(parts, key=lambda key: (key[0], names.index(key[1]), key[2])):
+        world, model_name, count = key
+        for body, results in _by_object(join(parts[key])).items():
+            row = summary_row(
+                results, model=model_name, world=world, touches=count, body=body, condition=condition
+            )
+            rows.append(row)
+    return rows
+
+
+def groups_of(files: Sequence[Path], per: Per = "session") -> list[Group]:
+    """Return the groups of sessions: each session by itself, or all of a build and world.
+
+    Examples
+    --------
+    ``monochord transfer MODEL --sessions FILES --per build`` groups them by build.
+    """
+    groups: dict[tuple[str, ...], list[Path]] = {}
+    for file in files:
+        description = read_session(file).description
+        world = description.more.get("world", "ideal") if description.simulated else ""
+        build = "" if description.build is None else str(description.build)
+        groups.setdefault((world, build, *([file.name] if per == "session" else [])), []).append(file)
+    return [Group(files=tuple(own), world=key[0]) for key, own in groups.items()]
+
+
+def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Curves:
+    """Return the results of every estimator for each number of known touches that leaves enough to score."""
+    definition = rivals.model.definition
+    window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
+    curves: Curves = {}
+    with scratch_folder() as scratch:
+        options = BuildOptions(window=window, hop=hop)
+        dataset = build_dataset(group.files, scratch / "dataset", options, listen=heard_tension)
+        whole = Selection(dataset=dataset, rows=np.arange(len(dataset)), string=definition.string)
+        refuse_trained_on(whole, definition, None)
+        touch, counted = touches_of(dataset), _labelled(dataset)
+        numbers = np.unique(touch[counted])
+        for count in touches:
+            if len(numbers) < count + MIN_LEFT:
+                continue
+            is_known = touch < numbers[count] if count else np.zeros(len(dataset), bool)
+            others = replace(whole, rows=np.flatnonzero(~is_known))
+            adapted = _adapted(rivals.model, dataset, is_known, counted)
+            folder = scratch / f"model_{count}"
+            save(adapted, folder)
+            curves[rivals.name, count] = _joined(
+                replay(each, ModelEstimator(path=folder), name=rivals.name) for each in _by_string(others)
+            )
+            known = replace(whole, rows=np.flatnonzero(is_known)) if count else None
+            curves |= {(name, count): results for name, results in _ridges(rivals, known, others).items()}
+    return curves
+
+
+def _labelled(dataset: Dataset) -> Flags:
+    """Return the windows (n,) of a touch whose position or force is known."""
+    touched = (dataset.label("contact") == 1.0) & dataset.usable
+    return touched & (np.isfinite(dataset.label("position")) | np.isfinite(dataset.label("force")))
+
+
+def _adapted(model: Model, dataset: Dataset, known: Flags, counted: Flags) -> Model:
+    """Return a model adapted to the known windows (n,), session by session; no other label can be seen.
+
+    As in training, features are relative to a session's own string, and forces as of the design's tension.
+    """
+    design, labels = model.definition.string, dict(dataset.labels)
+    strings = own_strings(dataset, design) if design is not None else {}
+    if design is not None:
+        labels["force"] = labels["force"] / force_scales(dataset, design)
+    for session in np.unique(dataset.session[known & counted]).tolist():
+        own = known & (dataset.session == session)
+        seen = replace(
+            dataset, labels=labels, valid={name: valid & own for name, valid in dataset.valid.items()}
+        )
+        tuned = model.tuned(strings[session]) if session in strings else model
+        model = replace(adapt(tuned, seen).model, string=model.string)
+    return model
+
+
+def _ridges(rivals: _Rivals, known: Selection | None, others: Selection) -> dict[str, Results]:
+    """Return the results of both ridge regressions, as far as there is training data or a known touch."""
+    curves: dict[str, Results] = {}
+    if rivals.ridge is not None:
+        before = _results_of(rivals.ridge, known) if known is not None else None
+        name, after = f"{rivals.name}, {RIDGE}", _results_of(rivals.ridge, others)
+        curves[name] = corrected(after, before) if before is not None else after
+    if known is not None:
+        alone = fit_baselines(known, rivals.candidate.feature, (RIDGE,))
+        curves[SCRATCH] = _results_of(alone, others)
+    return {name: replace(results, estimator=name) for name, results in curves.items()}
+
+
+def corrected(results: Results, known: Results) -> Results:
+    """Return results whose errors of position and force are corrected by those of known touches.
+
+    The expected error is a + b times the estimate, both fitted to the means of each touch; b is shrunk as
+    leaving touches out says. Of fewer than `MIN_SLOPE` touches there is a alone, shrunk by `PRIOR_TOUCHES`
+    touches without error.
+
+    Parameters
+    ----------
+    results
+        What is corrected.
+    known
+        Of windows whose truth is known, and of nothing else.
+
+    Examples
+    --------
+    ``monochord transfer`` corrects ridge regression so, and states both.
+    """
+    from sklearn.linear_model import RidgeCV  # noqa: PLC0415
+
+    value = dict(results.value)
+    for name in QUANTITIES:
+        rows = regression_rows(known, name) & np.isfinite(known.estimate(name))
+        if name not in value or not rows.any():
+            continue
+        touch = np.cumsum(np.diff(np.flatnonzero(rows), prepend=-2) > 1)
+        estimate, error = (
+            np.array([column[rows][touch == each].mean() for each in np.unique(touch)])
+            for column in (known.estimate(name), -known.error_of(name))
+        )
+        if len(error) < MIN_SLOPE:
+            value[name] = value[name] + error.sum() / (len(error) + PRIOR_TOUCHES)
+            continue
+        spread = max(float(estimate.std()), MIN_SPREAD)
+        line = RidgeCV(np.logspace(-2.0, 2.0, 5)).fit((estimate[:, None] - estimate.mean()) / spread, error)
+        slope = float(line.coef_[0]) / spread
+        value[name] = value[name] + float(line.intercept_) + slope * (value[name] - estimate.mean())
+    return replace(results, value=value)
+
+
+def _results_of(baselines: Baselines, selection: Selection) -> Results:
+    return _joined(baselines.results(each)[RIDGE] for each in _by_string(selection))
+
+
+def _by_string(selection: Selection) -> list[Selection]:
+    """Return the sessions of a selection, each with its string as it is tuned where that is far off."""
+    dataset, design = selection.dataset, selection.string
+    strings = own_strings(dataset, design) if design is not None else {}
+    of_rows = dataset.session[selection.rows]
+    return [
+        replace(selection, rows=selection.rows[of_rows == session], string=strings.get(session, design))
+        for session in selection.sessions
+    ]
+
+
+def _joined(parts: Iterable[Results]) -> Results:
+    return join(list(parts))
+
+
+def _by_object(results: Results) -> dict[str, Results]:
+    """Return the results of all objects and, where there are several, of each."""
+    column = results.of_trials("object")
+    names = np.unique(column).tolist()
+    each = {name: results.where(column == name) for name in names} if len(names) > 1 else {}
+    return {EVERYTHING: results, **each}
