@@ -138,6 +138,10 @@ REFUSED = {
     "evaluate demo --sessions {session} --quick": "beside --suite hardware",
     "evaluate demo --suite hardware --only motor": "did you mean 'motors'",
     "evaluate --suite hardware": "name it: --sensor prototype",
+    "transfer demo --sessions {session} --touches ten": "--touches ten: allowed is whole numbers",
+    "transfer demo --sessions {session} --touches 5,-1": "--touches 5,-1: allowed is 0 or more",
+    "transfer demo --sessions {session}": "a model without corrections",
+    "transfer demo": "Missing option '--sessions'",
     "evaluate demo --sessions {session} --out {out} --estimator closed_form": "--estimator",
     # simulate, figure, bench, weights, list
     "simulate": "Missing argument 'PRESET'",

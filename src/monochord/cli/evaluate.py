@@ -22,7 +22,7 @@ from monochord.perception.model.bundled import bundled_names
 PARTS = ("test", "validation")
 SUITES = ("noise", "hardware")
 OF_HARDWARE = ("cache", "only", "quick", "workers")
-NOT_OF_HARDWARE = ("dataset", "split", "part", "sessions", "noises")
+NOT_OF_HARDWARE = ("dataset", "split", "part", "sessions", "noises", "tuned")
 """Parameters that only the hardware suite has, and that it does not have."""
 DEFAULT_ESTIMATOR = "closed_form"
 HEADS = ("windows", "answered", "error", "<= 5 mm", "r", "error", "<= 0.2 N", "r", "contact", "slip area")
@@ -120,7 +120,7 @@ def evaluate(
     if out is not None:
         evaluation.refuse_unwritable(out)
     if suite == "hardware":
-        refuse_without("sessions or noise beside --suite hardware", "its own sessions", *NOT_OF_HARDWARE)
+        refuse_without("sessions, noise or --tuned beside --suite hardware", "its own", *NOT_OF_HARDWARE)
         run = HardwareRun(cache=cache, only=only, quick=quick, workers=workers)
         test_on_hardware(run, settings, name=feature, out=out, rows=rows, as_json=as_json)
         return

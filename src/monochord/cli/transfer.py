@@ -93,7 +93,7 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 def _lines(rows: Sequence[SummaryRow]) -> list[str]:
     heads = ("world", "object", "estimator", "touches", *HEADS, "builds")
-    table = [heads]
+    table: list[tuple[str, ...]] = [heads]
     for row in rows:
         names = (row["world"] or "real", row["object"], row["model"].replace("_", " "), str(row["touches"]))
         table.append((*names, *cells(row), str(row["builds"])))

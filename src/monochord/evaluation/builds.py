@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -268,7 +268,8 @@ def corrected(results: Results, known: Results) -> Results:
             value[name] = value[name] + error.sum() / (len(error) + PRIOR_TOUCHES)
             continue
         spread = max(float(estimate.std()), MIN_SPREAD)
-        line = RidgeCV(np.logspace(-2.0, 2.0, 5)).fit((estimate[:, None] - estimate.mean()) / spread, error)
+        scaled = (estimate[:, None] - estimate.mean()) / spread
+        line: Any = RidgeCV(np.logspace(-2.0, 2.0, 5)).fit(scaled, error)
         slope = float(line.coef_[0]) / spread
         value[name] = value[name] + float(line.intercept_) + slope * (value[name] - estimate.mean())
     return replace(results, value=value)

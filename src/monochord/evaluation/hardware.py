@@ -3,7 +3,7 @@
 The sessions of all conditions have the same touches and differ in one thing each; the virtual laboratory
 makes them, see `monochord.lab.hardware`. They are replayed window by window, as every evaluation is. Where a
 condition changes the open string's pitch, each estimator is tested twice: with the string as its design
-states it, and with the string as `monochord tune` hears it in each session.
+states it, and with the string as it is heard to be tuned in each session, as after `monochord tune`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,16 +11,12 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from monochord.core.errors import InputError
 from monochord.core.ownership import scratch_folder
-from monochord.core.types import StringParams
-from monochord.core.units import Seconds
 from monochord.evaluation.baselines import Baselines, fit_baselines
 from monochord.evaluation.replay import Progress, Selection, replay
 from monochord.evaluation.results import CLEAN, Results, join
 from monochord.evaluation.select import Candidate, EvaluationData, EvaluationSettings, load, select
 from monochord.evaluation.summary import SummaryRow, summary_row
-from monochord.live.tuning import preset_of, tune
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
 
@@ -30,8 +26,6 @@ TUNED = ", tuned"
 """End of the name of a condition in which estimators know the string as it is tuned."""
 WORLD = "ideal"
 """World of the suite's sensor, in which one thing is changed."""
-LISTENING: Seconds = 6.0
-"""Begin of a session in which its untouched string is listened to, with the taps before it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,9 +82,9 @@ def evaluate_hardware(
         with scratch_folder() as scratch:
             data = select(replace(settings, sessions=(str(folder),)), candidate, scratch)
             rivals = rivals or _Rivals.of(settings, candidate, data, name or candidate.name, progress)
-            selections = {condition: [data.selection]}
+            selections = {condition: replace(data.selection, tuned=False)}
             if condition in retuned:
-                selections[condition + TUNED] = as_tuned(data.selection, folder, settings.sensor)
+                selections[condition + TUNED] = replace(data.selection, tuned=True)
             for label, each in selections.items():
                 for rival, results in rivals.results(each, label, progress):
                     parts.setdefault(rival, []).append(results)
@@ -99,48 +93,6 @@ def evaluate_hardware(
     return HardwareEvaluation(
         rows=tuple(rows), results={rival: join(each) for rival, each in parts.items()}, notes=tuple(notes)
     )
-
-
-def as_tuned(selection: Selection, folder: Path, sensor: str | None = None) -> list[Selection]:
-    """Return each session of a selection by itself, with its string as its untouched sound says it is tuned.
-
-    A session that does not say so keeps the string of the selection.
-
-    Parameters
-    ----------
-    selection
-        Of sessions that are files in a folder.
-    folder
-        That folder.
-    sensor
-        The sensor's design; by default the one with this string.
-
-    Raises
-    ------
-    InputError
-        If no design has this string.
-
-    Examples
-    --------
-    ``monochord evaluate demo --suite hardware`` tests a sensor that is tuned otherwise.
-    """
-    dataset, design = selection.dataset, sensor or preset_of(selection.string)
-    of_rows = dataset.session[selection.rows]
-    return [
-        replace(
-            selection,
-            rows=selection.rows[of_rows == session],
-            string=_tuned(folder / f"{dataset.manifest.parts[session].name}.mcap", design, selection.string),
-        )
-        for session in selection.sessions
-    ]
-
-
-def _tuned(file: Path, design: str, string: StringParams | None) -> StringParams | None:
-    try:
-        return tune(file, sensor=design, seconds=LISTENING).string
-    except InputError:  # its sound does not tell the pitch
-        return string
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,26 +123,23 @@ class _Rivals:
         return cls(name=name, estimators=estimators, baselines=baselines)
 
     def results(
-        self, selections: list[Selection], condition: str, progress: Progress
+        self, selection: Selection, condition: str, progress: Progress
     ) -> Iterator[tuple[str, Results]]:
-        """Yield the name and the results of each, over all selections, which are of one condition."""
+        """Yield the name and the results of each, in a condition."""
 
         def report(session: str, done: int, of: int) -> None:
             progress(f"{condition}, {session}" if session else condition, done, of)
 
         for name, estimator in self.estimators.items():
-            parts = [replay(each, estimator, name=name, progress=report) for each in selections]
-            yield name, _in_condition(parts, condition)
-        if self.baselines is None:
-            return
-        fitted = [self.baselines.results(each, progress=report) for each in selections]
-        for kind in self.baselines.fitted:
-            name = f"{self.name}, {kind.replace('_', ' ')}"
-            yield name, _in_condition([each[kind] for each in fitted], condition)
+            results = replay(selection, estimator, name=name, progress=report)
+            yield name, _in_condition(results, condition)
+        fitted = self.baselines.results(selection, progress=report) if self.baselines else {}
+        for kind, results in fitted.items():
+            yield f"{self.name}, {kind.replace('_', ' ')}", _in_condition(results, condition)
 
 
-def _in_condition(parts: list[Results], condition: str) -> Results:
-    """Return results as one, of a condition that the sound of their sessions had when it was made."""
-    joined, noise = join(parts), "" if condition == CLEAN else condition
-    trials = tuple(replace(trial, noise=noise, ratio=None) for trial in joined.trials)
-    return replace(joined, trials=trials)
+def _in_condition(results: Results, condition: str) -> Results:
+    """Return results in a condition that the sound of their sessions had when it was made."""
+    noise = "" if condition == CLEAN else condition
+    trials = tuple(replace(trial, noise=noise, ratio=None) for trial in results.trials)
+    return replace(results, trials=trials)

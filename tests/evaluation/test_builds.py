@@ -1,0 +1,148 @@
+"""Rows of unseen builds say what known touches of each are worth, and see no label of the others."""
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.conftest import LEARNABLE, sung
+
+from monochord.core.types import Block
+from monochord.datasets.split import Split
+from monochord.datasets.store import open_dataset
+from monochord.evaluation.builds import SCRATCH, UNSEEN, corrected, evaluate_builds, groups_of
+from monochord.evaluation.evaluate import evaluate
+from monochord.evaluation.results import Results
+from monochord.evaluation.select import EvaluationSettings
+from monochord.evaluation.summary import KEYS, SummaryRow
+from monochord.evaluation.summary_page import builds_page
+from monochord.perception.model import load, save
+from monochord.perception.training.correct import with_prior, with_variables
+from monochord.perception.training.examples import touches_of
+from monochord.perception.training.train import outputs_of
+from monochord.sessions import Description, SessionClock, SessionWriter
+
+pytest.importorskip("torch")
+BIAS = 0.5
+
+
+@pytest.fixture
+def correctable(lesson_run: Path, learnable: Path, tmp_path: Path) -> Path:
+    """A run of `lesson` whose model has corrections: builds differ by half a newton either way."""
+    home = tmp_path / "correctable"
+    shutil.copytree(lesson_run, home)
+    model, dataset = load(home), open_dataset(learnable)
+    model = replace(model, definition=with_variables(model.definition, {"position": (), "force": ()}))
+    parts = Split.read(learnable / "split.json").parts
+    outputs = outputs_of(model, dataset, np.sort(np.concatenate([parts["validation"], parts["test"]])))
+    force = dataset.label("force") + np.where(dataset.session % 2 == 0, BIAS, -BIAS)
+    dataset = replace(dataset, labels={**dataset.labels, "force": force})
+    for name in ("position", "force"):
+        model = with_prior(model, name, dataset, outputs, touches_of(dataset))
+    save(model, home / "model")
+    return home
+
+
+def recorded(folder: Path, build: int, *, later: float = 0.0) -> Path:
+    """A session of 12 touches whose forces are off by BIAS, and those after eight by `later` besides."""
+    samples, time, labels = sung(70 + build)
+    labels["force"] = labels["force"] + BIAS * (-1.0) ** build + np.where(time >= 16.0, later, 0.0)
+    folder.mkdir(exist_ok=True)
+    file = folder / f"build_{build}.mcap"
+    description = Description(
+        name=file.stem, sample_rate=LEARNABLE, simulated=True, build=build, more={"world": "plausible"}
+    )
+    with SessionWriter(file, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+        writer.audio(Block(samples=samples, start=0, adc_time=0.0))
+        writer.labels(time, labels)
+    return file
+
+
+def settings_of(run: Path, files: Sequence[Path]) -> EvaluationSettings:
+    return EvaluationSettings(model=str(run), sessions=tuple(map(str, files)))
+
+
+def row_of(rows: Sequence[SummaryRow], model: str, touches: int) -> SummaryRow:
+    (row,) = (row for row in rows if (row["model"], row["touches"]) == (model, touches))
+    return row
+
+
+@pytest.mark.usefixtures("made_up_features")
+def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path) -> None:
+    files = [recorded(tmp_path / "unseen", build) for build in (1, 2)]
+    settings = settings_of(correctable, files)
+    rows = evaluate_builds(settings, name="m", touches=(0, 8, 10))
+    assert [(row["model"], row["touches"]) for row in rows] == [
+        ("m", 0), ("m", 8), ("m, ridge", 0), ("m, ridge", 8), (SCRATCH, 8)
+    ]  # fmt: skip
+    for row in rows:
+        assert tuple(row)[: len(KEYS)] == KEYS
+        assert (row["world"], row["condition"], row["builds"]) == ("plausible", UNSEEN, 2)
+    before, after = (row_of(rows, "m", touches) for touches in (0, 8))
+    assert before["force_mae_n"] > 0.8 * BIAS
+    assert after["force_mae_n"] < 0.6 * before["force_mae_n"]
+    assert after["force_coverage_1se"] > 0.4
+    assert 3.5 / 12.0 < after["n"] / before["n"] < 4.5 / 12.0
+    ridge = [row_of(rows, "m, ridge", touches)["force_mae_n"] for touches in (0, 8)]
+    assert ridge[1] < ridge[0]
+    assert row_of(rows, SCRATCH, 8)["position_mae_mm"] > after["position_mae_mm"]
+    card = evaluate(replace(settings, baselines=False)).card.tree()
+    (plain,) = (row for row in card["table"] if row["state"] == "touched")
+    assert before["force_mae_n"] == pytest.approx(plain["force"]["mae"]["value"], rel=1e-3)
+    assert before["position_mae_mm"] == pytest.approx(1e3 * plain["position"]["mae"]["value"], rel=1e-3)
+    page = builds_page(rows)
+    assert "## Unseen builds, all objects, plausible world, simulated" in page
+    assert page.count("| from scratch | 8 |") == 1
+
+
+@pytest.mark.usefixtures("made_up_features")
+def test_labels_of_the_scored_touches_change_no_estimate(correctable: Path, tmp_path: Path) -> None:
+    estimates: list[dict[str, Results]] = []
+
+    def watched(groups: Any, work: Any) -> Any:
+        for group in groups:
+            curves = work(group)
+            estimates.append({name: results for (name, _), results in curves.items()})
+            yield group, curves
+
+    for later in (0.0, 1.0):
+        file = recorded(tmp_path / f"later{later:g}", 1, later=later)
+        evaluate_builds(settings_of(correctable, [file]), name="m", touches=(8,), run=watched)
+    first, second = estimates
+    assert list(first) == ["m", "m, ridge", SCRATCH]
+    for name, results in first.items():
+        for quantity in ("position", "force"):
+            np.testing.assert_array_equal(results.estimate(quantity), second[name].estimate(quantity))
+        shift = np.nanmean(second[name].label("force") - results.label("force"))
+        assert shift == pytest.approx(1.0)
+
+
+def test_groups_are_sessions_or_builds(tmp_path: Path) -> None:
+    files = [recorded(tmp_path / f"{number}", build) for number, build in enumerate((1, 2, 1))]
+    renamed = [file.rename(file.with_name(f"take_{number}.mcap")) for number, file in enumerate(files)]
+    assert [len(group.files) for group in groups_of(renamed)] == [1, 1, 1]
+    by_build = groups_of(renamed, "build")
+    assert [group.files for group in by_build] == [(renamed[0], renamed[2]), (renamed[1],)]
+    assert {group.world for group in by_build} == {"plausible"}
+
+
+def test_a_correction_finds_an_offset_and_a_slope(oracle: Any) -> None:
+    results = oracle()
+    force = results.value["force"]
+    wrong = replace(results, value={**results.value, "force": 0.8 * force - 0.3})
+    known, others = (wrong.where((wrong.trial < 2) == first) for first in (True, False))
+    after = corrected(others, known)
+    assert np.nanmean(np.abs(others.error_of("force"))) > 0.4
+    assert np.nanmean(np.abs(after.error_of("force"))) < 0.02
+    np.testing.assert_array_equal(after.estimate("position"), others.estimate("position"))
+    one = corrected(others, known.where(known.start < 2.0))
+    rows = np.flatnonzero((known.start < 2.0) & np.isfinite(known.error_of("force")))
+    touches = np.unique(known.trial[rows]).size
+    step = np.nanmedian(one.estimate("force") - others.estimate("force"))
+    errors = [
+        np.nanmean(-known.error_of("force")[(known.start < 2.0) & (known.trial == at)]) for at in (0, 1)
+    ]
+    assert step == pytest.approx(sum(errors) / (touches + 1.0))
