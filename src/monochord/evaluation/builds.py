@@ -26,7 +26,7 @@ from monochord.evaluation.scorecard import EVERYTHING
 from monochord.evaluation.scores import regression_rows
 from monochord.evaluation.select import Candidate, EvaluationSettings, load, refuse_trained_on, training_of
 from monochord.evaluation.summary import SummaryRow, summary_row
-from monochord.perception.estimators.model import ModelEstimator
+from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.model import Model, save
 from monochord.perception.model import load as load_model
 from monochord.perception.training.adapt import REMEDY, adapt
@@ -188,8 +188,9 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Curve
             adapted = _adapted(rivals.model, dataset, is_known, counted)
             folder = scratch / f"model_{count}"
             save(adapted, folder)
+            estimator = ESTIMATORS.build("model", {"path": str(folder)})
             curves[rivals.name, count] = _joined(
-                replay(each, ModelEstimator(path=folder), name=rivals.name) for each in _by_string(others)
+                replay(each, estimator, name=rivals.name) for each in _by_string(others)
             )
             known = replace(whole, rows=np.flatnonzero(is_known)) if count else None
             curves |= {(name, count): results for name, results in _ridges(rivals, known, others).items()}
