@@ -58,6 +58,8 @@ class Hardware(Measured):
 
     def draw(self) -> Canvas:
         """Draw the four panels beside each other, over the same conditions."""
+        from matplotlib.ticker import LogLocator, NullLocator  # noqa: PLC0415
+
         rows = read_summary(Path(self.rows))
         conditions = list(dict.fromkeys(row["condition"] for row in rows))
         page = _style.canvas(MARGIN + LINE_HEIGHT * len(conditions))
@@ -68,6 +70,11 @@ class Hardware(Measured):
             self._marks(axes, rows, conditions, column)
             if logarithmic:
                 axes.set_xscale("log")
+                axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+                axes.xaxis.set_major_formatter("{x:g}")
+                axes.xaxis.set_minor_locator(NullLocator())
+            else:
+                axes.set_xlim(-4.0, 104.0)
             axes.grid(axis="y", lw=0.3, color=_style.PALE)
             axes.set_axisbelow(True)
         panels[2].axvline(100.0 * normal_coverage(1.0), lw=0.6, ls=_style.THEORY, color=_style.INK)
