@@ -89,8 +89,9 @@ def _lines(result: Adaptation, out: Path) -> list[str]:
 def _line(name: str, head: HeadAdaptation) -> str:
     factor, unit = (1e3, "mm") if head.unit == "m" else (1.0, head.unit)
     before, after, std = (f"{factor * value:.3g} {unit}" for value in (head.before, head.after, head.std))
-    return (
+    line = (
         f"  {name:<10} mean error {before} before, {after} with {head.touches} touches "
         f"({head.windows} windows), stated +-{std} (median), which covers {100 * head.coverage:.0f} %, "
         f"twice that {100 * head.within_two:.0f} %"
     )
+    return line if head.used else f"{line}; left as it was, since they did not help"

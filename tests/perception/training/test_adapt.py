@@ -82,9 +82,25 @@ def test_an_adapted_model_is_saved_and_remembers_what_it_heard(
     assert record is not None
     assert (record.touches, record.variables) == (12, ())
     assert "foreign" in again.definition.sessions
-    more = adapt(again, foreign, touches=3).model.definition.heads["force"].correction
+    result = adapt(again, foreign, touches=3)
+    more = result.model.definition.heads["force"].correction
     assert more is not None
-    assert more.touches == 15
+    assert more.touches == (15 if result.heads["force"].used else 12)
+
+
+def test_a_head_that_known_touches_do_not_help_is_left_as_it_was(
+    correctable: Model, foreign: Dataset
+) -> None:
+    side = np.where(touches_of(foreign) % 2 == 0, 0.02, -0.02)  # one touch teaches nothing about the next
+    misread = replace(foreign, labels={**foreign.labels, "position": foreign.label("position") + side})
+    result = adapt(correctable, misread, touches=8)
+    assert not result.heads["position"].used
+    assert result.heads["force"].used
+    for name, changed in (("position", False), ("force", True)):
+        before, after = correctable.correction(name), result.model.correction(name)
+        assert before is not None
+        assert after is not None
+        assert np.array_equal(before.mean, after.mean) != changed
 
 
 def test_models_without_corrections_and_too_few_touches_are_refused(

@@ -27,7 +27,8 @@ class HeadAdaptation:
     """What known touches did for a head, by cross-validation over touches, in the label's unit.
 
     `before` and `after` are mean absolute errors, the latter of touches left out. `std` is the median
-    standard error stated for these, `coverage` the share of windows within one, `within_two` within two.
+    standard error stated for these, `coverage` the share of windows within one, `within_two` within two. A
+    head whose touches did not help, as where modes are misread, is left as it was: `used` is false.
     """
 
     unit: str
@@ -38,6 +39,7 @@ class HeadAdaptation:
     std: float
     coverage: float
     within_two: float
+    used: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,14 +101,17 @@ def adapt(
         errors, own = _part(errors, used), own[used]
         terms = correction.terms(errors.variables)
         heads[name] = _judged(model, name, correction, errors, terms, own)
-        known[name] = correction.given(terms, errors.error, errors.std, own)
+        if heads[name].used:
+            known[name] = correction.given(terms, errors.error, errors.std, own)
+        else:
+            known[name] = correction
         spreads[name] = float(np.median(errors.std))
         record = model.definition.heads[name].correction
         model = with_correction(
             model,
             name,
             known[name],
-            touches=(record.touches if record else 0) + heads[name].touches,
+            touches=(record.touches if record else 0) + heads[name].used * heads[name].touches,
             sessions=record.sessions if record else 0,
             kept=model.weights[f"{name}.correction.touches"],
         )
@@ -144,15 +149,18 @@ def _judged(
         left[out] = errors.error[out] - expected
         std[out] = np.sqrt(correction.noise * errors.std[out] ** 2 + uncertain**2)
     zeros = np.zeros(len(left))
+    before = record.scale * float(np.mean(np.abs(errors.error - correction.error(terms)[0])))
+    after = record.scale * float(np.mean(np.abs(left)))
     return HeadAdaptation(
         unit=record.task.unit,
         touches=len(numbers),
         windows=len(touch),
-        before=record.scale * float(np.mean(np.abs(errors.error - correction.error(terms)[0]))),
-        after=record.scale * float(np.mean(np.abs(left))),
+        before=before,
+        after=after,
         std=record.scale * float(np.median(std)),
         coverage=coverage(zeros, left, std, 1.0),
         within_two=coverage(zeros, left, std, 2.0),
+        used=after < before,
     )
 
 
