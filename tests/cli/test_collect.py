@@ -98,6 +98,7 @@ def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit
 
 
 @pytest.mark.jack
+@pytest.mark.real_time
 @pytest.mark.parametrize(
     ("number", "sign"),
     [
@@ -131,6 +132,7 @@ def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
 
 
 @pytest.mark.jack
+@pytest.mark.real_time
 @pytest.mark.timeout(120)
 def test_a_plan_is_played_in_real_time(
     jack_server: JackServer, tmp_path: Path, capsys: pytest.CaptureFixture[str]

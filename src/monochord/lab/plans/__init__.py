@@ -15,7 +15,7 @@ def plan_names() -> list[str]:
     Examples
     --------
     >>> plan_names()
-    ['hardware', 'paper', 'quick', 'small']
+    ['builds', 'hardware', 'paper', 'quick', 'small']
     """
     return PLANS.names()
 
