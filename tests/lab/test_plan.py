@@ -4,6 +4,7 @@ from tests.lab.tiny import session, tiny
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.lab.hardware import FIRST_BUILD
 from monochord.lab.plan import Delays, Group, Plan, assignments
 from monochord.lab.plans import load_plan, plan_names
 from monochord.lab.schedule import schedule
@@ -152,6 +153,33 @@ def test_the_plan_of_the_paper_has_its_windows_range_and_objects() -> None:
 def test_sessions_of_the_paper_last_about_a_minute() -> None:
     lengths = [schedule(one).motion.end for one in assignments(load_plan("paper"))[::40]]
     assert 45.0 < min(lengths) <= max(lengths) < 75.0
+
+
+def test_the_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other() -> None:
+    sealed = load_plan("sealed")
+    others = [group for name in plan_names() if name != "sealed" for group in load_plan(name).groups]
+    builds = {build for group in sealed.groups for build in group.builds}
+    days = {day for group in sealed.groups for day in group.days}
+    materials = {group.material for group in sealed.groups}
+    assert len(builds) == 20
+    assert not builds & {build for group in others for build in group.builds}
+    assert max(builds) < FIRST_BUILD  # those of the hardware suite begin there
+    assert not days & {day for group in others for day in group.days}
+    assert materials & {group.material for group in others} == {"plastic", "metal_tube", "wood", "allen_key"}
+    assert len(materials) == 10
+
+
+def test_each_build_of_the_sealed_plan_has_100_touches_to_know_and_100_to_score() -> None:
+    sessions = assignments(load_plan("sealed"))
+    counts: dict[int | None, int] = {}
+    for one in sessions:
+        if one.group.name.startswith("hold_"):
+            counts[one.build] = counts.get(one.build, 0) + len(one.cells())
+    assert set(counts.values()) == {200}
+    sensors = [one.sensor() for one in sessions]
+    pitch = [np.sqrt(1.0 + each.drift / each.string.tension) - 1.0 for each in sensors]
+    assert min(pitch) < -0.02
+    assert max(pitch) > 0.02
 
 
 def test_an_unknown_plan_is_refused() -> None:

@@ -15,7 +15,7 @@ def plan_names() -> list[str]:
     Examples
     --------
     >>> plan_names()
-    ['builds', 'hardware', 'paper', 'quick', 'small']
+    ['builds', 'hardware', 'paper', 'quick', 'sealed', 'small']
     """
     return PLANS.names()
 
