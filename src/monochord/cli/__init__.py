@@ -34,7 +34,16 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "First steps": ("demo", "doctor", "list"),
     "Estimate touches": ("tune", "live", "locate"),
     "Collect data": ("record", "collect", "sessions"),
-    "Train and evaluate": ("build", "audit", "train", "calibrate", "evaluate", "transfer", "ablate", "weights"),
+    "Train and evaluate": (
+        "build",
+        "audit",
+        "train",
+        "calibrate",
+        "evaluate",
+        "transfer",
+        "ablate",
+        "weights",
+    ),
     "Simulate, draw, measure": ("simulate", "figure", "bench"),
 }
 """Commands as the help shows them; a command that is in no group comes last."""
