@@ -101,6 +101,9 @@ def test_errors_scale_against_the_cramer_rao_bound(oracle: Oracle) -> None:
     assert one.bound == two.bound > 0.0
     assert one.error == pytest.approx(1e-3, rel=0.1)
     assert two.times == pytest.approx(2.0 * one.times)
+    # A position known to a tenth of a millimetre at either end is known no better by any sound.
+    assert 0.05e-3 < one.bound_built < 0.15e-3
+    assert one.times_built == pytest.approx(one.error / one.bound_built)
     results = oracle(spread=1.0)
     loud, soft = (compare_with_bound(results, STRING, "force", ratio=ratio) for ratio in (40.0, 20.0))
     assert loud is not None

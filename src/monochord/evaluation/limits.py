@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monochord.core.types import Contact, StringParams
-from monochord.core.units import Newtons, Seconds
+from monochord.core.units import Metres, Newtons, Seconds
 from monochord.evaluation.results import Results
 from monochord.evaluation.scores import regression_rows
 from monochord.physics.theory import TensionLaw, contact_bound
@@ -14,6 +14,8 @@ from monochord.sessions import SessionReader
 
 MAX_BOUND_WINDOWS = 200
 """The bound is computed for this many windows, spread evenly over all."""
+TENSION_KNOWN, ENDS_KNOWN = 1e-3, 1e-4
+"""Assumed: the share of its tension, and the metres of its ends, to which a tuned sensor is known."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median absolute value of a normal variable of unit standard deviation."""
 
@@ -23,14 +25,18 @@ class BoundComparison:
     """Errors beside the smallest that a window allows, both as medians, in m or N.
 
     `ratio` is the assumed signal-to-noise ratio of each partial in dB. `error` is the standard deviation of a
-    normal error with the measured median absolute error; `times` is `error` over `bound`.
+    normal error with the measured median absolute error; `times` is `error` over `bound`, that of a sensor
+    known exactly, and `times_built` over `bound_built`, that of one whose tension and ends are known to
+    `TENSION_KNOWN` and `ENDS_KNOWN`.
     """
 
     ratio: float
     windows: int
     bound: float
+    bound_built: float
     error: float
     times: float
+    times_built: float
 
 
 def compare_with_bound(
@@ -45,8 +51,9 @@ def compare_with_bound(
     """Return the errors of "position" or "force" beside the Cramer-Rao bound; None if there are no errors.
 
     The bound is that of `monochord.physics.theory.contact_bound` for the clamped string at each window's true
-    position and force. Near a ratio of one the pitch holds no more information; far above it, the error is
-    not due to noise but to what the estimator does not know of the touch.
+    position and force, for a sensor known exactly and for one known as well as a built one. Near a ratio of
+    one the pitch holds no more information; far above it, the error is not due to noise but to what the
+    estimator does not know of the sensor or of the touch.
 
     Parameters
     ----------
@@ -73,24 +80,45 @@ def compare_with_bound(
         return None
     chosen = np.unique(np.linspace(0, len(part) - 1, min(MAX_BOUND_WINDOWS, len(part))).round().astype(int))
     touches = zip(part.label("position")[chosen].tolist(), part.label("force")[chosen].tolist(), strict=True)
-    bounds = [
-        contact_bound(
-            string,
-            Contact(position=position, force=force),
-            10.0 ** (0.1 * ratio),
-            duration=part.window,
-            sample_rate=sample_rate,
-            law=law,
-        )[("position", "force").index(name)]
+    contacts = [
+        Contact(position=position, force=force)
         for position, force in touches
         if 0.0 < position < string.length and force > 0.0
     ]
-    if not bounds:
+    if not contacts:
         return None
-    bound = float(np.median(bounds))
+
+    def bound(tension_std: Newtons, end_std: Metres) -> float:
+        each = [
+            contact_bound(
+                string,
+                contact,
+                10.0 ** (0.1 * ratio),
+                duration=part.window,
+                sample_rate=sample_rate,
+                law=law,
+                tension_std=tension_std,
+                end_std=end_std,
+            )[("position", "force").index(name)]
+            for contact in contacts
+        ]
+        return float(np.median(each))
+
     error = float(np.median(np.abs(part.error_of(name)))) / MEDIAN_OF_NORMAL
-    times = error / bound if 0.0 < bound < math.inf else math.nan
-    return BoundComparison(ratio=ratio, windows=len(part), bound=bound, error=error, times=times)
+    exact, built = bound(0.0, 0.0), bound(TENSION_KNOWN * string.tension, ENDS_KNOWN)
+    return BoundComparison(
+        ratio=ratio,
+        windows=len(part),
+        bound=exact,
+        bound_built=built,
+        error=error,
+        times=_ratio(error, exact),
+        times_built=_ratio(error, built),
+    )
+
+
+def _ratio(error: float, bound: float) -> float:
+    return error / bound if 0.0 < bound < math.inf else math.nan
 
 
 def force_floor(session: SessionReader, window: Seconds) -> Newtons | None:

@@ -108,6 +108,26 @@ def test_contact_bound_is_what_the_inverse_makes_of_noisy_frequencies() -> None:
     assert (np.std(x), np.std(force)) == pytest.approx(bound, rel=0.05)
 
 
+@pytest.mark.parametrize("law", ["linear", "geometric"])
+def test_contact_bound_counts_what_is_not_known_of_tuning_and_ends(law: TensionLaw) -> None:
+    # Sensors drawn with errors of both, read as if they were the nominal one.
+    rng, x, force = np.random.default_rng(3), 0.2, 2.0
+    built = {"tension_std": 0.05, "end_std": 2e-4}
+    read: list[tuple[float, float]] = []
+    for _ in range(2000):
+        off = rng.normal(size=3)
+        tension = STRING.tension + 0.05 * off[0]
+        own = replace(STRING, tension=tension, length=STRING.length + 2e-4 * (off[1] + off[2]))
+        f1, f2 = split_frequencies(own, x + 2e-4 * off[1], force, law)
+        place = locate_from_segments(STRING.length, f1, f2)
+        read.append(
+            (place, force_from_tension(STRING, tension_from_segments(STRING, f1, f2), place, law=law))
+        )
+    touch = Contact(position=x, force=force)
+    bound = contact_bound(STRING, touch, 1e6, duration=0.1, sample_rate=44100.0, law=law, **built)
+    assert np.std(read, axis=0) == pytest.approx(bound, rel=0.06)
+
+
 def test_string_without_force_coupling_still_tells_position() -> None:
     # The ratio of the two frequencies locates, whatever the tension does.
     touch = Contact(position=0.2, force=0.0)
@@ -116,6 +136,12 @@ def test_string_without_force_coupling_still_tells_position() -> None:
     x, _ = contact_bound(STRING, touch, 10.0, duration=0.1, sample_rate=8000.0)
     assert x_only == pytest.approx(x, rel=1e-9)
     assert never == np.inf
+    x_deaf, x_built = (
+        contact_bound(string, touch, 10.0, duration=0.1, sample_rate=8000.0, tension_std=5.0, end_std=1e-4)[0]
+        for string in (deaf, STRING)
+    )
+    assert x_deaf == pytest.approx(x_built, rel=1e-9)
+    assert x < x_built < 1e-4
 
 
 def test_far_segment_bound_scales_with_the_frequency_error() -> None:
