@@ -13,6 +13,7 @@ from monochord.core.errors import InputError
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.perception.model import Model, load, save
 from monochord.perception.training.adapt import Adaptation, HeadAdaptation, adapt
+from monochord.perception.tuning.sessions import heard_tension
 
 
 @click.command()
@@ -56,7 +57,9 @@ def calibrate(
         window=trained.window / rate, hop=trained.hop / rate, labels=labels or "", force=force
     )
     with tempfile.TemporaryDirectory() as folder:
-        dataset = build_dataset(find_sessions(sessions), Path(folder) / "dataset", options)
+        dataset = build_dataset(
+            find_sessions(sessions), Path(folder) / "dataset", options, listen=heard_tension
+        )
         with progress_bar() as progress:
             result = adapt(given, dataset, touches=touches, progress=progress)
     saved = save(result.model, out)

@@ -31,7 +31,7 @@ from monochord.perception.model import Model, save
 from monochord.perception.model import load as load_model
 from monochord.perception.training.adapt import REMEDY, adapt
 from monochord.perception.training.examples import touches_of
-from monochord.perception.tuning.sessions import force_scales, heard_tension, own_strings
+from monochord.perception.tuning.sessions import heard_tension, own_strings
 from monochord.sessions import read_session
 
 TOUCHES = (0, 1, 5, 10, 25, 50, 100)
@@ -185,7 +185,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Curve
                 continue
             is_known = touch < numbers[count] if count else np.zeros(len(dataset), bool)
             others = replace(whole, rows=np.flatnonzero(~is_known))
-            adapted = _adapted(rivals.model, dataset, is_known, counted)
+            adapted = _adapted(rivals.model, dataset, is_known)
             folder = scratch / f"model_{count}"
             save(adapted, folder)
             estimator = ESTIMATORS.build("model", {"path": str(folder)})
@@ -203,23 +203,12 @@ def _labelled(dataset: Dataset) -> Flags:
     return touched & (np.isfinite(dataset.label("position")) | np.isfinite(dataset.label("force")))
 
 
-def _adapted(model: Model, dataset: Dataset, known: Flags, counted: Flags) -> Model:
-    """Return a model adapted to the known windows (n,), session by session; no other label can be seen.
-
-    As in training, features are relative to a session's own string, and forces as of the design's tension.
-    """
-    design, labels = model.definition.string, dict(dataset.labels)
-    strings = own_strings(dataset, design) if design is not None else {}
-    if design is not None:
-        labels["force"] = labels["force"] / force_scales(dataset, design)
-    for session in np.unique(dataset.session[known & counted]).tolist():
-        own = known & (dataset.session == session)
-        seen = replace(
-            dataset, labels=labels, valid={name: valid & own for name, valid in dataset.valid.items()}
-        )
-        tuned = model.tuned(strings[session]) if session in strings else model
-        model = replace(adapt(tuned, seen).model, string=model.string)
-    return model
+def _adapted(model: Model, dataset: Dataset, known: Flags) -> Model:
+    """Return a model adapted to the known windows (n,), if any; no other label can be seen."""
+    if not known.any():
+        return model
+    seen = {name: valid & known for name, valid in dataset.valid.items()}
+    return adapt(model, replace(dataset, valid=seen)).model
 
 
 def _ridges(rivals: _Rivals, known: Selection | None, others: Selection) -> dict[str, Results]:

@@ -18,6 +18,8 @@ from monochord.perception.training.adapt import adapt
 from monochord.perception.training.correct import with_prior, with_variables
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.train import outputs_of
+from monochord.perception.tuning.sessions import force_scale
+from monochord.physics.sensors import load_sensor
 from monochord.sessions import Description, SessionClock, SessionWriter
 
 pytest.importorskip("torch")
@@ -125,3 +127,21 @@ def test_the_command_writes_a_model_that_live_takes(
     assert load(out).definition.heads["force"].correction
     assert run(line) == 2
     assert "exists" in capsys.readouterr().err
+
+
+def test_forces_of_a_string_tuned_otherwise_are_known_as_of_the_design(
+    correctable: Model, foreign: Dataset
+) -> None:
+    design = load_sensor("prototype").string
+    model = replace(correctable, definition=replace(correctable.definition, string=design))
+    looser = replace(design, tension=0.9 * design.tension)
+    part = replace(foreign.manifest.parts[0], tension=looser.tension, tuned="recorded")
+    tuned = replace(
+        foreign,
+        labels={**foreign.labels, "force": foreign.label("force") * force_scale(looser, design)},
+        manifest=replace(foreign.manifest, parts=(part,)),
+    )
+    known, expected = (adapt(model, dataset).model.correction("force") for dataset in (tuned, foreign))
+    assert known is not None
+    assert expected is not None
+    np.testing.assert_allclose(known.mean, expected.mean, atol=1e-6)
