@@ -32,11 +32,17 @@ $(INSTALLED): pyproject.toml | system $(BIN)/python
 	@$(PIP) install 'torch==2.13.0' # by itself: any other way of asking brings gigabytes for a graphics card
 	@$(PIP) install --editable '.[dev,ros,cluster,export,pandas,figures,train,encoders,openvino]'
 	@echo "compiling the kernels, once"
-	@$(BIN)/monochord bench bound --set windows=1 >/dev/null
-	@$(BIN)/monochord simulate appendix --json >/dev/null
-	@$(BIN)/monochord demo --seconds 1 --json >/dev/null
-	@$(BIN)/monochord demo --estimator closed_form --seconds 1 --json >/dev/null
+	@$(BIN)/monochord demo --seconds 1 --json >/dev/null & demo=$$!; \
+	  $(BIN)/python -c "$$COMPILE" >/dev/null && wait $$demo
 	@touch $@
+
+define COMPILE
+from monochord.cli import run
+from monochord.physics.twin.virtual_sensor import VirtualSensor
+assert VirtualSensor("prototype", world="plausible").advance(0.01)[0].any()
+assert run(["bench", "bound", "--set", "windows=1"]) == run(["simulate", "appendix", "--json"]) == 0
+endef
+export COMPILE
 
 $(DOCS_INSTALLED): pyproject.toml | $(INSTALLED)
 	@$(PIP) install --editable '.[docs]'

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from tests.physics.twin.built import planned
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal, StringParams, Window
@@ -22,6 +23,13 @@ PRESETS = ("prototype", "long", "gauge_012", "gauge_013", "prototype_one_driver"
 SEMITONES = 2.0 ** (1.5 / 12.0)
 PULL = 0.004
 """Share by which drivers pull what they sustain off the string's own pitch."""
+
+
+@pytest.fixture(autouse=True)
+def sixteen_modes(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Limit the twins of quick tests to 16 modes: the kernel for those of the long string compiles slowly."""
+    if not request.node.get_closest_marker("slow"):
+        planned(monkeypatch, 1)
 
 
 def detuned(name: str, ratio: float) -> Sensor:

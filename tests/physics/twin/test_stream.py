@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.physics.twin.built import COILS, FOAM, NONE, PLASTIC, SENSOR, inside, key, modes, touch
+from tests.physics.twin.built import COILS, FOAM, NONE, PLASTIC, SENSOR, inside, key, modes, planned, touch
 
 from monochord.core.errors import InputError
 from monochord.physics.theory import Losses, decay_rates, hertz_stiffness, static_compliance
@@ -32,8 +32,9 @@ SLIDES = Scene(
 
 
 @pytest.mark.parametrize("finer", [1, 2])
-def test_blocks_of_any_size_give_the_same_bits(finer: int) -> None:
-    twin = begin(SENSOR, SLIDES, seed=3, oversampling=finer)
+def test_blocks_of_any_size_give_the_same_bits(finer: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    planned(monkeypatch, finer)
+    twin = begin(SENSOR, SLIDES, seed=3)
     whole, end = advance(twin, 2000)
     parts: list[np.ndarray] = []
     forces: list[np.ndarray] = []
