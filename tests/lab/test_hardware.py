@@ -29,6 +29,12 @@ CHANGED = {
     "yielding": {"ends"},
     "motors": {"motors"},
     "tuning": {"drift"},
+    "driver": {"drivers"},
+    "microphone": {"pickups"},
+    "microphones": {"pickups"},
+    "gauge": {"string"},
+    "foam": {"material"},
+    "two": {"second"},
 }
 """What differs from the clean condition, by the first word of a condition's name."""
 
@@ -77,6 +83,17 @@ def test_a_deviation_is_as_large_as_it_says() -> None:
     touch = assignments(tiny(deviation=Deviation(spring=1e5, linear=True)))[0]
     changed = touch.touch(schedule(touch).motion.keys)
     assert (changed.mount.compliance, changed.law.exponent) == (pytest.approx(1e-5), 1.0)
+    dead = Deviation(dead_driver=2).of_sensor(PROTOTYPE).drivers
+    assert (dead[0], dead[1].limit) == (PROTOTYPE.drivers[0], 0.0)
+    microphones = replace(PROTOTYPE, pickups=replace(PROTOTYPE.pickups, own=(0.9, 0.8), gain=(1.0, 2.0)))
+    swapped = Deviation(swapped=True).of_sensor(microphones)
+    assert (swapped.pickups.own, swapped.pickups.gain) == (pytest.approx((0.2, 0.1)), (2.0, 1.0))
+    again = Deviation(swapped=True).of_sensor(swapped).pickups
+    assert (again.own, again.gain) == (pytest.approx((0.9, 0.8)), (1.0, 2.0))
+    assert Deviation(dead_microphone=1).of_sensor(microphones).pickups.gain == (0.0, 2.0)
+    gauge = Deviation(gauge=1.2).of_sensor(PROTOTYPE).string
+    assert gauge.core_diameter == pytest.approx(1.2 * PROTOTYPE.string.core_diameter)
+    assert open_frequency(gauge) == pytest.approx(open_frequency(PROTOTYPE.string))
     with pytest.raises(InputError):
         Deviation(pitch=0.1, warming=60.0).of_sensor(PROTOTYPE)  # beyond a quarter of the tension
 

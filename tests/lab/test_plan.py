@@ -4,6 +4,7 @@ from tests.lab.tiny import session, tiny
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.lab.deviation import Deviation
 from monochord.lab.hardware import FIRST_BUILD
 from monochord.lab.plan import Delays, Group, Plan, assignments
 from monochord.lab.plans import load_plan, plan_names
@@ -55,6 +56,25 @@ def test_a_plausible_world_has_its_own_sensors_and_grippers() -> None:
     still = assignments(tiny(groups=groups, world="plausible", effects=only("hum")))[0]
     assert still.touch(motion) == ideal.touch(motion)
     assert still.sensor().drivers[0].bias == 0.0
+
+
+def test_a_group_may_deviate_otherwise_than_its_plan() -> None:
+    groups = (Group(name="a"), Group(name="b", deviation=Deviation(dead_driver=2)))
+    first, second = assignments(tiny(groups=groups, deviation=Deviation(drive=2.0)))
+    assert [one.level for one in first.sensor().drivers] == [2.0, 2.0]
+    assert [one.level for one in second.sensor().drivers] == [1.0, 1.0]
+    assert second.sensor().drivers[1].limit == 0.0 < first.sensor().drivers[1].limit
+
+
+def test_the_odd_plan_shares_no_build_with_a_test() -> None:
+    builds = {build for group in load_plan("odd").groups for build in group.builds}
+    tests = [group for name in ("builds", "sealed") for group in load_plan(name).groups]
+    assert not builds & {
+        each
+        for group in tests
+        if group.name.startswith("test") or min(group.builds) > 200
+        for each in group.builds
+    }
 
 
 def test_a_drawn_object_is_the_sessions_own() -> None:

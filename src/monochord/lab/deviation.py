@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from monochord.core.units import Hertz
 from monochord.physics.twin import Sensor, Touch
-from monochord.physics.twin.setup import ContactLaw, End, Mount
+from monochord.physics.twin.setup import ContactLaw, End, Mount, Pickups
 from monochord.physics.twin.variation import tension_per_kelvin
 from monochord.physics.twin.world import SIGNAL
 
@@ -45,6 +45,14 @@ class Deviation:
         rigidly.
     linear
         Whether the contact's force is proportional to its compression, as of a layered print.
+    gauge
+        Factor of the wire's diameter; it is tuned to the same pitch.
+    dead_driver
+        Number of a driver, 1 or 2, that gives no force; 0 for none.
+    dead_microphone
+        Number of a microphone, 1 or 2, that hears nothing of the string; 0 for none.
+    swapped
+        Whether the microphones are connected the other way round.
     """
 
     distortion: Annotated[float, Meta(ge=-0.01, le=0.01)] = 0.0
@@ -55,6 +63,10 @@ class Deviation:
     ends: bool = False
     spring: Annotated[float, Meta(ge=1e3, le=1e12)] | None = None
     linear: bool = False
+    gauge: Annotated[float, Meta(ge=0.5, le=2.0)] = 1.0
+    dead_driver: Annotated[int, Meta(ge=0, le=2)] = 0
+    dead_microphone: Annotated[int, Meta(ge=0, le=2)] = 0
+    swapped: bool = False
 
     def of_sensor(self, sensor: Sensor) -> Sensor:
         """Return a sensor that deviates so.
@@ -69,15 +81,44 @@ class Deviation:
         2.63
         """
         first, second = (replace(each, level=self.drive * each.level) for each in sensor.drivers)
-        pickups = sensor.pickups
+        if self.dead_driver:
+            dead = replace((first, second)[self.dead_driver - 1], limit=0.0)
+            first, second = (dead, second) if self.dead_driver == 1 else (first, dead)
+        pickups = self._connected(sensor.pickups)
         if self.distortion:
             pickups = replace(pickups, distortion=(self.distortion, pickups.distortion[1]))
         if self.snr is not None:
             pickups = replace(pickups, hiss=SIGNAL * 10.0 ** (-self.snr / 20.0))
+        if self.gauge != 1.0:
+            string = sensor.string
+            heavier = replace(
+                string,
+                linear_density=self.gauge**2 * string.linear_density,
+                tension=self.gauge**2 * string.tension,
+                core_diameter=self.gauge * string.core_diameter,
+            )
+            sensor = replace(sensor, string=heavier, drift=self.gauge**2 * sensor.drift)
         drift = sensor.string.tension * ((1.0 + self.pitch) ** 2 - 1.0)
         drift += self.warming * tension_per_kelvin(sensor)
         changed = replace(sensor, drivers=(first, second), pickups=pickups, drift=sensor.drift + drift)
         return replace(changed, ends=_yielding_ends()) if self.ends else changed
+
+    def _connected(self, pickups: Pickups) -> Pickups:
+        """Return the microphones as they are connected."""
+        if self.swapped:
+            own, gain, hum = pickups.own, pickups.gain, pickups.hum
+            pickups = replace(
+                pickups,
+                own=(1.0 - own[1], 1.0 - own[0]),
+                gain=(gain[1], gain[0]),
+                hum=(hum[1], hum[0]),
+                feed=(pickups.feed[1], pickups.feed[0]),
+                air=(pickups.air[1], pickups.air[0]),
+            )
+        if self.dead_microphone:
+            gain = pickups.gain
+            pickups = replace(pickups, gain=(0.0, gain[1]) if self.dead_microphone == 1 else (gain[0], 0.0))
+        return pickups
 
     def of_touch(self, touch: Touch) -> Touch:
         """Return a touch whose object deviates so."""

@@ -1,7 +1,8 @@
 """The hardware suite: the same touches in every condition, each with one thing as hardware may have it.
 
-`CONDITIONS` lists what is changed, and the plan `hardware` the touches. To add a condition, add it to this
-list; where a new quantity deviates, see `monochord.lab.deviation`.
+`CONDITIONS` lists what is changed, and the plan `hardware` the touches. In the last of them a model should
+abstain: a driver or a microphone is dead, the string is another, what touches is foam, or two things touch.
+To add a condition, add it to this list; where a new quantity deviates, see `monochord.lab.deviation`.
 """
 
 import hashlib
@@ -17,6 +18,7 @@ from typing import TypeAlias
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.units import Metres
 from monochord.lab.collection import made_folder
 from monochord.lab.deviation import NONE, Deviation
 from monochord.lab.offline import CollectedSession, make
@@ -50,6 +52,10 @@ class Condition:
         Whether the robot's motors sound in the frame.
     builds
         Number of builds that the touches are spread over; 0 for the design itself.
+    material
+        Of the objects; empty for those of the plan.
+    second
+        Distance in m of a second object that touches at the same time; 0 for none.
     is_retuned
         Whether the open string may have another pitch: estimators are then also tested with the string as
         `monochord tune` hears it.
@@ -59,6 +65,8 @@ class Condition:
     deviation: Deviation = NONE
     motors: bool = False
     builds: int = 0
+    material: str = ""
+    second: Metres = 0.0
     is_retuned: bool = False
 
 
@@ -83,6 +91,14 @@ CONDITIONS: tuple[Condition, ...] = (
     Condition(name="yielding ends", deviation=Deviation(ends=True), is_retuned=True),
     Condition(name="motors", motors=True),
     Condition(name="16 builds", builds=16, is_retuned=True),
+    Condition(name="driver 1 dead", deviation=Deviation(dead_driver=1)),
+    Condition(name="driver 2 dead", deviation=Deviation(dead_driver=2)),
+    Condition(name="microphone 1 dead", deviation=Deviation(dead_microphone=1)),
+    Condition(name="microphone 2 dead", deviation=Deviation(dead_microphone=2)),
+    Condition(name="microphones swapped", deviation=Deviation(swapped=True)),
+    Condition(name="gauge x1.2", deviation=Deviation(gauge=1.2)),
+    Condition(name="foam", material="foam"),
+    Condition(name="two touches", second=0.03),
     *(
         Condition(name=f"tuning {percent:+d} %", deviation=Deviation(pitch=0.01 * percent), is_retuned=True)
         for percent in (-6, -4, -2, 2, 4, 6)
@@ -128,6 +144,10 @@ def plan_of(condition: Condition, sensor: str, *, quick: bool = False) -> Plan:
         groups = list(reversed(first.values()))
     if condition.motors:
         groups = [replace(group, motors="synthetic") for group in groups]
+    if condition.material:
+        groups = [replace(group, material=condition.material) for group in groups]
+    if condition.second:
+        groups = [replace(group, second=condition.second) for group in groups]
     if condition.builds:
         groups = _spread(groups, condition.builds)
     return replace(plan, groups=tuple(groups), deviation=condition.deviation)

@@ -66,6 +66,8 @@ class Group:
         sideways.
     world
         "ideal" or "plausible", see `monochord.physics.twin.world`; by default the plan's.
+    deviation
+        What deviates of its sensors and objects; by default the plan's.
     builds
         Seeds of the builds of the sessions, in turn; by default the plan's.
     days
@@ -107,6 +109,7 @@ class Group:
     second: Annotated[Metres, Meta(ge=0.0, le=1.0)] = 0.0
     oblique: tuple[float, float] = (0.0, 0.0)
     world: World | None = None
+    deviation: Deviation | None = None
     builds: tuple[Annotated[int, Meta(ge=0)], ...] = ()
     days: tuple[Annotated[int, Meta(ge=0)], ...] = (0,)
     hold: Annotated[Seconds, Meta(ge=0.1, le=60.0)] = 1.0
@@ -336,11 +339,16 @@ class Assignment:
         """Return the sensor as designed."""
         return load_sensor(self.plan.sensor)
 
+    @property
+    def deviation(self) -> Deviation:
+        """What deviates of its sensor and its object."""
+        return self.plan.deviation if self.group.deviation is None else self.group.deviation
+
     def sensor(self) -> Sensor:
         """Return the sensor of this session: this build of the design, on this day."""
         day = None if self.day == 0 else self.day
         sensor = sensor_of(self.design(), self.world, build=self.build, day=day, effects=self.plan.effects)
-        return self.plan.deviation.of_sensor(sensor)
+        return self.deviation.of_sensor(sensor)
 
     def touch(self, motion: tuple[Key, ...]) -> Touch:
         """Return its object, which slides along a motion.
@@ -352,7 +360,7 @@ class Assignment:
         if self.world != "ideal":
             own = self.name if self.group.material == DRAWN else f"build {self.build}"
             touch = plausible_touch(touch, crc32(f"{self.seed} {own}".encode()), self.plan.effects)
-        return self.plan.deviation.of_touch(touch)
+        return self.deviation.of_touch(touch)
 
     def random(self, purpose: str) -> np.random.Generator:
         """Return random numbers of this session for one purpose."""

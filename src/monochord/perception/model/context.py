@@ -18,6 +18,7 @@ import numpy as np
 from monochord.core.types import Audio
 from monochord.core.units import Samples, Seconds
 from monochord.perception.model.definition import Reference
+from monochord.perception.model.known import FRESH, KnownState
 
 NEVER: Seconds = float("-inf")
 TIME_TOLERANCE: Seconds = 1e-6
@@ -31,7 +32,7 @@ class ModelState:
     `start` is the first frame of the last window. `rows` are the windows of the reference, oldest first, and
     `median` is theirs, None before any. `pending` are those that enter if no touch begins right after
     them; `accepted` is the time of the newest of all, `touched` that of the last window that was not
-    believed untouched.
+    believed untouched. `known` is the state of the detector of sound unlike that of the training.
     """
 
     start: Samples = -1
@@ -40,6 +41,7 @@ class ModelState:
     pending: tuple[tuple[Seconds, Audio], ...] = ()
     accepted: Seconds = NEVER
     touched: Seconds = NEVER
+    known: KnownState = FRESH
 
 
 def step(

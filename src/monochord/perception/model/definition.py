@@ -13,6 +13,8 @@ from monochord.perception.heads.base import CONTACT, Task
 
 FORMAT = 2
 """Version of a model's folder; 2 since heads have a linear path."""
+KNOWN = "known"
+"""Prefix of the arrays of the detector of sound unlike that of the training."""
 TOUCHES_KEPT = 64
 """Touches that a correction keeps, to say which would help most."""
 MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS, MAX_VARIABLES = 1 << 17, 64, 16, 64, 16
@@ -99,6 +101,32 @@ class CorrectionRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class KnownRecord:
+    """The detector of sound unlike that of the training; see `monochord.perception.model.known`.
+
+    It has `hidden` layers and an output for sound like that of the training, then one for each of `reasons`.
+    Its log odds are averaged over a time `memory`, and a window is abstained from where the score that
+    follows is above `limit`. `measured` holds the shares of windows that are so in validation: of ordinary
+    ones, and of each kind that was shown.
+    """
+
+    hidden: tuple[int, ...] = (64,)
+    reasons: tuple[str, ...] = ()
+    memory: Seconds = 0.0
+    limit: float = 0.0
+    measured: dict[str, float] = field(default_factory=dict[str, float])
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.memory <= 60.0:
+            raise InputError(f"memory {self.memory:g} s of a detector", "0 to 60 s")
+        if len(self.hidden) > MAX_LAYERS or not 1 <= len(self.reasons) <= MAX_PATTERNS:
+            given = f"{len(self.hidden)} hidden layers and {len(self.reasons)} reasons of a detector"
+            raise InputError(given, f"{MAX_LAYERS} at most, and 1 to {MAX_PATTERNS}")
+        if not isfinite(self.limit):
+            raise InputError(f"limit {self.limit:g} of a detector", "a finite number")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HeadRecord:
     """A head: its task, and how its outputs relate to the label.
 
@@ -126,7 +154,8 @@ class HeadRecord:
 class Definition:
     """A model without its arrays.
 
-    `window` and `hop` are those of the training data, in frames. `clip` bounds the scaled columns, so that an
+    `window` and `hop` are those of the training data, in frames. `known`, where there is one, detects sound
+    unlike that of the training. `clip` bounds the scaled columns, so that an
     outlier is no larger than that; a window whose root mean square is below `quietest` is silence: the
     drivers do not drive the string. `string` is the string as the sensor's design states it.
     `sessions` are the checksums of the sessions that it was trained and calibrated on, by name; `dataset` is
@@ -142,6 +171,7 @@ class Definition:
     feature: FeatureRecord
     reference: Reference | None = None
     heads: dict[str, HeadRecord]
+    known: KnownRecord | None = None
     clip: float = 8.0
     quietest: float = 0.0
     string: StringParams | None = None
@@ -165,6 +195,8 @@ class Definition:
         if not (0.0 < self.clip < inf and 0.0 <= self.quietest < inf):
             given = f"clip {self.clip:g} or quietest {self.quietest:g} of a model"
             raise InputError(given, "a finite clip above 0, and quietest 0 or more")
+        if KNOWN in self.heads:
+            raise InputError(f"a head called {KNOWN}", "another name: the detector's arrays are called so")
         if sum(record.task.label == CONTACT for record in self.heads.values()) != 1:
             given = f"heads {', '.join(self.heads) or '(none)'}"
             raise InputError(given, f"one that learns the label {CONTACT}, beside others", "add it")
@@ -232,9 +264,10 @@ class Definition:
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the names and shapes of all weights.
 
-        Scaling comes first, with the features of probe windows, then each head's layers in the order in which
-        they are applied, each with a matrix (outputs, inputs) and a bias (outputs,), its linear path, and its
-        correction, with the position, the force and the variables of some touches of all kinds.
+        Scaling comes first, with the features of probe windows, then the layers of the detector, and each
+        head's layers in the order in which they are applied, each with a matrix (outputs, inputs) and a bias
+        (outputs,), its linear path, and its correction, with the position, the force and the variables of
+        some touches of all kinds.
         """
         base, context = self.widths
         shapes: dict[str, tuple[int, ...]] = {
@@ -248,6 +281,11 @@ class Definition:
                 "context.scale": (context,),
                 "context.probe": (3, context - 1),
             }
+        if self.known:
+            units = (base, *self.known.hidden, 1 + len(self.known.reasons))
+            for number, (inputs, outputs) in enumerate(pairwise(units)):
+                shapes[f"{KNOWN}.{number}.weight"] = (outputs, inputs)
+                shapes[f"{KNOWN}.{number}.bias"] = (outputs,)
         for name, record in self.heads.items():
             units = (self.inputs(name), *record.task.hidden, record.task.outputs)
             for number, (inputs, outputs) in enumerate(pairwise(units)):

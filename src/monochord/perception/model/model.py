@@ -15,6 +15,7 @@ from monochord.perception.features.base import Extractor
 from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
+from monochord.perception.model.known import Detector
 from monochord.perception.model.network import Network, Output, estimates_of, probability
 from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.tuning.sessions import force_scale
@@ -123,9 +124,8 @@ class Model:
             If the window has another length.
         """
         self._check_size(window.samples.shape[-1])
-        state, outputs = self.outputs(state, window)
-        if not outputs:
-            reason = self.why_not(window)
+        state, outputs, reason = self._read(state, window)
+        if reason:
             heads = self.definition.heads.items()
             return state, {name: Estimate.abstain(record.task.unit, reason) for name, record in heads}
         return state, self._at_own_tension(estimates_of(self.definition, outputs, self.corrections))
@@ -134,12 +134,19 @@ class Model:
         """Return the state after a window, and the output of each head, before calibration and correction.
 
         A window is read against the reference of the windows before it. One that cannot be used has no
-        outputs and leaves the reference as it is.
+        outputs and leaves the reference as it is; one of sound unlike that of the training counts as
+        touched there.
         """
+        state, outputs, _ = self._read(state, window)
+        return state, outputs
+
+    def _read(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output], str]:
+        """Return the state after a window, the outputs, and why to abstain from it, empty for no reason."""
         trained, network = self.definition, self._network
         state = replace(state if window.start > state.start else ModelState(), start=window.start)
-        if self.why_not(window):
-            return state, {}
+        why_not = self.why_not(window)
+        if why_not:
+            return state, {}, why_not
         feature, reference = self._extractors
         samples = window.samples[None]
         row, known = feature(samples)[0], context_row(state, trained.widths[1])
@@ -149,11 +156,15 @@ class Model:
             columns = np.concatenate([row, known[:-1], np.zeros(1, np.float32)])  # the last one is for -1
             values = tuple(float(columns[of]) - float(columns[less]) for of, less in pairs)
             outputs[name] = replace(outputs[name], variables=values)
+        time = window.start / window.sample_rate
+        if self._detector is not None:
+            state = replace(state, known=self._detector.step(state.known, base, time))
+            why_not = self._detector.why_unknown(state.known)
         if reference is not None and trained.reference is not None:
-            contact = probability(outputs[trained.gate], trained.heads[trained.gate])
-            time = window.start / window.sample_rate
+            # What is unlike the training is no untouched string, whatever the head of contact says.
+            contact = 1.0 if why_not else probability(outputs[trained.gate], trained.heads[trained.gate])
             state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
-        return state, outputs
+        return state, outputs, why_not
 
     def why_not(self, window: Window) -> str:
         """Return why a window cannot be used, or an empty string."""
@@ -210,6 +221,10 @@ class Model:
     @cached_property
     def _network(self) -> Network:
         return Network.of(self.definition, self.weights)
+
+    @cached_property
+    def _detector(self) -> Detector | None:
+        return Detector.of(self.definition, self.weights)
 
     @cached_property
     def _extractors(self) -> tuple[Extractor, Extractor | None]:

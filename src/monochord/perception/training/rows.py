@@ -21,6 +21,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio, Indices, Signal
 from monochord.core.units import Samples
 from monochord.datasets.augment import Augmentation
+from monochord.datasets.faults import Fault
 from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
@@ -39,9 +40,9 @@ SEAL, MAX_HEADER = 32, 1024
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """Noise as it is added to one copy of the windows."""
+    """Noise as it is added to one copy of the windows, or a fault that they are given."""
 
-    augmentation: Augmentation
+    augmentation: Augmentation | Fault
     copy: int
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.config import Tree, from_tree, to_tree
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, did_you_mean
 from monochord.core.registry import Registry
 from monochord.core.units import Seconds
 from monochord.datasets.augment import Augmentation
+from monochord.datasets.faults import FAULTS
 from monochord.dsp.noise import NOISES
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
@@ -105,6 +106,82 @@ class ObjectSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class KnownSettings:
+    """The detector of sound unlike that of the training, see `monochord.perception.training.known`.
+
+    Parameters
+    ----------
+    on
+        Whether a model has one.
+    dataset
+        Folder of a dataset of sessions that a model should not know: `monochord collect odd` and `monochord
+        build` make one. Without it the detector learns faults of microphones alone.
+    reasons
+        Reason to abstain from each of its sessions, by a pattern of their names; sessions of no pattern are
+        left out. In those of a pattern in `touches` only touched windows are unlike the training.
+    touches
+        Patterns of sessions that are as any other until something touches.
+    faults
+        Reason to abstain for each of `monochord.datasets.faults.FAULTS` that is made of training windows.
+    memory
+        Time in s over which what windows say is averaged; 0 for each window by itself.
+    share
+        Share of the windows of validation that may be taken for unlike.
+    hidden
+        Units of the hidden layers.
+    drop
+        Share of the hidden units that are left out at each step of the training.
+    rate, decay, batch, epochs
+        AdamW, its rate falling to zero by half a cosine.
+    """
+
+    on: bool = False
+    dataset: Path | None = None
+    reasons: dict[str, str] = field(
+        default_factory=lambda: {
+            "two_touches_*": "two things seem to touch",
+            "foam_*": "something very soft seems to touch",
+            "driver_*_dead_*": "one driver seems silent",
+            "gauge_*": "another string seems to be on",
+        }
+    )
+    touches: tuple[str, ...] = ("two_touches_*", "foam_*")
+    faults: dict[str, str] = field(
+        default_factory=lambda: {
+            "microphone 1 dead": "microphone 1 is silent",
+            "microphone 2 dead": "microphone 2 is silent",
+            "microphones swapped": "the microphones seem swapped",
+            "clipping": "mostly clipped",
+            "hum": "hum louder than the string",
+        }
+    )
+    memory: Seconds = 0.5
+    share: float = 0.01
+    hidden: tuple[int, ...] = (64,)
+    rate: float = 2e-3
+    decay: float = 1e-2
+    drop: float = 0.3
+    batch: int = 256
+    epochs: int = 20
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.share < 0.5:
+            raise InputError(f"known.share {self.share:g}", "a share above 0 and below 0.5")
+        if not 0.0 <= self.drop < 1.0:
+            raise InputError(f"known.drop {self.drop:g}", "a share from 0 on and below 1")
+        if self.batch < 1 or self.epochs < 1 or not 0.0 < self.rate < 1.0 or not 0.0 <= self.decay < 1.0:
+            given = (
+                f"known.batch {self.batch}, epochs {self.epochs}, rate {self.rate:g}, decay {self.decay:g}"
+            )
+            raise InputError(given, "1 or more, a rate above 0 and below 1, a decay from 0 on and below 1")
+        if self.on and not (self.faults or (self.dataset and self.reasons)):
+            raise InputError("known without kinds", "a fault, or a dataset with reasons", "name one")
+        for kind in self.faults:
+            if kind not in FAULTS:
+                raise InputError(f"known.faults '{kind}'", ", ".join(FAULTS), did_you_mean(kind, FAULTS))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OptimiserSettings:
     """The optimiser: AdamW, its rate falling to zero by half a cosine over all epochs.
 
@@ -156,6 +233,8 @@ class TrainingSettings:
         Noise that is added to training windows.
     objects
         Contact-compliance augmentation of training windows.
+    known
+        The detector of sound unlike that of the training.
     corrections
         Variables of each head's correction on an unknown build and object, by the head's name: columns of the
         feature or the reference, or the difference of two; see `monochord.perception.model.correction`.
@@ -180,6 +259,7 @@ class TrainingSettings:
     )
     noise: NoiseSettings = NoiseSettings()
     objects: ObjectSettings = ObjectSettings()
+    known: KnownSettings = KnownSettings()
     corrections: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     optimiser: OptimiserSettings = OptimiserSettings()
     cache: Path | None = None
@@ -215,6 +295,8 @@ class TrainingSettings:
         tree = to_tree(self)
         del tree["board"]
         tree["dataset"] = str(self.dataset.absolute())
+        if self.known.dataset:
+            tree["known"]["dataset"] = str(self.known.dataset.absolute())
         tree |= {key: str(path.absolute()) for key in ("split", "cache") if (path := getattr(self, key))}
         tree["feature"] = {"name": name, **options}
         tree["heads"] = {

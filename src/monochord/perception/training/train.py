@@ -37,6 +37,7 @@ from monochord.perception.training.examples import (
     training_data,
     with_objects,
 )
+from monochord.perception.training.known import with_detector
 from monochord.perception.training.loop import TrainingSetup, fit
 from monochord.perception.training.rows import Progress
 from monochord.perception.training.run_folder import (
@@ -115,7 +116,11 @@ def train(settings: TrainingSettings, out: Path, progress: Progress = lambda *_:
 
         state, weights = fit(setup, scaler, learned, judged, out / CHECKPOINT, report)
         report(state)  # a kill between a checkpoint and its report would leave out its epoch
-    model = Model(definition=definition, weights={**scaler, **probes(data), **weights})
+    parts = split.train, split.validation
+    definition, detector = with_detector(
+        definition, scaler, settings, data, (learned, judged), parts, progress
+    )
+    model = Model(definition=definition, weights={**scaler, **probes(data), **weights, **detector})
     model, scores = calibrated(model, dataset, stream_of(dataset, split.validation), progress)
     model = save(model, out / INSIDE_A_RUN)
     write_metrics(
@@ -127,6 +132,7 @@ def train(settings: TrainingSettings, out: Path, progress: Progress = lambda *_:
             "calibration": {
                 name: to_tree(record.calibration) for name, record in model.definition.heads.items()
             },
+            **({"known": model.definition.known.measured} if model.definition.known else {}),
             "epochs": state.epoch,
             "best_epochs": state.at,
             "windows": {"train": len(learned.rows), "validation": len(judged.rows)},

@@ -1,0 +1,98 @@
+"""Windows as faulty microphones would have recorded them: sound that nothing was learned from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Hertz
+from monochord.dsp.noise import NOISES
+
+HISS = 1e-5, 3e-3
+"""Rms in full scale of what a dead microphone's channel still has: assumed."""
+MAINS: tuple[Hertz, Hertz] = (50.0, 60.0)
+MAINS_LEVEL = 1e-4, 1e-2
+"""Rms in full scale of the mains in a dead channel, where there are any: assumed, of an open cable."""
+SILENT_SHARE, MAINS_SHARE = 0.3, 0.5
+"""How often a dead channel is all zeros; and how often one that is not has the mains."""
+OVERDRIVE = 2.0, 20.0
+"""Peak over full scale of a window that clips badly."""
+HUM = 1.0, 10.0
+"""Rms of a hum that covers the string, over that of the window."""
+FAULTS = ("microphone 1 dead", "microphone 2 dead", "microphones swapped", "clipping", "hum")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """Makes windows of one fault; what a window gets depends on `seed`, the epoch and its row alone.
+
+    A dead microphone's channel is silent, or has hiss and the mains; swapped microphones are exchanged; with
+    clipping most of a window lies beyond full scale; hum is louder than the string.
+
+    Parameters
+    ----------
+    kind
+        Of `FAULTS`.
+    seed
+        Of all that is drawn.
+    sample_rate
+        Of the windows in Hz.
+
+    Raises
+    ------
+    InputError
+        For an unknown kind.
+
+    Examples
+    --------
+    >>> windows = np.random.default_rng(0).normal(size=(1, 2, 4410)).astype(np.float32)
+    >>> bool((Fault(kind="microphones swapped")(windows, [3])[0] == windows[0, ::-1]).all())
+    True
+    """
+
+    kind: str
+    seed: int = 0
+    sample_rate: int = 44100
+
+    def __post_init__(self) -> None:
+        if self.kind not in FAULTS:
+            raise InputError(f"fault '{self.kind}'", ", ".join(FAULTS), did_you_mean(self.kind, FAULTS))
+
+    def __call__(self, windows: Audio, rows: Sequence[int] | NDArray[np.int64], *, epoch: int = 0) -> Audio:
+        """Return windows (n, 2, frames) with the fault, as a copy; `rows` (n,) are theirs in the dataset."""
+        out = windows.copy()
+        for window, row in zip(out, rows, strict=True):
+            seeds = np.random.SeedSequence((self.seed, epoch, int(row), FAULTS.index(self.kind)))
+            self._spoil(window, np.random.Generator(np.random.SFC64(seeds)))
+        return out
+
+    def _spoil(self, window: Audio, random: np.random.Generator) -> None:
+        if self.kind == "microphones swapped":
+            window[:] = window[::-1].copy()
+        elif self.kind == "clipping":
+            peak = max(float(np.abs(window).max()), 1e-9)
+            np.clip(window * (_between(random, OVERDRIVE) / peak), -1.0, 1.0, out=window)
+        elif self.kind == "hum":
+            rms = float(np.sqrt(np.mean(np.square(window, dtype=float))))
+            hum = NOISES["hum"](random, window.shape, float(self.sample_rate))
+            np.clip(window + rms * _between(random, HUM) * hum, -1.0, 1.0, out=window)
+        else:
+            window[int(self.kind == "microphone 2 dead")] = self._dead(random, window.shape[1])
+
+    def _dead(self, random: np.random.Generator, frames: int) -> Floats:
+        """Return what is in the channel of a dead microphone, (frames,)."""
+        if random.random() < SILENT_SHARE:
+            return np.zeros(frames)
+        sound = _between(random, HISS) * random.standard_normal(frames)
+        if random.random() < MAINS_SHARE:
+            phase = 2.0 * np.pi * random.choice(MAINS) * np.arange(frames) / self.sample_rate
+            hum = sum(np.sin(n * phase + random.uniform(0.0, 2.0 * np.pi)) / n for n in (1, 2, 3, 5))
+            sound += _between(random, MAINS_LEVEL) * hum
+        return sound
+
+
+def _between(random: np.random.Generator, span: tuple[float, float]) -> float:
+    return float(np.exp(random.uniform(*np.log(span))))

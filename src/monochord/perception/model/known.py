@@ -1,0 +1,116 @@
+"""Sound unlike that of the training, and what is unlike: a reason for a model to abstain.
+
+Distance from the training's features misses much, since what a model is trained on varies more than a fault
+does. So a small network learns ordinary windows against windows of faults and of contacts that no model was
+trained on (outlier exposure; Hendrycks, Mazeika and Dietterich, Deep anomaly detection with outlier exposure,
+2019). It sees a window's features alone, not the reference of the untouched string, which the same fault may
+have spoiled. One window tells little of some faults: what a few windows say is averaged.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Seconds
+from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
+
+UNLIKE = "sound unlike what this model learned"
+"""The reason where none of those that were learned is likely."""
+MAX_ODDS = 10.0
+"""Largest log odds of a window, so that a fault that was plain is forgotten soon after it ends."""
+MIN_SHARE = 0.5
+"""Least probability of a reason, among all reasons, to be named."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownState:
+    """The detector on one stream: averaged log odds (reasons,) of each reason, after the window at `time`.
+
+    `odds` is None before any window.
+    """
+
+    odds: Floats | None = None
+    time: Seconds = -math.inf
+
+
+FRESH = KnownState()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detector:
+    """The layers of the detector, as in a head, and its record."""
+
+    record: KnownRecord
+    layers: tuple[tuple[Audio, Audio], ...]
+
+    @classmethod
+    def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Detector | None":
+        """Return the detector of a model, None where it has none."""
+        if definition.known is None:
+            return None
+        count = len(definition.known.hidden) + 1
+        return cls(
+            record=definition.known,
+            layers=tuple(
+                (weights[f"{KNOWN}.{number}.weight"], weights[f"{KNOWN}.{number}.bias"])
+                for number in range(count)
+            ),
+        )
+
+    def step(self, state: KnownState, row: Audio, time: Seconds) -> KnownState:
+        """Return the state after a window of scaled features (d,) that begins at a time."""
+        return step(state, self.logits(row), time, self.record.memory)
+
+    def why_unknown(self, state: KnownState) -> str:
+        """Return why sound is unlike the training after its last window, empty where it is like it."""
+        return "" if state.odds is None else reason(state.odds, self.record)
+
+    def logits(self, row: Audio) -> Floats:
+        """Return the outputs (1 + reasons,) for scaled features (d,)."""
+        for weight, bias in self.layers[:-1]:
+            row = np.maximum(weight @ row + bias, np.float32(0.0))
+        weight, bias = self.layers[-1]
+        return (weight @ row + bias).astype(np.float64)
+
+
+def step(state: KnownState, logits: Floats, time: Seconds, memory: Seconds) -> KnownState:
+    """Return the state after a window of logits (1 + reasons,) that begins at a time.
+
+    The log odds are averaged over windows with weights that fall by e in the time `memory`, whatever the hop.
+
+    >>> state = step(KnownState(), np.array([0.0, 2.0]), 0.0, 0.5)
+    >>> step(state, np.array([0.0, 0.0]), 0.5, 0.5).odds.round(3).tolist()
+    [0.736]
+    """
+    odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
+    if state.odds is not None and memory > 0.0:
+        share = math.exp(-max(time - state.time, 0.0) / memory)
+        odds = share * state.odds + (1.0 - share) * odds
+    return KnownState(odds=odds, time=time)
+
+
+def score(odds: Floats) -> Floats:
+    """Return the log odds (...,) of all reasons together, by those of each (..., reasons).
+
+    >>> round(float(score(np.array([0.0, 0.0]))), 3)
+    0.693
+    """
+    return np.logaddexp.reduce(odds, axis=-1)
+
+
+def reason(odds: Floats, record: KnownRecord) -> str:
+    """Return the reason to abstain at the log odds (reasons,) of each, empty for none.
+
+    >>> record = KnownRecord(reasons=("microphone 2 is silent", "two things seem to touch"))
+    >>> [reason(np.array(each), record) for each in ([-3.0, -3.0], [3.0, 0.0], [3.0, 3.0])]
+    ['', 'microphone 2 is silent', 'sound unlike what this model learned']
+    """
+    total = score(odds)
+    if not total > record.limit:
+        return ""
+    share = np.exp(odds - total)
+    best = int(share.argmax())
+    return record.reasons[best] if share[best] > MIN_SHARE else UNLIKE

@@ -1,0 +1,264 @@
+"""Learning which sound is unlike that of the training: ordinary windows against windows of faults.
+
+Ordinary are the windows that the heads learn from, clean and noisy. Unlike them are windows of the same
+sessions with faulty microphones, and those of a dataset of sessions that no head learns from: soft or double
+touches, a silent driver, another string. Each kind is an output, so that the reason can be told, and counts
+as much as any other, and all of them as much as the ordinary windows.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Floats, Indices, Signal
+from monochord.datasets.faults import Fault
+from monochord.datasets.store import Dataset, open_dataset
+from monochord.perception.heads.base import CONTACT
+from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
+from monochord.perception.model.known import Detector, KnownState, score
+from monochord.perception.model.network import scaled
+from monochord.perception.training._torch import torch_library
+from monochord.perception.training.examples import Examples, TrainingData
+from monochord.perception.training.rows import Noise, Progress, Rows
+from monochord.perception.training.settings import KnownSettings, TrainingSettings
+
+ORDINARY = "ordinary"
+"""Key of the share of ordinary windows in `KnownRecord.measured`."""
+FAULT_SHARE = 4
+"""One window of so many is also learned from with each fault."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kind:
+    """Windows of one kind: scaled features (n, d), those of validation with session and time, the reason."""
+
+    name: str
+    reason: str
+    learned: Audio
+    judged: Audio
+    session: Indices
+    time: Floats
+
+
+def with_detector(
+    definition: Definition,
+    scaler: Mapping[str, Audio],
+    settings: TrainingSettings,
+    data: TrainingData,
+    examples: tuple[Examples, Examples],
+    parts: tuple[Indices, Indices],
+    progress: Progress = lambda *_: None,
+) -> tuple[Definition, dict[str, Audio]]:
+    """Return a definition with the detector that the settings ask for, and its arrays.
+
+    Parameters
+    ----------
+    definition
+        Of the model.
+    scaler
+        The arrays ``scaler.*`` of the model.
+    settings
+        Of the training.
+    data
+        Its dataset and features.
+    examples
+        Of training and of validation.
+    parts
+        All windows (n,) of training and of validation, those in which a touch begins or ends too: no head
+        learns from them, but they are no unlike sound.
+    progress
+        Called with the progress.
+
+    Raises
+    ------
+    InputError
+        If the dataset of unlike sessions cannot be used, or has none of the reasons.
+    """
+    options = settings.known
+    if not options.on:
+        return definition, {}
+
+    def scale(rows: Audio) -> Audio:
+        return scaled(rows, scaler["scaler.mean"], scaler["scaler.scale"], definition.clip)
+
+    learned, judged = examples
+    begins = [data.feature.of(each, progress=progress) for each in (_begins(data, p) for p in parts)]
+    rows = np.concatenate([judged.rows, _begins(data, parts[1])])
+    order = np.argsort(rows)
+    ordinary = Kind(
+        name=ORDINARY,
+        reason="",
+        learned=scale(np.concatenate([learned.base.reshape(-1, learned.base.shape[-1]), begins[0]])),
+        judged=scale(np.concatenate([judged.base[0], begins[1]]))[order],
+        **_places(data.dataset, rows[order]),
+    )
+    kinds = [
+        *_faults(options, settings.seed, data, examples, scale, progress),
+        *_unlike(options, settings, data, judged, scale, progress),
+    ]
+    reasons = tuple(dict.fromkeys(kind.reason for kind in kinds))
+    record = KnownRecord(hidden=options.hidden, reasons=reasons, memory=options.memory)
+    definition = dataclasses.replace(definition, known=record)
+    torch = torch_library()
+    threads = torch.get_num_threads()
+    torch.set_num_threads(settings.optimiser.threads)
+    try:
+        weights = _fitted(definition, options, settings.seed, ordinary, kinds)
+    finally:
+        torch.set_num_threads(threads)
+    detector = Detector.of(definition, weights)
+    assert detector is not None
+    scores = {kind.name: _scores(detector, kind) for kind in (ordinary, *kinds)}
+    limit = float(np.quantile(scores[ORDINARY], 1.0 - options.share, method="higher"))
+    measured = {name: float(np.mean(each > limit)) for name, each in scores.items() if each.size}
+    return dataclasses.replace(
+        definition, known=dataclasses.replace(record, limit=limit, measured=measured)
+    ), weights
+
+
+def _begins(data: TrainingData, part: Indices) -> Indices:
+    """Return the windows (n,) of a part in which a touch begins or ends."""
+    dataset = data.dataset
+    part = np.sort(part)
+    return part[dataset.usable[part] & (dataset.label("transition")[part] == 1.0)]
+
+
+def _faults(
+    options: KnownSettings,
+    seed: int,
+    data: TrainingData,
+    examples: tuple[Examples, Examples],
+    scale: Any,
+    progress: Progress,
+) -> list[Kind]:
+    """Return windows of training and validation as faulty microphones would have recorded them."""
+    rate, kinds = data.dataset.manifest.sample_rate, list[Kind]()
+    for name, reason in options.faults.items():
+        noise = Noise(augmentation=Fault(kind=name, seed=seed, sample_rate=rate), copy=0)
+        rows = examples[0].rows[::FAULT_SHARE], examples[1].rows
+        parts = [scale(data.feature.of(each, noise, progress)) for each in rows]
+        places = _places(data.dataset, rows[1])
+        kinds.append(Kind(name=name, reason=reason, learned=parts[0], judged=parts[1], **places))
+    return kinds
+
+
+def _unlike(
+    options: KnownSettings,
+    settings: TrainingSettings,
+    data: TrainingData,
+    judged: Examples,
+    scale: Any,
+    progress: Progress,
+) -> list[Kind]:
+    """Return windows of the dataset of unlike sessions; those of builds of validation are set apart."""
+    if options.dataset is None:
+        return []
+    dataset, definition = open_dataset(options.dataset), data.definition
+    manifest, own = dataset.manifest, data.dataset.manifest
+    form = (manifest.sample_rate, manifest.channels, manifest.window)
+    if form != (definition.sample_rate, definition.channels, definition.window):
+        given = f"known.dataset {options.dataset} of windows {form[2]} at {form[0]} Hz"
+        raise InputError(given, f"{definition.window} at {definition.sample_rate} Hz", "build it so")
+    builds = {own.parts[number].build for number in np.unique(judged.session).tolist()} - {None}
+    signal = Signal(sample_rate=form[0], channels=form[1], string=definition.string)
+    folder = settings.cache or dataset.path / "features"
+    name, feature_options = settings.feature_named()
+    rows = Rows.prepared(dataset, signal, name, feature_options, folder)
+    kinds: list[Kind] = []
+    for pattern, reason in options.reasons.items():
+        own_rows = _rows_of(dataset, pattern, only_touched=pattern in options.touches)
+        if not own_rows.size:
+            continue
+        features = scale(rows.of(own_rows, progress=progress))
+        build = np.array([part.build in builds for part in manifest.parts])[dataset.session[own_rows]]
+        kinds.append(
+            Kind(
+                name=pattern.strip("*_"),
+                reason=reason,
+                learned=features[~build],
+                judged=features[build],
+                **_places(dataset, own_rows[build]),
+            )
+        )
+    if not kinds:
+        given = f"known.dataset {options.dataset} without sessions {', '.join(options.reasons)}"
+        raise InputError(given, "sessions of one pattern or more", "name them in known.reasons")
+    return kinds
+
+
+def _rows_of(dataset: Dataset, pattern: str, *, only_touched: bool) -> Indices:
+    """Return the windows (n,) of sessions whose names fit a pattern."""
+    fits = np.array([fnmatchcase(part.name.rpartition("/")[2], pattern) for part in dataset.manifest.parts])
+    counts = fits[dataset.session] & dataset.usable
+    contact = dataset.label(CONTACT)
+    counts &= (contact == 1.0) if only_touched else np.isfinite(contact)
+    return np.flatnonzero(counts)
+
+
+def _fitted(
+    definition: Definition, options: KnownSettings, seed: int, ordinary: Kind, kinds: list[Kind]
+) -> dict[str, Audio]:
+    """Return the arrays of the detector's layers, trained on the kinds' windows."""
+    torch = torch_library()
+    assert definition.known is not None
+    numbers = {reason: 1 + number for number, reason in enumerate(definition.known.reasons)}
+    parts = [(ordinary.learned, 0, 0.5)]
+    parts += [(kind.learned, numbers[kind.reason], 0.5 / len(kinds)) for kind in kinds]
+    rows = torch.from_numpy(np.concatenate([part for part, _, _ in parts]))
+    target = torch.from_numpy(np.concatenate([np.full(len(part), label) for part, label, _ in parts]))
+    each: list[Audio] = [
+        np.full(len(part), share / max(len(part), 1), np.float32) for part, _, share in parts
+    ]
+    weight = torch.from_numpy(np.concatenate(each) * len(rows))
+    generator = torch.Generator().manual_seed(seed)
+    shapes = {name: shape for name, shape in definition.shapes().items() if name.startswith(f"{KNOWN}.")}
+    arrays: dict[str, Any] = {}
+    last = len(options.hidden)
+    for name, shape in shapes.items():
+        tensor = torch.zeros(shape)
+        if name.endswith("weight") and not name.startswith(f"{KNOWN}.{last}."):
+            bound = float(np.sqrt(6.0 / shape[1]))
+            tensor.uniform_(-bound, bound, generator=generator)
+        arrays[name] = tensor.requires_grad_()
+    optimiser = torch.optim.AdamW(list(arrays.values()), lr=options.rate, weight_decay=options.decay)
+    for epoch in range(options.epochs):
+        for group in optimiser.param_groups:
+            group["lr"] = 0.5 * options.rate * (1.0 + np.cos(np.pi * epoch / options.epochs))
+        order = torch.randperm(len(rows), generator=generator)
+        for first in range(0, len(rows), options.batch):
+            batch = order[first : first + options.batch]
+            inputs = rows[batch]
+            for number in range(last + 1):
+                inputs = torch.nn.functional.linear(
+                    inputs, arrays[f"{KNOWN}.{number}.weight"], arrays[f"{KNOWN}.{number}.bias"]
+                )
+                if number < last:
+                    kept = torch.rand(inputs.shape, generator=generator) >= options.drop
+                    inputs = torch.nn.functional.relu(inputs) * kept / (1.0 - options.drop)
+            loss = torch.nn.functional.cross_entropy(inputs, target[batch], reduction="none")
+            loss = (loss * weight[batch]).mean()
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+    return {name: tensor.detach().numpy().copy() for name, tensor in arrays.items()}
+
+
+def _places(dataset: Dataset, rows: Indices) -> dict[str, Any]:
+    """Return the sessions and the times of windows (n,)."""
+    return {"session": dataset.session[rows], "time": dataset.start[rows] / dataset.manifest.sample_rate}
+
+
+def _scores(detector: Detector, kind: Kind) -> Floats:
+    """Return the scores (n,) of the windows of validation, each session a stream of its own."""
+    scores, state, session = np.zeros(len(kind.judged)), KnownState(), -1
+    for number, row in enumerate(kind.judged):
+        if kind.session[number] != session:
+            state, session = KnownState(), kind.session[number]
+        state = detector.step(state, row, float(kind.time[number]))
+        scores[number] = -np.inf if state.odds is None else score(state.odds)
+    return scores

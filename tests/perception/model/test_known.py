@@ -1,0 +1,117 @@
+"""Sound unlike that of the training: all heads abstain with the reason, and no reference learns it."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.core.errors import InputError
+from monochord.core.types import Window
+from monochord.perception.model import Definition, Model, ModelState, load, save
+from monochord.perception.model.definition import KNOWN, KnownRecord
+from monochord.perception.model.known import UNLIKE, KnownState, step
+
+Sound = Callable[..., Window]
+REASONS = ("microphone 2 is silent", "two things seem to touch")
+
+
+def with_detector(model: Model, bias: tuple[float, ...], limit: float = 0.0) -> Model:
+    """Return a model whose detector has the same logits for every window."""
+    record = KnownRecord(hidden=(4,), reasons=REASONS, limit=limit)
+    definition = dataclasses.replace(model.definition, known=record)
+    shapes = {name: shape for name, shape in definition.shapes().items() if name.startswith(f"{KNOWN}.")}
+    weights = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
+    weights[f"{KNOWN}.1.bias"][:] = bias
+    return Model(definition=definition, weights={**model.weights, **weights})
+
+
+@pytest.mark.parametrize(
+    ("bias", "reason"),
+    [
+        ((0.0, 4.0, 0.0), REASONS[0]),
+        ((0.0, 0.0, 4.0), REASONS[1]),
+        ((0.0, 4.0, 4.0), UNLIKE),
+    ],
+)
+def test_every_head_abstains_with_the_likely_reason(
+    drawn: Model, sound: Sound, bias: tuple[float, ...], reason: str
+) -> None:
+    _, estimates = with_detector(drawn, bias).predict(ModelState(), sound(0))
+    assert {each.why_not for each in estimates.values()} == {reason}
+    assert set(estimates) == set(drawn.definition.heads)
+
+
+def test_known_sound_is_estimated_as_without_a_detector(drawn: Model, sound: Sound) -> None:
+    model = with_detector(drawn, (9.0, 0.0, 0.0))
+    state, other = ModelState(), ModelState()
+    for k in range(20):
+        state, estimates = model.predict(state, sound(k))
+        other, expected = drawn.predict(other, sound(k))
+        assert str(estimates) == str(expected)
+    assert state.median is not None
+    np.testing.assert_array_equal(state.median, other.median)
+
+
+def test_the_limit_decides(drawn: Model, sound: Sound) -> None:
+    bias = (0.0, 1.0, 0.0)
+    for limit, is_valid in ((1.0, False), (2.0, True)):
+        _, estimates = with_detector(drawn, bias, limit).predict(ModelState(), sound(0))
+        assert estimates["contact"].valid is is_valid
+
+
+def test_what_windows_say_is_averaged_over_time_whatever_the_hop() -> None:
+    plain, odd = np.array([0.0, -6.0]), np.array([0.0, 6.0])
+    for hop in (0.1, 0.01):
+        state = step(KnownState(), plain, 0.0, 0.5)
+        for k in range(1, round(0.5 / hop) + 1):
+            state = step(state, odd, k * hop, 0.5)
+        assert state.odds is not None
+        assert state.odds[0] == pytest.approx(6.0 - 12.0 * np.exp(-1.0))
+    forgetful = step(step(KnownState(), plain, 0.0, 0.0), odd, 0.1, 0.0)
+    assert forgetful.odds is not None
+    assert forgetful.odds[0] == 6.0
+
+
+def test_another_stream_begins_without_what_was_said(drawn: Model, sound: Sound) -> None:
+    model = with_detector(drawn, (0.0, 4.0, 0.0))
+    state, _ = model.predict(ModelState(), sound(5))
+    again, _ = model.predict(state, sound(0))
+    assert again.known.odds is not None
+    np.testing.assert_array_equal(again.known.odds, [4.0, 0.0])
+    assert again.known.time == 0.0
+
+
+def test_unlike_sound_is_never_a_reference(drawn: Model, sound: Sound) -> None:
+    model, state = with_detector(drawn, (0.0, 4.0, 0.0)), ModelState()
+    for k in range(30):
+        state, _ = model.predict(state, sound(k))
+    assert state.median is None
+    assert not state.pending
+
+
+def test_a_saved_detector_comes_back(drawn: Model, tmp_path: Path) -> None:
+    model = save(with_detector(drawn, (0.0, 4.0, 0.0), 1.5), tmp_path / "model")
+    again = load(tmp_path / "model")
+    assert again.definition == model.definition
+    assert again.definition.known == KnownRecord(hidden=(4,), reasons=REASONS, limit=1.5)
+    np.testing.assert_array_equal(again.weights[f"{KNOWN}.1.bias"], [0.0, 4.0, 0.0])
+
+
+def test_a_head_cannot_have_the_name_of_the_detector(drawn: Model) -> None:
+    heads = {**drawn.definition.heads, KNOWN: drawn.definition.heads["force"]}
+    with pytest.raises(InputError, match="another name"):
+        dataclasses.replace(drawn.definition, heads=heads)
+
+
+@pytest.mark.parametrize("options", [{"reasons": ()}, {"limit": float("nan")}, {"hidden": (4,) * 99}])
+def test_detectors_that_cannot_be(options: dict[str, object]) -> None:
+    with pytest.raises(InputError):
+        KnownRecord(**{"reasons": REASONS, **options})  # pyright: ignore[reportArgumentType]
+
+
+def test_a_model_without_a_detector_has_no_arrays_of_it(drawn: Model) -> None:
+    definition: Definition = drawn.definition
+    assert definition.known is None
+    assert not any(name.startswith(KNOWN) for name in definition.shapes())
