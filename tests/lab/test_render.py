@@ -259,3 +259,9 @@ def test_motors_sound_in_the_frame_as_the_tool_moves() -> None:
     travel = np.any(during(timing, "travel", time), axis=0) & (time > timing.on) & (time < timing.off)
     level = {name: np.sqrt(np.mean(added[:, of] ** 2)) for name, of in (("rest", rest), ("travel", travel))}
     assert level["travel"] > 2.0 * level["rest"] > 0.0
+
+
+def test_a_second_object_stays_on_the_string_where_it_ends() -> None:
+    one = session("pair_000", quiet(groups=(replace(GROUPS[0], name="pair", second=0.15),)))
+    sound = render(one)
+    assert np.abs(sound.microphones).max() > 0.0

@@ -30,6 +30,8 @@ FORCE_AVERAGE: Seconds = 0.005
 """Averaging of the force label: half the width of a raised cosine around its time."""
 MUSIC_FADE: Seconds = 0.05
 """Time in which music fades in and out."""
+NEAREST_END = 0.03
+"""Share of the string's length that a second object stays from either end."""
 DOWNWARD = (1.0, 0.0, 0.0, 0.0)
 """Orientation of the tool, as a quaternion: half a turn about x, so that it looks down on the string."""
 LABELS = ("contact", "position", "reaction", "slip", "across", "along")
@@ -329,13 +331,14 @@ class _Errors:
 
 
 def _second(touch: Touch, distance: Metres, sensor: Sensor) -> tuple[Touch, ...]:
-    """Return a second object at a distance from the first; none at 0."""
+    """Return a second object at a distance from the first, nearer where the string ends; none at 0."""
     if distance == 0.0:
         return ()
-    places = [key.position for key in touch.motion]
-    upward = sensor.string.length - max(places) > min(places)
+    places, length = [key.position for key in touch.motion], sensor.string.length
+    away = distance if length - max(places) > min(places) else -distance
+    ends = NEAREST_END * length, (1.0 - NEAREST_END) * length
     moved = tuple(
-        replace(key, position=key.position + (distance if upward else -distance)) for key in touch.motion
+        replace(key, position=min(max(key.position + away, ends[0]), ends[1])) for key in touch.motion
     )
     return (replace(touch, motion=moved),)
 
