@@ -15,11 +15,12 @@ from monochord.perception.model.known import UNLIKE, KnownState, step
 
 Sound = Callable[..., Window]
 REASONS = ("microphone 2 is silent", "two things seem to touch")
+MEMORY = (2.0, 0.2)
 
 
 def with_detector(model: Model, bias: tuple[float, ...], limit: float = 0.0) -> Model:
     """Return a model whose detector has the same logits for every window."""
-    record = KnownRecord(hidden=(4,), reasons=REASONS, limit=limit)
+    record = KnownRecord(hidden=(4,), reasons=REASONS, memory=MEMORY, limit=limit)
     definition = dataclasses.replace(model.definition, known=record)
     shapes = {name: shape for name, shape in definition.shapes().items() if name.startswith(f"{KNOWN}.")}
     weights = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
@@ -64,12 +65,12 @@ def test_the_limit_decides(drawn: Model, sound: Sound) -> None:
 def test_what_windows_say_is_averaged_over_time_whatever_the_hop() -> None:
     plain, odd = np.array([0.0, -6.0]), np.array([0.0, 6.0])
     for hop in (0.1, 0.01):
-        state = step(KnownState(), plain, 0.0, 0.5)
+        state = step(KnownState(), plain, 0.0, (0.5,))
         for k in range(1, round(0.5 / hop) + 1):
-            state = step(state, odd, k * hop, 0.5)
+            state = step(state, odd, k * hop, (0.5,))
         assert state.odds is not None
         assert state.odds[0] == pytest.approx(6.0 - 12.0 * np.exp(-1.0))
-    forgetful = step(step(KnownState(), plain, 0.0, 0.0), odd, 0.1, 0.0)
+    forgetful = step(step(KnownState(), plain, 0.0, (0.0,)), odd, 0.1, (0.0,))
     assert forgetful.odds is not None
     assert forgetful.odds[0] == 6.0
 
@@ -95,7 +96,7 @@ def test_a_saved_detector_comes_back(drawn: Model, tmp_path: Path) -> None:
     model = save(with_detector(drawn, (0.0, 4.0, 0.0), 1.5), tmp_path / "model")
     again = load(tmp_path / "model")
     assert again.definition == model.definition
-    assert again.definition.known == KnownRecord(hidden=(4,), reasons=REASONS, limit=1.5)
+    assert again.definition.known == KnownRecord(hidden=(4,), reasons=REASONS, memory=MEMORY, limit=1.5)
     np.testing.assert_array_equal(again.weights[f"{KNOWN}.1.bias"], [0.0, 4.0, 0.0])
 
 
@@ -105,10 +106,12 @@ def test_a_head_cannot_have_the_name_of_the_detector(drawn: Model) -> None:
         dataclasses.replace(drawn.definition, heads=heads)
 
 
-@pytest.mark.parametrize("options", [{"reasons": ()}, {"limit": float("nan")}, {"hidden": (4,) * 99}])
+@pytest.mark.parametrize(
+    "options", [{"reasons": ()}, {"limit": float("nan")}, {"hidden": (4,) * 99}, {"memory": (1.0,)}]
+)
 def test_detectors_that_cannot_be(options: dict[str, object]) -> None:
     with pytest.raises(InputError):
-        KnownRecord(**{"reasons": REASONS, **options})  # pyright: ignore[reportArgumentType]
+        KnownRecord(**{"reasons": REASONS, "memory": MEMORY, **options})  # pyright: ignore[reportArgumentType]
 
 
 def test_a_model_without_a_detector_has_no_arrays_of_it(drawn: Model) -> None:

@@ -105,20 +105,21 @@ class KnownRecord:
     """The detector of sound unlike that of the training; see `monochord.perception.model.known`.
 
     It has `hidden` layers and an output for sound like that of the training, then one for each of `reasons`.
-    Its log odds are averaged over a time `memory`, and a window is abstained from where the score that
-    follows is above `limit`. `measured` holds the shares of windows that are so in validation: of ordinary
-    ones, and of each kind that was shown.
+    The log odds of each are averaged over its time in `memory`, and a window is abstained from where the
+    score that follows is above `limit`. `measured` holds the shares of windows that are so in validation: of
+    ordinary ones, and of each kind that was shown.
     """
 
     hidden: tuple[int, ...] = (64,)
     reasons: tuple[str, ...] = ()
-    memory: Seconds = 0.0
+    memory: tuple[Seconds, ...] = ()
     limit: float = 0.0
     measured: dict[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.memory <= 60.0:
-            raise InputError(f"memory {self.memory:g} s of a detector", "0 to 60 s")
+        if len(self.memory) != len(self.reasons) or not all(0.0 <= each <= 60.0 for each in self.memory):
+            given = f"memory {', '.join(f'{each:g}' for each in self.memory) or 'none'} of a detector"
+            raise InputError(given, f"{len(self.reasons)} times of 0 to 60 s, one for each reason")
         if len(self.hidden) > MAX_LAYERS or not 1 <= len(self.reasons) <= MAX_PATTERNS:
             given = f"{len(self.hidden)} hidden layers and {len(self.reasons)} reasons of a detector"
             raise InputError(given, f"{MAX_LAYERS} at most, and 1 to {MAX_PATTERNS}")

@@ -4,11 +4,12 @@ Distance from the training's features misses much, since what a model is trained
 does. So a small network learns ordinary windows against windows of faults and of contacts that no model was
 trained on (outlier exposure; Hendrycks, Mazeika and Dietterich, Deep anomaly detection with outlier exposure,
 2019). It sees a window's features alone, not the reference of the untouched string, which the same fault may
-have spoiled. One window tells little of some faults: what a few windows say is averaged.
+have spoiled. One window tells little of some faults: what windows say is averaged, over seconds for a fault,
+which lasts, and for less than a touch for one.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,18 +77,19 @@ class Detector:
         return (weight @ row + bias).astype(np.float64)
 
 
-def step(state: KnownState, logits: Floats, time: Seconds, memory: Seconds) -> KnownState:
+def step(state: KnownState, logits: Floats, time: Seconds, memory: Sequence[Seconds]) -> KnownState:
     """Return the state after a window of logits (1 + reasons,) that begins at a time.
 
-    The log odds are averaged over windows with weights that fall by e in the time `memory`, whatever the hop.
+    The log odds are averaged over windows, with weights that fall by e in the time in `memory` (reasons,),
+    whatever the hop.
 
-    >>> state = step(KnownState(), np.array([0.0, 2.0]), 0.0, 0.5)
-    >>> step(state, np.array([0.0, 0.0]), 0.5, 0.5).odds.round(3).tolist()
-    [0.736]
+    >>> state = step(KnownState(), np.array([0.0, 2.0, 2.0]), 0.0, (0.5, 0.0))
+    >>> step(state, np.array([0.0, 0.0, 0.0]), 0.5, (0.5, 0.0)).odds.round(3).tolist()
+    [0.736, 0.0]
     """
     odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
-    if state.odds is not None and memory > 0.0:
-        share = math.exp(-max(time - state.time, 0.0) / memory)
+    if state.odds is not None:
+        share = np.exp(-max(time - state.time, 1e-9) / np.maximum(memory, 1e-12))
         odds = share * state.odds + (1.0 - share) * odds
     return KnownState(odds=odds, time=time)
 
@@ -104,7 +106,8 @@ def score(odds: Floats) -> Floats:
 def reason(odds: Floats, record: KnownRecord) -> str:
     """Return the reason to abstain at the log odds (reasons,) of each, empty for none.
 
-    >>> record = KnownRecord(reasons=("microphone 2 is silent", "two things seem to touch"))
+    >>> reasons = "microphone 2 is silent", "two things seem to touch"
+    >>> record = KnownRecord(reasons=reasons, memory=(2.0, 0.2))
     >>> [reason(np.array(each), record) for each in ([-3.0, -3.0], [3.0, 0.0], [3.0, 3.0])]
     ['', 'microphone 2 is silent', 'sound unlike what this model learned']
     """

@@ -102,7 +102,9 @@ def with_detector(
         *_unlike(options, settings, data, judged, scale, progress),
     ]
     reasons = tuple(dict.fromkeys(kind.reason for kind in kinds))
-    record = KnownRecord(hidden=options.hidden, reasons=reasons, memory=options.memory)
+    brief = {options.reasons[pattern] for pattern in options.touches if pattern in options.reasons}
+    memory = tuple(options.touch_memory if each in brief else options.memory for each in reasons)
+    record = KnownRecord(hidden=options.hidden, reasons=reasons, memory=memory)
     definition = dataclasses.replace(definition, known=record)
     torch = torch_library()
     threads = torch.get_num_threads()

@@ -123,8 +123,9 @@ class KnownSettings:
         Patterns of sessions that are as any other until something touches.
     faults
         Reason to abstain for each of `monochord.datasets.faults.FAULTS` that is made of training windows.
-    memory
-        Time in s over which what windows say is averaged; 0 for each window by itself.
+    memory, touch_memory
+        Times in s over which what windows say is averaged, of a fault, which lasts, and of a touch; 0 for
+        each window by itself.
     share
         Share of the windows of validation that may be taken for unlike.
     hidden
@@ -155,7 +156,8 @@ class KnownSettings:
             "hum": "hum louder than the string",
         }
     )
-    memory: Seconds = 0.5
+    memory: Seconds = 2.0
+    touch_memory: Seconds = 0.2
     share: float = 0.01
     hidden: tuple[int, ...] = (64,)
     rate: float = 2e-3
