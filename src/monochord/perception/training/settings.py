@@ -143,7 +143,6 @@ class KnownSettings:
             "two_touches_*": "two things seem to touch",
             "foam_*": "something very soft seems to touch",
             "driver_*_dead_*": "one driver seems silent",
-            "gauge_*": "another string seems to be on",
         }
     )
     touches: tuple[str, ...] = ("two_touches_*", "foam_*")
