@@ -65,11 +65,11 @@ format: install ## Put the code in the house format and fix what the linter can
 # Tests that look at the clock run by themselves, the others on all cores; both run, whatever comes of the first.
 test: install ros ## Every test but the slow ones
 	@status=0; $(BIN)/pytest -n auto --dist loadfile -m "not slow and not real_time" || status=1; \
-	$(BIN)/pytest -m "not slow and real_time" || status=1; exit $$status
+	$(BIN)/pytest -m "not slow and real_time" tests || status=1; exit $$status
 
 test-all: install ros ## Every test
 	@status=0; $(BIN)/pytest -n auto --dist loadfile -m "not real_time" || status=1; \
-	$(BIN)/pytest -m real_time || status=1; exit $$status
+	$(BIN)/pytest -m real_time tests || status=1; exit $$status
 
 FUZZ_SECONDS ?= 60
 fuzz: install ## Every reader and parser fed with damaged and made-up input; FUZZ_SECONDS=60 for each

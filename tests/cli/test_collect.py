@@ -104,7 +104,7 @@ def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit
     [
         (signal.SIGINT, "temporary/monochord-scratch-*/player.npz"),
         (signal.SIGTERM, "out/hold_000.mcap.part"),
-        (signal.SIGHUP, "out/hold_000.mcap.part"),
+        pytest.param(signal.SIGHUP, "out/hold_000.mcap.part", marks=pytest.mark.slow),
     ],
 )
 def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
@@ -133,6 +133,7 @@ def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
 
 @pytest.mark.jack
 @pytest.mark.real_time
+@pytest.mark.slow
 @pytest.mark.timeout(120)
 def test_a_plan_is_played_in_real_time(
     jack_server: JackServer, tmp_path: Path, capsys: pytest.CaptureFixture[str]

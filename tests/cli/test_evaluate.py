@@ -126,6 +126,7 @@ def test_a_run_is_evaluated_on_sessions_that_it_was_not_trained_on(
     assert "one of both" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("made_up_features")
 def test_a_model_of_shuffled_labels_is_at_chance(
     lesson: dict[str, Any],

@@ -100,7 +100,7 @@ def test_a_disk_with_too_little_space_is_refused(
     assert not recorder.out.exists()
 
 
-@pytest.mark.parametrize("limit", [5_300_000, 6_000_000, 6_123_457])
+@pytest.mark.parametrize("limit", [5_300_000, pytest.param(6_000_000, marks=pytest.mark.slow), 6_123_457])
 def test_a_limit_on_the_size_of_files_ends_it_cleanly(
     start_recorder: Callable[..., Any], fast: list[str], limit: int
 ) -> None:

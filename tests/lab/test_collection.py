@@ -8,6 +8,7 @@ from monochord.lab.collection import checksum, chosen, collect
 from monochord.lab.plan import assignments
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_the_number_of_workers(tmp_path: Path) -> None:
     sessions = assignments(tiny())
     alone = list(collect(sessions, tmp_path / "alone", workers=1))

@@ -1,5 +1,7 @@
 """A synthetic loop of music as ambient noise: drums, bass, chords and a tune."""
 
+from functools import cache
+
 import numpy as np
 
 from monochord.core.types import Audio, Floats
@@ -43,9 +45,14 @@ def loop(seed: int = 0, *, sample_rate: int = 44100) -> Audio:
     random, beat = np.random.default_rng([seed, 7]), 60.0 / BEATS_PER_MINUTE
     loop_ = np.zeros(round(4 * BARS * beat * sample_rate))
     time: Floats = np.arange(round(4 * beat * sample_rate)) / sample_rate
+
+    @cache
+    def tone(key: int, partials: int) -> Floats:
+        return _tone(time, _pitch(key), partials)
+
     for bar in range(BARS):
         chord, start = CHORDS[bar % len(CHORDS)], 4 * bar * beat
-        pad = sum((_tone(time, _pitch(key), 12) for key in chord), np.zeros_like(time))
+        pad = sum((tone(key, 12) for key in chord), np.zeros_like(time))
         _add(loop_, start, 0.05 * pad * _swell(time, 4 * beat), sample_rate)
         for i in range(4):
             at = start + i * beat
@@ -55,9 +62,9 @@ def loop(seed: int = 0, *, sample_rate: int = 44100) -> Audio:
             for half in (0.0, 0.5):
                 hat = np.diff(_burst(time, 0.02, random), prepend=0.0)
                 _add(loop_, at + half * beat, 0.12 * hat, sample_rate)
-                bass = _tone(time, _pitch(chord[0] - 24), 6) * np.exp(-time / 0.15)
+                bass = tone(chord[0] - 24, 6) * np.exp(-time / 0.15)
                 _add(loop_, at + half * beat, 0.35 * bass, sample_rate)
-            note = _tone(time, _pitch(int(random.choice(SCALE))), 8) * np.exp(-time / 0.2)
+            note = tone(int(random.choice(SCALE)), 8) * np.exp(-time / 0.2)
             if random.uniform() < 0.8:
                 _add(loop_, at + 0.5 * beat * int(random.integers(2)), 0.2 * note, sample_rate)
     return (LOUDNESS * loop_ / np.sqrt(np.mean(loop_**2))).astype(np.float32)

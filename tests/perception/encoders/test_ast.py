@@ -258,7 +258,7 @@ def expected(weights: Weights) -> Audio:
     return build_engine(weights, frames=100, backend="torch")(spectrogram(100))
 
 
-@pytest.fixture(params=["onnx", "int8", "openvino"])
+@pytest.fixture(params=["onnx", "int8", pytest.param("openvino", marks=pytest.mark.slow)])
 def backend(request: pytest.FixtureRequest) -> Backend:
     for name in ("onnx", "onnxscript", "onnxruntime", LIBRARIES[request.param]):
         pytest.importorskip(name, reason=f"{name} is not installed")

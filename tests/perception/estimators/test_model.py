@@ -58,7 +58,7 @@ class Recorder(Listener):
         self.estimates.append(str(dict(moment.prediction.estimates)))
 
 
-@pytest.mark.parametrize("block", [512, 800, 3001])
+@pytest.mark.parametrize("block", [512, pytest.param(800, marks=pytest.mark.slow), 3001])
 def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, offline: list[str], block: int) -> None:
     dataset, recorder = open_dataset(learnable), Recorder()
     for number in SESSIONS:

@@ -69,7 +69,7 @@ def test_columns_begin_with_the_checksum(weights: Path, windows: Audio) -> None:
     assert alone(windows[:, :1]).shape == (3, 256)
 
 
-@pytest.mark.parametrize("backend", ["onnx", "int8", "torch"])
+@pytest.mark.parametrize("backend", ["onnx", pytest.param("int8", marks=pytest.mark.slow), "torch"])
 def test_a_window_gives_the_same_bits_alone_and_among_others(
     weights: Path, windows: Audio, backend: str
 ) -> None:

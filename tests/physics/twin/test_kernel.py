@@ -73,7 +73,11 @@ SKIPPED = {"two": 150, "two at one place": 270, "two mounted": 150}
 """Frames of the first 300 that the kernel alone advances: two touches take the readable step many rounds."""
 
 
-@pytest.mark.parametrize("name", SCENES)
+# Of two touches, one scene in the quick tests: they take the readable step many rounds.
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow) if n in {"two", "two at one place"} else n for n in SCENES],
+)
 def test_kernel_equals_the_readable_step(name: str) -> None:
     # Over 300 frames sums in another order grow to some 1e-12 of the amplitude, and to 1e-7 where an object
     # slides and sticks; the kernel's rounds end at 1e-12 of the stretch.

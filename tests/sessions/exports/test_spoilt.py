@@ -50,11 +50,12 @@ def bring_in(folder: Path, out: Path) -> None:
 
 
 @pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("seeds", [range(20), pytest.param(range(20, 40), marks=pytest.mark.slow)])
 def test_mutated_exports_end_in_a_session_or_in_one_line(
-    exported: dict[str, Path], tmp_path: Path, form: str
+    exported: dict[str, Path], tmp_path: Path, seeds: range, form: str
 ) -> None:
     names = sorted(path.name for path in exported[form].iterdir())
-    for seed in range(40):
+    for seed in seeds:
         shutil.rmtree(tmp_path / "take", ignore_errors=True)
         shutil.copytree(exported[form], tmp_path / "take")
         path = tmp_path / "take" / names[seed % len(names)]
