@@ -34,16 +34,8 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "First steps": ("demo", "doctor", "list"),
     "Estimate touches": ("tune", "live", "locate"),
     "Collect data": ("record", "collect", "sessions"),
-    "Train and evaluate": (
-        "build",
-        "audit",
-        "train",
-        "calibrate",
-        "evaluate",
-        "transfer",
-        "ablate",
-        "weights",
-    ),
+    "Prepare and train": ("build", "audit", "train", "calibrate", "weights"),
+    "Evaluate": ("evaluate", "transfer", "ablate"),
     "Simulate, draw, measure": ("simulate", "figure", "bench"),
 }
 """Commands as the help shows them; a command that is in no group comes last."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz
-from monochord.dsp.noise import NOISES
+from monochord.dsp.noise import hum
 
 HISS = 1e-5, 3e-3
 """Rms in full scale of what a dead microphone's channel still has: assumed."""
@@ -77,8 +77,8 @@ class Fault:
             np.clip(window * (_between(random, OVERDRIVE) / peak), -1.0, 1.0, out=window)
         elif self.kind == "hum":
             rms = float(np.sqrt(np.mean(np.square(window, dtype=float))))
-            hum = NOISES["hum"](random, window.shape, float(self.sample_rate))
-            np.clip(window + rms * _between(random, HUM) * hum, -1.0, 1.0, out=window)
+            mains = hum(random, window.shape, float(self.sample_rate))
+            np.clip(window + rms * _between(random, HUM) * mains, -1.0, 1.0, out=window)
         else:
             window[int(self.kind == "microphone 2 dead")] = self._dead(random, window.shape[1])
 
@@ -88,9 +88,8 @@ class Fault:
             return np.zeros(frames)
         sound = _between(random, HISS) * random.standard_normal(frames)
         if random.random() < MAINS_SHARE:
-            phase = 2.0 * np.pi * random.choice(MAINS) * np.arange(frames) / self.sample_rate
-            hum = sum(np.sin(n * phase + random.uniform(0.0, 2.0 * np.pi)) / n for n in (1, 2, 3, 5))
-            sound += _between(random, MAINS_LEVEL) * hum
+            mains = hum(random, (1, frames), float(self.sample_rate), mains=float(random.choice(MAINS)))
+            sound += _between(random, MAINS_LEVEL) * mains[0]
         return sound
 
 
