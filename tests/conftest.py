@@ -59,6 +59,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 WATCHING = pytest.StashKey[Stalls]()
+BEGINS = pytest.StashKey[dict[Path, float]]()
+"""When the first test of a file began, or was tried again."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -68,6 +70,7 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
         stack = ExitStack()
         config.add_cleanup(stack.close)
+        config.stash[BEGINS] = {}
         config.stash[WATCHING] = stack.enter_context(watched(folder / "stalls"))
 
 
@@ -77,7 +80,8 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     if stalls is None or not item.get_closest_marker("real_time"):
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    begin = time.monotonic()
+    # A fixture of the module may have measured what a later test looks at.
+    begin = item.config.stash[BEGINS].setdefault(item.path, time.monotonic())
     reports = runtestprotocol(item, nextitem=nextitem, log=False)
     for _ in range(FAILED_ATTEMPTS):
         stall = stalls.longest_since(begin)
@@ -85,7 +89,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
             break
         print(f"\n{item.nodeid} failed; this machine stood still for {stall:.3f} s: again")  # noqa: T201
         item.session._setupstate.teardown_exact(None)  # fixtures of modules may have failed, too
-        begin = time.monotonic()
+        begin = item.config.stash[BEGINS][item.path] = time.monotonic()
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
