@@ -158,11 +158,13 @@ def export(
 def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said: str | float | None) -> None:
     """Make a session of a user's own audio and labels, or of a folder that `export` wrote.
 
-    AUDIO is WAV or FLAC with 1 or 2 channels. The first line of LABELS.csv names its columns: time in s from
-    the audio's begin, and any of contact (0 or 1), position (m), force (N), slip (0 or 1) or others.
+    AUDIO is WAV or FLAC with 1 or 2 channels, or a session of microphones alone. The first line of LABELS.csv
+    names its columns: time in s from the audio's begin, and any of contact (0 or 1), position (m), force (N),
+    slip (0 or 1) or others. With begin and end in place of time, a row is a touch.
 
     \b
     monochord sessions import take.wav take.csv --out take.mcap --object "Allen key"
+    monochord sessions import recorded.mcap touches.csv --out touches.mcap
     monochord sessions import exported/take --out take.mcap
     """  # noqa: D301
     refuse_unwritable(out, (".mcap",))

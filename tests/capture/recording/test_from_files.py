@@ -76,6 +76,35 @@ def test_other_spreadsheets_are_read_too(tmp_path: Path, table: str) -> None:
     np.testing.assert_array_equal(imported(tmp_path / "a.wav", table).labels.columns["contact"], [1.0])
 
 
+def test_a_row_may_be_a_touch(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    table = "begin,end,position,force\n0.2,0.5,0.12,1.5\n0.6,0.8,0.05,\n"
+    labels = imported(tmp_path / "a.wav", table).labels
+    assert [np.interp(at, labels.time, labels.columns["contact"]) for at in (0.1, 0.3, 0.55, 0.7, 0.9)] == [
+        0, 1, 0, 1, 0
+    ]  # fmt: skip
+    at = np.searchsorted(labels.time, [0.1, 0.3, 0.7])
+    np.testing.assert_array_equal(labels.columns["position"][at], [np.nan, 0.12, 0.05])
+    np.testing.assert_array_equal(labels.columns["force"][at], [np.nan, 1.5, np.nan])
+    assert "slip" not in labels.columns
+
+
+def test_a_recorded_session_gets_labels(tmp_path: Path) -> None:
+    sent = sound(tmp_path / "a.wav", subtype="FLOAT")
+    recorded = imported(tmp_path / "a.wav", sensor={"name": "mine"}, object="key", notes="first")
+    table = tmp_path / "touches.csv"
+    table.write_text("begin,end,position,force\n0.2,0.5,0.12,1.5\n")
+    from_files(recorded.path, table, tmp_path / "b.mcap", described={"object": "tube"})
+    session = read_session(tmp_path / "b.mcap")
+    assert session.audio.samples.tobytes() == sent.tobytes()
+    about = session.description
+    assert (about.object, about.notes, about.sensor) == ("tube", "first", {"name": "mine"})
+    assert session.clock.epoch_ns == recorded.clock.epoch_ns
+    assert session.labels.columns["force"][30] == 1.5
+    with pytest.raises(InputError, match=r"b\.mcap with labels: allowed is one of microphones alone"):
+        from_files(session.path, table, tmp_path / "c.mcap")
+
+
 def test_labels_may_be_left_out(tmp_path: Path) -> None:
     sound(tmp_path / "a.wav")
     assert imported(tmp_path / "a.wav").labels.columns == {}
@@ -113,6 +142,9 @@ def test_the_same_files_make_the_same_session(tmp_path: Path) -> None:
 BAD = {
     "contact\n1\n": r"a\.csv with columns contact: allowed is time and others",
     "times,contact\n1,1\n": r"times, contact: allowed is time and others; call the column",
+    "begin,end\n0.2,0.1\n": r"row 2, time 0.1 after 0.2: allowed is times in order",
+    "begin,end\n0.1,0.5\n0.4,0.8\n": r"row 3, time 0.4 after 0.5: allowed is times in order",
+    "begin,contact\n0.1,1\n": r"columns begin, contact: allowed is time and others",
     "": r"a\.csv \(empty\)",
     "time,contact\n0,1\n0.1,yes\n": r"row 3, contact 'yes': allowed is a number, or an empty cell",
     "time,contact\n0,1\n0.1\n": r"row 3 of 1 cells: allowed is 2",

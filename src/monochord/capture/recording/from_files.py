@@ -11,14 +11,15 @@ import numpy as np
 
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Stream
-from monochord.core.config import from_tree
+from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.core.units import Metres, Seconds
-from monochord.sessions import Description, SessionClock, SessionWriter
+from monochord.sessions import Description, SessionClock, SessionWriter, read_session
 from monochord.sessions.bounds import json_object
 
-AUDIO_FILES = "wav"  # the source that reads them
+AUDIO_FILES, SESSIONS = "wav", "session"  # the sources that read them
+SESSION_SUFFIX = ".mcap"
 BLOCK: Seconds = 0.1
 LABEL_RANGES: dict[str, tuple[float, float, str]] = {
     "contact": (0.0, 1.0, "0 or 1"),
@@ -28,6 +29,10 @@ LABEL_RANGES: dict[str, tuple[float, float, str]] = {
 """Allowed values of a column; they detect millimetres."""
 MAX_OVERHANG: Seconds = 1.0
 """Longest time by which labels may exceed the audio."""
+TOUCH = ("begin", "end")
+"""Columns of a table that has a row for each touch, in place of `time`."""
+TOUCH_STEP: Seconds = 0.01
+"""Distance of the labels that such a row becomes."""
 
 
 def from_files(
@@ -37,7 +42,8 @@ def from_files(
 
     The audio is WAV or FLAC, 1 or 2 channels at 16 to 96 kHz. Samples of up to 24 bits, and 32-bit floats,
     are stored exactly; wider ones are rounded to 32-bit floats. The session's begin is the file's date minus
-    its duration; there are no device times, so frame n is at n / rate.
+    its duration; there are no device times, so frame n is at n / rate. A session that was recorded with
+    microphones alone can take the place of the file: its sensor, string and gaps are kept.
 
     Parameters
     ----------
@@ -46,7 +52,8 @@ def from_files(
     labels
         A CSV file; its first line names the columns: ``time`` in s from the audio's begin; ``contact`` and
         ``slip`` (0 or 1), ``position`` in m from pickup 1, ``force`` in N, or any others, all numbers. An
-        empty cell is unknown. None for no labels.
+        empty cell is unknown. With ``begin`` and ``end`` in place of ``time`` a row is a touch, and nothing
+        touches between them. None for no labels.
     out
         The new session, ``NAME.mcap``; an error leaves none.
     described
@@ -68,27 +75,47 @@ def from_files(
     array([ nan, 0.12])
     """
     options_ = dict(described or {})
-    with SOURCES.build(AUDIO_FILES, {"path": str(audio)}).open() as probe:
+    source, known, begin = AUDIO_FILES, dict[str, Any](), None
+    if audio.suffix.lower() == SESSION_SUFFIX:
+        source = SESSIONS
+        known, begin = _known(audio)
+    with SOURCES.build(source, {"path": str(audio)}).open() as probe:
         rate, channels = probe.signal.sample_rate, probe.signal.channels
-        frames = sum(block.samples.shape[1] for block in probe)
+        frames = max((block.start + block.samples.shape[1] for block in probe), default=0)
     more = {"imported": _text(audio.name), **({"imported_labels": _text(labels.name)} if labels else {})}
-    tree: dict[str, Any] = {"name": _text(audio.stem), **options_, "sample_rate": rate, "channels": channels}
+    tree: dict[str, Any] = {"name": _text(audio.stem), **known, **options_}
+    tree |= {"sample_rate": rate, "channels": channels}
+    more = known.get("more", {}) | more
     description = from_tree(Description, {**tree, "more": {**more, **options_.get("more", {})}}, "session")
     json_object(description.dump())  # refuses text that no file can store, before the file is written
     length = description.string.length if description.string else None
     time, columns = np.zeros(0), dict[str, Floats]()
     if labels is not None:
         time, columns = read_labels(labels, frames / rate, length)
-    begin = audio.stat().st_mtime_ns - round(frames / rate * 1e9)
+    if begin is None:
+        begin = audio.stat().st_mtime_ns - round(frames / rate * 1e9)
     clock = SessionClock(epoch_ns=max(begin, 0))
     options = {"path": str(audio), "block": round(BLOCK * rate)}
     writer = SessionWriter(out, description, clock)
     try:
-        with writer, SOURCES.build(AUDIO_FILES, options).open() as stream:
+        with writer, SOURCES.build(source, options).open() as stream:
             _write(writer, stream, time, columns)
     except BaseException:
         out.unlink(missing_ok=True)
         raise
+
+
+def _known(path: Path) -> tuple[dict[str, Any], int]:
+    """Return how a recorded session is described, and its begin in ns; refuses one with other streams."""
+    session = read_session(path)
+    streams = [*session.streams, *(["labels"] if session.labels.time.size else [])]
+    if streams:
+        given = f"session {path} with {' and '.join(streams)}"
+        raise InputError(given, "one of microphones alone", "build takes its labels from these")
+    about = to_tree(session.description)
+    for name in ("feeds", "sample_rate", "channels"):
+        about.pop(name, None)
+    return about, session.clock.epoch_ns
 
 
 def _text(name: str) -> str:
@@ -117,7 +144,8 @@ def read_labels(
     """Return times (n,) and columns (n,) by name; NaN where a cell is empty.
 
     The first line names the columns: ``time`` in s from the audio's begin, and others, which are numbers.
-    Cells are separated by commas, semicolons or tabs.
+    Cells are separated by commas, semicolons or tabs. A table of touches, with ``begin`` and ``end``, is
+    returned as labels every `TOUCH_STEP`.
 
     Raises
     ------
@@ -129,9 +157,11 @@ def read_labels(
     table = ([_number(path, row, *cell) for cell in zip(names, cells, strict=True)] for row, cells in rows)
     cells = np.array([*table], dtype=np.float64).reshape(-1, len(names))
     numbers = [row for row, _ in rows]
-    time = cells[:, names.index("time")]
-    _refuse_times(path, numbers, time, seconds)
-    columns = {name: cells[:, place] for place, name in enumerate(names) if name != "time"}
+    by_touch = "time" not in names
+    when = TOUCH if by_touch else ("time",)
+    times = cells[:, [names.index(name) for name in when]]
+    _refuse_times(path, np.repeat(numbers, times.shape[1]).tolist(), times.ravel(), seconds)
+    columns = {name: cells[:, place] for place, name in enumerate(names) if name not in when}
     for name, column in columns.items():
         low, high, allowed = LABEL_RANGES.get(name, (-math.inf, math.inf, ""))
         if name == "position" and length is not None:
@@ -140,7 +170,18 @@ def read_labels(
         if len(wrong):
             given = f"file {path} row {numbers[wrong[0]]}, {name} {column[wrong[0]]:g}"
             raise InputError(given, allowed or "a finite number, or an empty cell")
-    return time, columns
+    return _of_touches(times, columns, seconds) if by_touch else (times[:, 0], columns)
+
+
+def _of_touches(
+    touches: Floats, columns: Mapping[str, Floats], seconds: Seconds
+) -> tuple[Floats, dict[str, Floats]]:
+    """Return times and columns of touches from begin to end (n, 2)."""
+    time = np.arange(0.0, seconds, TOUCH_STEP)
+    touch = np.searchsorted(touches[:, 0], time, side="right") - 1
+    contact = (touch >= 0) & (time < np.concatenate((touches[:, 1], [0.0]))[touch])
+    held = {name: np.where(contact, np.append(each, np.nan)[touch], np.nan) for name, each in columns.items()}
+    return time, {"contact": contact.astype(np.float64), **held}
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
@@ -161,7 +202,7 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     if not lines:
         raise InputError(f"file {path} (empty)", allowed)
     names = [name.strip() for name in lines[0][1]]
-    if "time" not in names:
+    if "time" not in names and not {*TOUCH} <= {*names}:
         remedy = "call the column of the times time"
         raise InputError(f"file {path} with columns {', '.join(names)}", "time and others", remedy)
     if len(set(names)) < len(names) or not all(names):
