@@ -28,8 +28,8 @@ Late = Mapping[str, tuple[Seconds, Seconds]]
 
 
 @cache
-def played(seed: int = 0, groups: tuple[float, ...] = (1.5, 8.0)) -> Tapped:
-    return tapped(groups=groups, force=(1.0, 0.3, 2.0)[seed % 3], seed=seed)
+def played(seed: int = 0, groups: tuple[float, ...] = (1.5, 8.0), taps: int = 5) -> Tapped:
+    return tapped(groups=groups, taps=taps, force=(1.0, 0.3, 2.0)[seed % 3], seed=seed)
 
 
 def recorded(folder: Path, truth: Tapped) -> SessionReader:
@@ -151,6 +151,30 @@ def test_too_few_taps_are_flagged(tmp_path: Path) -> None:
     flags = align(recorded(tmp_path, truth)).flags
     assert "audio notices 2 taps at the begin; 3 are needed" in flags
     assert "audio notices 2 taps at the end; 3 are needed" in flags
+
+
+@pytest.mark.parametrize("taps", [3, 5])
+def test_a_tap_that_only_the_force_notices_is_left_out(taps: int, tmp_path: Path) -> None:
+    truth = replace(played(taps=taps), late={"audio": (0.05, 0.05)})
+    masked, first = truth.microphones.copy(), round((truth.touches[1] - 0.02) * RATE)
+    masked[:, first : first + 2205] = 1e-4 * np.random.default_rng(0).standard_normal((2, 2205))
+    alignment = align(recorded(tmp_path, replace(truth, microphones=masked)))
+    offset = alignment.lateness["audio"].offsets[0]
+    assert offset.taps == taps - 1
+    assert offset.value == pytest.approx(0.05, abs=0.5e-3)
+    missing = [] if taps == 5 else ["audio notices 2 taps at the begin; 3 are needed"]
+    assert list(alignment.flags[:1]) == missing
+
+
+@pytest.mark.parametrize("before", [0.1, 0.005])
+def test_a_knock_that_only_the_microphones_notice_does_no_harm(before: float, tmp_path: Path) -> None:
+    truth = replace(played(taps=3), late={"audio": (0.05, 0.05)})
+    knocked, first = truth.microphones.copy(), round((truth.touches[1] - before) * RATE)
+    knocked[:, first : first + 400] += 0.2 * np.random.default_rng(0).standard_normal((2, 400))
+    alignment = align(recorded(tmp_path, replace(truth, microphones=knocked)))
+    offset = alignment.lateness["audio"].offsets[0]
+    assert alignment.flags or offset.taps == 3
+    assert offset.value == pytest.approx(0.05, abs=0.5e-3)
 
 
 def test_an_offset_beyond_the_limit_is_reported(tmp_path: Path) -> None:

@@ -51,3 +51,13 @@ def test_the_first_of_two_events_is_located_but_no_faint_one() -> None:
         assert abs(first_onset(errors) - 300) <= 3
         errors[300:500] /= 10.0
         assert abs(first_onset(errors) - 500) <= 6
+
+
+@pytest.mark.parametrize("quiet", [8, 16, 32])
+def test_a_stretch_that_begins_quiet_by_chance_does_not_move_the_onset(quiet: int) -> None:
+    rng = np.random.default_rng(quiet)
+    for _ in range(20):
+        errors = rng.standard_normal(600)
+        errors[:quiet] *= 0.2
+        errors[500:] *= 10.0
+        assert abs(first_onset(errors) - 500) <= 6

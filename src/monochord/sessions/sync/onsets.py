@@ -11,6 +11,8 @@ MIN_ONSET_SHARE = 0.1
 """Share of the greatest error below which no onset begins: waves of high pitch run ahead of a touch's own."""
 MIN_LOUDNESS_RATIO = 3.0
 """How many times louder than before an event must be that comes before a louder one."""
+MIN_NOISE: Samples = 64
+"""Least number of frames of noise before an event. Ten of them are a third of their usual size by chance."""
 ONSET_MARGIN: Samples = 8
 """Frames left out before that one, which its own begin may reach into."""
 MAX_NOVELTY = 5.0
@@ -137,7 +139,7 @@ def first_onset(errors: Floats) -> float:
     while np.isfinite(onset):
         stop = int(onset) - ONSET_MARGIN
         sooner = pick(errors[: max(stop, 0)])
-        if not np.isfinite(sooner):
+        if not sooner >= MIN_NOISE:  # nor NaN
             break
         noise, event = (np.sqrt(np.mean(e**2)) for e in (errors[: int(sooner)], errors[int(sooner) : stop]))
         if event < max(MIN_LOUDNESS_RATIO * noise, 0.5 * smallest):
