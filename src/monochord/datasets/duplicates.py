@@ -25,6 +25,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,10 +150,22 @@ def _reduced(samples: Audio) -> Audio:
 
 
 def _agreement(one: _Stretch, other: _Stretch) -> tuple[float, int]:
-    """Return the peak of the phase correlation, and its lag between the sessions in reduced samples."""
-    curve = np.abs(np.fft.irfft(one.phases.conj() * other.phases, 2 * STRETCH))
+    """Return the peak of the phase correlation, and its lag between the sessions in reduced samples.
+
+    Short stretches need no longer transform: every other bin is that of half the length. What overlaps by
+    less than `MIN_OVERLAP` may wrap around.
+    """
+    from scipy.fft import irfft  # noqa: PLC0415
+
+    most = other.size - round(MIN_OVERLAP * min(one.size, other.size))  # the largest lag that counts
+    skip = 1
+    while one.size + most <= STRETCH // skip:
+        skip *= 2
+    length = 2 * STRETCH // skip
+    agreeing: Any = irfft(one.phases[::skip].conj() * other.phases[::skip], length)  # in single precision
+    curve: Audio = np.abs(agreeing)
     at = int(curve.argmax())
-    lag = at if at < STRETCH else at - 2 * STRETCH
+    lag = at if at <= most else at - length
     return float(curve[at]), lag + other.begin - one.begin
 
 
