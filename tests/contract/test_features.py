@@ -9,18 +9,24 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.perception.features import FEATURES
-from monochord.perception.features.base import Extractor
+from monochord.perception.features.base import Extractor, Feature
 from monochord.physics.strings import load_string
 
 RATE, SIZE = 44100, 4410
 SIGNAL = Signal(sample_rate=RATE, channels=2, string=load_string("prototype").string)
-each_feature = pytest.mark.parametrize("name", FEATURES.names())
+OPTIONS = {f"{name} with gaps": (name, {"gaps": True}) for name in ("fft_harmonic", "untouched")}
+"""Features with columns that their defaults leave out."""
+each_feature = pytest.mark.parametrize("name", [*FEATURES.names(), *OPTIONS])
+
+
+def built(name: str) -> Feature:
+    return FEATURES.build(*OPTIONS.get(name, (name, {})))
 
 
 @cache
 def prepared(name: str) -> Extractor | str:
     try:
-        return FEATURES.build(name).prepare(SIGNAL, SIZE)
+        return built(name).prepare(SIGNAL, SIZE)
     except InputError as error:
         return str(error)
 
@@ -115,7 +121,7 @@ def test_it_is_the_same_each_time_and_leaves_the_windows_alone(extract: Extracto
     assert np.array_equal(windows, sounds())
     extract(np.stack(list(awkward().values())))
     assert np.array_equal(extract(windows), first)
-    again = FEATURES.build(name).prepare(SIGNAL, SIZE)
+    again = built(name).prepare(SIGNAL, SIZE)
     assert again.columns == extract.columns
     assert np.array_equal(again(windows), first)
 
@@ -135,5 +141,5 @@ def test_rows_of_different_sounds_differ(extract: Extractor) -> None:
 )
 def test_what_it_cannot_serve_is_refused_in_one_line(name: str, signal: Signal, size: int) -> None:
     with pytest.raises(InputError, match=r"allowed is|monochord weights get") as caught:
-        FEATURES.build(name).prepare(signal, size)
+        built(name).prepare(signal, size)
     assert "\n" not in str(caught.value)

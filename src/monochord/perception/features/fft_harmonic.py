@@ -16,6 +16,8 @@ from monochord.perception.features._combination_tones import (
     lengthening,
     with_compliance,
 )
+from monochord.perception.features._gaps import COLUMNS as GAPS
+from monochord.perception.features._gaps import measure_gaps
 from monochord.perception.features._harmonics import (
     GROWTH,
     HARMONICS,
@@ -101,10 +103,18 @@ class FftHarmonic(Feature):
     timbre of all but the second and the third harmonic. They depend on the object's compliance, which the
     frequencies alone confound with the tension; training can vary it (`SupportsCompliance`).
 
+    With `gaps`, 84 more columns follow the 300: sound between the lines, which sliding and rubbing make on
+    any build. In each of 28 bands of equal ratio from 20 Hz to 16 kHz, of the nearest three bins or more:
+    log10 of each microphone's density, the median power of the band's bins in full scale^2 / Hz (of noise,
+    its mean density); and likeness, 2 Re(A B*) / (A A* + B B*), of its bins without lines, those whose
+    powers together are at most both medians together.
+
     Parameters
     ----------
     tones
         Whether there are columns of combination tones.
+    gaps
+        Whether there are columns of the sound between the lines.
     own
         With `tones`: share of its own end's force in a microphone's signal, above a half.
     gain
@@ -122,9 +132,13 @@ class FftHarmonic(Feature):
     >>> extract = FftHarmonic().prepare(signal, 4410)
     >>> extract(np.zeros((1, 2, 4410), np.float32)).shape, extract.columns[0]
     ((1, 300), 'mic 1 own 1 level')
+    >>> extract = FftHarmonic(gaps=True).prepare(signal, 4410)
+    >>> extract(np.zeros((1, 2, 4410), np.float32)).shape, extract.columns[-1]
+    ((1, 384), 'gaps likeness band 28')
     """
 
     tones: bool = False
+    gaps: bool = False
     own: float = 0.85
     gain: float = 2.0
 
@@ -142,7 +156,7 @@ class FftHarmonic(Feature):
 class _Extractor(Extractor):
     def __init__(self, analyser: SpectrumAnalyser, options: FftHarmonic) -> None:
         self._analyser, self._options = analyser, options
-        self._columns = tuple(_columns(tones=options.tones))
+        self._columns = (*_columns(tones=options.tones), *(GAPS if options.gaps else ()))
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -185,6 +199,7 @@ class _Extractor(Extractor):
                 self._timbre_and_tones(timbre, spectrum),
                 near,
                 self._of_reading(spectrum),
+                self._of_gaps(spectrum),
             )
         )
 
@@ -205,6 +220,11 @@ class _Extractor(Extractor):
         rest = reading.untouched_frequency or analyser.nominal
         partials[2] = analyser.partials(rest, analyser.length, HARMONICS)
         return partials
+
+    def _of_gaps(self, spectrum: Spectrum) -> Floats:
+        if not self._options.gaps:
+            return np.zeros(0)
+        return measure_gaps(spectrum.transform, spectrum.power, self._analyser.bin_spacing).ravel()
 
     def _of_reading(self, spectrum: Spectrum) -> tuple[float, ...]:
         reading, analyser = spectrum.reading, self._analyser

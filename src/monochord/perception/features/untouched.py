@@ -7,6 +7,8 @@ import numpy as np
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Hertz, Samples
 from monochord.perception.closed_form.spectrum import Spectrum, SpectrumAnalyser
+from monochord.perception.features._gaps import COLUMNS as GAP_COLUMNS
+from monochord.perception.features._gaps import measure_gaps
 from monochord.perception.features._harmonics import LEVEL, OFFSET, SIDE, measure_harmonics
 from monochord.perception.features.base import Extractor, Feature
 
@@ -27,6 +29,7 @@ COLUMNS = (
     *(f"partial {n} offset" for n in range(1, PARTIALS + 1)),
     *(f"partial {n} level" for n in range(1, PARTIALS + 1)),
 )
+GAPS = tuple(f"untouched {name}" for name in GAP_COLUMNS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +47,14 @@ class Untouched(Feature):
     thousandth or two. An inaudible partial repeats that value, so that a mean over windows has no bias. Rows
     of touched windows mean nothing.
 
+    With `gaps`, 84 more columns are the sound between the lines, as those of `fft_harmonic`: the floor of the
+    microphones and their surroundings, above which a touch that slides is heard.
+
+    Parameters
+    ----------
+    gaps
+        Whether there are columns of the sound between the lines.
+
     Examples
     --------
     >>> from monochord.physics.strings import load_string
@@ -53,27 +64,35 @@ class Untouched(Feature):
     >>> row = extract(np.stack((tone, tone))[np.newaxis].astype(np.float32))[0]
     >>> round(float(row[extract.columns.index("tension")]), 1)
     64.3
+    >>> len(Untouched(gaps=True).prepare(signal, 4410).columns) - len(extract.columns)
+    84
     """
+
+    gaps: bool = False
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Return the extractor, compiled, for two channels of a known string."""
-        extractor = _Extractor(SpectrumAnalyser.of(signal, size), signal.tension_scale)
+        extractor = _Extractor(SpectrumAnalyser.of(signal, size), signal.tension_scale, gaps=self.gaps)
         extractor(np.zeros((1, 2, size), np.float32))
         return extractor
 
 
 class _Extractor(Extractor):
-    def __init__(self, analyser: SpectrumAnalyser, tension_scale: float) -> None:
-        self._analyser, self._tension_scale = analyser, tension_scale
+    def __init__(self, analyser: SpectrumAnalyser, tension_scale: float, *, gaps: bool) -> None:
+        self._analyser, self._tension_scale, self._gaps = analyser, tension_scale, gaps
 
     @property
     def columns(self) -> tuple[str, ...]:
-        return COLUMNS
+        return (*COLUMNS, *GAPS) if self._gaps else COLUMNS
 
     def __call__(self, windows: Audio) -> Audio:
-        rows = np.empty((len(windows), len(COLUMNS)), np.float32)
+        rows = np.empty((len(windows), len(self.columns)), np.float32)
         for window, row in zip(windows, rows, strict=True):
-            row[:] = self._row(self._analyser.analyse(window))
+            spectrum = self._analyser.analyse(window)
+            row[: len(COLUMNS)] = self._row(spectrum)
+            if self._gaps:
+                spacing = self._analyser.bin_spacing
+                row[len(COLUMNS) :] = measure_gaps(spectrum.transform, spectrum.power, spacing).ravel()
         return rows
 
     def _row(self, spectrum: Spectrum) -> tuple[float, ...]:
