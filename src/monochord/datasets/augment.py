@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Audio, Floats
-from monochord.dsp.noise import NOISES, mixed
+from monochord.dsp.noise import NOISES, STEADY, mixed
 
 RECORDED = "recorded"
 """The kind of noise that is drawn from files of music or speech."""
@@ -54,7 +54,7 @@ class Augmentation:
     (True, False)
     """
 
-    kinds: tuple[str, ...] = tuple(NOISES)
+    kinds: tuple[str, ...] = STEADY
     ratios: tuple[float, float] = (5.0, 25.0)
     share: float = 1.0
     recordings: tuple[Path, ...] = field(default=())

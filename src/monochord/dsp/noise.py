@@ -10,7 +10,7 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.core.units import Hertz
+from monochord.core.units import Hertz, Seconds
 
 Shape = tuple[int, ...]
 Noise = Callable[[np.random.Generator, Shape, float], Floats]
@@ -20,6 +20,10 @@ AUDIBLE: Hertz = 30.0
 MAINS: Hertz = 60.0
 HARMONICS = 10
 HISS: tuple[Hertz, Hertz] = (2000.0, 8000.0)
+TONES: tuple[Hertz, Hertz] = (50.0, 1000.0)
+PARTIALS = 12
+DECAY: tuple[Seconds, Seconds] = (0.05, 2.0)
+"""Times in which a tone of a chord dies away."""
 
 
 def white(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floats:  # noqa: ARG001
@@ -113,8 +117,44 @@ def hum(
     return np.broadcast_to(_unit(waves.imag), shape).copy()
 
 
-NOISES: dict[str, Noise] = {"white": white, "pink": pink, "hum": hum, "band": band}
+def chord(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floats:
+    """Return some tones of any pitch that begin or fade at random, with a stroke beside them: as of music.
+
+    Two to six tones from 50 to 1000 Hz, each of twelve partials whose amplitude falls as a power of their
+    number, 1 to 2; and a burst of white noise of up to their level, which dies away. All channels hear the
+    same.
+
+    Examples
+    --------
+    >>> noise = chord(np.random.default_rng(0), (2, 4410), 44100.0)
+    >>> bool((noise[0] == noise[1]).all()), round(float(np.mean(noise**2)), 6)
+    (True, 1.0)
+    """
+    size = shape[-1]
+    time = np.arange(size) / sample_rate
+    begin, end = -0.2, float(time[-1])
+    waves = np.zeros(size)
+    for pitch in np.exp(stream.uniform(*np.log(TONES), size=int(stream.integers(2, 7)))).tolist():
+        number = np.arange(1, PARTIALS + 1)
+        number = number[number * pitch < 0.5 * sample_rate]
+        level = stream.uniform(0.1, 1.0) * number ** -stream.uniform(1.0, 2.0)
+        phase = stream.uniform(0.0, 2.0 * np.pi, number.size)
+        since = time - stream.uniform(begin, end)
+        fades = np.exp(-np.maximum(since, 0.0) / stream.uniform(*DECAY)) * (since >= 0.0)
+        waves += fades * (level @ np.sin(2.0 * np.pi * pitch * np.outer(number, time) + phase[:, None]))
+    waves /= max(float(np.sqrt(np.mean(waves**2))), 1e-30)
+    since = time - stream.uniform(begin, end)
+    stroke = stream.normal(size=size) * np.exp(-np.maximum(since, 0.0) / stream.uniform(0.01, 0.1))
+    waves += stream.uniform() * stroke * (since >= 0.0)
+    if not waves.any():  # every tone begins at the very last frame
+        return hum(stream, shape, sample_rate)
+    return np.broadcast_to(_unit(waves), shape).copy()
+
+
+NOISES: dict[str, Noise] = {"white": white, "pink": pink, "hum": hum, "band": band, "chord": chord}
 """Every generator by name."""
+STEADY = ("white", "pink", "hum", "band")
+"""Names of those that sound the same throughout."""
 
 
 def mixed(signal: Floats, noise: Floats, ratio: float) -> Floats:

@@ -14,7 +14,7 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.motor import geared_motor
-from monochord.dsp.noise import NOISES, band
+from monochord.dsp.noise import NOISES, STEADY, band
 from monochord.evaluation.realstrings import interference_recordings, resampled, takes
 
 SUITE_RATIOS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
@@ -53,7 +53,7 @@ class Disturbance:
     Parameters
     ----------
     kind
-        A name of `monochord.dsp.noise.NOISES`, "motor", "speech", or a name of `recordings`.
+        A name of `monochord.dsp.noise.STEADY`, "motor", "speech", or a name of `recordings`.
     ratio
         Signal-to-noise ratio in dB, -60 to 120.
     seed
@@ -117,7 +117,7 @@ def noise_kinds(recordings: Mapping[str, Audio] | None = None) -> tuple[str, ...
     >>> noise_kinds()
     ('white', 'pink', 'hum', 'band', 'motor', 'speech')
     """
-    return tuple(dict.fromkeys([*NOISES, *SYNTHETIC, *(recordings or {})]))
+    return tuple(dict.fromkeys([*STEADY, *SYNTHETIC, *(recordings or {})]))
 
 
 def parse_noise(text: str, recordings: Mapping[str, Audio], seed: int = 0) -> Disturbance:

@@ -12,7 +12,7 @@ from monochord.core.registry import Registry
 from monochord.core.units import Seconds
 from monochord.datasets.augment import Augmentation
 from monochord.datasets.faults import FAULTS
-from monochord.dsp.noise import NOISES
+from monochord.dsp.noise import STEADY
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
 from monochord.perception.heads import HEADS
@@ -65,7 +65,7 @@ class NoiseSettings:
     """
 
     copies: int = 0
-    kinds: tuple[str, ...] = tuple(NOISES)
+    kinds: tuple[str, ...] = STEADY
     ratios: tuple[float, float] = (5.0, 25.0)
     share: float = 1.0
     recordings: tuple[Path, ...] = ()
