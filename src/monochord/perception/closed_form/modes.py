@@ -1,19 +1,16 @@
 """The modes that the strongest lines of two microphones are: of both segments, or of the untouched string.
 
-A driver sustains whichever mode of its segment it locked to, so the loudest line of a microphone is mode n of
-its segment with n unknown. Two lines a, b and two numbers give a position x and an open frequency f,
+A driver sustains whichever mode of its segment it locked to, so the loudest line of a microphone is mode n
+of its segment with n unknown. `hypotheses` lists what the lines may be, and `ranking`, trained across builds,
+tells how probable each hypothesis is. Those of one place add up to the most probable place.
 
-    a = n1 f L / x s(n1 / x),  b = n2 f L / (L - x) s(n2 / (L - x)),  s(q) = sqrt(1 + beta q^2),
+Whether anything touches is another question, and two scores set by hand answer it: how well two segments
+explain the lines, and how well the untouched string does. They were set on simulated touches of the prototype
+(docs/design/0012-features.md), and expect lower modes and an open pitch nearer to nominal than the ranking.
 
-where beta = pi^3 E d^4 / (64 T) is the string's stiffness (Fletcher 1964). A reading is allowed if f is what
-the string's tension can make of it. The best one explains most of the lines.
-
-The estimator and the features share this reader and its constants. They were set by hand on simulated
-touches of the prototype, where driver 1 locks to mode 1 in 99 % of touches and driver 2 to modes 1, 2 and 3
-in 24, 47 and 28 % (docs/design/0012-features.md). The bundled model and the published results rest on them.
-Only how far a force raises the open frequency is an argument: the estimator derives it from the tension law
-and its largest force; the features expect no rise beyond `FREE_DEVIATION`, since a press on the prototype
-makes less.
+The estimator and the features share this reader. Only how far a force raises the open frequency is an
+argument: the estimator derives it from the tension law and its largest force; the features expect no rise
+beyond `FREE_DEVIATION`, since a press on the prototype makes less.
 """
 
 from typing import NamedTuple
@@ -23,58 +20,57 @@ import numpy as np
 
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres
+from monochord.perception.closed_form.hypotheses import (
+    FREQUENCY,
+    LINE_1,
+    LINE_2,
+    MIN_SHARE,
+    MODE_1,
+    MODE_2,
+    OPEN,
+    POSITION,
+    SHARE_1,
+    TOLERANCE_BINS,
+    TOLERANCE_SHARE,
+    WEAKNESS_1,
+    WEAKNESS_2,
+    WEIGHT,
+    StringModel,
+    find_hypotheses,
+    measure_hypotheses,
+    share_1,
+    weighted_lines,
+)
+from monochord.perception.closed_form.ranking import Ranking, probabilities
 
-MAX_MODE_1, MAX_MODE_2 = 4, 6
-"""Highest modes that driver 1, tuned low, and driver 2, tuned high, lock to."""
+USUAL_MODE_1, USUAL_MODE_2 = 4, 6
+"""Highest modes of drivers 1 and 2 that count for contact."""
+USUAL_LINES = 4
+"""Strongest lines of each microphone that do."""
 MODE_COST_1, MODE_COST_2 = 0.3, 0.03
 """Cost of the mode that driver 1 or driver 2 sustains, for each e times higher number."""
 WEAK_LINE_COST = 0.1
 """Cost of each decade by which a sustained line is weaker than its microphone's strongest."""
-CANDIDATE_LINES = 4
-"""Strongest lines of each microphone that may be the sustained one."""
-MAX_FALL, MAX_RISE = 0.04, 0.02
-"""Largest shares by which the open frequency lies below, as a light touch is no clamp, and above expected."""
+USUAL_FALL, USUAL_RISE = 0.04, 0.02
+"""Largest shares by which the open frequency lies below and above expected, to count for contact."""
 FREE_DEVIATION = 0.008
 """Share by which it lies below or above at no cost."""
 FALL_COST, RISE_COST = 300.0, 1.0e4
 """Costs of the square of the share beyond that, below and above."""
 UNTOUCHED_DEVIATION = 0.02
 """Largest share by which the untouched string's frequency lies off nominal."""
-END_MARGIN = 0.04
-"""Least distance of a touch from either end, as a share of the length."""
-SAME_POSITION = 0.01
-"""Readings nearer to each other than this share of the length are of the same position."""
+SAME_POSITION = 0.012
+"""Hypotheses nearer to each other than this share of the length are of the same position."""
+SAME_SEGMENTS = 0.003
+"""Share within which they differ in little but which multiple of a segment's line is the sustained one."""
+MAX_LEAD = 10.0
+"""Largest logarithm of the odds of a place."""
 NUMBER_COST, OWN_MICROPHONE_GAIN = 0.15, 0.25
 """Cost of a line for each e times higher number; gain for each e times more power at its own microphone."""
 UNTOUCHED_GAIN, UNTOUCHED_NUMBER_COST = 0.1, 0.05
 """Gain of the untouched string for being the simpler reading; its own `NUMBER_COST`."""
-WEIGHT_DECADES = 4.0
-"""Decades of power below the strongest line at which a line's weight is 0."""
-TOLERANCE_BINS, TOLERANCE_SHARE = 1.2, 0.003
-"""Largest distance of a line from a partial: so many bins plus such a share of its frequency."""
-MIN_SHARE = 0.02
-"""Least share of a line's power at a microphone that counts."""
 MIN_OPPOSITION = 0.4
 """Least difference of two lines' shares at microphone 1 that are clearly of two segments; 0.9 is usual."""
-
-FREQUENCY, WEIGHT, SHARE_1 = range(3)
-"""Columns of an array of lines: Hz, 0 to 1, and the share of the power at microphone 1."""
-POSITION, OPEN, MODE_1, MODE_2, SCORE, UNEXPLAINED, LINE_1, LINE_2 = range(8)
-"""Columns of an array of readings; the lines are ranks by strength, from 0."""
-
-
-class StringModel(NamedTuple):
-    """A string's length in m, nominal open frequency in Hz, stiffness beta in m^2, and what may raise it.
-
-    `rise` is the share by which the largest expected force raises the open frequency, and `slack` the share
-    by which it may be tuned off nominal, either way, at no cost: 0 for a string whose tuning is known.
-    """
-
-    length: Metres
-    nominal: Hertz
-    stiffness: float
-    rise: float
-    slack: float = 0.0
 
 
 class ModeReading(NamedTuple):
@@ -82,8 +78,9 @@ class ModeReading(NamedTuple):
 
     `position` of the touch in m from pickup 1 and `open_frequency` in Hz, as of a clamp; the modes `mode_1`
     and `mode_2` of the sustained lines `line_1` and `line_2` in Hz, and the shares `share_1` and `share_2` of
-    their power at microphone 1. `score` is of this reading, `rival_score` of the best one elsewhere, at
-    `rival_position`, and `untouched_score` of the untouched string, whose frequency is
+    their power at microphone 1. `lead` is the logarithm of the odds of this place against all others, the
+    most probable of which is `rival_position` in m, 0 for none. `score` is how well two segments in usual
+    modes explain the lines, and `untouched_score` how well the untouched string does, whose frequency is
     `untouched_frequency` in Hz. `unexplained` is the share of the lines outside both series, `lines` their
     count. Without an allowed reading the position is 0; without a line, all but the scores, which are -1.
     """
@@ -93,7 +90,7 @@ class ModeReading(NamedTuple):
     mode_1: float
     mode_2: float
     score: float
-    rival_score: float
+    lead: float
     rival_position: Metres
     untouched_score: float
     untouched_frequency: Hertz
@@ -120,11 +117,6 @@ class ModeReading(NamedTuple):
         return self.touched and max(abs(self.share_1 - 0.5), abs(self.share_2 - 0.5)) > 0.5 * MIN_OPPOSITION
 
     @property
-    def lead(self) -> float:
-        """Lead in score over the best reading that puts the touch elsewhere."""
-        return self.score - self.rival_score
-
-    @property
     def contact_lead(self) -> float:
         """Lead in score over the untouched string; negative where that is the better reading."""
         return self.score - self.untouched_score
@@ -132,9 +124,9 @@ class ModeReading(NamedTuple):
 
 @numba.njit(cache=True, error_model="numpy")
 def read_modes(
-    frequency: Floats, height: Floats, power: Floats, spacing: Hertz, string: StringModel
+    frequency: Floats, height: Floats, power: Floats, spacing: Hertz, string: StringModel, ranking: Ranking
 ) -> ModeReading:
-    """Return the best reading of the strongest lines of two microphones.
+    """Return the most probable reading of the strongest lines of two microphones.
 
     Parameters
     ----------
@@ -146,64 +138,102 @@ def read_modes(
         Distance of two bins in Hz.
     string
         The string.
+    ranking
+        The network that gives hypotheses their probabilities.
     """
-    lines = _weighted_lines(frequency, height, power, spacing)
+    lines = weighted_lines(frequency, height, power, spacing)
     count = float(lines.shape[0])
     if lines.shape[0] == 0:
-        return ModeReading(0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return ModeReading(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     rest_score, rest = _untouched(lines, string)
-    readings = _readings(frequency, height, lines, spacing, string)
-    if readings.shape[0] == 0:
+    found = find_hypotheses(frequency, height, string)
+    if found.shape[0] == 0:
         return ModeReading(
-            0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0, rest_score, rest, 0.0, 0.0, 0.0, 0.0, 0.0, count
+            0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, rest_score, rest, 0.0, 0.0, 0.0, 0.0, 0.0, count
         )
-    best = readings[readings[:, SCORE].argmax()]
-    rival_score, rival_position = -1.0, 0.0
-    for other in readings:
-        elsewhere = abs(other[POSITION] - best[POSITION]) > SAME_POSITION * string.length
-        if elsewhere and other[SCORE] > rival_score:
-            rival_score, rival_position = other[SCORE], other[POSITION]
-    line_1, line_2 = frequency[0, int(best[LINE_1])], frequency[1, int(best[LINE_2])]
+    measures = measure_hypotheses(found, frequency, height, power, spacing, string)
+    probability = probabilities(measures, ranking)
+    position = found[:, POSITION] / string.length
+    place, lead, rival = most_probable(position, probability)
+    # Of the same segments, the hypothesis that is best by hand: training tells places apart, not which
+    # multiple of a line is sustained. With another the open frequency is some per mille off, and so is force.
+    best, best_score, score, unexplained = place, -np.inf, -1.0, 0.0
+    for k in range(found.shape[0]):
+        usual, near = _is_usual(found[k], string), abs(position[k] - position[place]) < SAME_SEGMENTS
+        if near or usual:
+            x, own = found[k, POSITION], found[k, OPEN]
+            sustained = (frequency[0, int(found[k, LINE_1])], frequency[1, int(found[k, LINE_2])])
+            explained, outside = _explained(lines, x, own, sustained, spacing, string)
+            explained -= _cost(found[k], string)
+            score = max(score, explained) if usual else score
+            if near and explained > best_score:
+                best, best_score, unexplained = k, explained, outside
+    line_1, line_2 = frequency[0, int(found[best, LINE_1])], frequency[1, int(found[best, LINE_2])]
     return ModeReading(
-        best[POSITION],
-        best[OPEN],
-        best[MODE_1],
-        best[MODE_2],
-        best[SCORE],
-        rival_score,
-        rival_position,
+        found[best, POSITION],
+        found[best, OPEN],
+        found[best, MODE_1],
+        found[best, MODE_2],
+        score,
+        lead,
+        found[rival, POSITION] if rival >= 0 else 0.0,
         rest_score,
         rest,
         line_1,
         line_2,
-        _share_1(power, line_1, spacing),
-        _share_1(power, line_2, spacing),
-        best[UNEXPLAINED],
+        share_1(power, line_1, spacing),
+        share_1(power, line_2, spacing),
+        unexplained,
         count,
     )
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _weighted_lines(frequency: Floats, height: Floats, power: Floats, spacing: Hertz) -> Floats:
-    """Return the lines (lines, 3) of either microphone whose weight is above 0."""
-    lines = np.zeros((frequency.size, 3))
-    count = 0
-    for m in range(2):
-        for i in range(frequency.shape[1]):
-            if frequency[m, i] <= 0.0:
-                break
-            weight = 1.0 + np.log10(height[m, i] / height[m, 0]) / WEIGHT_DECADES
-            if weight > 0.0:
-                lines[count, FREQUENCY], lines[count, WEIGHT] = frequency[m, i], weight
-                lines[count, SHARE_1] = _share_1(power, frequency[m, i], spacing)
-                count += 1
-    return lines[:count]
+def most_probable(position: Floats, probability: Floats) -> tuple[int, float, int]:
+    """Return the best hypothesis of the most probable place, the place's lead, and the best elsewhere or -1.
+
+    `position` (n,) is over the string's length, `probability` (n,) of each hypothesis.
+    """
+    count = position.size
+    together = np.zeros(count)
+    for k in range(count):
+        for q in range(count):
+            if abs(position[k] - position[q]) < SAME_POSITION:
+                together[k] += probability[q]
+    place = position[together.argmax()]
+    best, rival, rest = -1, -1, 0.0
+    for k in range(count):
+        if abs(position[k] - place) < SAME_POSITION:
+            if best < 0 or probability[k] > probability[best]:
+                best = k
+        else:
+            rest += probability[k]
+            if rival < 0 or together[k] > together[rival]:
+                rival = k
+    lead = np.log(max(1.0 - rest, 1.0e-9) / max(rest, 1.0e-9))
+    return best, min(max(lead, -MAX_LEAD), MAX_LEAD), rival
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _share_1(power: Floats, frequency: Hertz, spacing: Hertz) -> float:
-    k = int(np.rint(frequency / spacing))
-    return power[0, k] / (power[0, k] + power[1, k])
+def _is_usual(found: Floats, string: StringModel) -> bool:
+    off = found[OPEN] / string.nominal - 1.0
+    return (
+        found[MODE_1] <= USUAL_MODE_1
+        and found[MODE_2] <= USUAL_MODE_2
+        and max(found[LINE_1], found[LINE_2]) < USUAL_LINES
+        and -USUAL_FALL - string.slack < off < string.rise + USUAL_RISE + string.slack
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _cost(found: Floats, string: StringModel) -> float:
+    """Return what a hypothesis loses in score for its modes, its weak lines, and its open frequency."""
+    off = found[OPEN] / string.nominal - 1.0
+    modes = MODE_COST_1 * np.log(found[MODE_1]) + MODE_COST_2 * np.log(found[MODE_2])
+    weakness = WEAK_LINE_COST * (found[WEAKNESS_1] + found[WEAKNESS_2])
+    if off < 0.0:
+        return modes + weakness + FALL_COST * max(-off - FREE_DEVIATION - string.slack, 0.0) ** 2
+    return modes + weakness + RISE_COST * max(off - string.rise - FREE_DEVIATION - string.slack, 0.0) ** 2
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -223,56 +253,6 @@ def _untouched(lines: Floats, string: StringModel) -> tuple[float, Hertz]:
             score -= weight
     frequency = upper / lower if lower > 0.0 else 0.0
     return score / lines[:, WEIGHT].sum() + UNTOUCHED_GAIN, frequency
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _readings(
-    frequency: Floats, height: Floats, lines: Floats, spacing: Hertz, string: StringModel
-) -> Floats:
-    """Return the allowed readings (readings, 8)."""
-    length = string.length
-    readings = np.zeros((CANDIDATE_LINES * CANDIDATE_LINES * MAX_MODE_1 * MAX_MODE_2, 8))
-    count = 0
-    for pair in range(CANDIDATE_LINES * CANDIDATE_LINES):
-        i, j = pair // CANDIDATE_LINES, pair % CANDIDATE_LINES
-        if frequency[0, i] <= 0.0 or frequency[1, j] <= 0.0:
-            continue
-        weakness = -np.log10(height[0, i] / height[0, 0] * height[1, j] / height[1, 0])
-        if weakness > WEIGHT_DECADES:
-            continue
-        for modes in range(MAX_MODE_1 * MAX_MODE_2):
-            n1, n2 = modes // MAX_MODE_2 + 1.0, modes % MAX_MODE_2 + 1.0
-            x, own = _located(frequency[0, i], n1, frequency[1, j], n2, string)
-            off = own / string.nominal - 1.0
-            if not -MAX_FALL - string.slack < off < string.rise + MAX_RISE + string.slack:
-                continue
-            if not END_MARGIN * length < x < (1.0 - END_MARGIN) * length:
-                continue
-            sustained = (frequency[0, i] / n1, frequency[1, j] / n2)
-            score, unexplained = _explained(lines, x, own, sustained, spacing, string)
-            score -= MODE_COST_1 * np.log(n1) + MODE_COST_2 * np.log(n2) + WEAK_LINE_COST * weakness
-            if off < 0.0:
-                score -= FALL_COST * max(-off - FREE_DEVIATION - string.slack, 0.0) ** 2
-            else:
-                score -= RISE_COST * max(off - string.rise - FREE_DEVIATION - string.slack, 0.0) ** 2
-            row = (x, own, n1, n2, score, unexplained, float(i), float(j))
-            for k in range(len(row)):  # one assignment of a row compiles numba's messages about shapes: 6 s
-                readings[count, k] = row[k]
-            count += 1
-    return readings[:count]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: StringModel) -> tuple[Metres, Hertz]:
-    """Return position and open frequency of a pair of modes, by fixed-point iteration over the stiffness."""
-    length, beta = string.length, string.stiffness
-    f1, f2 = a / n1, b / n2
-    x = length * f2 / (f1 + f2)
-    for _ in range(4):
-        f1 = a / n1 / np.sqrt(1.0 + beta * (n1 / x) ** 2)
-        f2 = b / n2 / np.sqrt(1.0 + beta * (n2 / (length - x)) ** 2)
-        x = length * f2 / (f1 + f2)
-    return x, f1 * f2 / (f1 + f2)
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -22,7 +22,9 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal, StringParams
 from monochord.core.units import Hertz, Metres, Samples
 from monochord.perception.closed_form import modes
-from monochord.perception.closed_form.modes import ModeReading, StringModel
+from monochord.perception.closed_form.hypotheses import StringModel
+from monochord.perception.closed_form.modes import ModeReading
+from monochord.perception.closed_form.ranking import mode_ranking
 from monochord.physics.theory import open_frequency
 
 MIN_BINS = 14
@@ -125,13 +127,13 @@ class SpectrumAnalyser:
         """Return the spectra of a window (2, size) and the modes read from them."""
         lowest = LOWEST_LINE * self.nominal
         samples, transform, power, peaks = spectrum_of(window, self.bin_spacing, lowest, HIGHEST_LINE)
-        reading = modes.read_modes(*peaks, power, self.bin_spacing, self.model)
+        reading = modes.read_modes(*peaks, power, self.bin_spacing, self.model, mode_ranking())
         return Spectrum(samples, transform, power, peaks, reading)
 
     def read_at_any_tuning(self, spectrum: Spectrum, slack: float) -> ModeReading:
         """Return the modes that the lines are if the string may be tuned off nominal by a share `slack`."""
         model = self.model._replace(slack=slack)
-        return modes.read_modes(*spectrum.peaks, spectrum.power, self.bin_spacing, model)
+        return modes.read_modes(*spectrum.peaks, spectrum.power, self.bin_spacing, model, mode_ranking())
 
     def tuned(self, string: StringParams) -> "SpectrumAnalyser":
         """Return the analyser of the same wire under another tension."""

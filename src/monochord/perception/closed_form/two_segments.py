@@ -29,8 +29,10 @@ UNITS = {
 }
 MIN_SALIENCE = 7.0
 """Least height of a microphone's strongest line over the noise floor, in nepers of power."""
-MIN_LEAD = 0.25
-"""Least score of a reading, and least lead over any reading that says something else."""
+MIN_SCORE = 0.25
+"""Least score of a reading, and least lead of contact over none or the other way round."""
+MIN_LEAD = 2.0
+"""Least logarithm of the odds of a place, some 7 to 1; see docs/design/0026-learned-ranking.md."""
 SCORE_SCALE, MIN_CONTACT_STD = 0.1, 0.01
 """Lead in score that makes a reading e times as likely as its rival, and the least error; set by hand."""
 
@@ -68,7 +70,7 @@ class TwoSegments:
     def estimates(self, analyser: SpectrumAnalyser, spectrum: Spectrum) -> Estimates:
         """Return the estimates from the spectra of a window that can be used."""
         reading, line_std = spectrum.reading, _LineErrors(analyser, spectrum)
-        if line_std.salience < MIN_SALIENCE or max(reading.score, reading.untouched_score) < MIN_LEAD:
+        if line_std.salience < MIN_SALIENCE or max(reading.score, reading.untouched_score) < MIN_SCORE:
             return abstain("no harmonic structure")
         if reading.contact_lead <= 0.0:
             frequency = reading.untouched_frequency
@@ -76,7 +78,7 @@ class TwoSegments:
                 "contact": Estimate(value=0.0, std=_contact_std(-reading.contact_lead), unit=""),
                 "frequency": Estimate(value=frequency, std=line_std(frequency), unit="Hz"),
             }
-        if min(reading.lead, reading.contact_lead) < MIN_LEAD:
+        if reading.contact_lead < MIN_SCORE or reading.lead < MIN_LEAD:
             return abstain("two candidates")
         std_1 = line_std(reading.line_1) / reading.mode_1
         return self._locate(reading, std_1, line_std(reading.line_2) / reading.mode_2)

@@ -9,7 +9,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samples
 from monochord.perception.closed_form.far_segment import FarSegment
-from monochord.perception.closed_form.two_segments import MIN_LEAD, TwoSegments, abstain
+from monochord.perception.closed_form.two_segments import MIN_SCORE, TwoSegments, abstain
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.tuning import OwnString, TunerState
@@ -163,7 +163,7 @@ class _Followed:
             self.detuned = True
             return abstain(why_not)
         reading = spectrum.reading
-        self.opposed = reading.opposed and min(reading.score, reading.contact_lead) >= MIN_LEAD
+        self.opposed = reading.opposed and min(reading.score, reading.contact_lead) >= MIN_SCORE
         return self._tuned.estimates(self._tuned_analyser, spectrum)
 
 

@@ -53,17 +53,18 @@ class ClosedForm(Feature):
     Columns: `position` in m, `tension` in N, `open`, the open frequency that follows from it in thousandths
     over nominal, and `force` in N by the geometric law if the untouched string has its nominal tension, 0
     below that; the two fundamentals and the two lines in kHz, their modes, and the share of their power at
-    microphone 1; the `score` of the reading, its `lead` over the best rival that puts the touch elsewhere,
-    that rival's position in m, its lead over the untouched string (`contact`), that string's own score and
-    its frequency in thousandths over nominal (`rest`); the share of lines that the reading leaves
-    unexplained (`left over`), and the count of lines. Flags, 0 or 1: no reading at all; two candidates,
-    where the lead is less than `margin`; untouched, where contact is negative; and why the window cannot be
-    used. Of a string tuned otherwise than its design, tension and frequencies are as if it were tuned so.
+    microphone 1; the `score` of two segments, the `lead` of the place (the logarithm of its odds against all
+    others), the best rival's position in m, the score's lead over the untouched string (`contact`), that
+    string's own score and its frequency in thousandths over nominal (`rest`); the share of lines that the
+    reading leaves unexplained (`left over`), and the count of lines. Flags, 0 or 1: no reading; two
+    candidates, where the lead is less than `margin`; untouched, where contact is negative; and why the window
+    cannot be used. Of a string tuned otherwise than its design, tension and frequencies are as if it were
+    tuned so.
 
     Parameters
     ----------
     margin
-        Lead of the best reading below which two candidates are flagged.
+        Lead of the place below which two candidates are flagged.
     most_force
         Largest force in the column `force`, in N.
 
@@ -77,7 +78,7 @@ class ClosedForm(Feature):
     ['no reading', 'silence']
     """
 
-    margin: float = 0.25
+    margin: float = 2.0
     most_force: Newtons = 5.0
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:

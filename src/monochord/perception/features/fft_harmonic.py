@@ -95,9 +95,9 @@ class FftHarmonic(Feature):
       harmonics of the segments the level over the loudest of its series. Of frequencies, place = f2 / (f1 +
       f2) = x / L as of a clamp, once as such and once by its distance from 24 points along the string
       (1 at the point, 0 at the next). And 10 more of both: the open frequency f1 f2 / (f1 + f2), and the
-      untouched string's by its partials, in thousandths over the nominal one; the modes read; the reading's
-      lead over the best other place, and over the untouched string; its score; the share of lines that it
-      leaves unexplained (`left over`); the shares of the two lines' power at microphone 1.
+      untouched string's by its partials, in thousandths over the nominal one; the modes read; the place's
+      lead, the logarithm of its odds; the lead over the untouched string; the score; the share of lines that
+      the reading leaves unexplained (`left over`); the shares of the two lines' power at microphone 1.
 
     With `tones`, 12 measures of combination tones of both lines stand in the ratio group, in place of the
     timbre of all but the second and the third harmonic. They depend on the object's compliance, which the

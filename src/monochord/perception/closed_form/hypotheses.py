@@ -1,0 +1,387 @@
+"""What a touch may be by the strongest lines of two microphones, and measures of how well each explains them.
+
+Two lines a, b and two mode numbers give a position x and an open frequency f,
+
+    a = n1 f L / x s(n1 / x),  b = n2 f L / (L - x) s(n2 / (L - x)),  s(q) = sqrt(1 + beta q^2),
+
+where beta = pi^3 E d^4 / (64 T) is the string's stiffness (Fletcher 1964). A hypothesis is allowed if f is
+what the string's tension, and a touch that is no clamp, can make of it. Its measures are relative to the own
+pitch, to the length, to the distance of two bins and to each microphone's strongest line, so they hold for
+any string. docs/design/0026-learned-ranking.md says how the limits were set.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from monochord.core.types import Flags, Floats
+from monochord.core.units import Hertz, Metres
+
+MAX_MODE_1, MAX_MODE_2 = 6, 8
+"""Highest modes that driver 1, tuned low, and driver 2, tuned high, lock to."""
+CANDIDATE_LINES = 5
+"""Strongest lines of each microphone that may be the sustained one."""
+MAX_FALL, MAX_RISE = 0.09, 0.03
+"""Largest shares by which the open frequency lies below, as touch and ends yield, and above expected."""
+END_MARGIN = 0.04
+"""Least distance of a touch from either end, as a share of the length."""
+MAX_HYPOTHESES = 128
+"""Hypotheses of a window; on 9,000 simulated windows the most were 129, and 98 in all but a hundredth."""
+WEIGHT_DECADES = 4.0
+"""Decades of power below the strongest line at which a line's weight is 0."""
+TOLERANCE_BINS, TOLERANCE_SHARE = 1.2, 0.003
+"""Largest distance of a line from a partial: so many bins plus such a share of its frequency."""
+MIN_SHARE = 0.02
+"""Least share of a line's power at a microphone that counts."""
+TRAINED_RISE = 0.012
+"""Share by which the forces of the training raise the open frequency; where `rise` is larger, that is 1."""
+
+FREQUENCY, WEIGHT, SHARE_1 = range(3)
+"""Columns of an array of lines: Hz, 0 to 1, and the share of the power at microphone 1."""
+POSITION, OPEN, MODE_1, MODE_2, LINE_1, LINE_2, WEAKNESS_1, WEAKNESS_2 = range(8)
+"""Columns of an array of hypotheses; lines are ranks by strength, from 0, and weakness is in decades."""
+PARTIALS = 10
+"""Partials of each segment whose level and prominence are measures."""
+FLOOR_BINS, FLOOR_DECADES, MAX_DECADES = 24, 0.7, 4.0
+"""Bins over which a median is the floor; decades above it that noise reaches, and that count at most."""
+MAX_PEAKS, MIN_PROMINENCE = 64, 0.8
+"""Peaks of both microphones that stand out most, and decades by which one stands out at least."""
+HIGHEST_PEAK: Hertz = 20000.0
+"""Highest frequency of a peak or a partial."""
+TONES = 4
+"""Highest multiples of the two lines whose sums and differences the drivers' distortion makes."""
+LEVEL_DECADES = 8.0
+"""Decades below a microphone's strongest line at which a partial's level is 0."""
+
+COMMON = ("number", "own share", "miss", "fall", "rise", "strongest left", "tones", "left", "whole string")
+OF_A_SEGMENT = (
+    "explained",
+    "left",
+    "mode",
+    "weakness",
+    "below",
+    "line",
+    "side",
+    "peaks",
+    "peaks' share",
+)
+OF_A_PARTIAL = ("level", "other level", "prominence")
+COMMON_MEASURES, SEGMENT_MEASURES = len(COMMON), len(OF_A_SEGMENT) + PARTIALS * len(OF_A_PARTIAL)
+MEASURES = COMMON_MEASURES + 2 * SEGMENT_MEASURES
+"""Measures of a hypothesis: those of both segments, then those of each."""
+(_NUMBER, _OWN_SHARE, _MISS, _FALL, _RISE, _STRONGEST_LEFT, _TONES, _LEFT, _WHOLE) = range(COMMON_MEASURES)
+(_EXPLAINED, _MIC_LEFT, _MODE, _WEAKNESS, _BELOW, _LINE_SHARE, _SIDE, _PEAKS, _PEAKS_SHARE) = range(9)
+
+
+class StringModel(NamedTuple):
+    """A string's length in m, nominal open frequency in Hz, stiffness beta in m^2, and what may raise it.
+
+    `rise` is the share by which the largest expected force raises the open frequency, and `slack` the share
+    by which it may be tuned off nominal, either way, at no cost: 0 for a string whose tuning is known.
+    """
+
+    length: Metres
+    nominal: Hertz
+    stiffness: float
+    rise: float
+    slack: float = 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def weighted_lines(frequency: Floats, height: Floats, power: Floats, spacing: Hertz) -> Floats:
+    """Return the lines (lines, 3) of either microphone whose weight is above 0."""
+    lines = np.zeros((frequency.size, 3))
+    count = 0
+    for m in range(2):
+        for i in range(frequency.shape[1]):
+            if frequency[m, i] <= 0.0:
+                break
+            weight = 1.0 + np.log10(height[m, i] / height[m, 0]) / WEIGHT_DECADES
+            if weight > 0.0:
+                lines[count, FREQUENCY], lines[count, WEIGHT] = frequency[m, i], weight
+                lines[count, SHARE_1] = share_1(power, frequency[m, i], spacing)
+                count += 1
+    return lines[:count]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def share_1(power: Floats, frequency: Hertz, spacing: Hertz) -> float:
+    """Return the share of a line's power at microphone 1."""
+    k = int(np.rint(frequency / spacing))
+    return power[0, k] / (power[0, k] + power[1, k])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def stiff_partial(number: float, own: Hertz, side: Metres, string: StringModel) -> Hertz:
+    """Return a partial of a segment of length `side`, given the string's open frequency."""
+    return number * own * string.length / side * np.sqrt(1.0 + string.stiffness * (number / side) ** 2)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def find_hypotheses(frequency: Floats, height: Floats, string: StringModel) -> Floats:
+    """Return the allowed hypotheses (n, 8) of the strongest lines (2, lines) in Hz and in power."""
+    length = string.length
+    found = np.zeros((MAX_HYPOTHESES, 8))
+    count = 0
+    for pair in range(CANDIDATE_LINES * CANDIDATE_LINES):
+        i, j = pair // CANDIDATE_LINES, pair % CANDIDATE_LINES
+        a, b = frequency[0, i], frequency[1, j]
+        if a <= 0.0 or b <= 0.0:
+            continue
+        weakness = -np.log10(height[0, i] / height[0, 0]), -np.log10(height[1, j] / height[1, 0])
+        if weakness[0] + weakness[1] > WEIGHT_DECADES:
+            continue
+        for modes in range(MAX_MODE_1 * MAX_MODE_2):
+            n1, n2 = modes // MAX_MODE_2 + 1.0, modes % MAX_MODE_2 + 1.0
+            x, own = _located(a, n1, b, n2, string)
+            off = own / string.nominal - 1.0
+            if not -MAX_FALL - string.slack < off < string.rise + MAX_RISE + string.slack:
+                continue
+            if not END_MARGIN * length < x < (1.0 - END_MARGIN) * length or count == MAX_HYPOTHESES:
+                continue
+            row = (x, own, n1, n2, float(i), float(j), weakness[0], weakness[1])
+            for k in range(len(row)):  # one assignment of a row compiles numba's messages about shapes: 6 s
+                found[count, k] = row[k]
+            count += 1
+    return found[:count]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: StringModel) -> tuple[Metres, Hertz]:
+    """Return position and open frequency of a pair of modes, by fixed-point iteration over the stiffness."""
+    length, beta = string.length, string.stiffness
+    f1, f2 = a / n1, b / n2
+    x = length * f2 / (f1 + f2)
+    for _ in range(4):
+        f1 = a / n1 / np.sqrt(1.0 + beta * (n1 / x) ** 2)
+        f2 = b / n2 / np.sqrt(1.0 + beta * (n2 / (length - x)) ** 2)
+        x = length * f2 / (f1 + f2)
+    return x, f1 * f2 / (f1 + f2)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def measure_hypotheses(
+    found: Floats, frequency: Floats, height: Floats, power: Floats, spacing: Hertz, string: StringModel
+) -> Floats:
+    """Return the measures (n, `MEASURES`) of hypotheses.
+
+    Parameters
+    ----------
+    found
+        Hypotheses (n, 8), as `find_hypotheses` returns them.
+    frequency, height
+        Strongest lines (2, lines) in Hz and in power.
+    power
+        Power spectra (2, bins).
+    spacing
+        Distance of two bins in Hz.
+    string
+        The string.
+    """
+    measures = np.zeros((found.shape[0], MEASURES))
+    lines = weighted_lines(frequency, height, power, spacing)
+    prominence = _prominences(power, height)
+    peaks = _prominent_peaks(power, prominence, spacing, string)
+    is_tone = np.zeros(peaks.shape[0], np.bool_)
+    pair = -1
+    for k in range(found.shape[0]):
+        i, j = int(found[k, LINE_1]), int(found[k, LINE_2])
+        sustained = (frequency[0, i], frequency[1, j])
+        if pair != i * CANDIDATE_LINES + j:  # hypotheses come pair by pair
+            pair = i * CANDIDATE_LINES + j
+            for q in range(peaks.shape[0]):
+                is_tone[q] = _is_tone(peaks[q, FREQUENCY], sustained, spacing)
+        row = measures[k]
+        _measure_tuning(row, found[k], string)
+        _measure_lines(row, found[k], lines, sustained, spacing, string)
+        _measure_peaks(row, found[k], peaks, is_tone, spacing, string)
+        for segment in range(2):
+            first = COMMON_MEASURES + segment * SEGMENT_MEASURES
+            share = share_1(power, sustained[segment], spacing)
+            row[first + _LINE_SHARE] = share if segment == 0 else 1.0 - share
+            partials = row[first + len(OF_A_SEGMENT) : first + SEGMENT_MEASURES]
+            _measure_partials(
+                partials, found[k], segment, sustained[segment], height, power, prominence, spacing, string
+            )
+    return measures
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _measure_tuning(row: Floats, found: Floats, string: StringModel) -> None:
+    off = found[OPEN] / string.nominal - 1.0
+    row[_FALL] = max(-off - string.slack, 0.0)
+    row[_RISE] = max(off - string.slack, 0.0) * min(1.0, TRAINED_RISE / max(string.rise, TRAINED_RISE))
+    for segment in range(2):
+        first = COMMON_MEASURES + segment * SEGMENT_MEASURES
+        side = found[POSITION] if segment == 0 else string.length - found[POSITION]
+        row[first + _SIDE] = side / string.length
+        row[first + _MODE] = np.log(found[MODE_1 + segment])
+        row[first + _WEAKNESS] = found[WEAKNESS_1 + segment]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _measure_lines(
+    row: Floats,
+    found: Floats,
+    lines: Floats,
+    sustained: tuple[Hertz, Hertz],
+    spacing: Hertz,
+    string: StringModel,
+) -> None:
+    """Of the strongest lines: whose stiff partial each is, or multiple of a sustained line."""
+    length, x, own = string.length, found[POSITION], found[OPEN]
+    total = lines[:, WEIGHT].sum()
+    for q in range(lines.shape[0]):
+        f, weight, share = lines[q, FREQUENCY], lines[q, WEIGHT] / total, lines[q, SHARE_1]
+        tolerance = TOLERANCE_BINS * spacing + TOLERANCE_SHARE * f
+        best, number, gain, off, of = -9.0, 1.0, 0.0, 0.0, -1
+        for segment in range(2):
+            side = x if segment == 0 else length - x
+            n = max(np.rint(f * side / (own * length)), 1.0)
+            miss = min(abs(f - stiff_partial(n, own, side, string)), abs(f - n * sustained[segment]))
+            if miss < tolerance:
+                own_share = np.log(2.0 * max(share if segment == 0 else 1.0 - share, MIN_SHARE))
+                score = own_share - 0.6 * np.log(n)  # which of two segments: the louder, the lower
+                if score > best:
+                    best, number, gain, off, of = score, n, own_share, miss / tolerance, segment
+        if of < 0:
+            row[COMMON_MEASURES + (0 if share > 0.5 else 1) * SEGMENT_MEASURES + _MIC_LEFT] += weight
+            row[_STRONGEST_LEFT] = max(row[_STRONGEST_LEFT], weight * total)
+            continue
+        first = COMMON_MEASURES + of * SEGMENT_MEASURES
+        row[first + _EXPLAINED] += weight
+        row[_NUMBER] += weight * np.log(number)
+        row[_OWN_SHARE] += weight * gain
+        row[_MISS] += weight * off * off
+        if number < found[MODE_1 + of]:
+            row[first + _BELOW] += weight
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _measure_peaks(
+    row: Floats, found: Floats, peaks: Floats, is_tone: Flags, spacing: Hertz, string: StringModel
+) -> None:
+    """Of all peaks, strong and weak: whether one is distortion, of a segment, or of the whole string."""
+    length, x, own = string.length, found[POSITION], found[OPEN]
+    total = peaks[:, WEIGHT].sum() + 1.0e-9
+    for q in range(peaks.shape[0]):
+        f, weight = peaks[q, FREQUENCY], peaks[q, WEIGHT] / total
+        if is_tone[q]:
+            row[_TONES] += weight
+            continue
+        tolerance = spacing + TOLERANCE_SHARE * f
+        of, louder = -1, 0.0
+        for segment in range(2):
+            side = x if segment == 0 else length - x
+            n = max(np.rint(f * side / (own * length)), 1.0)
+            share = peaks[q, SHARE_1] if segment == 0 else 1.0 - peaks[q, SHARE_1]
+            if abs(f - stiff_partial(n, own, side, string)) < tolerance and share > louder:
+                of, louder = segment, share
+        if of >= 0:
+            first = COMMON_MEASURES + of * SEGMENT_MEASURES
+            row[first + _PEAKS] += weight
+            row[first + _PEAKS_SHARE] += weight * louder
+            continue
+        row[_LEFT] += weight
+        if abs(f - stiff_partial(max(np.rint(f / own), 1.0), own, length, string)) < tolerance:
+            row[_WHOLE] += weight
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _measure_partials(
+    row: Floats,
+    found: Floats,
+    segment: int,
+    sustained: Hertz,
+    height: Floats,
+    power: Floats,
+    prominence: Floats,
+    spacing: Hertz,
+    string: StringModel,
+) -> None:
+    """Level at the own and at the other microphone, and prominence, of a segment's first partials."""
+    own, mode = found[OPEN], int(found[MODE_1 + segment])
+    side = found[POSITION] if segment == 0 else string.length - found[POSITION]
+    last = power.shape[1] - 2
+    for n in range(1, PARTIALS + 1):
+        f = sustained * n / mode if n % mode == 0 else stiff_partial(float(n), own, side, string)
+        k = f / spacing
+        if k >= last - 6 or f >= HIGHEST_PEAK:
+            break
+        half = 0.8 + TOLERANCE_SHARE * k
+        low, high = max(int(k - half + 0.5), 1), min(int(k + half + 0.5), last)
+        loudest_1 = loudest_2 = most = 0.0
+        for q in range(low, high + 1):
+            loudest_1, loudest_2 = max(loudest_1, power[0, q]), max(loudest_2, power[1, q])
+            most = max(most, prominence[0, q], prominence[1, q])
+        level_1 = max(1.0 + np.log10(loudest_1 / height[0, 0] + 1.0e-12) / LEVEL_DECADES, 0.0)
+        level_2 = max(1.0 + np.log10(loudest_2 / height[1, 0] + 1.0e-12) / LEVEL_DECADES, 0.0)
+        row[3 * n - 3] = level_1 if segment == 0 else level_2
+        row[3 * n - 2] = level_2 if segment == 0 else level_1
+        row[3 * n - 1] = most
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _is_tone(frequency: Hertz, sustained: tuple[Hertz, Hertz], spacing: Hertz) -> bool:
+    for p in range(-TONES, TONES + 1):
+        for q in range(-TONES, TONES + 1):
+            if abs(p * sustained[0] + q * sustained[1] - frequency) < spacing:
+                return True
+    return False
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _prominences(power: Floats, height: Floats) -> Floats:
+    """Return by how many decades each bin (2, bins) stands out of the floor, a median beside it."""
+    bins = power.shape[1]
+    blocks = bins // FLOOR_BINS
+    prominence = np.zeros(power.shape)
+    floor = np.zeros(blocks)
+    for c in range(2):
+        least = 1.0e-12 * height[c, 0]
+        decades = np.log10(power[c] + least)
+        for b in range(blocks):
+            floor[b] = _median(decades[b * FLOOR_BINS : (b + 1) * FLOOR_BINS])
+        for k in range(bins):
+            place = min(max(k / FLOOR_BINS - 0.5, 0.0), blocks - 1.001)
+            b = int(place)
+            level = floor[b] + (place - b) * (floor[b + 1] - floor[b])
+            prominence[c, k] = min(max(decades[k] - level - FLOOR_DECADES, 0.0), MAX_DECADES)
+    return prominence
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _median(values: Floats) -> float:
+    ranked = values.copy()  # sorted by insertion: of 24 values twice as fast as np.median
+    for k in range(1, ranked.size):
+        value, q = ranked[k], k
+        while q > 0 and ranked[q - 1] > value:
+            ranked[q] = ranked[q - 1]
+            q -= 1
+        ranked[q] = value
+    return 0.5 * (ranked[(ranked.size - 1) // 2] + ranked[ranked.size // 2])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _prominent_peaks(power: Floats, prominence: Floats, spacing: Hertz, string: StringModel) -> Floats:
+    """Return the peaks (n, 3) of either microphone that stand out most; a weight is in decades."""
+    bins = power.shape[1]
+    peaks = np.zeros((MAX_PEAKS, 3))
+    count = 0
+    for k in range(max(int(0.8 * string.nominal / spacing), 3), min(int(HIGHEST_PEAK / spacing), bins - 3)):
+        weight = 0.0
+        for c in range(2):
+            peak = power[c, k]
+            below, above = max(power[c, k - 2], power[c, k - 1]), max(power[c, k + 1], power[c, k + 2])
+            if prominence[c, k] > MIN_PROMINENCE and below <= peak and peak > above:
+                weight = max(weight, prominence[c, k])
+        if weight == 0.0:
+            continue
+        q = count if count < MAX_PEAKS else peaks[:, WEIGHT].argmin()
+        if count == MAX_PEAKS and peaks[q, WEIGHT] >= weight:
+            continue
+        peaks[q, FREQUENCY], peaks[q, WEIGHT] = k * spacing, weight
+        peaks[q, SHARE_1] = power[0, k] / (power[0, k] + power[1, k])
+        count = min(count + 1, MAX_PEAKS)
+    return peaks[:count]
