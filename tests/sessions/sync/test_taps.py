@@ -95,6 +95,21 @@ def test_a_driven_string_does_not_drown_its_taps() -> None:
         assert sound_offset.value == pytest.approx(late, abs=0.5e-3)
 
 
+@pytest.mark.parametrize("dead", [0, 1])
+def test_a_dead_microphone_does_not_spoil_the_other_ones_taps(dead: int) -> None:
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        begin, late = np.array([0.7, 1.0, 1.7]), 0.05
+        sound = 1e-3 * rng.standard_normal((2, 3 * 44100))
+        for place in np.rint((begin + late) * 44100).astype(int):
+            sound[1 - dead, place : place + 200] += 0.1
+        taps = Taps(begin=begin, end=begin + 0.006, spacing=1 / 7000)
+        offset = audio_offset(taps, sound.astype(np.float32), first=0.0, rate=44100.0)
+        assert offset.known
+        assert offset.value == pytest.approx(late, abs=0.5e-3)
+        assert offset.std < 0.5e-3
+
+
 def test_one_tap_gives_an_offset_that_is_not_trusted() -> None:
     sound_offset, late, seen, _ = measured(played(1, 1.0, taps=1), 1, force_rate=7000.0, pose_rate=250.0)
     assert sound_offset.value == pytest.approx(late, abs=1e-3)

@@ -1,5 +1,7 @@
 """When something strikes the string: onsets in the microphones' sound."""
 
+import math
+
 import numpy as np
 
 from monochord.core.types import Audio, Floats
@@ -125,7 +127,7 @@ def first_onset(errors: Floats) -> float:
     Parameters
     ----------
     errors
-        One channel (n,), noise at its begin.
+        One channel (n,), noise at its begin: `MIN_NOISE` samples or more.
 
     Examples
     --------
@@ -145,4 +147,4 @@ def first_onset(errors: Floats) -> float:
         if event < max(MIN_LOUDNESS_RATIO * noise, 0.5 * smallest):
             break
         onset = sooner
-    return onset
+    return onset if onset >= MIN_NOISE else math.nan

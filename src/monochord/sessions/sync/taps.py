@@ -129,7 +129,7 @@ def audio_offset(
 
     Returns
     -------
-    The offset; in `each`, one value a tap, the mean over the microphones.
+    The offset; in `each`, one value a tap, the mean over the microphones, or of one where they do not agree.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def audio_offset(
     spacing = math.hypot(taps.spacing, 1.0 / rate)
 
     def onset_offsets(shift: Seconds) -> Floats:
-        """Return the offset of each tap, from its onset near where a shift puts it."""
+        """Return the offset of each tap in each microphone, from its onset near where a shift puts it."""
         each = np.full((len(taps), channels), np.nan)
         for k, begin in enumerate(taps.begin):
             start = round((begin + shift - BEFORE - first) * rate)
@@ -170,14 +170,18 @@ def audio_offset(
             if start >= 0 and stop <= samples.shape[1]:
                 onsets = np.array([first_onset(errors[c, start:stop]) for c in range(channels)])
                 each[k] = first + (start + onsets) / rate - begin - np.array(travels)
-        return each.mean(axis=1)
+        return each
 
-    return _most_agreed(
-        [
-            offset_of(onset_offsets(shift), spacing=spacing, rival=share)
-            for shift, share in shifts_of_group(taps.begin, when, news, reach)
-        ]
-    )
+    found = [(onset_offsets(shift), share) for shift, share in shifts_of_group(taps.begin, when, news, reach)]
+    both = _most_agreed([offset_of(each.mean(axis=1), spacing=spacing, rival=share) for each, share in found])
+    if _agrees(both) or channels == 1:
+        return both
+    # A dead microphone hears no tap, and spoils the mean.
+    alone = [
+        _most_agreed([offset_of(each[:, c], spacing=spacing, rival=share) for each, share in found])
+        for c in range(channels)
+    ]
+    return min(filter(_agrees, alone), key=lambda offset: offset.std, default=both)
 
 
 def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = REACH) -> Offset:
@@ -248,12 +252,20 @@ def _most_agreed(candidates: list[Offset]) -> Offset:
     With fewer than three taps there is no agreement, and the greatest share it is.
     """
     near = [offset for offset in candidates if offset.rival >= MAX_RIVAL]
-    agreed = [o for o in near if o.taps >= max(3, o.each.size - o.each.size // 5)]
+    agreed = [o for o in near if _has_most(o)]
     chosen = min(agreed, key=lambda offset: offset.std) if agreed else candidates[0]
     sure = bool(agreed) and chosen.std < AGREEMENT_STD
     beaten = [o for o in near if sure and (o.taps < 3 or o.std > RIVAL_STD_RATIO * chosen.std)]
     others = [o.rival for o in candidates if o is not chosen and not any(o is b for b in beaten)]
     return replace(chosen, rival=max(others, default=0.0) / chosen.rival)
+
+
+def _has_most(offset: Offset) -> bool:
+    return offset.taps >= max(3, offset.each.size - offset.each.size // 5)
+
+
+def _agrees(offset: Offset) -> bool:
+    return _has_most(offset) and offset.std < AGREEMENT_STD
 
 
 SAME_SHIFT: Seconds = 0.03
