@@ -148,3 +148,20 @@ def first_onset(errors: Floats) -> float:
             break
         onset = sooner
     return onset if onset >= MIN_NOISE else math.nan
+
+
+def loudness_of(errors: Floats, onset: float) -> float:
+    """Return how many times louder one channel (n,) is right after an onset than before; NaN for no onset.
+
+    Examples
+    --------
+    >>> errors = np.random.default_rng(0).standard_normal(400)
+    >>> errors[250:] *= 10.0
+    >>> round(loudness_of(errors, 250.0))
+    10
+    """
+    if not onset >= 1.0:
+        return math.nan
+    at = int(onset)
+    before, after = (float(np.sqrt(np.mean(part**2))) for part in (errors[:at], errors[at : at + MIN_NOISE]))
+    return after / max(before, 1e-30)

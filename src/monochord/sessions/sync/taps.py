@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, Seconds
-from monochord.sessions.sync.onsets import first_onset, novelty, surprise
+from monochord.sessions.sync.onsets import first_onset, loudness_of, novelty, surprise
 from monochord.sessions.sync.pulses import Taps, dip, middle_of_dip
 
 REACH: Seconds = 1.0
@@ -28,6 +28,8 @@ RIVAL_STD_RATIO = 3.0
 """How many times more uncertain a rival must be to be left out."""
 FEW_TAPS_SCATTER: Seconds = 2e-3
 """Scatter allowed to fewer than three taps, of which a wrong one does not show."""
+MIN_LOUDNESS = 3.0
+"""How many times louder than before a tap must be that one microphone alone hears."""
 ONSET_STD: Seconds = 0.1e-3
 """How well an onset's instant is defined: a contact takes that long to build up."""
 
@@ -161,24 +163,30 @@ def audio_offset(
     when = np.arange(news.size, dtype=np.float64) * (size / rate) + (first + 0.5 * size / rate)
     spacing = math.hypot(taps.spacing, 1.0 / rate)
 
-    def onset_offsets(shift: Seconds) -> Floats:
-        """Return the offset of each tap in each microphone, from its onset near where a shift puts it."""
-        each = np.full((len(taps), channels), np.nan)
+    def onset_offsets(shift: Seconds) -> tuple[Floats, Floats]:
+        """Return the offset (taps, channels) of each tap near where a shift puts it, and how loud it is."""
+        each, loudness = np.full((2, len(taps), channels), np.nan)
         for k, begin in enumerate(taps.begin):
             start = round((begin + shift - BEFORE - first) * rate)
             stop = round((begin + shift + AFTER - first) * rate)
             if start >= 0 and stop <= samples.shape[1]:
-                onsets = np.array([first_onset(errors[c, start:stop]) for c in range(channels)])
+                near = errors[:, start:stop]
+                onsets = np.array([first_onset(near[c]) for c in range(channels)])
                 each[k] = first + (start + onsets) / rate - begin - np.array(travels)
-        return each
+                loudness[k] = [loudness_of(near[c], onsets[c]) for c in range(channels)]
+        return each, loudness
 
-    found = [(onset_offsets(shift), share) for shift, share in shifts_of_group(taps.begin, when, news, reach)]
-    both = _most_agreed([offset_of(each.mean(axis=1), spacing=spacing, rival=share) for each, share in found])
+    shifts = shifts_of_group(taps.begin, when, news, reach)
+    found = [(*onset_offsets(shift), share) for shift, share in shifts]
+    both = _most_agreed(
+        [offset_of(each.mean(axis=1), spacing=spacing, rival=share) for each, _, share in found]
+    )
     if _agrees(both) or channels == 1:
         return both
-    # A dead microphone hears no tap, and spoils the mean.
+    # A dead microphone hears no tap, and spoils the mean. What the other one hears must stand out.
+    heard = [(np.where(loudness >= MIN_LOUDNESS, each, np.nan), share) for each, loudness, share in found]
     alone = [
-        _most_agreed([offset_of(each[:, c], spacing=spacing, rival=share) for each, share in found])
+        _most_agreed([offset_of(each[:, c], spacing=spacing, rival=share) for each, share in heard])
         for c in range(channels)
     ]
     return min(filter(_agrees, alone), key=lambda offset: offset.std, default=both)
