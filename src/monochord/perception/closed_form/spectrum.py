@@ -10,7 +10,8 @@ Auger and Flandrin (1995), Improving the readability of time-frequency and time-
 reassignment method, IEEE Trans. Signal Process. 43, 1068.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from math import pi
 from typing import NamedTuple
 
@@ -57,6 +58,9 @@ class Spectrum(NamedTuple):
 class SpectrumAnalyser:
     """Analyses windows of one size; `SpectrumAnalyser.of` makes it and refuses unsuitable signals.
 
+    There is one of each kind, and it remembers its last window: features, the reference and the watch over
+    the tuning look at the same one in turn.
+
     Examples
     --------
     >>> from monochord.physics.strings import load_string
@@ -74,6 +78,7 @@ class SpectrumAnalyser:
     sample_rate: int
     size: Samples
     model: StringModel
+    last: list[tuple[Audio, Spectrum]] = field(default_factory=list[tuple[Audio, Spectrum]], compare=False)
 
     @property
     def bin_spacing(self) -> Hertz:
@@ -118,17 +123,18 @@ class SpectrumAnalyser:
         shortest = int(np.ceil(MIN_BINS * rate / nominal))
         if size < shortest:
             raise InputError(f"a window of {size} frames", f"from {shortest} frames on for this string")
-        model = StringModel(string.length, nominal, _bending(string) / string.tension, rise)
-        analyser = cls(string=string, sample_rate=rate, size=size, model=model)
-        analyser.analyse(np.zeros((2, size), np.float32))
-        return analyser
+        return _analyser(string, rate, size, rise)
 
     def analyse(self, window: Audio) -> Spectrum:
         """Return the spectra of a window (2, size) and the modes read from them."""
+        if self.last and np.array_equal(self.last[0][0], window):
+            return self.last[0][1]
         lowest = LOWEST_LINE * self.nominal
         samples, transform, power, peaks = spectrum_of(window, self.bin_spacing, lowest, HIGHEST_LINE)
         reading = modes.read_modes(*peaks, power, self.bin_spacing, self.model, mode_ranking())
-        return Spectrum(samples, transform, power, peaks, reading)
+        spectrum = Spectrum(samples, transform, power, peaks, reading)
+        self.last[:] = [(window.copy(), spectrum)]
+        return spectrum
 
     def read_at_any_tuning(self, spectrum: Spectrum, slack: float) -> ModeReading:
         """Return the modes that the lines are if the string may be tuned off nominal by a share `slack`."""
@@ -138,7 +144,8 @@ class SpectrumAnalyser:
     def tuned(self, string: StringParams) -> "SpectrumAnalyser":
         """Return the analyser of the same wire under another tension."""
         nominal, stiffness = open_frequency(string), _bending(string) / string.tension
-        return replace(self, string=string, model=self.model._replace(nominal=nominal, stiffness=stiffness))
+        model = self.model._replace(nominal=nominal, stiffness=stiffness)
+        return replace(self, string=string, model=model, last=[])
 
     def partials(self, fundamental: Hertz, segment: Metres, count: int) -> Floats:
         """Return the first partials in Hz of a segment, given its length in m and flexible fundamental."""
@@ -148,6 +155,16 @@ class SpectrumAnalyser:
     def per_mille(self, frequency: Hertz) -> float:
         """Return how far a frequency lies above the nominal open one, in thousandths; 0 for none."""
         return 1000.0 * (frequency / self.nominal - 1.0) if frequency > 0.0 else 0.0
+
+
+@lru_cache(maxsize=64)
+def _analyser(string: StringParams, sample_rate: int, size: Samples, rise: float) -> SpectrumAnalyser:
+    """Return the one analyser of windows of such a string, compiled."""
+    nominal, stiffness = open_frequency(string), _bending(string) / string.tension
+    model = StringModel(string.length, nominal, stiffness, rise)
+    analyser = SpectrumAnalyser(string=string, sample_rate=sample_rate, size=size, model=model)
+    analyser.analyse(np.zeros((2, size), np.float32))
+    return analyser
 
 
 def _bending(string: StringParams) -> float:
