@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from monochord.cli import run
-from monochord.cli.demo import TRAINED_DAYS
-from monochord.lab.plans import load_plan
+from monochord.cli.demo import TRAINED_BUILDS
+from monochord.lab.plans import load_plan, plan_names
 
 
 def result_of(*options: str) -> dict[str, Any]:
@@ -40,14 +40,15 @@ def test_the_touch_is_estimated(result: dict[str, Any]) -> None:
 
 
 @pytest.mark.real_time
-def test_it_shows_a_day_that_the_model_was_not_trained_on(result: dict[str, Any]) -> None:
-    assert (result["sensor"], result["build"], result["day"]) == ("prototype", 1, 10)
-    plan = load_plan("paper")
-    trained = [group for group in plan.groups if group.name.split("_")[0] in ("static", "slip", "transition")]
-    assert plan.build == result["build"]
-    assert {day for group in trained for day in group.days} == {*TRAINED_DAYS}
-    assert {group.material for group in trained} == {*result["materials"]}
-    assert result["day"] not in {day for group in plan.groups for day in group.days}
+def test_it_shows_a_build_and_objects_that_the_model_was_not_trained_on(result: dict[str, Any]) -> None:
+    assert (result["sensor"], result["world"]) == ("prototype", "plausible")
+    plan = load_plan("builds")
+    trained = [group for group in plan.groups if not group.name.startswith("test")]
+    assert {build for group in trained for build in group.builds} == {*TRAINED_BUILDS}
+    every = [group for name in plan_names() for group in load_plan(name).groups]
+    assert result["build"] not in {build for group in every for build in group.builds}
+    assert result["day"] not in {day for group in every for day in group.days}
+    assert not {*result["materials"]} & {group.material for group in trained}
 
 
 @pytest.mark.real_time

@@ -3,26 +3,37 @@
 import dataclasses
 import json
 import sys
+from collections.abc import Mapping
 from contextlib import nullcontext
-from typing import Any
+from pathlib import Path
+from typing import Any, get_args
 
 import click
 
+from monochord.capture.sources import SOURCES
 from monochord.cli._options import amount, completes
 from monochord.cli._output import echo
 from monochord.core.compilation import compilation_shown
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.ownership import scratch_folder
 from monochord.live import LiveSettings, Scorer, run
+from monochord.live.tuning import tuned
 from monochord.physics.materials import material_names
 from monochord.physics.sensors import sensor_names
+from monochord.physics.twin.world import World
 
 LEARNED, PHYSICS = "model", "closed_form"
 BUNDLED = "demo"
 """Name of the bundled model that the demonstration shows."""
-TRAINED_BUILD, TRAINED_DAYS, TRAINED_MATERIAL = 1, range(1, 8), "plastic"
-"""The sensor, days and material that this model was trained on, by the plan paper."""
-UNSEEN_DAY = 10
-"""A day that no session of that plan is of."""
+TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 49)
+"""The sensor and the builds of it that this model was trained on, by the plan builds."""
+UNSEEN: Mapping[str, Any] = {
+    "world": "plausible",
+    "build": 131,
+    "day": 51,
+    "materials": ["plastic", "wood", "metal_tube", "allen_key"],
+}
+"""A build, a day and objects that no training session of that plan is of."""
 
 
 @click.command()
@@ -39,6 +50,11 @@ UNSEEN_DAY = 10
     help=f"{LEARNED}: the bundled trained one; {PHYSICS}: physics alone.",
     **completes(lambda: (LEARNED, PHYSICS)),
 )
+@click.option(
+    "--world",
+    type=click.Choice(get_args(World)),
+    help="How true to a real build: without or with what one brings besides.  [default: plausible]",
+)
 @click.option("--build", type=click.IntRange(min=0), metavar="N", help="Another sensor of the same design.")
 @click.option("--day", type=click.IntRange(min=0), metavar="N", help="Another day of the same sensor.")
 @click.option(
@@ -53,9 +69,9 @@ def demo(sensor: str, **options: Any) -> None:
     """Touch a simulated SENSOR in real time and show estimates beside the truth.
 
     The twin, a simulation of the sensor, takes the place of string, drivers, objects and contact microphones;
-    windows, estimator and view are those of `monochord live`. Objects press, slide and roll at random, and a
-    small bundled model estimates contact, position, normal force and slip. Control-C or SIGTERM ends it with
-    its score.
+    windows, estimator and view are those of `monochord live`. It is tuned first, as by `monochord tune`. Then
+    objects press, slide and roll at random, and a small bundled model estimates contact, position, normal
+    force and slip on a build that it was not trained on. Control-C or SIGTERM ends it with its score.
 
     \b
     monochord demo --material allen_key
@@ -65,16 +81,17 @@ def demo(sensor: str, **options: Any) -> None:
     if name not in (LEARNED, PHYSICS):
         given = f"estimator '{options['estimator']}' in the demonstration"
         raise InputError(given, f"{LEARNED} or {PHYSICS}", did_you_mean(name, (LEARNED, PHYSICS)))
-    source, estimator = _twin(sensor, options, name), _estimator(name)
+    source, estimator = _twin(sensor, options), _estimator(name)
     sinks = {} if options["as_json"] else {"terminal": {}}
     settings = LiveSettings.read(
         {"source": source, "estimator": estimator, "sinks": sinks, "seconds": options["seconds"]}
     )
     setup, score = settings.build(), Scorer()
-    with nullcontext() if options["as_json"] else compilation_shown():
-        summary = run(dataclasses.replace(setup, sinks=(*setup.sinks, score)))
+    with nullcontext() if options["as_json"] else compilation_shown(), scratch_folder() as scratch:
+        as_tuned = _write_tuned(source, scratch / "sensor.toml")
+        summary = run(dataclasses.replace(setup, sinks=(*setup.sinks, score), sensor=as_tuned))
     if options["as_json"]:
-        facts = {key: source.get(key) for key in ("sensor", "build", "day", "seed", "materials")}
+        facts = {key: source.get(key) for key in ("sensor", "world", "build", "day", "seed", "materials")}
         about = {"simulated": True, "estimator": name, **facts}
         json.dump(about | score.tree() | summary.tree(), sys.stdout)
         echo()
@@ -83,14 +100,21 @@ def demo(sensor: str, **options: Any) -> None:
     echo("", *summary.lines(), "", *score.lines(), "", *remarks)
 
 
-def _twin(sensor: str, options: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return the twin's options: the model is shown on the sensor it was trained on, on another day."""
-    source = {"name": "twin", "sensor": sensor, "seed": options["seed"]}
-    defaults: dict[str, Any] = {}
-    if name == LEARNED:
-        defaults = {"build": TRAINED_BUILD, "day": UNSEEN_DAY, "materials": [TRAINED_MATERIAL]}
-    given = {"build": options["build"], "day": options["day"], "materials": [*options["material"]]}
-    return source | defaults | {key: value for key, value in given.items() if value not in (None, [])}
+def _twin(sensor: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Return the twin's options: by default a build, a day and objects that the model does not know."""
+    given = {key: options[key] for key in ("world", "build", "day")}
+    given["materials"] = [*options["material"]]
+    chosen = {key: value for key, value in given.items() if value not in (None, [])}
+    return {"name": "twin", "sensor": sensor, "seed": options["seed"], **UNSEEN, **chosen}
+
+
+def _write_tuned(source: dict[str, Any], path: Path) -> str:
+    """Write the sensor as its untouched string is heard to be tuned, and return the file."""
+    later = {"start": 3600.0, "position": 0.1, "force": 1.0}
+    untouched: dict[str, Any] = {**source, "script": [later], "speed": 0.0}
+    twin = SOURCES.build(untouched.pop("name"), untouched)
+    path.write_text(tuned([twin], ["twin"], source["sensor"]).toml(), encoding="utf-8")
+    return str(path)
 
 
 def _estimator(name: str) -> dict[str, Any]:
@@ -99,18 +123,19 @@ def _estimator(name: str) -> dict[str, Any]:
 
 def _of_the_model(source: dict[str, Any]) -> list[str]:
     """Return what the score is worth: what of this run the model was trained on."""
-    day, unseen = source["day"], [name for name in source["materials"] if name != TRAINED_MATERIAL]
-    if (source["sensor"], source["build"]) != ("prototype", TRAINED_BUILD):
-        trained = "It was trained on another sensor than this one, and knows nothing of this one."
-    elif day in TRAINED_DAYS:
-        trained = f"It was trained on this very sensor on this very day, {day}, though not on these touches."
-    else:
-        days = f"days {TRAINED_DAYS[0]} to {TRAINED_DAYS[-1]}"
-        trained = f"It was trained on this sensor on {days}, never on day {day}."
-    materials = f"It was not trained on {', '.join(unseen)}." if unseen else ""
     first = f"All of this is simulated, sound and training alike; the model is '{BUNDLED}'."
+    builds = f"builds {TRAINED_BUILDS[0]} to {TRAINED_BUILDS[-1]}"
+    build = source.get("build")
+    if source["sensor"] != TRAINED_SENSOR:
+        trained = "It was trained on another sensor than this one, and knows nothing of this one."
+    elif build in TRAINED_BUILDS:
+        trained = f"It was trained on this very build, {build}, though not on these touches."
+    else:
+        which = "the design itself" if build is None else f"build {build}"
+        trained = f"It was trained on {builds} of this sensor, never on {which}."
+    objects = f"No object that it was trained on is one of these: {', '.join(source.get('materials', []))}."
     rolling = "Some objects roll. None did in training, and the model takes most of them for sliding."
-    return [line for line in (first, trained, materials, rolling) if line]
+    return [first, trained, objects, rolling]
 
 
 def _of_the_physics(score: Scorer) -> list[str]:

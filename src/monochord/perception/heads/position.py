@@ -21,6 +21,10 @@ class Position(Head):
         Add a ridge regression, solved in closed form; the hidden layers learn what it leaves over.
     loss
         "square" as in the paper; "gauss" and "laplace" state a standard error for each window.
+    columns
+        Names of the feature's columns that are its inputs, with * for any letters; all if empty.
+    context
+        Whether the untouched reference is an input too. The ratio of both lines tells the place without it.
     limit
         Largest standard error in m that is stated; with a larger one it abstains.
     """
@@ -29,6 +33,8 @@ class Position(Head):
     hidden: tuple[int, ...] = (128, 128, 128)
     linear: bool = True
     loss: Literal["square", "gauss", "laplace"] = "laplace"
+    columns: tuple[str, ...] = ()
+    context: bool = True
     limit: Metres = 0.03
 
     def task(self) -> Task:
@@ -37,6 +43,8 @@ class Position(Head):
             label="position",
             unit="m",
             loss=self.loss,
+            columns=self.columns,
+            context=self.context,
             hidden=self.hidden,
             linear=self.linear,
             weight=self.weight,

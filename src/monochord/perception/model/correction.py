@@ -7,9 +7,9 @@ window to window. They are written as
 
 where z are a few variables, the head's own estimate among them, and phi their polynomials up to the second
 degree. The weights w are constant for one build and object, and differ from one to the next. Their prior,
-normal with a mean and a covariance, is estimated from sessions that the model was not trained on (empirical
-Bayes). Known touches condition it, as in any Bayesian linear regression; without one, its covariance is what
-an unknown build adds to the uncertainty.
+normal with the mean 0 and a covariance, is estimated from sessions that the model was not trained on
+(empirical Bayes). Known touches condition it, as in any Bayesian linear regression; without one, no estimate
+changes, and the covariance is what an unknown build adds to the uncertainty.
 
 Windows of one touch have much the same error, so all windows of a touch count as one. Noise has the tails of
 Student's t, since a misread mode is far off.
@@ -115,7 +115,7 @@ class Correction:
 
 
 def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: Indices) -> Correction:
-    """Return the correction of a build and object of which nothing is known yet.
+    """Return the correction of a build and object of which nothing is known yet: it changes no estimate.
 
     Parameters
     ----------
@@ -156,15 +156,13 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
     for _ in range(ROUNDS):
         known = [estimate.given(terms[rows], error[rows], std[rows], touch[rows]) for rows in groups]
         means = np.array([each.mean for each in known])
-        mean = means.mean(axis=0)
-        off = means - mean
-        covariance = np.mean([each.covariance for each in known], axis=0) + off.T @ off / len(known)
+        covariance = np.mean([each.covariance for each in known], axis=0) + means.T @ means / len(known)
         for rows, each in zip(groups, known, strict=True):
             expected, uncertain = each.error(terms[rows])
             left[rows] = ((error[rows] - expected) ** 2 + uncertain**2) / std[rows] ** 2
         covariance = _symmetric(covariance + MIN_VARIANCE * np.eye(size))
         noise = max(_quantile(left, weight, normal_coverage(1.0)), MIN_VARIANCE)
-        estimate = replace(estimate, mean=mean, covariance=covariance, noise=noise)
+        estimate = replace(estimate, covariance=covariance, noise=noise)
     for rows in groups:
         left[rows] = _left_out(estimate, terms[rows], error[rows], std[rows], touch[rows])
     return replace(estimate, noise=estimate.noise * max(_quantile(left, weight, normal_coverage(1.0)), 1.0))

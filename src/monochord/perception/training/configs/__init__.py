@@ -6,6 +6,8 @@ from monochord.core.presets import preset_names, preset_path
 
 DEFAULT = "tones"
 """The preset of `monochord train` without a name: that of the published results."""
+BUNDLED = "builds"
+"""The preset of the bundled model."""
 
 
 def config_names() -> list[str]:
