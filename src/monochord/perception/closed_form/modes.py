@@ -20,6 +20,7 @@ import numpy as np
 
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres
+from monochord.perception.closed_form import hypotheses, ranking
 from monochord.perception.closed_form.hypotheses import (
     FREQUENCY,
     LINE_1,
@@ -36,12 +37,8 @@ from monochord.perception.closed_form.hypotheses import (
     WEAKNESS_2,
     WEIGHT,
     StringModel,
-    find_hypotheses,
-    measure_hypotheses,
-    share_1,
-    weighted_lines,
 )
-from monochord.perception.closed_form.ranking import Ranking, probabilities
+from monochord.perception.closed_form.ranking import Ranking
 
 USUAL_MODE_1, USUAL_MODE_2 = 4, 6
 """Highest modes of drivers 1 and 2 that count for contact."""
@@ -122,9 +119,12 @@ class ModeReading(NamedTuple):
         return self.score - self.untouched_score
 
 
-@numba.njit(cache=True, error_model="numpy")
+NO_READING = ModeReading(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Of a window without a line."""
+
+
 def read_modes(
-    frequency: Floats, height: Floats, power: Floats, spacing: Hertz, string: StringModel, ranking: Ranking
+    frequency: Floats, height: Floats, power: Floats, spacing: Hertz, string: StringModel, network: Ranking
 ) -> ModeReading:
     """Return the most probable reading of the strongest lines of two microphones.
 
@@ -138,25 +138,51 @@ def read_modes(
         Distance of two bins in Hz.
     string
         The string.
-    ranking
-        The network that gives hypotheses their probabilities.
+    network
+        Gives hypotheses their probabilities.
     """
-    lines = weighted_lines(frequency, height, power, spacing)
-    count = float(lines.shape[0])
-    if lines.shape[0] == 0:
-        return ModeReading(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    lines = hypotheses.weighted_lines(frequency, height, power, spacing)
+    if not len(lines):
+        return NO_READING
     rest_score, rest = _untouched(lines, string)
-    found = find_hypotheses(frequency, height, string)
-    if found.shape[0] == 0:
-        return ModeReading(
-            0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, rest_score, rest, 0.0, 0.0, 0.0, 0.0, 0.0, count
-        )
-    measures = measure_hypotheses(found, frequency, height, power, spacing, string)
-    probability = probabilities(measures, ranking)
+    nothing = NO_READING._replace(
+        untouched_score=rest_score, untouched_frequency=rest, lines=float(len(lines))
+    )
+    found = hypotheses.find_hypotheses(frequency, height, string)
+    if not len(found):
+        return nothing
+    measures = hypotheses.measure_hypotheses(found, frequency, height, power, spacing, string)
+    probability = ranking.probabilities(measures, network)
+    place, lead, rival = most_probable(found[:, POSITION] / string.length, probability)
+    best, score, unexplained = _best_of_place(lines, found, place, frequency, spacing, string)
+    row: list[float] = found[best].tolist()
+    line_1, line_2 = float(frequency[0, int(row[LINE_1])]), float(frequency[1, int(row[LINE_2])])
+    return nothing._replace(
+        position=row[POSITION],
+        open_frequency=row[OPEN],
+        mode_1=row[MODE_1],
+        mode_2=row[MODE_2],
+        score=score,
+        lead=lead,
+        rival_position=float(found[rival, POSITION]) if rival >= 0 else 0.0,
+        line_1=line_1,
+        line_2=line_2,
+        share_1=hypotheses.share_1(power, line_1, spacing),
+        share_2=hypotheses.share_1(power, line_2, spacing),
+        unexplained=unexplained,
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _best_of_place(
+    lines: Floats, found: Floats, place: int, frequency: Floats, spacing: Hertz, string: StringModel
+) -> tuple[int, float, float]:
+    """Return the hypothesis that is best by hand of the same segments, the best score, and what it leaves.
+
+    Training tells places apart, not which multiple of a line is sustained. With another the open frequency is
+    some per mille off, and so is force.
+    """
     position = found[:, POSITION] / string.length
-    place, lead, rival = most_probable(position, probability)
-    # Of the same segments, the hypothesis that is best by hand: training tells places apart, not which
-    # multiple of a line is sustained. With another the open frequency is some per mille off, and so is force.
     best, best_score, score, unexplained = place, -np.inf, -1.0, 0.0
     for k in range(found.shape[0]):
         usual, near = _is_usual(found[k], string), abs(position[k] - position[place]) < SAME_SEGMENTS
@@ -168,24 +194,7 @@ def read_modes(
             score = max(score, explained) if usual else score
             if near and explained > best_score:
                 best, best_score, unexplained = k, explained, outside
-    line_1, line_2 = frequency[0, int(found[best, LINE_1])], frequency[1, int(found[best, LINE_2])]
-    return ModeReading(
-        found[best, POSITION],
-        found[best, OPEN],
-        found[best, MODE_1],
-        found[best, MODE_2],
-        score,
-        lead,
-        found[rival, POSITION] if rival >= 0 else 0.0,
-        rest_score,
-        rest,
-        line_1,
-        line_2,
-        share_1(power, line_1, spacing),
-        share_1(power, line_2, spacing),
-        unexplained,
-        count,
-    )
+    return best, score, unexplained
 
 
 @numba.njit(cache=True, error_model="numpy")
