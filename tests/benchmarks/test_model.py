@@ -3,7 +3,7 @@
 import pytest
 
 from monochord.benchmarks import BENCHMARKS
-from monochord.benchmarks.model import drawn
+from monochord.benchmarks.model import HOP, drawn
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.physics.sensors import load_sensor
@@ -22,9 +22,12 @@ def test_a_model_stands_beside_the_closed_form() -> None:
             assert row.ratio < 20.0  # what else the machine does lengthens single windows by the clock
 
 
-def test_the_bundled_model_takes_no_longer_than_a_hop() -> None:
-    rows = {row.name: row.value for row in BENCHMARKS.build("model", {"path": "demo", "count": 60}).run()}
-    assert rows["model, median of processor time"] < 1.5e-3
+def test_the_bundled_model_takes_much_less_than_a_hop() -> None:
+    rows = {row.name: row for row in BENCHMARKS.build("model", {"path": "demo", "count": 60}).run()}
+    median = rows["model, median of processor time"]
+    assert median.value < 0.5 * HOP  # 1 ms, but machines that others share are slower at times
+    assert median.ratio is not None
+    assert median.ratio < 3.0
 
 
 def test_a_random_model_can_be_run() -> None:

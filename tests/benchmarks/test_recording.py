@@ -16,7 +16,7 @@ def test_the_recorder_takes_a_part_of_a_core(rows: dict[str, tuple[float, float 
 
 
 def test_every_reading_is_recorded(rows: dict[str, tuple[float, float | None]]) -> None:
-    assert 0.5 < rows["readings a second"][1] < 1.1  # what sends them is late on a busy machine
+    assert 0.5 < (rows["readings a second"][1] or 0.0) < 1.1  # what sends them is late on a busy machine
     assert rows["readings missing"][0] == 0
     assert rows["frames dropped"][0] == 0
 

@@ -140,7 +140,7 @@ REFUSED = {
     "evaluate --suite hardware": "name it: --sensor prototype",
     "transfer demo --sessions {session} --touches ten": "--touches ten: allowed is whole numbers",
     "transfer demo --sessions {session} --touches 5,-1": "--touches 5,-1: allowed is 0 or more",
-    "transfer demo --sessions {session}": "a model without corrections",
+    "transfer demo --sessions {session}": "without labels",
     "transfer demo": "Missing option '--sessions'",
     "evaluate demo --sessions {session} --out {out} --estimator closed_form": "--estimator",
     # simulate, figure, bench, weights, list

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from tests.conftest import LEARNABLE, sung
 
+from monochord.core.errors import InputError
 from monochord.core.types import Block
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
@@ -118,6 +119,14 @@ def test_labels_of_the_scored_touches_change_no_estimate(correctable: Path, tmp_
             np.testing.assert_array_equal(results.estimate(quantity), second[name].estimate(quantity))
         shift = np.nanmean(second[name].label("force") - results.label("force"))
         assert shift == pytest.approx(1.0)
+
+
+@pytest.mark.usefixtures("made_up_features")
+def test_a_model_without_corrections_is_refused(lesson_run: Path, tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match="a model without corrections: allowed is a model that can be adapted"
+    ):
+        evaluate_builds(settings_of(lesson_run, [recorded(tmp_path / "unseen", 1)]))
 
 
 def test_groups_are_sessions_or_builds(tmp_path: Path) -> None:
