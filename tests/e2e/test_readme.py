@@ -53,4 +53,4 @@ def test_every_command_works_and_the_learning_path_ends_well(
     (touched,) = (row for row in scores["table"] if row["state"] == "touched" and row["condition"] == "clean")
     assert touched["position"]["mae"]["value"] < 0.5e-3
     assert touched["force"]["mae"]["value"] < 0.2
-    assert touched["position"]["answered"] == touched["force"]["answered"] == 1.0
+    assert min(touched[name]["answered"] for name in ("position", "force")) > 0.98
