@@ -28,7 +28,9 @@ def test_latency_is_compared_with_the_autocorrelation(rows: dict[str, tuple[floa
 
 def test_the_take_is_one_that_the_estimator_answers(rows: dict[str, tuple[float, float | None]]) -> None:
     assert rows["windows with a position"][0] > 0.9
-    assert rows["windows"][0] > 150  # of 220; a busy machine skips some
+    # A busy machine skips some, and counts them.
+    assert rows["windows"][0] + rows["windows skipped"][0] > 200
+    assert rows["windows"][0] > 150
 
 
 def test_memory_is_flat(rows: dict[str, tuple[float, float | None]]) -> None:

@@ -177,5 +177,6 @@ def _counted(summary: Summary) -> Iterator[Row]:
         yield _row(f"stage {stage} p50", 1e3 * seen.p50, "ms")
         yield _row(f"stage {stage} p99", 1e3 * seen.p99, "ms")
     yield _row("windows", summary.windows, "1")
+    yield _row("windows skipped", summary.skipped, "1")
     yield _row("deadline misses", summary.deadline_misses, "1")
     yield _row("windows with a position", summary.valid / max(summary.windows, 1), "1")
