@@ -4,20 +4,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
+from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Samples
 from monochord.perception.closed_form.spectrum import SpectrumAnalyser
-from monochord.perception.closed_form.two_segments import MIN_LEAD
+from monochord.perception.closed_form.two_segments import MIN_SCORE
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import Model, ModelState, load
-from monochord.perception.tuning import OwnString, TunerState
+from monochord.perception.tuning import OwnString, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
-from monochord.physics.theory import open_frequency
 
-PRESS_RISE = 0.01
-"""Share by which a press may raise the open frequency: 2 N at the middle of the prototype do."""
 KNOWN = "what this model knows"
+UNKNOWN = "the string's pitch is not known yet"
+"""Of the first untouched windows where they are none of the known string's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,8 +24,9 @@ class ModelEstimator(Estimator):
     """A model that ``monochord train`` trained, on one stream of windows in order.
 
     A window that does not begin after the one before it begins another stream. Features are relative to the
-    string as the signal's sensor is tuned. Where the string sounds otherwise, the model abstains and says by
-    how much; what untouched windows say counts, and before any a reading at another tuning.
+    string as the signal's sensor is tuned. Where untouched windows show that it is tuned otherwise by now,
+    features follow, as in training. Before any was heard, a touched one of a string that is tuned otherwise
+    is abstained from, with by how much it is off.
 
     Parameters
     ----------
@@ -38,71 +38,72 @@ class ModelEstimator(Estimator):
 
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Load the model for the string as it is tuned, and check that it fits the signal."""
-        model, state = load(self.path), ModelState()
+        model = load(self.path)
         model = model.tuned(signal.string) if signal.string else model
         model.check(signal, size)
-        watch, tuner = _Watch.of(model, size), TunerState()
-        heads = model.definition.heads.items()
-        of_a_touch = [name for name, record in heads if record.task.touched]
+        string = model.string or model.definition.string
+        if string is not None and model.definition.channels == 2:
+            own = Signal(sample_rate=signal.sample_rate, channels=2, string=string)
+            try:
+                return _Followed(model, own, size)
+            except InputError:  # windows too short for a pitch
+                pass
+        state = ModelState()
 
         def estimate(window: Window) -> Estimates:
-            nonlocal state, tuner
+            nonlocal state
             state, estimates = model.predict(state, window)
-            if watch is None:
-                return estimates
-            tuner = watch.own.step(tuner, window)
-            why_not = watch.why_detuned(tuner, window)
-            if why_not:
-                return {name: Estimate.abstain(each.unit, why_not) for name, each in estimates.items()}
-            if watch.is_undecided(window):
-                return {
-                    **estimates,
-                    **{name: Estimate.abstain(estimates[name].unit, "two candidates") for name in of_a_touch},
-                }
             return estimates
 
         return estimate
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Watch:
-    """Watches whether the string sounds as the model knows it: by untouched windows, else by the window."""
+class _Followed:
+    """A model on one stream of windows, re-tuned by those that nothing touches."""
 
-    own: OwnString
-    analyser: SpectrumAnalyser
-    is_retuned: bool
+    def __init__(self, model: Model, signal: Signal, size: Samples) -> None:
+        self._own = OwnString.of(signal, size, lowest=LOWEST, highest=HIGHEST)
+        self._analyser = SpectrumAnalyser.of(signal, size)
+        self._known = self._model = model
+        self._string = self._own.string
+        self._state, self._tuner = ModelState(), TunerState()
+        self._why_not = ""
 
-    @classmethod
-    def of(cls, model: Model, size: Samples) -> "_Watch | None":
-        """Return it, or None for a model of no string, or of one that cannot be followed."""
-        trained, string = model.definition, model.string or model.definition.string
-        signal = Signal(sample_rate=trained.sample_rate, channels=trained.channels, string=string)
-        if string is None or trained.channels != 2:
-            return None
+    def __call__(self, window: Window) -> Estimates:
+        if window.start <= self._state.start:
+            self._use(self._known, self._own.string)
+        before, self._tuner = self._tuner.tuning, self._own.step(self._tuner, window)
+        tuning = self._tuner.tuning
+        if tuning is not before and tuning is not None:
+            self._follow(tuning)
+        self._state, estimates = self._model.predict(self._state, window)
+        why_not = self._why_not if self._tuner.tuning else self._why_elsewhere(window)
+        if not why_not:
+            return estimates
+        return {name: Estimate.abstain(each.unit, why_not) for name, each in estimates.items()}
+
+    def _use(self, model: Model, string: StringParams) -> None:
+        """Read the windows to come by the model for a string."""
+        start = self._state.start
+        self._model, self._string, self._why_not = model, string, ""
+        self._state = ModelState(start=start)  # the reference was relative to the string of before
+
+    def _follow(self, tuning: Tuning) -> None:
+        """Change to the model for a tuning where it lies too far off that in use."""
+        if LOWEST <= tuning.deviation(self._string) <= HIGHEST:
+            return
+        string = tuning.tuned(self._own.string)
         try:
-            own = OwnString.of(signal, size, lowest=LOWEST, highest=HIGHEST)
-            analyser = SpectrumAnalyser.of(signal, size)
-            known = string if trained.string is None else trained.string
-            off = open_frequency(string) / open_frequency(known) - 1.0
-            return cls(own=own, analyser=analyser, is_retuned=not LOWEST <= off <= HIGHEST)
-        except InputError:
-            return None
+            self._use(self._known.tuned(string), string)
+        except InputError:  # further off the training's string than a tuning can be heard
+            self._why_not = self._own.why_detuned(tuning, KNOWN)
 
-    def why_detuned(self, state: TunerState, window: Window) -> str:
-        """Return why a model should abstain, empty where it should not."""
-        if state.tuning is not None:
-            return self.own.why_detuned(state.tuning, KNOWN)
+    def _why_elsewhere(self, window: Window) -> str:
+        """Return why not to read a window before the pitch is known, empty for no reason."""
         if why_unusable(window):
             return ""
-        return self.own.why_elsewhere(self.analyser, self.analyser.analyse(window.samples), KNOWN)
-
-    def is_undecided(self, window: Window) -> bool:
-        """Return whether a touch has two places that read alike, on a string tuned beyond the training.
-
-        There drivers lock to other modes, and a model has not learned which of the two is right.
-        """
-        if not self.is_retuned or why_unusable(window):
-            return False
-        spectrum = self.analyser.analyse(window.samples)
-        reading = self.analyser.read_at_any_tuning(spectrum, PRESS_RISE)
-        return reading.touched and reading.contact_lead > 0.0 and reading.lead < MIN_LEAD
+        spectrum = self._analyser.analyse(window.samples)
+        heard = bool(self._tuner.lines) and not self._tuner.refused
+        if heard and spectrum.reading.untouched_score < MIN_SCORE:
+            return UNKNOWN
+        return self._own.why_elsewhere(self._analyser, spectrum, KNOWN)

@@ -18,8 +18,8 @@ WINDOW: Seconds = 0.1
 LOWEST, HIGHEST = -0.015, 0.008
 """Shares by which a string may lie off its known pitch for a model that reads it as of that pitch.
 
-The reader of modes takes 0.8 % either way at no cost, and little more above: a press raises the tension, it
-does not lower it. The bundled model has position errors of 0.2 mm from -4 to 0 %, and of 9 mm at +1 %."""
+Beyond, features are of the string as heard, offline and live. Within, modes are read as well by the known
+pitch (docs/design/0031-models-follow-the-pitch.md), and a model need not change with every drift."""
 
 
 def heard_tension(samples: Audio, sample_rate: int, string: StringParams) -> Newtons | None:
@@ -50,7 +50,7 @@ def own_strings(dataset: Dataset, design: StringParams) -> Mapping[int, StringPa
     """Return the strings that are tuned otherwise than the design, by the number of their session.
 
     One that was recorded as tuned counts as such. One that was only heard counts where it lies so far off
-    that a model would abstain from it: nearer ones are read as of the design, live too.
+    that a model follows it: nearer ones are read as of the design, live too.
     """
     strings: dict[int, StringParams] = {}
     for number, part in enumerate(dataset.manifest.parts):
