@@ -139,6 +139,7 @@ class LiveStream:
                 health=stream.health,
                 truth=stream.truth(window.start, end),
                 skipped=meter.skipped,
+                adc_time=feed.captured(window.start),
             )
             written = time.monotonic()
             meter.add(prediction, read=cut - feed.at_hand, estimate=done - cut, sinks=written - done)

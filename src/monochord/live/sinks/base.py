@@ -5,19 +5,32 @@ output, and how it is changed for a string of known length or for data beside it
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
-from monochord.core.types import Prediction, Signal, StreamHealth, Truth, Window
-from monochord.core.units import Metres
+from monochord.core.types import Estimate, Estimates, Prediction, Signal, StreamHealth, Truth, Window
+from monochord.core.units import Metres, Seconds
+from monochord.live.events import Event
+from monochord.live.health import Note
+
+NOTHING_TRACKED: Mapping[str, Estimate] = MappingProxyType({})
+NOTHING_DECIDED: Mapping[str, bool] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
     """What a sink takes for each window: the prediction, and beside it what a view of it shows.
 
+    `prediction` is of this window alone. `tracked` are the estimates over time by the same names, which also
+    hold what was learned earlier of the same touch, and `decided` whether there is ``contact`` and ``slip``,
+    without flicker; a name is missing where nothing was decided yet. `events` are those of this window and
+    `notes` what a person should know of the sensor now.
+
     `truth` is empty for real hardware; `skipped` counts windows left out so far because the reader was late.
+    `adc_time` is the monotonic-clock time of the window's first frame at the converter, where the source
+    knows it.
     """
 
     prediction: Prediction
@@ -25,6 +38,11 @@ class Moment:
     health: StreamHealth
     truth: Truth
     skipped: int
+    tracked: Estimates = field(default_factory=lambda: NOTHING_TRACKED)
+    decided: Mapping[str, bool] = field(default_factory=lambda: NOTHING_DECIDED)
+    events: tuple[Event, ...] = ()
+    notes: tuple[Note, ...] = ()
+    adc_time: Seconds | None = None
 
 
 class Writer(ABC):
