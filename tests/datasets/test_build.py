@@ -1,6 +1,7 @@
 """Sessions become a dataset whole, or not at all."""
 
 import tracemalloc
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from tests.sessions.made import make as make_session
 
 from monochord.core.errors import InputError
 from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
+from monochord.lab.workers import run_all
 from monochord.sessions import read_session
 
 RATE = 8000
@@ -157,3 +159,16 @@ def test_a_damaged_session_is_refused_unless_forced(tmp_path: Path) -> None:
     assert read_session(path).damaged == 1
     with pytest.raises(InputError, match="damaged chunks: 1"):
         build_dataset([path], tmp_path / "refused")
+
+
+def test_several_processes_give_the_same_bytes(write: Write, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    files = [write(f"s{n}", rng.normal(size=(2, 2 * RATE)).astype(np.float32)) for n in range(4)]
+    files.insert(2, tmp_path / "broken.mcap")
+    files[2].write_bytes(b"no session")
+    options = BuildOptions(skip=True)
+    one = build_dataset(files, tmp_path / "one", options)
+    two = build_dataset(files, tmp_path / "two", options, run=partial(run_all, workers=2))
+    assert list(one.manifest.refused) == ["broken"]
+    assert len(one.manifest.parts) == 4
+    assert contents(one.path) == contents(two.path)

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,14 @@ from monochord.datasets.build import (
 from monochord.datasets.kinds import KINDS, table_of
 from monochord.datasets.split import PARTS, Split, refuse_impossible, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
+from monochord.lab.workers import run_all
 from monochord.perception.tuning.sessions import heard_tension
 from monochord.sessions import Description, read_session
 
 SPLIT_FILE = "split.json"
 """Where the split stands in a dataset's folder."""
+MANY = 16
+"""Sessions from which on several processes are worth their start."""
 
 
 @click.command()
@@ -61,6 +65,12 @@ SPLIT_FILE = "split.json"
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
 @click.option("--skip", is_flag=True, help="Leave out sessions that cannot be used.")
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Worker processes.  [default: one a core for many sessions]",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def build(
     sessions: tuple[str, ...],
@@ -74,6 +84,7 @@ def build(
     seed: int,
     force: bool,
     skip: bool,
+    workers: int | None,
     as_json: bool,
 ) -> None:
     """Build a dataset of SESSIONS: files, folders or patterns.
@@ -88,7 +99,8 @@ def build(
     _refuse_split(by or _default_split(len(files)), files, held_out)
     options = BuildOptions(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
     with progress_bar() as progress:
-        dataset = build_dataset(files, out, options, progress, heard_tension)
+        run = partial(run_all, workers=workers or (1 if len(files) < MANY else None))
+        dataset = build_dataset(files, out, options, progress, heard_tension, run)
     for line in dataset.manifest.refused.values():
         echo(f"left out: {line}", err=True)
     by = by or _default_split(len(dataset.manifest.parts))

@@ -1,8 +1,8 @@
-"""Sessions into a dataset, one at a time."""
+"""Sessions into a dataset, one at a time or several side by side."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from glob import glob
 from importlib.metadata import version
 from pathlib import Path
@@ -81,6 +81,46 @@ class BuildOptions:
 DEFAULT_OPTIONS = BuildOptions()
 
 
+def no_tension(_samples: Audio, _sample_rate: int, _string: StringParams) -> None:
+    """Listen to nothing: a session that was recorded without a tuning has none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A session that is to be read: its name and file, and where its samples go."""
+
+    name: str
+    path: Path
+    audio: Path
+    options: BuildOptions
+    listen: Listen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Taken:
+    """What a session gives but for its samples, which are on disk; `refused` is why it gives nothing.
+
+    `part` has no place among the others yet: its `first` is 0, and its `audio` empty.
+    """
+
+    refused: str = ""
+    part: Part | None = None
+    form: tuple[int, int] = (0, 0)
+    table: dict[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
+    columns: LabelColumns = field(default_factory=dict[str, Any])
+    sums: FileSums | None = None
+
+
+Run: TypeAlias = Callable[[Sequence[Job], Callable[[Job], Taken]], Iterable[tuple[Job, Taken]]]
+"""Runs a function for every session, in whatever order and in however many processes."""
+
+
+def one_by_one(jobs: Sequence[Job], work: Callable[[Job], Taken]) -> Iterator[tuple[Job, Taken]]:
+    """Yield each job with what `work` makes of it, in this process."""
+    for job in jobs:
+        yield job, work(job)
+
+
 def find_sessions(names: Iterable[str]) -> list[Path]:
     """Return the session files that names stand for: files, folders with any below, and patterns.
 
@@ -107,14 +147,15 @@ def build_dataset(
     out: Path,
     options: BuildOptions = DEFAULT_OPTIONS,
     progress: Progress = lambda *_: None,
-    listen: Listen = lambda *_: None,
+    listen: Listen = no_tension,
+    run: Run = one_by_one,
 ) -> Dataset:
     """Return the dataset that sessions make, written to the new folder `out`; `store` tells what is in it.
 
     The samples of a session are taken as they were recorded: lost frames are zeros, clipped ones and those
-    that are no numbers stay, and the windows that hold any are flagged. Memory holds a session at a time.
-    Equal sessions and options give equal bytes. The folder appears under its name when all of it is
-    there; what a killed run left of the same folder is removed.
+    that are no numbers stay, and the windows that hold any are flagged. A process holds one session at a
+    time. Equal sessions and options give equal bytes, in however many processes. The folder appears under its
+    name when all of it is there; what a killed run left of the same folder is removed.
 
     Parameters
     ----------
@@ -128,6 +169,8 @@ def build_dataset(
         Called before each session, and at the end.
     listen
         Tells the tension of the string from the sound of sessions that were recorded without a tuning.
+    run
+        Spreads the sessions over processes.
 
     Raises
     ------
@@ -148,13 +191,22 @@ def build_dataset(
             f"folder {out.absolute().parent}, which is not there", "one that is", "make it first"
         )
     files = named_sessions(sessions)
+    names = [*files, ""]
     with part_folder(out) as part:
-        writer = _Writer(part, options, listen)
-        for done, (name, path) in enumerate(files.items()):
-            progress(name, done, len(files))
-            writer.add(name, path)
-        writer.finish()
-        progress("", len(files), len(files))
+        (part / "audio").mkdir()
+        jobs = [
+            Job(name=name, path=path, audio=part / f"taken-{number}.npy", options=options, listen=listen)
+            for number, (name, path) in enumerate(files.items())
+        ]
+        taken: dict[str, Taken] = {}
+        progress(names[0], 0, len(files))
+        form: tuple[int, int] | None = None
+        for job, each in run(jobs, take):
+            if not options.skip:
+                form = _form_of(job.name, each, form)
+            taken[job.name] = each
+            progress(names[len(taken)], len(taken), len(files))
+        _write(part, options, [(job, taken[job.name]) for job in jobs])
         part.rename(out)
     return open_dataset(out)
 
@@ -182,122 +234,135 @@ def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
     return dict(sorted(named))
 
 
-class _Writer:
-    """A dataset that is being written into an empty folder, session by session."""
+def take(job: Job) -> Taken:
+    """Return what a session gives, with its samples written where they belong.
 
-    def __init__(self, folder: Path, options: BuildOptions, listen: Listen) -> None:
-        self.folder, self.options, self.listen = folder, options, listen
-        self.parts: list[Part] = []
-        self.files: dict[str, FileSums] = {}
-        self.tables: list[dict[str, NDArray[Any]]] = []
-        self.columns: list[LabelColumns] = []
-        self.refused: dict[str, str] = {}
-        self.form: tuple[int, int] | None = None
-        (folder / "audio").mkdir()
+    Raises
+    ------
+    InputError
+        If it cannot be used and is not to be skipped.
+    """
+    options = job.options
+    try:
+        session = read_session(job.path)
+        if not options.force:
+            _refuse_damaged(session)
+        truth = truth_of(session, options.labels, options.thresholds, force=options.force)
+        if not options.force:
+            _refuse_damaged(session)  # and what was malformed in what has been read
+    except InputError as error:
+        if not options.skip:
+            raise
+        return Taken(refused=str(error))
+    description = session.description
+    rate, samples = description.sample_rate, session.audio.samples
+    size = round(options.window * rate)
+    starts = window_starts(samples.shape[1], size, round(options.hop * rate))
+    write_array(job.audio, samples)
+    late = truth.alignment.lateness.get(AUDIO)
+    tension, tuned = _tension_of(session, job.listen)
+    part = Part(
+        name=job.name,
+        source=job.path.name,
+        checksum=file_checksum(job.path),
+        audio="",
+        audio_checksum=hashlib.sha256(samples.tobytes()).hexdigest(),
+        frames=samples.shape[1],
+        first=0,
+        windows=len(starts),
+        labels=truth.source,
+        simulated=description.simulated,
+        object=description.object,
+        material=description.material,
+        radius=description.radius,
+        day=description.day,
+        build=description.build,
+        music=description.more.get("music"),
+        complete=session.complete,
+        late=late.offsets[0].value if late and late.offsets[0].known else None,
+        flags=truth.alignment.flags,
+        tension=tension,
+        tuned=tuned,
+    )
+    return Taken(
+        part=part,
+        form=(rate, description.channels),
+        table={"start": starts, **_flags(session.audio, starts, size)},
+        columns=_labels(session.audio, truth, starts, size, options.rules),
+        sums=file_sums(job.audio),
+    )
 
-    def add(self, name: str, path: Path) -> None:
-        """Add a session, or note why not."""
-        options = self.options
+
+def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken]]) -> None:
+    """Put sessions together, in their order, and write what is not their sound."""
+    parts, files, refused = list[Part](), dict[str, FileSums](), dict[str, str]()
+    tables, columns = list[dict[str, NDArray[Any]]](), list[LabelColumns]()
+    form: tuple[int, int] | None = None
+    windows = 0
+    for job, each in taken:
+        if each.part is None or each.sums is None:
+            refused[job.name] = each.refused
+            continue
         try:
-            session = read_session(path)
-            if not options.force:
-                _refuse_damaged(session)
-            truth = truth_of(session, options.labels, options.thresholds, force=options.force)
-            if not options.force:
-                _refuse_damaged(session)  # and what was malformed in what has been read
-            rate = self._rate_of(name, session)
+            form = _form_of(job.name, each, form)
         except InputError as error:
-            if not options.skip:
-                raise
-            self.refused[name] = str(error)
-            return
-        size, samples = round(options.window * rate), session.audio.samples
-        starts = window_starts(samples.shape[1], size, round(options.hop * rate))
-        file = audio_name(len(self.parts))
-        write_array(self.folder / file, samples)
-        self.files[file] = file_sums(self.folder / file)
-        number = np.full(len(starts), len(self.parts))
-        self.tables.append({"session": number, "start": starts, **_flags(session.audio, starts, size)})
-        self.columns.append(_labels(session.audio, truth, starts, size, options.rules))
-        late = truth.alignment.lateness.get(AUDIO)
-        description = session.description
-        tension, tuned = self._tension_of(session)
-        self.parts.append(
-            Part(
-                name=name,
-                source=path.name,
-                checksum=file_checksum(path),
-                audio=file,
-                audio_checksum=hashlib.sha256(samples.tobytes()).hexdigest(),
-                frames=samples.shape[1],
-                first=sum(each.windows for each in self.parts),
-                windows=len(starts),
-                labels=truth.source,
-                simulated=description.simulated,
-                object=description.object,
-                material=description.material,
-                radius=description.radius,
-                day=description.day,
-                build=description.build,
-                music=description.more.get("music"),
-                complete=session.complete,
-                late=late.offsets[0].value if late and late.offsets[0].known else None,
-                flags=truth.alignment.flags,
-                tension=tension,
-                tuned=tuned,
-            )
-        )
+            refused[job.name] = str(error)
+            job.audio.unlink()
+            continue
+        file = audio_name(len(parts))
+        job.audio.rename(folder / file)
+        files[file] = each.sums
+        tables.append({"session": np.full(each.part.windows, len(parts)), **each.table})
+        columns.append(each.columns)
+        parts.append(replace(each.part, audio=file, first=windows))
+        windows += each.part.windows
+    if form is None:
+        raise InputError("no session that can be used", "one or more", next(iter(refused.values()), ""))
+    labels = _joined(columns, [part.windows for part in parts])
+    table = {name: np.concatenate([each[name] for each in tables]) for name in TABLE}
+    usable = ~(table["has_gap"] | table["not_finite"])
+    write_table(folder, table, labels)
+    for path in sorted(folder.glob("*/*.npy")):
+        name = path.relative_to(folder).as_posix()
+        if name not in files:
+            files[name] = file_sums(path)
+    rate, channels = form
+    Manifest(
+        sample_rate=rate,
+        channels=channels,
+        window=round(options.window * rate),
+        hop=round(options.hop * rate),
+        windows=windows,
+        columns=tuple(labels),
+        rules=options.rules,
+        labelling=label_rules.__doc__ or "",
+        parts=tuple(parts),
+        files=files,
+        counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(table["clipped"].sum())},
+        refused=refused,
+        thresholds=options.thresholds,
+        forced=options.force,
+        versions={name: version(name) for name in ("monochord", "numpy")},
+    ).write(folder)
 
-    def finish(self) -> None:
-        """Write what is not the sound."""
-        if self.form is None:
-            raise InputError(
-                "no session that can be used", "one or more", next(iter(self.refused.values()), "")
-            )
-        labels = _joined(self.columns, [part.windows for part in self.parts])
-        table = {name: np.concatenate([each[name] for each in self.tables]) for name in TABLE}
-        usable = ~(table["has_gap"] | table["not_finite"])
-        write_table(self.folder, table, labels)
-        for file in sorted(self.folder.glob("*/*.npy")):
-            name = file.relative_to(self.folder).as_posix()
-            self.files.setdefault(name, file_sums(file))
-        rate, channels = self.form
-        Manifest(
-            sample_rate=rate,
-            channels=channels,
-            window=round(self.options.window * rate),
-            hop=round(self.options.hop * rate),
-            windows=len(usable),
-            columns=tuple(labels),
-            rules=self.options.rules,
-            labelling=label_rules.__doc__ or "",
-            parts=tuple(self.parts),
-            files=self.files,
-            counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(table["clipped"].sum())},
-            refused=self.refused,
-            thresholds=self.options.thresholds,
-            forced=self.options.force,
-            versions={name: version(name) for name in ("monochord", "numpy")},
-        ).write(self.folder)
 
-    def _tension_of(self, session: SessionReader) -> tuple[Newtons | None, str | None]:
-        """Return the tension of a session's string at rest, and where it is known from."""
-        description = session.description
-        if description.string is None:
-            return None, None
-        if TUNING in description.more:
-            return description.string.tension, "recorded"
-        heard = self.listen(session.audio.samples, description.sample_rate, description.string)
-        return heard, None if heard is None else "heard"
+def _form_of(name: str, taken: Taken, before: tuple[int, int] | None) -> tuple[int, int]:
+    """Return the rate and channels of a session; refuse those that differ from the ones before."""
+    if before is not None and taken.form != before:
+        given = f"session {name} with {taken.form[1]} channels at {taken.form[0]} Hz"
+        raise InputError(given, f"{before[1]} channels at {before[0]} Hz, as those before")
+    return taken.form
 
-    def _rate_of(self, name: str, session: SessionReader) -> int:
-        """Return the session's rate; refuse one that differs from those before."""
-        form = (session.description.sample_rate, session.description.channels)
-        self.form = self.form or form
-        if form != self.form:
-            given = f"session {name} with {form[1]} channels at {form[0]} Hz"
-            raise InputError(given, f"{self.form[1]} channels at {self.form[0]} Hz, as those before")
-        return form[0]
+
+def _tension_of(session: SessionReader, listen: Listen) -> tuple[Newtons | None, str | None]:
+    """Return the tension of a session's string at rest, and where it is known from."""
+    description = session.description
+    if description.string is None:
+        return None, None
+    if TUNING in description.more:
+        return description.string.tension, "recorded"
+    heard = listen(session.audio.samples, description.sample_rate, description.string)
+    return heard, None if heard is None else "heard"
 
 
 def _refuse_damaged(session: SessionReader) -> None:

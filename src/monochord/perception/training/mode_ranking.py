@@ -1,14 +1,15 @@
 """Trains the network that ranks what a window's lines may be (`monochord.perception.closed_form.ranking`).
 
-    monochord collect builds --out sessions
-    monochord build sessions --split build --held-out 'test*' --skip --out dataset
-    python -m monochord.perception.training.mode_ranking dataset
+    monochord collect modes --out sessions
+    monochord build sessions --split build --skip --out modes
+    python -m monochord.perception.training.mode_ranking modes --judge builds
 
 It takes touched windows of the training part, lists the hypotheses of each, and raises the probability of
 those that put the touch where it is. Every window counts twice, once as it is and once with its ends swapped.
 Some get noise, some are cut in half, and the string's pitch is known to some per mille only, as live. The
-validation part is left out, so that a model trained on the same split is calibrated on readings like any
-other's; the network is scored on it, without noise. The test part is not looked at.
+network is scored on the validation part, without noise, and on the datasets that are to judge it. The builds
+that models are trained on are not among those that it learns from: what it misreads there is then what it
+misreads on any build, and a model learns how far to trust it. Test parts are not looked at.
 
 Windows of another kind are added: of every string that has a preset, clamped ideally, with no sound but two
 sustained lines, their multiples, and hiss. They stand for sensors that sound cleaner than those in datasets.
@@ -263,9 +264,10 @@ def write_ranking(ranking: Ranking, file: Path) -> None:
 
 
 def main() -> None:
-    """Train on the training parts of datasets, score on their validation parts, and write the network."""
+    """Train on the training parts of datasets, score on other builds, and write the network."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("datasets", nargs="+", type=Path, help="with the split that monochord build made")
+    parser.add_argument("--judge", nargs="*", type=Path, default=[], help="datasets that it is scored on")
     parser.add_argument("--string", default="prototype")
     parser.add_argument("--out", type=Path, default=FILE)
     options = parser.parse_args()
@@ -274,15 +276,22 @@ def main() -> None:
     ranking = train_ranking(together(*train, joined(pure_examples())))
     write_ranking(ranking, options.out)
     for path in options.datasets:
-        examples = examples_of(path, "validation", design, clean=True)
-        place, lead = places_of(examples, ranking)
-        error = np.abs(place - examples.truth) * design.length * 1e3
-        sys.stdout.write(f"{path}: {len(error)} windows of validation\n")
-        for least in (-np.inf, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0):
-            some = error[lead >= least]
-            within = " ".join(f"{limit} mm {np.mean(some < limit):.4f}" for limit in (5, 2, 1))
-            answered = f"lead from {least:g}: {len(some) / len(error):.3f} answered"
-            sys.stdout.write(f"  {answered}, within {within}, mean {some.mean():.2f} mm\n")
+        _report(f"{path}, validation", examples_of(path, "validation", design, clean=True), ranking, design)
+    for path in options.judge:
+        both = [examples_of(path, part, design, clean=True) for part in ("train", "validation")]
+        _report(f"{path}, training and validation", together(*both), ranking, design)
+
+
+def _report(name: str, examples: Examples, ranking: Ranking, design: StringParams) -> None:
+    """Print how much is answered, and how well, by the least lead."""
+    place, lead = places_of(examples, ranking)
+    error = np.abs(place - examples.truth) * design.length * 1e3
+    sys.stdout.write(f"{name}: {len(error)} windows\n")
+    for least in (-np.inf, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0):
+        some = error[lead >= least]
+        within = " ".join(f"{limit} mm {np.mean(some < limit):.4f}" for limit in (5, 2, 1))
+        answered = f"lead from {least:g}: {len(some) / len(error):.3f} answered"
+        sys.stdout.write(f"  {answered}, within {within}, mean {some.mean():.2f} mm\n")
 
 
 if __name__ == "__main__":
