@@ -3,9 +3,11 @@
 import itertools
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
+import time
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -295,3 +297,48 @@ def test_an_interrupted_locate_ends_after_the_window_in_progress(
     records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert len(records) == 20
     assert signal.getsignal(signal.SIGINT) is usual
+
+
+def test_a_sink_that_fails_is_closed_and_the_others_go_on(
+    take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sinks = ["--sink", "jsonl=/dev/full", "--sink", f"csv={tmp_path / 'out.csv'}"]
+    assert run(["live", str(take(0.2)), *STRING, *sinks]) == 1
+    text = capsys.readouterr().out
+    assert len((tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()) == 52
+    assert "; closed: No space left on device" in text
+    assert "windows 51  with a position 51  skipped 0" in text
+
+
+def test_a_reader_that_stalls_holds_up_neither_the_loop_nor_its_end(take: Take, tmp_path: Path) -> None:
+    rows = tmp_path / "out.csv"
+    endless = ["--set", "source.repeat=0", "--set", "source.speed=1", "--hop", "0.002"]
+    process = subprocess.Popen(
+        [
+            MONOCHORD,
+            "live",
+            str(take(0.2)),
+            *STRING,
+            *endless,
+            "--json",
+            "--sink",
+            f"csv={tmp_path / 'o.csv'}",
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    assert process.stdout.readline()  # and no more: the pipe is full after some 64 KiB
+    deadline = time.monotonic() + 60.0
+    while len(rows.read_bytes().splitlines()) < 1200:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(signal.SIGTERM)
+    err = process.stderr.read().decode()
+    assert process.wait(20) == 1
+    process.stdout.close()
+    process.stderr.close()
+    assert "Traceback" not in err
+    assert re.search(r"jsonl \d+ written, \d+ left out; closed: output that is not taken within 3 s", err)
+    assert not re.search(r"csv .* left out", err)

@@ -6,6 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,7 +42,14 @@ ESTIMATES: dict[str, Mapping[str, Estimate]] = {
     "no spread": {"position": Estimate(value=0.1, std=math.nan, unit="m")},
     "never heard of": {"hardness_of_the_object": Estimate(value=1e9, std=1e8, unit="Pa")},
 }
+
 TRUTHS = [{}, {"contact": 0.0}, {"contact": 1.0, "position": 0.228, "force": 0.8, "colour": 3.0}]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Be where a sink may put the file that its options name by default."""
+    monkeypatch.chdir(tmp_path)
 
 
 def moment(

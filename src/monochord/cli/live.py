@@ -57,12 +57,13 @@ LINES = "jsonl"
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Settings from a TOML file.")
 @set_option("monochord list settings live")
 @click.option("--save-config", type=click.Path(path_type=Path), metavar="FILE", help="Save all settings.")
-def live(inputs: tuple[str, ...], **options: Any) -> None:
+def live(inputs: tuple[str, ...], **options: Any) -> int:
     """Show where a sounding string is touched, live.
 
     INPUT is what the source opens: a recording (.wav, .flac, or a session's .mcap), ports, a device. MODEL is
     what estimates: a folder that monochord train made, or a bundled name such as demo. Settings come from
-    --config, then from the options, then from --set. Control-C or SIGTERM ends the run with its summary.
+    --config, then from the options, then from --set. Control-C or SIGTERM ends the run with its summary. A
+    sink that fails is closed and the others go on; the status is 1 then.
 
     \b
     monochord live demo --source twin           (the twin is a simulated sensor)
@@ -84,6 +85,7 @@ def live(inputs: tuple[str, ...], **options: Any) -> None:
     refuse_short(opened or settings.source["name"], setup, summary)
     # Standard output may carry data, of which the summary is no part.
     echo(*summary.lines(), err=options["as_json"])
+    return int(any(each.failure for each in summary.delivered))
 
 
 def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tree:

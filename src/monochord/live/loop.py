@@ -15,6 +15,7 @@ from monochord.core.interruption import interruption
 from monochord.core.types import Block, Prediction, Signal, Window
 from monochord.core.units import Samples, Seconds
 from monochord.core.windows import windows
+from monochord.live.delivery import Delivered, Delivery
 from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Moment
 from monochord.live.summary import Meter, Summary
@@ -29,6 +30,7 @@ def run(setup: LiveRun) -> Summary:
     """Run until its source ends, its time is over or it is interrupted.
 
     A reader that is a hop or more behind its source skips to the newest window and counts what it left out.
+    A sink that is slow or fails delays neither the loop nor the others; see `monochord.live.delivery`.
     Nothing here depends on the pace of the source, so a file gives the same numbers however it is read.
 
     Parameters
@@ -48,6 +50,8 @@ def run(setup: LiveRun) -> Summary:
         If the source, the estimator or a sink refuses its options or the signal.
     DeviceError
         If a device is absent or goes away for good.
+    Exception
+        What the last sink raised, if none is left.
     """
     with ExitStack() as stack:
         stop = stack.enter_context(interruption())
@@ -55,17 +59,15 @@ def run(setup: LiveRun) -> Summary:
             stream = stack.enter_context(setup.source.open())
         stack.enter_context(stop.ending(stream.close))
         live = LiveStream(setup, stream)
-        writers = [stack.enter_context(sink.open(live.signal)) for sink in setup.sinks]
-        stack.enter_context(_heap_set_aside())
-        try:
-            for moment in live:
-                if stop.requested:
-                    break
-                for writer in writers:
-                    writer.write(moment)
-        except KeyboardInterrupt:
-            stop.requested = True
-        return live.summary(interrupted=stop.requested)
+        with Delivery(setup.sinks, live.signal, paced=stream.paced) as delivery, _heap_set_aside():
+            try:
+                for moment in live:
+                    if stop.requested:
+                        break
+                    delivery.hand_over(moment)
+            except KeyboardInterrupt:
+                stop.requested = True
+        return live.summary(interrupted=stop.requested, delivered=delivery.delivered)
 
 
 @contextmanager
@@ -107,10 +109,10 @@ class LiveStream:
         self._closed = True
         self._stream.close()
 
-    def summary(self, *, interrupted: bool = False) -> Summary:
+    def summary(self, *, interrupted: bool = False, delivered: tuple[Delivered, ...] = ()) -> Summary:
         """Return what was counted and timed so far."""
         self._meter.interrupted = interrupted
-        return self._meter.summary(self._feed.frames, self._stream.health)
+        return self._meter.summary(self._feed.frames, self._stream.health, delivered)
 
     def __iter__(self) -> Iterator[Moment]:
         """Yield a moment for each window; the time to the next request counts as that of the sinks."""
@@ -140,6 +142,7 @@ class LiveStream:
                 truth=stream.truth(window.start, end),
                 skipped=meter.skipped,
                 adc_time=feed.captured(window.start),
+                at_hand=feed.at_hand,
             )
             written = time.monotonic()
             meter.add(prediction, read=cut - feed.at_hand, estimate=done - cut, sinks=written - done)

@@ -8,6 +8,7 @@ from typing import Any
 from monochord.core.timing import Histogram, Percentiles
 from monochord.core.types import Prediction, StreamHealth
 from monochord.core.units import Samples, Seconds
+from monochord.live.delivery import Delivered
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,7 +19,8 @@ class Summary:
     because the reader was late, and `deadline_misses` came later than one hop after their last sample was at
     hand. `stages` holds the percentiles of each stage: ``read`` (last sample at hand to window cut),
     ``estimate``, ``sinks``, ``latency`` (last sample at hand to estimate) and, where the source knows its
-    converter's clock, ``capture`` (last sample at the converter to estimate).
+    converter's clock, ``capture`` (last sample at the converter to estimate). `delivered` is what became of
+    the windows at each sink.
     """
 
     frames: Samples
@@ -29,6 +31,7 @@ class Summary:
     health: StreamHealth
     stages: Mapping[str, Percentiles]
     interrupted: bool = False
+    delivered: tuple[Delivered, ...] = ()
 
     def lines(self) -> list[str]:
         """Return the summary as lines of text."""
@@ -47,7 +50,7 @@ class Summary:
             "reconnects": health.reconnects,
         }
         timed = [f"{name:<9}{seen.line()}" for name, seen in self.stages.items() if seen.count]
-        return [_counts(counted), _counts(stream), *timed, *_clocks(health)]
+        return [_counts(counted), _counts(stream), *timed, *_sinks(self.delivered), *_clocks(health)]
 
     def tree(self) -> dict[str, Any]:
         """Return the summary as plain values."""
@@ -55,7 +58,8 @@ class Summary:
         health = {f.name: getattr(self.health, f.name) for f in dataclasses.fields(self.health)}
         health["clock_offsets"] = dict(self.health.clock_offsets)
         stages = {name: dataclasses.asdict(seen) for name, seen in self.stages.items() if seen.count}
-        return counts | {"health": health, "stages": stages}
+        sinks = [dataclasses.asdict(each) for each in self.delivered]
+        return counts | {"health": health, "stages": stages, "delivered": sinks}
 
 
 class Meter:
@@ -86,8 +90,10 @@ class Meter:
         if captured is not None:
             self._stages["capture"].add(done - captured)
 
-    def summary(self, frames: Samples, health: StreamHealth) -> Summary:
-        """Return what was counted so far, with the frames that were read and the stream's own counters."""
+    def summary(
+        self, frames: Samples, health: StreamHealth, delivered: tuple[Delivered, ...] = ()
+    ) -> Summary:
+        """Return what was counted so far, with frames read, the stream's own counters and those of sinks."""
         return Summary(
             frames=frames,
             windows=self._windows,
@@ -97,11 +103,18 @@ class Meter:
             health=health,
             stages={name: histogram.percentiles() for name, histogram in self._stages.items()},
             interrupted=self.interrupted,
+            delivered=delivered,
         )
 
 
 def _counts(counted: Mapping[str, int]) -> str:
     return "  ".join(f"{name} {count}" for name, count in counted.items())
+
+
+def _sinks(delivered: tuple[Delivered, ...]) -> list[str]:
+    """Return the sinks that left something out or failed."""
+    lacking = [each for each in delivered if each.left_out or each.failure]
+    return [f"{'sink':<9}{each.line()}" for each in lacking]
 
 
 def _clocks(health: StreamHealth) -> list[str]:

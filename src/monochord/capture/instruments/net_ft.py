@@ -10,8 +10,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.capture.address import is_port, resolved
 from monochord.capture.instruments import _rdt as rdt
-from monochord.capture.instruments._address import is_port, resolved
 from monochord.capture.instruments._arrivals import Arrivals
 from monochord.capture.instruments._datagrams import Receiver, wait_readable
 from monochord.capture.instruments._sequence import Sequence

@@ -4,7 +4,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from monochord.capture.instruments._address import listening
+from monochord.capture.address import listening
 from monochord.capture.instruments._json_feed import JsonConnection, Stamped
 from monochord.capture.instruments._pose import UPRIGHT, pose_feed, unit_pose
 from monochord.capture.instruments.base import Instrument

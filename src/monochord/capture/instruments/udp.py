@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from monochord.capture.instruments._address import listening
+from monochord.capture.address import listening
 from monochord.capture.instruments._json_feed import JsonConnection, Stamped
 from monochord.capture.instruments.base import Instrument
 from monochord.core.errors import InputError

@@ -52,6 +52,11 @@ class PacedStream(Stream):
         return max(int((min(due, self._end) - self._start) // self._block) * self._block, 0)
 
     @property
+    def paced(self) -> bool:
+        """Whether a pace is kept."""
+        return self._speed > 0.0
+
+    @property
     def health(self) -> StreamHealth:
         """Frames so far, and what a recording misses of them."""
         return StreamHealth(frames=self._start - self._dropped, dropped=self._dropped, gaps=self._gaps)

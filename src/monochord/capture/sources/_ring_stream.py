@@ -44,6 +44,11 @@ class RingStream(Stream):
         """Frames in the ring."""
         return self._ring.pending
 
+    @property
+    def paced(self) -> bool:
+        """True: the device does not wait."""
+        return True
+
     def __iter__(self) -> Iterator[Block]:
         """Yield one block a period; waits for a device that is away."""
         while (block := self._next()) is not None:

@@ -38,6 +38,11 @@ class Stream(ABC):
         return 0
 
     @property
+    def paced(self) -> bool:
+        """Whether a clock sets the pace, so that a late reader loses windows; else the reader does."""
+        return False
+
+    @property
     def health(self) -> StreamHealth:
         """Counters so far."""
         return StreamHealth()

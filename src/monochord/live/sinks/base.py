@@ -30,7 +30,7 @@ class Moment:
 
     `truth` is empty for real hardware; `skipped` counts windows left out so far because the reader was late.
     `adc_time` is the monotonic-clock time of the window's first frame at the converter, where the source
-    knows it.
+    knows it, and `at_hand` that at which the last one was at hand. Sinks in several threads share a moment.
     """
 
     prediction: Prediction
@@ -43,6 +43,11 @@ class Moment:
     events: tuple[Event, ...] = ()
     notes: tuple[Note, ...] = ()
     adc_time: Seconds | None = None
+    at_hand: Seconds | None = None
+
+
+class NotDeliveredError(Exception):
+    """Raised by a writer that could not deliver a window; the window is counted, and the sink goes on."""
 
 
 class Writer(ABC):
@@ -50,7 +55,11 @@ class Writer(ABC):
 
     @abstractmethod
     def write(self, moment: Moment) -> None:
-        """Take one prediction; must return quickly, it runs in the live loop."""
+        """Take one prediction; a slow writer loses the oldest that wait for it, and delays nobody else.
+
+        Calls come one at a time, from a thread of the sink's own or from the live loop. A writer that raises
+        is closed, and gets no more; `NotDeliveredError` only counts the window as left out.
+        """
 
 
 class Sink(ABC):
@@ -58,7 +67,7 @@ class Sink(ABC):
 
     @abstractmethod
     def open(self, signal: Signal) -> AbstractContextManager[Writer]:
-        """Open the sink for a signal; leaving the context flushes and closes it."""
+        """Open the sink for a signal; leaving the context, perhaps in another thread, closes it."""
 
     @property
     def fills_standard_output(self) -> bool:
@@ -75,7 +84,10 @@ class Sink(ABC):
 
 
 class Listener(Sink, Writer):
-    """A sink that is its own writer, for one run: it stores or counts what passes."""
+    """A sink that is its own writer, for one run: it stores or counts what passes.
+
+    It is part of the program that runs the loop: called in the loop, and what it raises ends the run.
+    """
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002

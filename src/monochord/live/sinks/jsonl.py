@@ -1,16 +1,17 @@
 """JSON lines: one object a window, to a file or to standard output."""
 
 import json
-import math
+import os
 import sys
-from collections.abc import Generator, Mapping
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from monochord.core.errors import InputError
-from monochord.core.types import Prediction, Signal
+from monochord.core.types import Signal
+from monochord.live.sinks._record import record
 from monochord.live.sinks.base import Moment, Sink, Writer
 
 
@@ -43,64 +44,41 @@ class Jsonl(Sink):
     def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
         """Open the file; raises `InputError` where it cannot be written."""
         if self.path == "-":
-            yield _Lines(sys.stdout, everything=self.everything)
-            sys.stdout.flush()
+            with _standard_output() as file:
+                yield _Lines(file, everything=self.everything, flush=True)
             return
         try:
             file = Path(self.path).open("w", encoding="utf-8")  # noqa: SIM115
         except OSError as error:
             raise InputError(f"file {self.path} ({error.strerror})", "a path that can be written") from error
         with file:
-            yield _Lines(file, everything=self.everything)
+            yield _Lines(file, everything=self.everything, flush=False)
+
+
+@contextmanager
+def _standard_output() -> Generator[TextIO]:
+    """Yield a file of its own for standard output, where that has a number.
+
+    A reader that stalls then holds up this file alone, and not what ends the program.
+    """
+    sys.stdout.flush()
+    try:
+        number = os.dup(sys.stdout.fileno())
+    except OSError:  # standard output that lies in memory
+        yield sys.stdout
+        sys.stdout.flush()
+        return
+    with open(number, "w", encoding="utf-8") as file:  # noqa: PTH123  (a number, not a path)
+        yield file
 
 
 class _Lines(Writer):
-    def __init__(self, file: TextIO, *, everything: bool) -> None:
-        self._file, self._everything = file, everything
+    def __init__(self, file: TextIO, *, everything: bool, flush: bool) -> None:
         # A reader at the other end of a pipe wants each line as it comes; a file is written in blocks.
-        self._flush = file is sys.stdout
+        self._file, self._everything, self._flush = file, everything, flush
 
     def write(self, moment: Moment) -> None:
-        record = _position(moment.prediction)
-        if self._everything:
-            record |= _others(moment.prediction) | _context(moment)
-        plain = {name: _finite(value) for name, value in record.items()}
-        self._file.write(json.dumps(plain, allow_nan=False) + "\n")
+        line = json.dumps(record(moment, everything=self._everything), allow_nan=False)
+        self._file.write(line + "\n")
         if self._flush:
             self._file.flush()
-
-
-def _position(prediction: Prediction) -> dict[str, Any]:
-    position = prediction.estimate("position")
-    return {
-        "time": prediction.time,
-        "frequency": prediction.estimate("frequency").value,
-        "position": position.value,
-        "position_std": position.std,
-        "valid": position.valid,
-        "why_not": position.why_not,
-    }
-
-
-def _others(prediction: Prediction) -> dict[str, Any]:
-    record: dict[str, Any] = {}
-    for name, estimate in prediction.estimates.items():
-        record |= {name: estimate.value, f"{name}_std": estimate.std}
-    return record
-
-
-def _context(moment: Moment) -> dict[str, Any]:
-    truth: Mapping[str, float] = moment.truth
-    return {f"true_{name}": value for name, value in truth.items()} | {
-        "latency": moment.prediction.latency,
-        "dropped": moment.health.dropped,
-        "gaps": moment.health.gaps,
-        "xruns": moment.health.xruns,
-        "skipped": moment.skipped,
-    }
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, (bool, str, int)):
-        return value
-    return float(value) if math.isfinite(value) else None

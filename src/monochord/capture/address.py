@@ -1,4 +1,4 @@
-"""Addresses of instruments: those at which they listen for datagrams, and those of devices."""
+"""UDP addresses: those at which datagrams are received, and those of devices and receivers."""
 
 import queue
 import re

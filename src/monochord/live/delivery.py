@@ -1,0 +1,298 @@
+"""Hands moments to sinks, so that none of them delays the live loop or another sink."""
+
+import logging
+import queue
+import sys
+import threading
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from monochord.core.errors import DeviceError, MonochordError
+from monochord.core.printable import printable
+from monochord.core.types import Signal
+from monochord.core.units import Seconds
+from monochord.live.sinks.base import Listener, Moment, NotDeliveredError, Sink
+
+BACKLOG = 256
+"""Windows that wait for a sink at most: 2.5 s at the usual hop, and 9 MB of sound, which all sinks share."""
+CLOSING: Seconds = 3.0
+"""How long sinks may take, together, to write what waits for them at the end of a run."""
+SWITCH_INTERVAL: Seconds = 5e-4
+"""How long a sink's thread may keep the interpreter to itself while the loop has a window to estimate.
+
+Python's own 5 ms is half a hop."""
+
+_log = logging.getLogger("monochord")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delivered:
+    """What became of a run's windows at one sink.
+
+    `written` windows were taken by the sink. `left_out` were not: it was slow, could not deliver them, or had
+    failed. `failure` is the reason why it was closed before the end, empty where it was not.
+    """
+
+    sink: str
+    written: int
+    left_out: int
+    failure: str = ""
+
+    def line(self) -> str:
+        """Return it as a person reads it.
+
+        >>> Delivered(sink="udp", written=90, left_out=10).line()
+        'udp 90 written, 10 left out'
+        """
+        counts = f"{self.sink} {self.written} written, {self.left_out} left out"
+        return f"{counts}; closed: {self.failure}" if self.failure else counts
+
+
+class Delivery:
+    """The open sinks of a run; leaving the context writes what waits and closes them.
+
+    Where a clock paces the source, each sink has a thread of its own behind a queue of `BACKLOG` windows; the
+    oldest window in a full queue is left out and counted. Where the reader paces the source, as with a file
+    that is read at full speed, sinks are called in the loop, which waits for them: nothing is left out.
+
+    A sink that raises is reported in one line and closed, and the others go on. The run ends with that error
+    where no other sink is left, or where the reader of standard output went away. A `Listener` is part of the
+    program that runs the loop: it is always called in the loop, and what it raises passes through.
+
+    Parameters
+    ----------
+    sinks
+        Sinks in the order in which they are opened.
+    signal
+        What the source says of its audio.
+    paced
+        Whether a clock paces the source.
+
+    Examples
+    --------
+    >>> from monochord.live.sinks import SINKS
+    >>> signal = Signal(sample_rate=44100, channels=2)
+    >>> with Delivery([SINKS.build("udp")], signal, paced=True) as delivery:
+    ...     pass
+    >>> delivery.delivered
+    (Delivered(sink='udp', written=0, left_out=0, failure=''),)
+    """
+
+    def __init__(self, sinks: Iterable[Sink], signal: Signal, *, paced: bool) -> None:
+        self._sinks, self._signal, self._paced = tuple(sinks), signal, paced
+        self._outlets: list[_Outlet] = []
+        self._dispatcher: _Dispatcher | None = None
+        self._usual_interval = sys.getswitchinterval()
+
+    def __enter__(self) -> Self:
+        try:
+            for sink in self._sinks:
+                self._outlets.append(self._opened(sink))
+        except BaseException:
+            self._close()
+            raise
+        queued = [outlet for outlet in self._outlets if isinstance(outlet, _Queued)]
+        if queued:
+            self._dispatcher = _Dispatcher(queued)
+            sys.setswitchinterval(min(SWITCH_INTERVAL, self._usual_interval))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._close()
+        if error is None:
+            self._raise_where_none_is_left()
+
+    def hand_over(self, moment: Moment) -> None:
+        """Give a moment to every sink; raises where no sink is left."""
+        if self._dispatcher is not None:
+            self._dispatcher.moments.put(moment)
+        for outlet in self._outlets:
+            outlet.take(moment)
+            if outlet.error is not None:
+                self._raise_where_none_is_left()
+
+    @property
+    def delivered(self) -> tuple[Delivered, ...]:
+        """What became of the windows at each sink but listeners."""
+        return tuple(outlet.delivered() for outlet in self._outlets if not isinstance(outlet, _Called))
+
+    def _opened(self, sink: Sink) -> "_Outlet":
+        if isinstance(sink, Listener):
+            return _Called(sink, self._signal)
+        return (_Queued if self._paced else _Guarded)(sink, self._signal)
+
+    def _close(self) -> None:
+        sys.setswitchinterval(self._usual_interval)
+        deadline = time.monotonic() + CLOSING
+        if self._dispatcher is not None:
+            self._dispatcher.close()
+        for outlet in self._outlets:
+            outlet.end()
+        for outlet in self._outlets:
+            outlet.close(deadline)
+
+    def _raise_where_none_is_left(self) -> None:
+        own = [outlet for outlet in self._outlets if not isinstance(outlet, _Called)]
+        failed = [outlet for outlet in own if outlet.error is not None]
+        gone = [each for each in failed if each.ends_the_run]
+        if gone or (failed and len(failed) == len(own)):
+            error = (gone or failed)[0].error
+            assert error is not None
+            raise error
+
+
+class _Outlet:
+    """An open sink."""
+
+    def __init__(self, sink: Sink, signal: Signal) -> None:
+        self.name = type(sink).__module__.rpartition(".")[2]
+        self.error: Exception | None = None
+        self._reads_standard_output = sink.fills_standard_output
+        self._given = self._written = 0
+        self._context = sink.open(signal)
+        self._writer = self._context.__enter__()
+
+    @property
+    def ends_the_run(self) -> bool:
+        """Whether the reader of standard output went away, as `head` does."""
+        return self._reads_standard_output and isinstance(self.error, BrokenPipeError)
+
+    def take(self, moment: Moment) -> None:
+        """Take a moment in the loop."""
+
+    def end(self) -> None:
+        """Expect no more."""
+
+    def close(self, deadline: Seconds) -> None:  # noqa: ARG002
+        """Write what waits and close the sink, until a time of the monotonic clock."""
+        if self.error is None:
+            self._leave()
+
+    def delivered(self) -> Delivered:
+        """Return what became of the windows."""
+        failure = "" if self.error is None else reason(self.error)
+        left_out = self._given - self._written
+        return Delivered(sink=self.name, written=self._written, left_out=left_out, failure=failure)
+
+    def _write(self, moment: Moment) -> None:
+        """Write a moment; a sink that raises is closed."""
+        try:
+            self._writer.write(moment)
+        except NotDeliveredError:
+            pass
+        except Exception as error:  # noqa: BLE001  (whatever a sink of others may raise)
+            self._fail(error)
+            self._leave()
+        else:
+            self._written += 1
+
+    def _leave(self) -> None:
+        try:
+            self._context.__exit__(None, None, None)
+        except Exception as error:  # noqa: BLE001
+            if self.error is None:  # else it says the same again, as of a full disk
+                self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        self.error = error
+        if not self.ends_the_run:
+            _log.warning("sink %s is closed: %s", self.name, reason(error))
+
+
+class _Called(_Outlet):
+    """A listener: called in the loop, and what it raises passes through."""
+
+    def take(self, moment: Moment) -> None:
+        self._writer.write(moment)
+
+    def close(self, deadline: Seconds) -> None:  # noqa: ARG002
+        self._context.__exit__(None, None, None)
+
+
+class _Guarded(_Outlet):
+    """A sink that is called in the loop, which waits for it."""
+
+    def take(self, moment: Moment) -> None:
+        self._given += 1
+        if self.error is None:
+            self._write(moment)
+
+
+class _Queued(_Outlet):
+    """A sink with a thread of its own behind a queue."""
+
+    def __init__(self, sink: Sink, signal: Signal) -> None:
+        super().__init__(sink, signal)
+        self._waiting: queue.SimpleQueue[Moment | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name=f"sink-{self.name}", daemon=True)
+        self._thread.start()
+
+    def put(self, moment: Moment) -> None:
+        """Take a moment from the dispatcher; a full queue loses its oldest."""
+        self._given += 1
+        if self.error is not None:
+            return
+        waiting = self._waiting
+        if waiting.qsize() >= BACKLOG:
+            with suppress(queue.Empty):  # the sink may take it at this moment
+                waiting.get_nowait()
+        waiting.put(moment)
+
+    def end(self) -> None:
+        self._waiting.put(None)
+
+    def close(self, deadline: Seconds) -> None:
+        self._thread.join(max(deadline - time.monotonic(), 0.0))
+        if self._thread.is_alive() and self.error is None:
+            self._fail(DeviceError(f"output that is not taken within {CLOSING:g} s"))
+
+    def _run(self) -> None:
+        while (moment := self._waiting.get()) is not None:
+            self._write(moment)
+            if self.error is not None:
+                return  # and is closed
+        self._leave()
+
+
+class _Dispatcher:
+    """Passes moments from the loop to the queues of sinks, in a thread of its own.
+
+    To wake a thread costs some 10 us, which the loop so spends once, and not once for each sink.
+    """
+
+    def __init__(self, outlets: list[_Queued]) -> None:
+        self.moments: queue.SimpleQueue[Moment | None] = queue.SimpleQueue()
+        self._outlets = outlets
+        self._thread = threading.Thread(target=self._run, name="delivery", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Wait until every moment is in the queues, which never takes long."""
+        self.moments.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        while (moment := self.moments.get()) is not None:
+            for outlet in self._outlets:
+                outlet.put(moment)
+
+
+def reason(error: Exception) -> str:
+    """Return an error as one plain line.
+
+    >>> reason(OSError(28, "No space left on device")), reason(ZeroDivisionError("by zero"))
+    ('No space left on device', 'ZeroDivisionError: by zero')
+    """
+    if isinstance(error, OSError) and error.strerror:
+        text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    elif isinstance(error, (MonochordError, OSError)):
+        text = str(error)
+    else:
+        text = f"{type(error).__name__}: {error}"
+    return printable(" ".join(text.split()))

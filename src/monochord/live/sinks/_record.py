@@ -1,0 +1,87 @@
+"""A moment as one flat table of plain values, and the time of day that goes with it."""
+
+import math
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from monochord.core.types import Prediction
+from monochord.live.sinks.base import Moment
+
+NANO = 1_000_000_000
+
+
+def record(moment: Moment, *, everything: bool) -> dict[str, Any]:
+    """Return position and frequency; with `everything` also the others, truth, latency and counters.
+
+    What is no finite number is None, as JSON has neither NaN nor infinity.
+    """
+    values = _position(moment.prediction)
+    if everything:
+        values |= _others(moment.prediction) | _context(moment)
+    return {name: _finite(value) for name, value in values.items()}
+
+
+def followed(moment: Moment) -> dict[str, Any]:
+    """Return what is followed over time: tracked estimates, decisions, events and notes.
+
+    ``tracked_NAME`` with its ``_std``, ``decided_NAME`` true or false, ``events`` of this window as objects,
+    and the stable keys of ``notes``.
+    """
+    values: dict[str, Any] = {}
+    for name, estimate in moment.tracked.items():
+        values |= {f"tracked_{name}": _finite(estimate.value), f"tracked_{name}_std": _finite(estimate.std)}
+    values |= {f"decided_{name}": decision for name, decision in moment.decided.items()}
+    events = [
+        {"name": event.name, "on": event.on, "time": event.time, "delay": event.delay}
+        | {"confidence": _finite(event.confidence)}
+        for event in moment.events
+    ]
+    return values | {"events": events, "notes": [note.key for note in moment.notes]}
+
+
+def unix_nanoseconds(moment: Moment) -> int:
+    """Return when the window's last frame was at the converter, in ns since the Unix epoch.
+
+    Where the source does not know, it is when that frame was at hand. The system's clock is read here, so
+    that a clock that is set, or slewed by NTP, is followed.
+    """
+    monotonic = moment.at_hand if moment.adc_time is None else moment.adc_time + moment.window.duration
+    ahead = time.time_ns() - time.monotonic_ns()
+    return ahead + (time.monotonic_ns() if monotonic is None else round(monotonic * NANO))
+
+
+def _position(prediction: Prediction) -> dict[str, Any]:
+    position = prediction.estimate("position")
+    return {
+        "time": prediction.time,
+        "frequency": prediction.estimate("frequency").value,
+        "position": position.value,
+        "position_std": position.std,
+        "valid": position.valid,
+        "why_not": position.why_not,
+    }
+
+
+def _others(prediction: Prediction) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for name, estimate in prediction.estimates.items():
+        values |= {name: estimate.value, f"{name}_std": estimate.std}
+    return values
+
+
+def _context(moment: Moment) -> dict[str, Any]:
+    truth: Mapping[str, float] = moment.truth
+    return {f"true_{name}": value for name, value in truth.items()} | {
+        "latency": moment.prediction.latency,
+        "dropped": moment.health.dropped,
+        "gaps": moment.health.gaps,
+        "xruns": moment.health.xruns,
+        "skipped": moment.skipped,
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, (bool, str, int)):
+        return value
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,137 @@
+import csv
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.core.errors import InputError
+from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.live.events import Event
+from monochord.live.health import Note
+from monochord.live.sinks.base import Moment
+from monochord.live.sinks.csv import Csv
+
+SIGNAL = Signal(sample_rate=44100, channels=2)
+POSITION = Estimate(value=0.2275, std=2e-4, unit="m")
+
+
+def moment(estimates: Mapping[str, Estimate], truth: Mapping[str, float] | None = None) -> Moment:
+    return Moment(
+        prediction=Prediction(start=441, time=0.01, estimates=estimates, latency=0.002),
+        window=Window(samples=np.zeros((2, 4410), np.float32), start=441, sample_rate=44100),
+        health=StreamHealth(dropped=64, gaps=1, xruns=5),
+        truth=truth or {},
+        skipped=3,
+        adc_time=time.monotonic() - 100.0,
+    )
+
+
+def rows(path: Path, *moments: Moment) -> list[dict[str, str]]:
+    with Csv(path=str(path)).open(SIGNAL) as writer:
+        for each in moments:
+            writer.write(each)
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file, strict=True))
+
+
+def test_a_row_has_estimates_reasons_truth_and_counters(tmp_path: Path) -> None:
+    force = Estimate.abstain("N", 'too "soft", says it')
+    given = replace(
+        moment({"position": POSITION, "force": force}, {"position": 0.22}),
+        tracked={"position": Estimate(value=0.22, std=math.inf, unit="m")},
+        decided={"contact": True},
+        events=(Event(name="contact", on=True, time=0.11, delay=0.0, confidence=0.9),),
+        notes=tuple(
+            Note(key=key, level="warning", sentence="", remedy="", since=0.0) for key in ("hum", "clipping")
+        ),
+    )
+    (row,) = rows(tmp_path / "out.csv", given)
+    assert abs(float(row.pop("stamp")) - (time.time() - 100.0)) < 60.0
+    assert row == {
+        "time": "0.01",
+        "frequency": "",
+        "position": "0.2275",
+        "position_std": "0.0002",
+        "valid": "1",
+        "force": "",
+        "force_std": "",
+        "true_position": "0.22",
+        "latency": "0.002",
+        "dropped": "64",
+        "gaps": "1",
+        "xruns": "5",
+        "skipped": "3",
+        "position_why_not": "",
+        "force_why_not": 'too "soft", says it',
+        "true_contact": "",
+        "true_slip": "",
+        "true_force": "",
+        "tracked_position": "0.22",
+        "tracked_position_std": "",
+        "tracked_force": "",
+        "tracked_force_std": "",
+        "decided_contact": "1",
+        "decided_slip": "",
+        "events": '[{"name": "contact", "on": true, "time": 0.11, "delay": 0.0, "confidence": 0.9}]',
+        "notes": "hum clipping",
+        "more": "",
+    }
+
+
+def test_what_the_first_window_had_no_column_for_is_not_lost(tmp_path: Path) -> None:
+    hard = Estimate(value=3.5, std=0.5, unit="Pa")
+    first, second = rows(
+        tmp_path / "out.csv",
+        moment({"position": POSITION}),
+        moment({"position": POSITION, "hardness": hard}, {"force": 0.8}),
+    )
+    assert first["more"] == ""
+    assert json.loads(second["more"]) == {
+        "hardness": 3.5,
+        "hardness_std": 0.5,
+        "true_force": 0.8,
+        "hardness_why_not": "",
+    }
+
+
+def test_numbers_survive_exactly(tmp_path: Path) -> None:
+    values = np.random.default_rng(2).standard_normal(50)
+    moments = [moment({"position": Estimate(value=np.float64(v), std=math.inf, unit="m")}) for v in values]
+    assert [float(row["position"]) for row in rows(tmp_path / "out.csv", *moments)] == values.tolist()
+
+
+RUN = """
+import sys
+from monochord.cli import main
+main(["live", sys.argv[1], "--length", "0.65", "--open-frequency", "110", "--set", "source.repeat=0",
+      "--set", "source.speed=1", "--json", "--sink", "csv=" + sys.argv[2]])
+"""
+
+
+def test_a_kill_loses_less_than_a_second(recording: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.csv"
+    command = [sys.executable, "-c", RUN, str(recording), str(out)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        lines = [process.stdout.readline() for _ in range(150)]
+        os.kill(process.pid, signal.SIGKILL)
+    text = out.read_text(encoding="utf-8")
+    assert text.endswith("\n")
+    written = list(csv.DictReader(text.splitlines(), strict=True))
+    assert float(written[-1]["time"]) > json.loads(lines[-1])["time"] - 1.0
+    assert {len(row) for row in written} == {len(written[0])}
+
+
+@pytest.mark.parametrize("place", ["/no/such/folder/out.csv", "/"])
+def test_a_place_that_cannot_be_written_is_refused(place: str) -> None:
+    with pytest.raises(InputError, match="allowed is a path that can"), Csv(path=place).open(SIGNAL):
+        pass

@@ -1,0 +1,232 @@
+"""Moments handed to sinks that are slow, hang or fail."""
+
+import logging
+import math
+import sys
+import threading
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from monochord.core.types import Prediction, Signal, StreamHealth, Window
+from monochord.live import delivery
+from monochord.live.delivery import BACKLOG, Delivered, Delivery
+from monochord.live.sinks.base import Listener, Moment, NotDeliveredError, Sink, Writer
+
+SIGNAL = Signal(sample_rate=44100, channels=2)
+WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
+
+
+def moment(number: int) -> Moment:
+    prediction = Prediction(start=441 * number, time=number / 100, estimates={})
+    return Moment(prediction=prediction, window=WINDOW, health=StreamHealth(), truth={}, skipped=0)
+
+
+class Keep(Sink, Writer):
+    """A sink that keeps the numbers of what it was given, and in which threads."""
+
+    def __init__(self, before: Callable[[int], object] = id, *, fills_standard_output: bool = False) -> None:
+        self.numbers: list[int] = []
+        self.threads: set[int] = set()
+        self.opened = self.closed = 0
+        self._before, self._fills = before, fills_standard_output
+
+    @property
+    def fills_standard_output(self) -> bool:
+        return self._fills
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:
+        assert signal is SIGNAL
+        self.opened += 1
+        yield self
+        self.closed += 1
+
+    def write(self, moment: Moment) -> None:
+        number = moment.prediction.start // 441
+        self._before(number)
+        self.numbers.append(number)
+        self.threads.add(threading.get_ident())
+
+
+class Audience(Listener):
+    def __init__(self, then: Callable[[int], object] = id) -> None:
+        self.threads: set[int] = set()
+        self._then = then
+
+    def write(self, moment: Moment) -> None:
+        self.threads.add(threading.get_ident())
+        self._then(moment.prediction.start // 441)
+
+
+def fail_at(count: int, error: Exception) -> Callable[[int], None]:
+    def before(number: int) -> None:
+        if number == count:
+            raise error
+
+    return before
+
+
+def play(sinks: list[Sink], *, paced: bool) -> None:
+    """Hand over moments until something is raised."""
+    with Delivery(sinks, SIGNAL, paced=paced) as delivering:
+        for number in range(100_000):
+            delivering.hand_over(moment(number))
+            time.sleep(1e-4)
+
+
+def test_every_sink_gets_all_in_order_in_a_thread_of_its_own() -> None:
+    keeps = [Keep(), Keep(), Keep()]
+    with Delivery(keeps, SIGNAL, paced=True) as delivering:
+        for number in range(200):
+            delivering.hand_over(moment(number))
+    assert [keep.numbers for keep in keeps] == [list(range(200))] * 3
+    assert len(set.union(*(keep.threads for keep in keeps), {threading.get_ident()})) == 4
+    assert [(keep.opened, keep.closed) for keep in keeps] == [(1, 1)] * 3
+    assert delivering.delivered == (Delivered(sink="test_delivery", written=200, left_out=0),) * 3
+
+
+def test_a_slow_sink_delays_nobody_and_what_it_misses_is_counted() -> None:
+    go = threading.Event()
+    slow, quick = Keep(lambda _: go.wait(60.0)), Keep()
+    total = BACKLOG + 100
+    with Delivery([slow, quick], SIGNAL, paced=True) as delivering:
+        for number in range(total):
+            delivering.hand_over(moment(number))
+            while len(quick.numbers) <= number:  # it, too, may be left behind by a loop without a pace
+                time.sleep(1e-4)
+        assert slow.numbers == []
+        go.set()
+    assert quick.numbers == list(range(total))
+    # The one that it was busy with, unless it was woken late; and the newest.
+    assert slow.numbers[-BACKLOG:] == list(range(total - BACKLOG, total))
+    assert len(slow.numbers) in (BACKLOG, BACKLOG + 1)
+    seen = delivering.delivered
+    assert [each.written + each.left_out for each in seen] == [total, total]
+    assert [each.left_out for each in seen] == [total - len(slow.numbers), 0]
+
+
+@pytest.mark.parametrize("paced", [True, False])
+def test_a_sink_that_fails_is_reported_and_closed_and_the_others_go_on(
+    caplog: pytest.LogCaptureFixture, *, paced: bool
+) -> None:
+    bad, good = Keep(fail_at(3, OSError(28, "No space left on device"))), Keep()
+    with caplog.at_level(logging.WARNING), Delivery([bad, good], SIGNAL, paced=paced) as delivering:
+        for number in range(50):
+            delivering.hand_over(moment(number))
+    assert (bad.numbers, bad.closed) == ([0, 1, 2], 1)
+    assert (good.numbers, good.closed) == (list(range(50)), 1)
+    assert caplog.messages == ["sink test_delivery is closed: No space left on device"]
+    assert delivering.delivered == (
+        Delivered(sink="test_delivery", written=3, left_out=47, failure="No space left on device"),
+        Delivered(sink="test_delivery", written=50, left_out=0),
+    )
+
+
+@pytest.mark.parametrize("paced", [True, False])
+def test_the_run_ends_with_the_error_of_the_last_sink(*, paced: bool) -> None:
+    bad = [Keep(fail_at(3, OSError(28, "full"))), Keep(fail_at(9, ZeroDivisionError("its own fault")))]
+    with pytest.raises(OSError, match="full"):
+        play([*bad, Audience()], paced=paced)
+    assert [keep.closed for keep in bad] == [1, 1]
+    assert [keep.numbers for keep in bad] == [list(range(3)), list(range(9))]
+
+
+@pytest.mark.parametrize("paced", [True, False])
+def test_the_run_ends_where_the_reader_of_standard_output_left(
+    caplog: pytest.LogCaptureFixture, *, paced: bool
+) -> None:
+    lines, other = Keep(fail_at(3, BrokenPipeError()), fills_standard_output=True), Keep()
+    with pytest.raises(BrokenPipeError):
+        play([lines, other], paced=paced)
+    assert other.closed == 1
+    assert not caplog.messages
+
+
+@pytest.mark.parametrize("paced", [True, False])
+def test_a_sink_may_fail_as_it_is_closed(*, paced: bool) -> None:
+    class Full(Keep):
+        @contextmanager
+        def open(self, signal: Signal) -> Generator[Writer]:
+            yield self
+            raise OSError(28, "full")
+
+    good = Keep()
+    with Delivery([Full(), good], SIGNAL, paced=paced) as delivering:
+        delivering.hand_over(moment(0))
+    assert [each.failure for each in delivering.delivered] == ["full", ""]
+    with pytest.raises(OSError, match="full"), Delivery([Full()], SIGNAL, paced=paced) as delivering:
+        delivering.hand_over(moment(0))
+
+
+def test_a_sink_that_hangs_does_not_keep_the_run_from_ending(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(delivery, "CLOSING", 0.2)
+    never, good = threading.Event(), Keep()
+    begin = time.monotonic()
+    with Delivery([Keep(lambda _: never.wait(60.0)), good], SIGNAL, paced=True) as delivering:
+        for number in range(5):
+            delivering.hand_over(moment(number))
+    assert time.monotonic() - begin < 30.0
+    never.set()
+    assert good.numbers == list(range(5))
+    hung = delivering.delivered[0]
+    assert (hung.written, hung.left_out) == (0, 5)
+    assert hung.failure == "output that is not taken within 0.2 s"
+
+
+def test_a_window_that_a_sink_cannot_deliver_is_counted_and_it_goes_on() -> None:
+    keep = Keep(fail_at(2, NotDeliveredError()))
+    with Delivery([keep], SIGNAL, paced=True) as delivering:
+        for number in range(5):
+            delivering.hand_over(moment(number))
+    assert keep.numbers == [0, 1, 3, 4]
+    assert delivering.delivered == (Delivered(sink="test_delivery", written=4, left_out=1),)
+
+
+def test_without_a_pace_the_loop_waits_and_nothing_is_lost() -> None:
+    slow = Keep(lambda _: time.sleep(1e-4))
+    with Delivery([slow], SIGNAL, paced=False) as delivering:
+        for number in range(2 * BACKLOG):
+            delivering.hand_over(moment(number))
+    assert slow.numbers == list(range(2 * BACKLOG))
+    assert slow.threads == {threading.get_ident()}
+
+
+@pytest.mark.parametrize("paced", [True, False])
+def test_a_listener_is_called_in_the_loop_and_what_it_raises_passes_through(*, paced: bool) -> None:
+    listener, keep = Audience(fail_at(1, ZeroDivisionError())), Keep()
+    with pytest.raises(ZeroDivisionError):
+        play([listener, keep], paced=paced)
+    assert listener.threads == {threading.get_ident()}
+    assert keep.closed == 1
+
+
+def test_a_sink_that_cannot_be_opened_closes_the_others() -> None:
+    class Absent(Keep):
+        @contextmanager
+        def open(self, signal: Signal) -> Generator[Writer]:
+            raise OSError(2, "not there")
+            yield self
+
+    before, first, usual = threading.active_count(), Keep(), sys.getswitchinterval()
+    with pytest.raises(OSError, match="not there"), Delivery([first, Absent()], SIGNAL, paced=True):
+        pass
+    assert first.closed == 1
+    assert threading.active_count() == before
+    assert math.isclose(sys.getswitchinterval(), usual)
+
+
+@pytest.mark.real_time
+def test_handing_a_moment_to_five_sinks_costs_less_than_thirty_microseconds() -> None:
+    spans: list[float] = []
+    with Delivery([Keep() for _ in range(5)], SIGNAL, paced=True) as delivering:
+        for number in range(500):
+            given = moment(number)
+            time.sleep(1e-3)
+            begin = time.perf_counter()
+            delivering.hand_over(given)
+            spans.append(time.perf_counter() - begin)
+    assert np.median(spans) < 3e-5
