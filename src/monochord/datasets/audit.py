@@ -6,13 +6,14 @@ the test (or the validation), whoever made the split and however.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Flags, Indices
+from monochord.core.types import Audio, Flags, Indices
 from monochord.core.units import Samples
 from monochord.datasets._strategies import is_held_out
 from monochord.datasets.duplicates import find_duplicates
@@ -262,8 +263,23 @@ def _checksums(
 def _duplicates(
     dataset: Dataset, session_counts: Mapping[str, Indices], pairs: list[tuple[int, int]]
 ) -> Iterator[Leak]:
-    for copy in find_duplicates(dataset.mapped, pairs):
+    for copy in find_duplicates(partial(_between_taps, dataset), pairs):
         yield _copies("near duplicate", dataset, session_counts, (copy.first, copy.second), copy.lag)
+
+
+def _between_taps(dataset: Dataset, session: int) -> Audio:
+    """Return the samples of a session, silent while it is calibrated.
+
+    Taps sound alike in all sessions, at every frequency: nearly each pair would have to be looked into.
+    """
+    tapped = (dataset.session == session) & (dataset.label("calibrating") == 1.0)
+    samples = dataset.mapped(session)
+    if not tapped.any():
+        return samples
+    samples = np.array(samples)
+    for start in dataset.start[tapped].tolist():
+        samples[:, start : start + dataset.manifest.window] = 0.0
+    return samples
 
 
 def _copies(
