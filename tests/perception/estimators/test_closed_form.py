@@ -207,8 +207,10 @@ class TestTwoSegments:
         cut = (0.5 * sound / np.abs(sound).max())[:, 26460 : 26460 + SIZE].astype(np.float32)
         estimates = ClosedForm(tension_law="geometric").prepare(signal, SIZE)(window(cut))
         assert estimates["position"].value == pytest.approx(0.25, abs=1e-3)
-        assert estimates["force"].std < 0.5
-        assert abs(estimates["force"].value - 1.5) < 3.0 * estimates["force"].std + 0.1
+        assert abs(estimates["force"].value - 1.5) < 0.1
+        # What a clamp leaves out, 2.5 % of the tension, is as much as a whole press raises it.
+        assert 0.5 < estimates["force"].std < 2.5
+        assert 1e-3 < estimates["position"].std < 3e-3
 
 
 def twin_windows(ratio: float, position: float, untouched: float) -> tuple[list[Window], float]:
