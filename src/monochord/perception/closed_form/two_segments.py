@@ -34,8 +34,8 @@ MIN_SCORE = 0.25
 MIN_LEAD = 2.0
 """Least logarithm of the odds of a place, some 7 to 1; see docs/design/0026-learned-ranking.md."""
 CLAMP_POSITION_STD, CLAMP_TENSION_STD = 2.5e-3, 2.5e-2
-"""Standard deviations of what the model of a clamp leaves out: of the position as a share of the string's length, of the
-tension as a share of it. A compliant touch lengthens both segments, ends yield, drivers pull; on plausible builds of
+"""Standard deviations of what a clamp leaves out: of the position as a share of the length, of the tension
+as a share of it. A compliant touch lengthens both segments, ends yield, drivers pull; on plausible builds of
 the twin 68 % of positions are within 0.5 mm of 200, and of tensions within 2.3 %."""
 SCORE_SCALE, MIN_CONTACT_STD = 0.1, 0.01
 """Lead in score that makes a reading e times as likely as its rival, and the least error; set by hand."""
