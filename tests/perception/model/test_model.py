@@ -13,7 +13,10 @@ from monochord.core.types import Estimates, Signal, Window
 from monochord.perception.model import Definition, Model, ModelState
 from monochord.perception.model.definition import Calibration
 from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
+from monochord.perception.model.rise import rises
+from monochord.perception.training.examples import Examples
 from monochord.physics.strings import load_string
+from monochord.physics.theory import geometric_tension
 
 Sound = Callable[..., Window]
 CONFIDENT = Output(value=9.0)
@@ -168,6 +171,94 @@ def test_columns_that_are_no_inputs_do_not_matter(drawn: Model) -> None:
     assert network.output("force", base, context) == before
     base[12] += 1.0
     assert network.output("force", base, context) != before
+
+
+def rising(definition: Definition, **feature: Any) -> Definition:
+    """Return a definition whose head of force has the rise of the pitch as an input."""
+    record, reference = definition.heads["force"], definition.reference
+    assert reference is not None
+    task = dataclasses.replace(record.task, rise=True)
+    columns = ("ratio open", "ratio rest", "ratio place", *definition.feature.columns[3:])
+    names = ("open", *reference.feature.columns[1:])
+    untouched = dataclasses.replace(reference.feature, columns=names)
+    return dataclasses.replace(
+        definition,
+        feature=dataclasses.replace(definition.feature, **{"columns": columns, **feature}),
+        reference=dataclasses.replace(reference, feature=untouched),
+        heads={**definition.heads, "force": dataclasses.replace(record, task=task)},
+    )
+
+
+def test_the_rise_of_the_pitch_is_an_input_beside_the_columns(drawn: Model) -> None:
+    definition = rising(drawn.definition)
+    weights = dict(drawn.weights)
+    rng = np.random.default_rng(2)
+    more = {layer: rng.normal(size=(len(weights[f"force.{layer}.weight"]), 5)) for layer in ("0", "linear")}
+    for layer, columns in more.items():
+        known = weights[f"force.{layer}.weight"]
+        weights[f"force.{layer}.weight"] = np.hstack([known, columns]).astype(np.float32)
+    assert weights["force.linear.weight"].shape == definition.shapes()["force.linear.weight"]
+    network, (base, context) = Network.of(definition, weights), rows()
+    base[:3], context[0], context[-1] = (6.0, 1.0, 0.3), 2.0, 1.0
+    rise = network.rises(base, context)
+    depth = 4.0 * 0.3 * 0.7
+    expected = [np.arcsinh(2.0), np.arcsinh(-0.5), np.sqrt(4.0 / depth), -np.sqrt(1.0 / depth), depth]
+    np.testing.assert_allclose(rise, expected, rtol=1e-5)
+    assert network.output("force", base, context, rise) != network.output("force", base, context, 0.0 * rise)
+    assert network.output("contact", base, context, rise) == network.output("contact", base, context)
+    context[-1] = 0.0
+    assert not network.rises(base, context).any()
+
+
+def test_training_sees_the_rise_that_the_model_sees(drawn: Model) -> None:
+    torch = pytest.importorskip("torch")
+    from monochord.perception.training.network import TrainingTensors, initial
+
+    definition = rising(drawn.definition)
+    rng = np.random.default_rng(3)
+    base, context = rng.normal(size=(1, 6, 50)), rng.normal(size=(1, 6, 11))
+    context[..., -1] = [1.0, 1.0, 1.0, 1.0, 1.0, 0.0]
+    tasks = definition.heads
+    examples = Examples(
+        rows=np.arange(6),
+        session=np.zeros(6, np.int64),
+        touch=np.arange(6),
+        base=base.astype(np.float32),
+        context=context.astype(np.float32),
+        labels={name: np.zeros(6) for name in tasks},
+        masks={name: np.ones(6, bool) for name in tasks},
+    )
+    weights = initial(definition, 0)
+    for name, tensor in weights.items():
+        if name.startswith("force"):
+            tensor.data = torch.from_numpy(rng.normal(size=tuple(tensor.shape)).astype(np.float32))
+    task = dataclasses.replace(definition.heads["force"].task, linear=False)
+    output, _ = TrainingTensors(definition, drawn.weights, examples).whole_copy("force", task, weights, 0)
+    heads = {**definition.heads, "force": dataclasses.replace(definition.heads["force"], task=task)}
+    arrays = {**drawn.weights, **{name: tensor.detach().numpy() for name, tensor in weights.items()}}
+    network = Network.of(dataclasses.replace(definition, heads=heads), arrays)
+    for number in range(6):
+        row, known = examples.base[0, number], examples.context[0, number]
+        own = network.output(
+            "force", network.scaled(row), network.scaled_context(known), network.rises(row, known)
+        )
+        assert own.value == pytest.approx(float(output[number, 0]), rel=1e-4, abs=1e-4)
+
+
+def test_a_rise_without_its_columns_is_refused(drawn: Model) -> None:
+    with pytest.raises(InputError, match="input rise of the head 'force' without the column 'ratio open'"):
+        rising(drawn.definition, columns=drawn.definition.feature.columns).shapes()
+
+
+def test_the_root_of_the_rise_is_a_light_press_anywhere() -> None:
+    string = load_string("prototype").string
+    place = np.array([0.1, 0.3, 0.5, 0.9])
+    tension = np.asarray(geometric_tension(string, place * string.length, np.full(4, 0.5)))
+    share = 1e3 * (np.sqrt(tension / string.tension) - 1.0)
+    row = np.stack([share, np.zeros(4), place], axis=1).astype(np.float32)
+    reference = np.tile(np.array([0.0, 1.0], np.float32), (4, 1))
+    roots = rises(row, reference, (0, 1, 2, 0))[:, 2]
+    np.testing.assert_allclose(roots, roots[0], rtol=2e-3)
 
 
 def outputs(contact: float = 9.0, **others: Output) -> dict[str, Output]:

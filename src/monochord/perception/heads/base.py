@@ -43,6 +43,8 @@ class Task:
         Of its loss in the sum of losses.
     limit
         Largest standard error that is stated; with a larger one it abstains.
+    rise
+        Whether the rise of the pitch is an input beside the columns; see `monochord.perception.model.rise`.
     """
 
     label: str
@@ -55,6 +57,7 @@ class Task:
     linear: bool = False
     weight: float = 1.0
     limit: float = math.inf
+    rise: bool = False
 
     def __post_init__(self) -> None:
         if not all(1 <= units <= MAX_UNITS for units in self.hidden):

@@ -26,6 +26,9 @@ class Force(Head):
         those of timbre it cannot take the object's timbre for the force.
     limit
         Largest standard error in N that is stated; with a larger one it abstains.
+    rise
+        Add the rise of the pitch over the untouched string's to the inputs, as measures in which force is
+        nearly linear. Requires the feature fft_harmonic and the reference.
     """
 
     weight: float = 1.0
@@ -34,6 +37,7 @@ class Force(Head):
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     columns: tuple[str, ...] = ()
     limit: Newtons = 1.0
+    rise: bool = False
 
     def task(self) -> Task:
         """Return a quantity in N."""
@@ -46,4 +50,5 @@ class Force(Head):
             linear=self.linear,
             weight=self.weight,
             limit=self.limit,
+            rise=self.rise,
         )

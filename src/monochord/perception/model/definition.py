@@ -10,6 +10,7 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import StringParams
 from monochord.core.units import Samples, Seconds
 from monochord.perception.heads.base import CONTACT, Task
+from monochord.perception.model import rise
 
 FORMAT = 2
 """Version of a model's folder; 2 since heads have a linear path."""
@@ -258,9 +259,32 @@ class Definition:
             pairs.append((index(of), index(less) if minus else -1))
         return tuple(pairs)
 
+    @property
+    def rise_columns(self) -> tuple[int, ...]:
+        """The columns that the rise of the pitch is computed from; empty if no head has it as an input.
+
+        Raises
+        ------
+        InputError
+            If feature or reference lack one of them.
+        """
+        wanted = [name for name, record in self.heads.items() if record.task.rise]
+        if not wanted:
+            return ()
+        columns, reference = self.feature.columns, self.reference.feature.columns if self.reference else ()
+        missing = [column for column in rise.COLUMNS if column not in columns]
+        if missing or rise.REFERENCE not in reference:
+            lacks = f"the column '{missing[0]}'" if missing else f"a reference with '{rise.REFERENCE}'"
+            given = f"the input rise of the head '{wanted[0]}' without {lacks}"
+            raise InputError(given, "fft_harmonic and context.on", "or set its rise = false")
+        return (*(columns.index(column) for column in rise.COLUMNS), reference.index(rise.REFERENCE))
+
     def inputs(self, name: str) -> int:
-        """Return how many columns a head sees, of the feature and of the reference."""
-        return len(self.columns_of(name)) + (self.widths[1] if self.heads[name].task.context else 0)
+        """Return how many inputs a head has: columns of the feature and of the reference, and the rise."""
+        task = self.heads[name].task
+        rises = rise.COUNT if task.rise and self.rise_columns else 0
+        beside = (self.widths[1] if task.context else 0) + rises
+        return len(self.columns_of(name)) + beside
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the names and shapes of all weights.

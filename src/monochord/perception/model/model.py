@@ -151,7 +151,8 @@ class Model:
         samples = window.samples[None]
         row, known = feature(samples)[0], context_row(state, trained.widths[1])
         base, context = network.scaled(row), network.scaled_context(known)
-        outputs = {name: network.output(name, base, context) for name in trained.heads}
+        rise = network.rises(row, known)
+        outputs = {name: network.output(name, base, context, rise) for name in trained.heads}
         for name, pairs in self._variables.items():
             columns = np.concatenate([row, known[:-1], np.zeros(1, np.float32)])  # the last one is for -1
             values = tuple(float(columns[of]) - float(columns[less]) for of, less in pairs)

@@ -12,6 +12,7 @@ from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, HeadRecord
+from monochord.perception.model.rise import rises
 
 Indices = NDArray[np.int64]
 Layers = tuple[tuple[Audio, Audio], ...]
@@ -19,6 +20,7 @@ NO_CONTACT, UNCERTAIN = "no contact", "too uncertain"
 """Why a head abstains."""
 MAX_LOGIT = 700.0
 """Largest logit whose exponential is a finite double."""
+NOTHING: Audio = np.zeros(0, np.float32)
 NO_CORRECTIONS: Mapping[str, Correction] = {}
 STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 """Standard deviation of an error distribution whose spread is 1."""
@@ -42,7 +44,7 @@ class Network:
 
     Each row is computed by itself, never in a batch, so that equal rows give equal bits live and offline.
     `linear` holds the linear path of the heads that have one, `columns` the features that a head sees, None
-    for all.
+    for all. `rise` names the heads that have the rise of the pitch as an input, of `rise_columns`.
     """
 
     scaler: tuple[Audio, Audio]
@@ -52,6 +54,8 @@ class Network:
     linear: Mapping[str, tuple[Audio, Audio]]
     context: Mapping[str, bool]
     columns: Mapping[str, Indices | None]
+    rise: frozenset[str]
+    rise_columns: tuple[int, ...]
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
@@ -77,6 +81,8 @@ class Network:
                 name: np.array(definition.columns_of(name)) if record.task.columns else None
                 for name, record in heads.items()
             },
+            rise=frozenset(name for name, record in heads.items() if record.task.rise),
+            rise_columns=definition.rise_columns,
         )
 
     def scaled(self, row: Audio) -> Audio:
@@ -90,11 +96,16 @@ class Network:
         result = scaled(row, *self.context_scaler, self.clip)
         return result if row[-1] else np.zeros_like(result)
 
-    def output(self, name: str, base: Audio, context: Audio) -> Output:
-        """Return the output of a head for scaled features (d,) and a scaled reference (c,)."""
+    def rises(self, row: Audio, reference: Audio) -> Audio:
+        """Return the rise of the pitch as inputs, of features (d,) and a reference (c,), neither scaled."""
+        return rises(row, reference, self.rise_columns) if self.rise_columns else row[:0]
+
+    def output(self, name: str, base: Audio, context: Audio, rise: Audio = NOTHING) -> Output:
+        """Return the output of a head for scaled features (d,), a scaled reference (c,) and the rise."""
         columns = self.columns[name]
         inputs = base if columns is None else base[columns]
         inputs = np.concatenate([inputs, context]) if self.context[name] and context.size else inputs
+        inputs = np.concatenate([inputs, rise]) if name in self.rise else inputs
         layers, row = self.layers[name], inputs
         for weight, bias in layers[:-1]:
             row = np.maximum(weight @ row + bias, np.float32(0.0))

@@ -9,6 +9,7 @@ from monochord.core.types import Audio
 from monochord.perception.heads.base import Task
 from monochord.perception.model.definition import Definition
 from monochord.perception.model.network import scaled
+from monochord.perception.model.rise import rises
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.examples import Examples
 from monochord.perception.training.linear import LinearPath, folds_of, solve
@@ -30,6 +31,9 @@ class TrainingTensors:
             context = scaled(examples.context, scaler["context.mean"], scaler["context.scale"], clip)
             context *= examples.context[..., -1:]
             self.context = torch.from_numpy(context)
+        self.rise: Any = None
+        if definition.rise_columns:
+            self.rise = torch.from_numpy(rises(examples.base, examples.context, definition.rise_columns))
         self.columns = {
             name: torch.tensor(definition.columns_of(name)) if record.task.columns else None
             for name, record in definition.heads.items()
@@ -87,8 +91,10 @@ class TrainingTensors:
                 base = self.base[copy] if columns is None else self.base[copy][:, columns]
                 parts.append((base @ matrix[:, :width].T)[at, fold] + bias)
             context = torch.zeros(self.copies, self.count)
-            if self.tasks[name].context and self.context is not None:
-                context = torch.stack([(each @ matrix[:, width:].T)[at, fold] for each in self.context])
+            for copy in range(self.copies):
+                beside = self._beside(self.tasks[name], copy, slice(None))
+                if beside is not None:
+                    context[copy] = (beside @ matrix[:, width:].T)[at, fold]
             self._linear[name] = torch.stack(parts), context
             self._residual[name] = path.residual
 
@@ -120,10 +126,16 @@ class TrainingTensors:
     def _inputs(self, name: str, task: Task, copies: Any, batch: Any, shown: Any) -> Any:
         base, columns = self.base[copies, batch], self.columns[name]
         row = base if columns is None else base[:, columns]
-        if task.context and self.context is not None:
-            context = self.context[copies, batch]
-            row = torch_library().cat([row, context if shown is None else context * shown[:, None]], dim=1)
+        beside = self._beside(task, copies, batch)
+        if beside is not None:
+            row = torch_library().cat([row, beside if shown is None else beside * shown[:, None]], dim=1)
         return row
+
+    def _beside(self, task: Task, copies: Any, batch: Any) -> Any:
+        """Return what a head sees beside the columns: reference and rise over it; None for neither."""
+        parts = [self.context] if task.context and self.context is not None else []
+        parts += [self.rise] if task.rise else []
+        return torch_library().cat([part[copies, batch] for part in parts], dim=1) if parts else None
 
 
 def initial(definition: Definition, seed: int) -> dict[str, Any]:
