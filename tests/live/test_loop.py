@@ -7,7 +7,7 @@ import signal
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, StreamHealth, Truth, Window
 from monochord.live import LiveRun, WindowSettings, run
+from monochord.live.filter import FilterSettings, TrackSettings
 from monochord.live.sinks.base import Moment, Sink, Writer
 from monochord.perception.estimators.base import Estimator
 
@@ -135,6 +136,17 @@ def test_a_moment_carries_truth_health_and_window() -> None:
     assert moment.truth == {"contact": 1.0, "position": pytest.approx((40 + 140) / 1e4)}
     assert moment.health == StreamHealth(frames=200, dropped=7, gaps=1, xruns=2)
     np.testing.assert_array_equal(moment.window.samples, NOISE[:, 40:140])
+
+
+def test_a_moment_carries_what_is_followed_beside_what_one_window_says() -> None:
+    keep, other = Keep(), Keep()
+    run(session(Script(cut(NOISE, 100)), keep))
+    slow = FilterSettings(position=TrackSettings(resting=1e-9, sliding=1e-9))
+    run(replace(session(Script(cut(NOISE, 100)), other), filter=slow))
+    assert values(keep) == values(other)  # to the bit, whatever the filter
+    followed = [[m.tracked["position"].value for m in each.seen] for each in (keep, other)]
+    assert followed[0] != followed[1]
+    assert np.std(followed[1][50:]) < np.std([value for _, value in values(keep)[50:]])
 
 
 def test_a_late_reader_skips_to_the_newest_window_and_counts() -> None:

@@ -13,7 +13,7 @@ def metered() -> Meter:
     meter = Meter(deadline=0.01)
     for k in range(10):
         estimated = prediction(valid=k < 7, latency=0.02 if k < 2 else 0.001)
-        meter.add(estimated, read=1e-4, estimate=1e-3, sinks=2e-4)
+        meter.add(estimated, read=1e-4, estimate=1e-3, follow=1e-4, sinks=2e-4)
     meter.skip()
     meter.add_capture(None, 5.0)
     meter.add_capture(4.5, 5.0)
@@ -26,6 +26,7 @@ def test_everything_is_counted_once() -> None:
     assert {name: seen.count for name, seen in summary.stages.items()} == {
         "read": 10,
         "estimate": 10,
+        "follow": 10,
         "sinks": 10,
         "latency": 10,
         "capture": 1,

@@ -3,16 +3,17 @@
 from dataclasses import dataclass
 
 from monochord.core.units import Seconds
+from monochord.live.filter import CONTACT, SLIP, FilterState, Switch, Tracked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """A change of what is decided of a touch.
 
-    `name` is what changed, such as ``contact`` or ``slip``, and `on` what it is now. `time` is the onset in
-    seconds since the stream began: the end of the first window that showed the change; `adc_time` is the same
-    on the monotonic clock, where the source knows it. The change was decided `delay` later, at the end of a
-    later window, with probability `confidence`.
+    `name` is what changed, ``contact`` or ``slip``, and `on` what it is now. `time` is the onset in seconds
+    since the stream began: the end of the first window that showed the change; `adc_time` is the same on the
+    monotonic clock, where the source knows it. The change was decided `delay` later, at the end of a later
+    window, with probability `confidence`.
 
     >>> Event(name="contact", on=True, time=1.25, delay=0.03, confidence=0.98).decided
     1.28
@@ -29,3 +30,64 @@ class Event:
     def decided(self) -> Seconds:
         """End of the window after which it was decided, in seconds since the stream began."""
         return self.time + self.delay
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Announced:
+    """What the events so far amount to, passed in and out; it begins as ``Announced()``.
+
+    While nothing is decided, as in a long gap, it stays.
+    """
+
+    contact: bool = False
+    slip: bool = False
+
+
+def step(
+    before: Announced, state: FilterState, tracked: Tracked, adc_offset: Seconds | None = None
+) -> tuple[Announced, tuple[Event, ...]]:
+    """Return what is announced after a window, and its events: the end of slip before that of contact.
+
+    Parameters
+    ----------
+    before
+        What was announced before the window.
+    state, tracked
+        The state of the filter after it, and what that says.
+    adc_offset
+        The monotonic clock less the stream's time at the converter, in s, where the source knows it.
+
+    Examples
+    --------
+    >>> from monochord.live.filter import Switch
+    >>> contact = Switch(on=True, since=0.5, decided=0.52, level=4.0, time=0.52)
+    >>> state, tracked = FilterState(time=0.52, contact=contact), Tracked(decided={"contact": True})
+    >>> _, events = step(Announced(), state, tracked)
+    >>> [(event.name, event.on, event.time, round(event.delay, 3)) for event in events]
+    [('contact', True, 0.5, 0.02)]
+    """
+    contact, slip = tracked.decided.get(CONTACT, before.contact), tracked.decided.get(SLIP, before.slip)
+    if contact == before.contact and slip == before.slip:
+        return before, ()
+    changes = list[Event]()
+    if contact != before.contact:
+        changes.append(_event(CONTACT, state.contact, adc_offset, on=contact))
+    if slip != before.slip:
+        # Where the touch has ended, so has its slip.
+        source = state.slip if state.slip.on is slip else state.contact
+        changes.append(_event(SLIP, source, adc_offset, on=slip))
+    if not contact:
+        changes.reverse()
+    return Announced(contact=contact, slip=slip), tuple(changes)
+
+
+def _event(name: str, source: Switch, adc_offset: Seconds | None, *, on: bool) -> Event:
+    probability = source.probability
+    return Event(
+        name=name,
+        on=on,
+        time=source.since,
+        delay=source.time - source.since,
+        confidence=probability if on else 1.0 - probability,
+        adc_time=None if adc_offset is None else source.since + adc_offset,
+    )

@@ -15,6 +15,8 @@ from monochord.core.interruption import interruption
 from monochord.core.types import Block, Prediction, Signal, Window
 from monochord.core.units import Samples, Seconds
 from monochord.core.windows import windows
+from monochord.live import events
+from monochord.live import filter as time_filter
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Moment
@@ -95,7 +97,7 @@ class LiveStream:
     """
 
     def __init__(self, setup: LiveRun, stream: Stream) -> None:
-        self._stream, self._seconds = stream, setup.seconds
+        self._stream, self._seconds, self._filter = stream, setup.seconds, setup.filter
         self.signal = _with_string(stream.signal, setup)
         self._size, self._hop = setup.window.frames(self.signal.sample_rate)
         self._estimate = setup.estimator.prepare(self.signal, self._size)
@@ -118,7 +120,8 @@ class LiveStream:
         """Yield a moment for each window; the time to the next request counts as that of the sinks."""
         stream, feed, meter, size, hop = self._stream, self._feed, self._meter, self._size, self._hop
         rate = self.signal.sample_rate
-        clock = SampleClock(sample_rate=rate)
+        clock, length = SampleClock(sample_rate=rate), size / rate
+        followed, announced = time_filter.FilterState(), events.Announced()
         for window in windows(feed, size=size, hop=hop, sample_rate=rate):
             end = window.start + size
             if self._closed or clock.time(end) > self._seconds:
@@ -135,17 +138,31 @@ class LiveStream:
                 estimates=estimates,
                 latency=done - feed.at_hand,
             )
+            adc_time = feed.captured(window.start)
+            followed, tracked = time_filter.step(followed, prediction, length, self._filter)
+            offset = None if adc_time is None else adc_time - prediction.time
+            announced, changes = events.step(announced, followed, tracked, offset)
+            handed = time.monotonic()
             yield Moment(
                 prediction=prediction,
                 window=window,
                 health=stream.health,
                 truth=stream.truth(window.start, end),
                 skipped=meter.skipped,
-                adc_time=feed.captured(window.start),
+                tracked=tracked.estimates,
+                decided=tracked.decided,
+                events=changes,
+                adc_time=adc_time,
                 at_hand=feed.at_hand,
             )
             written = time.monotonic()
-            meter.add(prediction, read=cut - feed.at_hand, estimate=done - cut, sinks=written - done)
+            meter.add(
+                prediction,
+                read=cut - feed.at_hand,
+                estimate=done - cut,
+                follow=handed - done,
+                sinks=written - handed,
+            )
             if not window.has_gap:
                 meter.add_capture(feed.captured(end), done)
 

@@ -12,6 +12,7 @@ from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.registry import Registry
 from monochord.core.units import Samples, Seconds
+from monochord.live.filter import FilterSettings
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Sink
 from monochord.perception.estimators import ESTIMATORS
@@ -64,13 +65,15 @@ class LiveRun:
 
     `string` names the preset of the string for a source that does not know its own, and is refused by one
     that does. `sensor` names a sensor, or the file of one as tuned: its string counts, whatever the source
-    knows of its own. `seconds` of the stream are processed.
+    knows of its own. `seconds` of the stream are processed. `filter` says how estimates are followed over
+    time; those of single windows do not depend on it.
     """
 
     source: Source
     estimator: Estimator
     sinks: tuple[Sink, ...] = ()
     window: WindowSettings = WindowSettings()
+    filter: FilterSettings = field(default_factory=FilterSettings)
     string: str = ""
     sensor: str = ""
     seconds: Seconds = math.inf
@@ -86,6 +89,7 @@ class LiveSettings:
     source: dict[str, Any] = field(default_factory=lambda: {"name": "jack"})
     estimator: dict[str, Any] = field(default_factory=lambda: {"name": "closed_form"})
     window: WindowSettings = WindowSettings()
+    filter: FilterSettings = field(default_factory=FilterSettings)
     sinks: dict[str, dict[str, Any]] = field(default_factory=lambda: {"terminal": {}})
     string: str = ""
     sensor: str = ""
@@ -113,6 +117,7 @@ class LiveSettings:
             estimator=estimator,
             sinks=tuple(sinks),
             window=self.window,
+            filter=self.filter,
             string=self.string,
             sensor=self.sensor,
             seconds=self.seconds,
@@ -126,6 +131,7 @@ class LiveSettings:
             "source": _named(self.source, setup.source),
             "estimator": _named(self.estimator, setup.estimator),
             "window": to_tree(self.window),
+            "filter": to_tree(self.filter),
             "sinks": {name.replace("-", "_"): to_tree(sink) for name, sink in sinks},
             "string": self.string,
             "sensor": self.sensor,

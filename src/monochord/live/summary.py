@@ -10,6 +10,8 @@ from monochord.core.types import Prediction, StreamHealth
 from monochord.core.units import Samples, Seconds
 from monochord.live.delivery import Delivered
 
+STAGES = ("read", "estimate", "follow", "sinks", "latency", "capture")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
@@ -18,9 +20,9 @@ class Summary:
     `frames` were read and `windows` estimated, of which `valid` have a position; `skipped` were left out
     because the reader was late, and `deadline_misses` came later than one hop after their last sample was at
     hand. `stages` holds the percentiles of each stage: ``read`` (last sample at hand to window cut),
-    ``estimate``, ``sinks``, ``latency`` (last sample at hand to estimate) and, where the source knows its
-    converter's clock, ``capture`` (last sample at the converter to estimate). `delivered` is what became of
-    the windows at each sink.
+    ``estimate``, ``follow`` (estimates over time), ``sinks``, ``latency`` (last sample at hand to estimate)
+    and, where the source knows its converter's clock, ``capture`` (last sample at the converter to estimate).
+    `delivered` is what became of the windows at each sink.
     """
 
     frames: Samples
@@ -67,7 +69,7 @@ class Meter:
 
     def __init__(self, *, deadline: Seconds) -> None:
         self._deadline = deadline
-        self._stages = {name: Histogram() for name in ("read", "estimate", "sinks", "latency", "capture")}
+        self._stages = {name: Histogram() for name in STAGES}
         self._windows = self._valid = self._misses = 0
         self.skipped = 0
         self.interrupted = False
@@ -76,12 +78,21 @@ class Meter:
         """Count a window that was left out."""
         self.skipped += 1
 
-    def add(self, prediction: Prediction, *, read: Seconds, estimate: Seconds, sinks: Seconds) -> None:
+    def add(
+        self,
+        prediction: Prediction,
+        *,
+        read: Seconds,
+        estimate: Seconds,
+        sinks: Seconds,
+        follow: Seconds = 0.0,
+    ) -> None:
         """Count a prediction and time its stages."""
         self._windows += 1
         self._valid += prediction.estimate("position").valid
         self._misses += prediction.latency > self._deadline
-        spans = {"read": read, "estimate": estimate, "sinks": sinks, "latency": prediction.latency}
+        latency = prediction.latency
+        spans = {"read": read, "estimate": estimate, "follow": follow, "sinks": sinks, "latency": latency}
         for name, span in spans.items():
             self._stages[name].add(span)
 
