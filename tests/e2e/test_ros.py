@@ -3,7 +3,9 @@
 import json
 import os
 import subprocess
-from collections.abc import Iterator
+import sys
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +20,9 @@ DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
 TURN = [0.0, 0.0, 0.6, 0.8]
 
 
-@pytest.fixture
-def listener() -> Iterator["subprocess.Popen[str]"]:
-    """An rclpy node in a process, until it has received 200 poses and 50 wrenches and sent 200 answers."""
+@contextmanager
+def rclpy_node(script: str, *arguments: str) -> Generator["subprocess.Popen[str]"]:
+    """Run a script of this folder under a Python with rclpy; the test is skipped where there is none."""
     python = Path(os.environ.get("MONOCHORD_ROS_PYTHON") or ROOT / ".venv-ros" / "bin" / "python")
     if not python.is_file():
         pytest.skip(f"no Python with rclpy at {python} (make ros, or set MONOCHORD_ROS_PYTHON)")
@@ -30,10 +32,17 @@ def listener() -> Iterator["subprocess.Popen[str]"]:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
     }
-    command = [str(python), str(Path(__file__).with_name("ros_listener.py")), "200", "50", "200"]
+    command = [str(python), str(Path(__file__).with_name(script)), *arguments]
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
         yield process
         process.kill()
+
+
+@pytest.fixture
+def listener() -> Iterator["subprocess.Popen[str]"]:
+    """An rclpy node in a process, until it has received 200 poses and 50 wrenches and sent 200 answers."""
+    with rclpy_node("ros_listener.py", "200", "50", "200") as process:
+        yield process
 
 
 def test_rclpy_and_monochord_exchange_messages(listener: "subprocess.Popen[str]") -> None:
@@ -63,3 +72,31 @@ def test_rclpy_and_monochord_exchange_messages(listener: "subprocess.Popen[str]"
     answers = np.concatenate([part.values for part in readings])
     assert len(answers) > 50
     assert np.all(np.diff(answers[:, 0]) == 1.0)
+
+
+def test_rclpy_subscribes_to_a_live_sensor() -> None:
+    """One newton at 80 mm of the simulated sensor, in real time; the messages are those of ROS 2."""
+    touch = "{start = 0.5, position = 0.08, force = 1.0}"
+    options = ["source.script=[" + touch + "]", "source.build=1", f"sinks.ros2.domain={DOMAIN}"]
+    sensor = ["live", "demo", "--source", "twin", "--sink", "ros2=/sensor"]
+    command = [sys.executable, "-m", "monochord", *sensor]
+    with rclpy_node("ros_subscriber.py", "400") as subscriber:
+        assert subscriber.stdout
+        assert subscriber.stdout.readline() == "ready\n"
+        live = subprocess.Popen([*command, *(word for option in options for word in ("--set", option))])
+        heard = json.loads(subscriber.stdout.readline())
+        live.terminate()
+        assert live.wait(60) == 0
+    received, delays = heard["received"], np.array(heard["delays"])
+    assert {frame for frame, _ in (*received["touch"], *received["wrench"])} == {"string"}
+    assert np.median([position for _, position in received["touch"]]) == pytest.approx(0.08, abs=5e-3)
+    assert np.median([force for _, force in received["wrench"][-200:]]) == pytest.approx(1.0, abs=0.7)
+    assert np.mean(received["contact"][-200:]) > 0.9
+    assert np.mean(received["slip"][-200:]) < 0.5
+    print("delay of 50, 95, 99 % of messages in ms", 1e3 * np.quantile(delays, [0.5, 0.95, 0.99]))  # noqa: T201
+    assert np.median(delays) < 0.1
+    assert heard["topics"]["/sensor/estimates"] == ["monochord_msgs/msg/Touch"]
+    assert heard["topics"]["/diagnostics"] == ["diagnostic_msgs/msg/DiagnosticArray"]
+    assert len(heard["hashes"]) == 5
+    for name, seen in heard["hashes"].items():
+        assert TYPE_HASHES[name].removeprefix("RIHS01_") in seen.lower()

@@ -56,11 +56,20 @@ def typestore() -> "Typestore":
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415
 
     store = get_typestore(Stores.ROS2_JAZZY)
-    for file in files("monochord.sessions").joinpath("msg").iterdir():
-        if file.name.endswith(".msg"):
-            name = OURS + file.name.removesuffix(".msg")
-            store.register(get_types_from_msg(file.read_text(encoding="utf-8"), name))
+    for name, text in own_definitions().items():
+        store.register(get_types_from_msg(text, OURS + name))
     return store
+
+
+def own_definitions() -> dict[str, str]:
+    """Return the texts of the message types that are ours, by name; a type comes before those that hold it.
+
+    >>> list(own_definitions())[:3]
+    ['AudioBlock', 'Clocks', 'Estimate']
+    """
+    folder = files("monochord.sessions").joinpath("msg")
+    paths = sorted((file for file in folder.iterdir() if file.name.endswith(".msg")), key=lambda f: f.name)
+    return {path.name.removesuffix(".msg"): path.read_text(encoding="utf-8") for path in paths}
 
 
 def definition(name: str) -> str:

@@ -1,12 +1,15 @@
 from typing import Any
 
 import pytest
-from rosbags.typesys import Stores, get_typestore
 
 from monochord.capture.dds import messages as ros
+from monochord.sessions.codec import typestore
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
-KINDS = (ros.PoseStamped, ros.WrenchStamped, ros.TFMessage)
+STORE = typestore()
+KINDS = (
+    ros.PoseStamped, ros.WrenchStamped, ros.TFMessage, ros.PointStamped, ros.Bool, ros.DiagnosticArray,
+    ros.Touch,
+)  # fmt: skip
 HEADER = ros.header(1_500_000_000, "string")
 POSE = ros.PoseStamped(
     header=HEADER,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.annotations import final
-from cyclonedds.idl.types import float64, int32, uint32
+from cyclonedds.idl.types import float64, int8, int32, uint8, uint32, uint64
 
 if TYPE_CHECKING:  # to a type checker the library's own is no sequence
     from collections.abc import Sequence as sequence  # noqa: N813
@@ -25,6 +25,14 @@ TYPE_HASHES = MappingProxyType(
         "geometry_msgs/msg/WrenchStamped": (
             "RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77"
         ),
+        "geometry_msgs/msg/PointStamped": (
+            "RIHS01_4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897"
+        ),
+        "std_msgs/msg/Bool": "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
+        "diagnostic_msgs/msg/DiagnosticArray": (
+            "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"
+        ),
+        "monochord_msgs/msg/Touch": "RIHS01_7c015ad0689250638198f4669677c7e9eb5b4350e93327715a790f02db70c561",
         "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     }
 )
@@ -140,6 +148,83 @@ class TFMessage(IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
     """Several transforms, as the topic ``tf`` bears them."""
 
     transforms: sequence[TransformStamped]
+
+
+@final
+@dataclass
+class PointStamped(IdlStruct, typename="geometry_msgs.msg.dds_.PointStamped_"):
+    """A place with its time and frame."""
+
+    header: Header
+    point: Point
+
+
+@final
+@dataclass
+class Bool(IdlStruct, typename="std_msgs.msg.dds_.Bool_"):
+    """Whether something is so."""
+
+    data: bool
+
+
+@final
+@dataclass
+class KeyValue(IdlStruct, typename="diagnostic_msgs.msg.dds_.KeyValue_"):
+    """A value of a diagnosis, as text."""
+
+    key: str
+    value: str
+
+
+@final
+@dataclass
+class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticStatus_"):
+    """How a part of a robot is: `level` 0 is well, 1 a warning, 2 an error, 3 stale."""
+
+    level: uint8
+    name: str
+    message: str
+    hardware_id: str
+    values: sequence[KeyValue]
+
+
+@final
+@dataclass
+class DiagnosticArray(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticArray_"):
+    """How several parts of a robot are."""
+
+    header: Header
+    status: sequence[DiagnosticStatus]
+
+
+@final
+@dataclass
+class Estimate(IdlStruct, typename="monochord_msgs.msg.dds_.Estimate_"):
+    """One estimated quantity with its standard error, or the reason for an abstention."""
+
+    value: float64
+    std: float64
+    valid: bool
+    why_not: str
+
+
+@final
+@dataclass
+class Touch(IdlStruct, typename="monochord_msgs.msg.dds_.Touch_"):
+    """All that is estimated of one window of sound; `Touch.msg` describes each field."""
+
+    header: Header
+    start: uint64
+    window: float64
+    latency: float64
+    contact: Estimate
+    position: Estimate
+    force: Estimate
+    slip: Estimate
+    touched: int8
+    slides: int8
+    tracked_position: Estimate
+    tracked_force: Estimate
 
 
 def header(nanoseconds: int, frame: str) -> Header:

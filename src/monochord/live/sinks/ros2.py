@@ -1,0 +1,206 @@
+"""ROS 2 topics over DDS, without ROS."""
+
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from monochord.core.types import Estimate, Signal
+from monochord.core.units import Seconds
+from monochord.live.sinks._record import unix_nanoseconds
+from monochord.live.sinks.base import Moment, NotDeliveredError, Sink, Writer
+
+if TYPE_CHECKING:
+    from monochord.capture.dds.participant import Participant
+
+DIAGNOSIS: Seconds = 1.0
+"""Time from one diagnosis to the next."""
+LEVELS = {"info": 0, "warning": 1, "error": 2}
+"""Level of a diagnosis by that of a note: OK, WARN, ERROR."""
+TOPICS = {
+    "touch": "PointStamped",
+    "wrench": "WrenchStamped",
+    "contact": "Bool",
+    "slip": "Bool",
+    "estimates": "Touch",
+}
+"""Messages by topic, below the namespace."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ros2(Sink):
+    """Publish topics of ROS 2, a message a window; needs the extra ``ros``, but no ROS.
+
+    Below the namespace: ``contact`` and ``slip``, ``std_msgs/Bool``; ``touch``,
+    ``geometry_msgs/PointStamped``, whose x is the position from pickup 1 along the string in m; ``wrench``,
+    ``geometry_msgs/WrenchStamped``, whose force z is the normal force on what touches in N, 0 where nothing
+    does; and ``estimates``, ``monochord_msgs/Touch``, all of it with standard errors, validity and reasons. A
+    standard topic is silent for a window of which the sensor does not know that quantity. Once a second
+    ``/diagnostics``, ``diagnostic_msgs/DiagnosticArray``, has the notes on the sensor's health, latencies and
+    counters.
+
+    The stamp of every header is the time at which the window's last sample was at the converter (at hand,
+    where the source does not know), on the system's clock. Publishing is reliable and keeps the last 10
+    messages; a subscriber that stalls or goes away delays nothing. No node appears in ``ros2 node list``, the
+    topics do in ``ros2 topic list``.
+
+    Parameters
+    ----------
+    namespace
+        What stands before the topics' names; of each of several sensors its own.
+    frame
+        Frame of points and wrenches: x along the string from pickup 1, z off the string, as it is pressed.
+    domain
+        DDS domain; None for ``$ROS_DOMAIN_ID``, or else 0.
+    interface
+        Network interface; ``lo`` is this machine alone, empty lets the library choose. Anyone on that network
+        can read the topics.
+    tracked
+        Whether the standard topics have what is followed over time, where that is known; else they are of
+        each window alone.
+
+    Examples
+    --------
+    >>> with Ros2(namespace="/left_string").open(Signal(sample_rate=44100, channels=2)):
+    ...     pass
+    """
+
+    namespace: str = "/monochord"
+    frame: str = "string"
+    domain: int | None = None
+    interface: str = "lo"
+    tracked: bool = True
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+        """Join the domain; raises `InputError` without the library, `DeviceError` without the network."""
+        from monochord.capture.dds.participant import Participant  # noqa: PLC0415
+
+        with Participant(domain=self.domain, interface=self.interface) as participant:
+            yield _Topics(self, participant)
+
+
+class _Topics(Writer):
+    def __init__(self, options: Ros2, participant: "Participant") -> None:
+        place = options.namespace.strip("/")
+        self._options, self._hardware = options, place
+        self._writers = {
+            topic: participant.writer(f"{place}/{topic}", message) for topic, message in TOPICS.items()
+        }
+        self._diagnostics = participant.writer("/diagnostics", "DiagnosticArray")
+        self._latencies: list[Seconds] = []
+        self._windows = 0
+        self._next: Seconds = 0.0
+
+    def write(self, moment: Moment) -> None:
+        from cyclonedds.core import DDSException  # noqa: PLC0415
+
+        self._windows += 1
+        self._latencies.append(moment.prediction.latency)
+        stamp = unix_nanoseconds(moment)
+        try:
+            for topic, message in self._messages(moment, stamp).items():
+                self._writers[topic].write(message, stamp)
+            if time.monotonic() >= self._next:
+                self._next = time.monotonic() + DIAGNOSIS
+                self._diagnostics.write(self._diagnosis(moment, stamp), stamp)
+        except DDSException as error:  # a subscriber that takes none for too long
+            raise NotDeliveredError from error
+
+    def _messages(self, moment: Moment, stamp: int) -> dict[str, Any]:
+        """Return the messages of a window by topic."""
+        from monochord.capture.dds import messages as ros  # noqa: PLC0415
+
+        tracked = self._options.tracked
+        header = ros.header(stamp, self._options.frame)
+        contact, slip = (_decision(moment, name, tracked=tracked) for name in ("contact", "slip"))
+        position, force = (_newest(moment, name, tracked=tracked) for name in ("position", "force"))
+        messages: dict[str, Any] = {"estimates": _touch(moment, header)}
+        if contact is not None:
+            messages["contact"] = ros.Bool(data=contact)
+        if slip is not None or contact is False:
+            messages["slip"] = ros.Bool(data=bool(slip) and contact is not False)
+        if position.valid and contact is not False:
+            point = ros.Point(float(position.value), 0.0, 0.0)
+            messages["touch"] = ros.PointStamped(header=header, point=point)
+        if force.valid or contact is False:
+            newtons = 0.0 if contact is False else float(force.value)
+            nothing = ros.Vector3(0.0, 0.0, 0.0)
+            wrench = ros.Wrench(force=ros.Vector3(0.0, 0.0, newtons), torque=nothing)
+            messages["wrench"] = ros.WrenchStamped(header=header, wrench=wrench)
+        return messages
+
+    def _diagnosis(self, moment: Moment, stamp: int) -> Any:
+        from monochord.capture.dds import messages as ros  # noqa: PLC0415
+
+        ordered, health = sorted(self._latencies), moment.health
+        self._latencies = []
+        values = {
+            "windows": self._windows,
+            "skipped": moment.skipped,
+            "latency median in ms": f"{1e3 * ordered[len(ordered) // 2]:.2f}",
+            "latency 99 % in ms": f"{1e3 * ordered[int(0.99 * len(ordered))]:.2f}",
+            "gaps": health.gaps,
+            "dropped": health.dropped,
+            "xruns": health.xruns,
+            "reconnects": health.reconnects,
+            **{note.key: f"{note.sentence} {note.remedy}".strip() for note in moment.notes},
+        }
+        level = max((LEVELS[note.level] for note in moment.notes), default=0)
+        worst = [note.sentence for note in moment.notes if LEVELS[note.level] == level]
+        status = ros.DiagnosticStatus(
+            level=level,
+            name=f"{self._hardware or 'monochord'}: sensor",
+            message=" ".join(worst) or "OK",
+            hardware_id=self._hardware,
+            values=[ros.KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        return ros.DiagnosticArray(header=ros.header(stamp, ""), status=[status])
+
+
+def _touch(moment: Moment, header: Any) -> Any:
+    from monochord.capture.dds import messages as ros  # noqa: PLC0415
+
+    decided = {None: -1, False: 0, True: 1}
+    raw = {
+        name: _plain(moment.prediction.estimate(name)) for name in ("contact", "position", "force", "slip")
+    }
+    unknown = Estimate.abstain("", "not tracked")
+    return ros.Touch(
+        header=header,
+        start=moment.prediction.start,
+        window=moment.window.duration,
+        latency=float(moment.prediction.latency),
+        **raw,
+        touched=decided[moment.decided.get("contact")],
+        slides=decided[moment.decided.get("slip")],
+        tracked_position=_plain(moment.tracked.get("position", unknown)),
+        tracked_force=_plain(moment.tracked.get("force", unknown)),
+    )
+
+
+def _plain(estimate: Estimate) -> Any:
+    from monochord.capture.dds import messages as ros  # noqa: PLC0415
+
+    return ros.Estimate(
+        value=float(estimate.value),
+        std=float(estimate.std),
+        valid=bool(estimate.valid),
+        why_not=estimate.why_not,
+    )
+
+
+def _newest(moment: Moment, name: str, *, tracked: bool) -> Estimate:
+    """Return what is followed over time, or else the estimate of the window."""
+    followed = moment.tracked.get(name) if tracked else None
+    return followed if followed and followed.valid else moment.prediction.estimate(name)
+
+
+def _decision(moment: Moment, name: str, *, tracked: bool) -> bool | None:
+    """Return what is decided over time, or else what is more likely for the window; None where unknown."""
+    decided = moment.decided.get(name) if tracked else None
+    probability = moment.prediction.estimate(name)
+    if decided is not None or not probability.valid:
+        return decided
+    return bool(probability.value >= 0.5)
