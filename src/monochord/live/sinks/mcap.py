@@ -1,0 +1,247 @@
+"""A session: sound, estimates, events and notes in one MCAP file."""
+
+import math
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from monochord.core.types import Audio, Block, Feed, Flags, Readings, Signal
+from monochord.core.units import Samples, Seconds
+from monochord.live.sinks._record import followed, record
+from monochord.live.sinks.base import Moment, Sink, Writer
+from monochord.sessions import Description, SessionClock, SessionWriter
+
+STREAM = "estimates"
+"""Name of the stream of readings that has the estimates."""
+WRITE_INTERVAL: Seconds = 0.25
+"""Time between writes: what a kill may lose."""
+LATER = (
+    "tracked_position", "tracked_position_std", "tracked_force", "tracked_force_std", "decided_contact",
+    "decided_slip",
+)  # fmt: skip
+"""Columns that the first windows do not fill yet."""
+TRUE = ("true_contact", "true_slip", "true_position", "true_force")
+"""What a simulated source knows, not all of it in every window."""
+MIN_LOST: Samples = 32
+"""Frames of silence, exactly zero at every microphone, that make a gap in a window that has one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mcap(Sink):
+    """Record a session while it is estimated: what ``monochord sessions`` and `mc.read_session` read.
+
+    The stream ``estimates`` has a reading for each window, at the time of its last sample: each estimate with
+    its ``_std``, NaN where it abstains, what is followed over time, the truth of a simulated source as
+    ``true_NAME``, and ``latency`` in s. Events are the begins and ends of touches and of sliding, notes on
+    the sensor's health as they come and go, and each abstention with its reason when that changes. The sound
+    is that of the windows, each frame once; frames that no window brought, lost by the device or because the
+    sink was left behind, are a gap. A kill loses a quarter of a second; where the disk is full, the file is
+    completed with what there is.
+
+    Parameters
+    ----------
+    path
+        A new file, ``NAME.mcap``; empty for ``live_DATE_TIME.mcap`` in this folder.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     sink = Mcap(path=folder + "/take.mcap")
+    ...     with sink.open(Signal(sample_rate=44100, channels=2)):
+    ...         pass
+    """
+
+    path: str = ""
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:
+        """Create the file; raises `InputError` where it exists or cannot be made."""
+        session = _Session(Path(self.path) if self.path else _free_name(), signal)
+        try:
+            yield session
+        finally:
+            session.close()
+
+
+def _free_name() -> Path:
+    """Return a name that no file has."""
+    stem = f"live_{datetime.now():%Y%m%d_%H%M%S}"  # noqa: DTZ005  (for a person, by the clock on the wall)
+    number, path = 1, Path(f"{stem}.mcap")
+    while path.exists():
+        number += 1
+        path = Path(f"{stem}_{number}.mcap")
+    return path
+
+
+class _Session(Writer):
+    def __init__(self, path: Path, signal: Signal) -> None:
+        self._path, self._signal = path, signal
+        self._columns: tuple[str, ...] = ()
+        self._known: set[str] = set()  # the columns, and what was reported not to be one
+        self._rows: list[tuple[Seconds, int, list[float]]] = []
+        self._end: Samples = 0  # of the frames that are written
+        self._count = 0
+        self._reasons: dict[str, str] = {}
+        self._notes: dict[str, str] = {}
+        self._due: Seconds = 0.0
+        # Refused here where it cannot be made; begun again with the first window, which tells the columns.
+        self._writer = SessionWriter(path, self._description((), simulated=False))
+
+    def write(self, moment: Moment) -> None:
+        values = _values(moment)
+        if not self._columns:
+            self._begin(moment, values)
+        end = self._time(moment)
+        self._audio(moment)
+        for name in values.keys() - self._known:
+            self._known.add(name)
+            self._writer.event(end, "left_out", "a quantity that the first window did not have", column=name)
+        self._rows.append(
+            (end, self._count + moment.skipped, [values.get(name, math.nan) for name in self._columns])
+        )
+        self._count += 1
+        self._events(moment, end)
+        if time.monotonic() >= self._due:
+            self._flush()
+
+    def close(self) -> None:
+        """Complete the file."""
+        self._put_rows()
+        self._writer.close()
+
+    def _description(self, columns: tuple[str, ...], *, simulated: bool) -> Description:
+        feeds = (Feed(stream=STREAM, columns=columns, units=tuple(map(_unit, columns))),) if columns else ()
+        signal = self._signal
+        return Description(
+            name=self._path.stem,
+            sample_rate=signal.sample_rate,
+            channels=signal.channels,
+            string=signal.string,
+            simulated=simulated,
+            feeds=feeds,
+        )
+
+    def _begin(self, moment: Moment, values: dict[str, float]) -> None:
+        """Begin the file again, now that the columns and the time of the stream's first frame are known."""
+        truth = TRUE if moment.truth else ()
+        self._columns = tuple(dict.fromkeys((*values, *LATER, *truth)))
+        self._known = set(self._columns)
+        duration, start = moment.window.duration, moment.window.start / self._signal.sample_rate
+        at_hand = time.monotonic() if moment.at_hand is None else moment.at_hand
+        first = at_hand - duration if moment.adc_time is None else moment.adc_time
+        clock = SessionClock(
+            epoch_ns=time.time_ns() - round((time.monotonic() - first + start) * 1e9), origin=first - start
+        )
+        self._writer.close()
+        self._path.unlink()
+        self._writer = SessionWriter(
+            self._path, self._description(self._columns, simulated=bool(moment.truth)), clock
+        )
+
+    def _time(self, moment: Moment) -> Seconds:
+        """Return when the window's last sample was at the converter, on the monotonic clock."""
+        window = moment.window
+        if moment.adc_time is not None:
+            return moment.adc_time + window.duration
+        return self._writer.clock.origin + window.start / window.sample_rate + window.duration
+
+    def _audio(self, moment: Moment) -> None:
+        """Write the frames that no window before brought."""
+        window = moment.window
+        begin = max(self._end, window.start)
+        fresh = window.samples[:, begin - window.start :]
+        for first, last in _kept(fresh) if window.has_gap else ((0, fresh.shape[1]),):
+            start = begin + first
+            adc_time = moment.adc_time
+            if adc_time is not None:
+                adc_time += (start - window.start) / window.sample_rate
+            samples = np.ascontiguousarray(fresh[:, first:last])
+            block = Block(samples=samples, start=start, dropped=start - self._end, adc_time=adc_time)
+            self._writer.audio(block)
+            self._end = begin + last
+
+    def _events(self, moment: Moment, end: Seconds) -> None:
+        ahead = end - moment.prediction.time - moment.window.duration
+        for event in moment.events:
+            kind = f"{event.name}_{'begins' if event.on else 'ends'}"
+            more = {"delay": event.delay, "confidence": event.confidence}
+            self._writer.event(ahead + event.time, kind, "", **_finite(more))
+        for name, estimate in moment.prediction.estimates.items():
+            if self._reasons.get(name, "") != estimate.why_not:
+                self._reasons[name] = estimate.why_not
+                self._writer.event(end, "abstention", estimate.why_not, estimate=name)
+        notes = {note.key: note for note in moment.notes}
+        for key in self._notes.keys() - notes.keys():
+            self._writer.event(end, "note_ends", self._notes.pop(key), key=key)
+        for key in notes.keys() - self._notes.keys():
+            note = notes[key]
+            self._notes[key] = note.sentence
+            self._writer.event(end, "note", note.sentence, key=key, level=note.level, remedy=note.remedy)
+
+    def _flush(self) -> None:
+        self._due = time.monotonic() + WRITE_INTERVAL
+        self._put_rows()
+        self._writer.flush()
+
+    def _put_rows(self) -> None:
+        if not self._rows:
+            return
+        rows, self._rows = self._rows, []
+        time_, sequence, values = zip(*rows, strict=True)
+        self._writer.readings(
+            Readings(
+                stream=STREAM,
+                time=np.array(time_, np.float64),
+                values=np.array(values, np.float64),
+                sequence=np.array(sequence, np.int64),
+                device_time=np.full(len(rows), -1, np.int64),
+                status=np.zeros(len(rows), np.uint32),
+            )
+        )
+
+
+def _values(moment: Moment) -> dict[str, float]:
+    """Return all numbers of a moment by name, NaN where one is not known."""
+    both: dict[str, Any] = record(moment, everything=True) | followed(moment)
+    skipped = ("time", "valid", "why_not", "dropped", "gaps", "xruns", "skipped", "events", "notes")
+    return {
+        name: math.nan if value is None else float(value)
+        for name, value in both.items()
+        if name not in skipped
+    }
+
+
+def _unit(column: str) -> str:
+    name = column.removesuffix("_std").rpartition("_")[2]
+    return {"position": "m", "force": "N", "frequency": "Hz", "tension": "N", "latency": "s"}.get(name, "1")
+
+
+def _finite(values: dict[str, float]) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items() if math.isfinite(value)}
+
+
+def _kept(samples: Audio) -> list[tuple[int, int]]:
+    """Return the runs of frames, first and one after the last, between those that were lost.
+
+    Of a window with a gap: lost frames are zeros at every microphone, many at once or at its edge.
+
+    >>> _kept(np.array([[0, 0, 3, 0, 5, 0]], np.float32))
+    [(2, 5)]
+    """
+    silent: Flags = (samples == 0.0).all(axis=0)
+    edges = [0, *(np.flatnonzero(np.diff(silent)) + 1).tolist(), silent.size]
+    lost = [
+        (first, last)
+        for first, last in pairwise(edges)
+        if last > first and silent[first] and (last - first >= MIN_LOST or first == 0 or last == silent.size)
+    ]
+    bounds = [0, *(bound for span in lost for bound in span), silent.size]
+    return [(first, last) for first, last in zip(bounds[::2], bounds[1::2], strict=True) if last > first]
