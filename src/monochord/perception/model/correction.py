@@ -39,8 +39,10 @@ ROUNDS = 60
 MIN_VARIANCE = 1e-8
 DEGREES = 10.0
 """Degrees of freedom of Student's t, as which errors are distributed: a misread mode is far off."""
-MAX_LEVERAGE = 0.9
-"""Largest share of its own in the estimate at a touch that is corrected for."""
+CALIBRATION_ROUNDS = 5
+"""Rounds in which covariance and noise are scaled until errors are covered without and with known touches."""
+MIN_SHARE = 0.01
+"""Smallest factor of the covariance in such a round."""
 ROBUST_ROUNDS = 4
 """Rounds in which errors that are far off lose weight."""
 
@@ -53,7 +55,7 @@ class Correction:
 
     Errors are the label less the estimate, in units of the head's scale. `centre` and `scale` (v,) are those
     of the variables, `mean` (k,) and `covariance` (k, k) of the weights; `noise` is the variance of what the
-    weights leave over, as a multiple of the head's own; it covers as many errors as one sigma should.
+    weights leave over, as a multiple of the head's own, by how many errors lie within one sigma and two.
 
     Examples
     --------
@@ -135,7 +137,7 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
     >>> zeros, each = np.zeros((2000, 1)), np.arange(2000)
     >>> unknown = prior(zeros, error, np.full(2000, 0.1), group, each)
     >>> round(float(unknown.covariance[0, 0]), 1), round(unknown.noise, 1)
-    (0.9, 1.0)
+    (1.1, 1.0)
     """
     centre = np.median(variables, axis=0)
     spread = np.quantile(variables, 0.84, axis=0) - np.quantile(variables, 0.16, axis=0)
@@ -163,18 +165,30 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
         covariance = _symmetric(covariance + MIN_VARIANCE * np.eye(size))
         noise = max(_quantile(left, weight, normal_coverage(1.0)), MIN_VARIANCE)
         estimate = replace(estimate, covariance=covariance, noise=noise)
-    for rows in groups:
-        left[rows] = _left_out(estimate, terms[rows], error[rows], std[rows], touch[rows])
-    return replace(estimate, noise=estimate.noise * max(_quantile(left, weight, normal_coverage(1.0)), 1.0))
+    for _ in range(CALIBRATION_ROUNDS):
+        _, uncertain = estimate.error(terms)
+        beyond = (error**2 - estimate.noise * std**2) / np.maximum(uncertain**2, MIN_VARIANCE)
+        share = max(_quantile(beyond, weight, normal_coverage(1.0)), MIN_SHARE)
+        estimate = replace(estimate, covariance=share * estimate.covariance)
+        for rows in groups:
+            left[rows] = _by_others(estimate, terms[rows], error[rows], std[rows], touch[rows])
+        sizes = [_quantile(left, weight, normal_coverage(sigmas)) / sigmas**2 for sigmas in (1.0, 2.0)]
+        estimate = replace(estimate, noise=estimate.noise * max(float(np.sqrt(np.prod(sizes))), MIN_VARIANCE))
+    return estimate
 
 
-def _left_out(unknown: Correction, terms: Floats, error: Floats, std: Floats, touch: Indices) -> Floats:
-    """Return the squared error (n,) of each window by the other touches of its group, in variances stated."""
-    known = unknown.given(terms, error, std, touch)
-    expected, uncertain = known.error(terms)
-    noise = unknown.noise * std**2
-    own = np.minimum(known.trust(terms, error, std) * uncertain**2 / noise, MAX_LEVERAGE)
-    return ((error - expected) / (1.0 - own)) ** 2 / (noise + uncertain**2 / (1.0 - own))
+def _by_others(unknown: Correction, terms: Floats, error: Floats, std: Floats, touch: Indices) -> Floats:
+    """Return the squared error (n,) of each window by the half of its group's touches that it is not in.
+
+    It is in units of the variance stated. Half of them, since a calibration has few, not all but one.
+    """
+    odd = np.unique(touch, return_inverse=True)[1].reshape(-1) % 2 == 1
+    left = np.empty(len(error))
+    for out in (odd, ~odd):
+        known = unknown.given(terms[~out], error[~out], std[~out], touch[~out])
+        expected, uncertain = known.error(terms[out])
+        left[out] = (error[out] - expected) ** 2 / (unknown.noise * std[out] ** 2 + uncertain**2)
+    return left
 
 
 def _touch_weights(touch: Indices) -> Floats:
