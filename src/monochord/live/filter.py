@@ -146,7 +146,7 @@ class FilterSettings:
     """How estimates are followed over time; see the module. The defaults were chosen on the twin."""
 
     contact: SwitchSettings = SwitchSettings(on=0.6, off=0.4, average=0.01, dwell=0.01)
-    slip: SwitchSettings = SwitchSettings(on=0.4, off=0.3, average=0.05, dwell=0.02)
+    slip: SwitchSettings = SwitchSettings(on=0.35, off=0.25, average=0.05, dwell=0.02)
     position: TrackSettings = TrackSettings()
     force: ForceSettings = ForceSettings()
 

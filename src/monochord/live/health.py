@@ -1,9 +1,41 @@
-"""The health of a sensor while it runs, in sentences that say what to do."""
+"""The health of a sensor while it runs, in sentences that say what to do.
 
-from dataclasses import dataclass
-from typing import Literal
+A fold over the windows of a stream: what each window shows is collected into findings, and a finding that
+has lasted becomes a note. It uses what others already know, the reasons for which a model abstains, the
+tuning that an estimator follows and the counters of the stream, and measures levels and hum itself, so that
+a dead microphone is reported with any estimator.
+"""
 
-from monochord.core.units import Seconds
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal, TypeAlias
+
+import numba
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Estimates, Floats, StreamHealth, Window
+from monochord.core.units import Hertz, Seconds
+from monochord.live.filter import FilterState
+from monochord.perception.estimators.base import Condition
+
+Level: TypeAlias = Literal["info", "warning", "error"]
+SILENCE = 2.0e-5
+"""Root mean square of a channel that hears nothing at all: twice the rounding noise of 16 bit."""
+QUIETER = 1.0e-3
+"""Ratio of the channels' levels from which the quieter one is dead: 60 dB. The string reaches both ends."""
+CLIPPED_PEAK, CLIPPED_SHARE = 0.98, 2.0e-3
+"""Peak in full scale, and share of the samples that are equal to it, of a clipped channel."""
+HUM_SHARE = 0.5
+"""Share of the power that mains and their first harmonics have, of a window that is hum for the most part."""
+MAINS: tuple[Hertz, Hertz] = (50.0, 60.0)
+HARMONICS = 3
+MIN_DEVIATION = 0.005
+"""Least share by which a string is off that is worth a note: 9 cents."""
+HELD: Seconds = 10.0
+"""For how long lost frames and skipped windows are reported after the last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,7 +48,388 @@ class Note:
     """
 
     key: str
-    level: Literal["info", "warning", "error"]
+    level: Level
     sentence: str
     remedy: str
     since: Seconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HealthSettings:
+    """When a finding becomes a note.
+
+    It must have lasted for `appear`, and is none any more once it has been gone for `clear`; `look` is the
+    least time between two looks at the levels, all in s.
+    """
+
+    appear: Seconds = 0.5
+    clear: Seconds = 1.0
+    look: Seconds = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("appear", "clear", "look"):
+            value = getattr(self, name)
+            if not 0.0 <= value < math.inf:
+                raise InputError(f"health {name} {value:g} s", "0 s or more")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """What a window shows; `appear` and `clear` are times of its own in s, None for those of the settings."""
+
+    level: Level
+    sentence: str
+    remedy: str
+    appear: Seconds | None = None
+    clear: Seconds | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lasting:
+    """A finding over time: when it was first and last there."""
+
+    finding: Finding
+    first: Seconds
+    last: Seconds
+
+
+NOTHING: Mapping[str, Lasting] = MappingProxyType({})
+QUIET: Mapping[str, Finding] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HealthState:
+    """The state on one stream, passed in and out; it begins as ``HealthState()``.
+
+    `looked` is when levels were measured last, and `heard` what they showed. `stream` and `skipped` are the
+    counters after the window before. `start` is the first frame of the last window.
+    """
+
+    start: int = -1
+    lasting: Mapping[str, Lasting] = field(default_factory=lambda: NOTHING)
+    heard: Mapping[str, Finding] = field(default_factory=lambda: QUIET)
+    looked: Seconds = -math.inf
+    stream: StreamHealth = field(default_factory=StreamHealth)
+    skipped: int = 0
+
+
+def _finding(level: Level, sentence: str, remedy: str) -> Finding:
+    return Finding(level=level, sentence=sentence, remedy=remedy)
+
+
+SILENT = _finding(
+    "error",
+    "Neither microphone hears anything.",
+    "Check that the microphones are connected and powered, and that the right inputs are chosen.",
+)
+STILL = _finding(
+    "error",
+    "The string does not ring: nothing drives it, or it is broken.",
+    "Look whether it is whole; switch the drivers on, check their batteries and their distance to it.",
+)
+ONE_DRIVER = _finding(
+    "error", "One driver seems silent.", "Check the battery, the switch and the height of each driver."
+)
+CLIPPING = _finding(
+    "warning",
+    "The sound is clipped.",
+    "Turn the gain of the preamplifier down until no peak reaches 0 dB.",
+)
+HUMMING = _finding(
+    "error",
+    "Hum of the mains is louder than the string.",
+    "Check the ground and the shield of the cables, and keep them away from power supplies.",
+)
+SWAPPED = _finding(
+    "error",
+    "The microphones seem swapped.",
+    "Exchange the two inputs: positions count from microphone 1.",
+)
+DEAD = tuple(
+    _finding(
+        "error",
+        f"Microphone {number} hears nothing.",
+        f"Check the cable, the battery and the gain of microphone {number}.",
+    )
+    for number in (1, 2)
+)
+UNKNOWN_SOUND = _finding(
+    "error",
+    "The sound is unlike all that the model learned.",
+    "Check microphones, drivers and string; if all are well, train the model on sound like this.",
+)
+TWO_TOUCHES = _finding("warning", "Two things seem to touch the string.", "Touch it with one at a time.")
+SOFT_TOUCH = _finding(
+    "warning", "Something very soft seems to touch the string.", "Touch it with something harder than foam."
+)
+PITCH = _finding(
+    "info",
+    "The pitch of the string is not known yet.",
+    "Leave it untouched for a second, drivers on.",
+)
+NOT_NUMBERS = _finding(
+    "error", "The samples are not numbers.", "Check the audio driver, and what else writes to these inputs."
+)
+SETTLING = Finding(
+    level="info",
+    sentence="The sound of a new touch is still settling.",
+    remedy="Wait for a tenth of a second.",
+    appear=0.0,
+    clear=0.0,
+)
+REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
+    {
+        "microphone 1 is silent": ("microphone_1_dead", DEAD[0]),
+        "microphone 2 is silent": ("microphone_2_dead", DEAD[1]),
+        "the microphones seem swapped": ("microphones_swapped", SWAPPED),
+        "mostly clipped": ("clipping", CLIPPING),
+        "clipped": ("clipping", CLIPPING),
+        "hum louder than the string": ("hum", HUMMING),
+        "two things seem to touch": ("two_touches", TWO_TOUCHES),
+        "something very soft seems to touch": ("soft_touch", SOFT_TOUCH),
+        "one driver seems silent": ("driver_silent", ONE_DRIVER),
+        "sound unlike what this model learned": ("sound_unlike", UNKNOWN_SOUND),
+        "the string's pitch is not known yet": ("pitch_unknown", PITCH),
+        "silence": ("string_still", STILL),
+        "samples that are not numbers": ("not_numbers", NOT_NUMBERS),
+    }
+)
+"""Key and finding for each reason to abstain that the closed form and the bundled models have."""
+EXPLAINED = ("", "no contact", "gap", "too uncertain", "not estimated")
+"""Reasons to abstain that are no trouble of the sensor, or that counters report."""
+
+
+def step(
+    state: HealthState,
+    window: Window,
+    estimates: Estimates,
+    stream: StreamHealth,
+    skipped: int,
+    followed: FilterState,
+    condition: Condition | None,
+    settings: HealthSettings,
+) -> tuple[HealthState, tuple[Note, ...]]:
+    """Return the state after a window, and what a person should know then, the oldest first.
+
+    Parameters
+    ----------
+    state
+        The state before the window. A window that does not begin after the one before begins a new stream.
+    window, estimates
+        The window, and what was estimated of it alone.
+    stream, skipped
+        The stream's counters, and how many windows were left out so far because the reader was late.
+    followed
+        The state of the filter after the window.
+    condition
+        What the estimator knows of the string, None where it knows nothing.
+    settings
+        How long findings last.
+
+    Examples
+    --------
+    >>> state, settings, notes = HealthState(), HealthSettings(), ()
+    >>> for k in range(20):
+    ...     samples = np.zeros((2, 4410), np.float32)
+    ...     window = Window(samples=samples, start=4410 * k, sample_rate=44100)
+    ...     state, notes = step(state, window, {}, StreamHealth(), 0, FilterState(), None, settings)
+    >>> [(note.key, note.since) for note in notes]
+    [('silence', 0.0)]
+    """
+    if window.start <= state.start:
+        state = HealthState(stream=stream, skipped=skipped)
+    now = window.start / window.sample_rate
+    heard, looked = state.heard, state.looked
+    if now - looked >= settings.look - 1e-9 and not window.has_gap:
+        heard, looked = _heard(window), now
+    findings = dict(heard)
+    _add_reasons(findings, estimates)
+    if condition is not None and condition.deviation is not None:
+        _add_deviation(findings, condition)
+    _add_counted(findings, state, stream, skipped)
+    onset = followed.onset
+    if not math.isnan(onset) and followed.time - onset < window.duration - 1e-9:
+        findings["settling"] = SETTLING
+    lasting = state.lasting
+    if findings or lasting:
+        lasting = _lasting(lasting, findings, now, settings)
+    state = HealthState(
+        start=window.start, lasting=lasting, heard=heard, looked=looked, stream=stream, skipped=skipped
+    )
+    return state, _notes(lasting, now, settings) if lasting else ()
+
+
+def _lasting(
+    before: Mapping[str, Lasting], findings: Mapping[str, Finding], now: Seconds, settings: HealthSettings
+) -> Mapping[str, Lasting]:
+    """Return findings over time after a window that shows some of them."""
+    lasting = dict[str, Lasting]()
+    for key, each in before.items():
+        clear = settings.clear if each.finding.clear is None else each.finding.clear
+        if key in findings:
+            lasting[key] = Lasting(finding=findings[key], first=each.first, last=now)
+        elif now - each.last <= clear and clear > 0.0:
+            lasting[key] = each
+    for key, finding in findings.items():
+        if key not in lasting:
+            lasting[key] = Lasting(finding=finding, first=now, last=now)
+    return lasting
+
+
+def _notes(lasting: Mapping[str, Lasting], now: Seconds, settings: HealthSettings) -> tuple[Note, ...]:
+    notes = [
+        Note(
+            key=key,
+            level=each.finding.level,
+            sentence=each.finding.sentence,
+            remedy=each.finding.remedy,
+            since=each.first,
+        )
+        for key, each in lasting.items()
+        if now - each.first >= _appear(each.finding, settings) - 1e-9
+    ]
+    return tuple(sorted(notes, key=lambda note: note.since))
+
+
+def _appear(finding: Finding, settings: HealthSettings) -> Seconds:
+    return settings.appear if finding.appear is None else finding.appear
+
+
+def _add_reasons(findings: dict[str, Finding], estimates: Estimates) -> None:
+    """Add why all estimates of a window abstain, where they do for one reason."""
+    reason = ""
+    for each in estimates.values():
+        if each.valid or (reason and each.why_not != reason):
+            return
+        reason = each.why_not
+    if reason in EXPLAINED or (reason == "silence" and "silence" in findings):
+        return
+    key, finding = REASONS.get(reason, ("abstaining", None))
+    if finding is None:
+        text = f"No estimates: {reason.partition(': ')[0]}."
+        finding = Finding(
+            level="error", sentence=text, remedy="See what is said, and monochord doctor.", clear=0.2
+        )
+    findings[key] = finding
+
+
+def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
+    """Add that the string is tuned otherwise than it is known to be."""
+    off = condition.deviation or 0.0
+    if abs(off) < MIN_DEVIATION:
+        return
+    side = "above" if off > 0.0 else "below"
+    text = (
+        f"The string sounds {100.0 * abs(off):.1f} % ({1200.0 * abs(math.log2(1.0 + off)):.0f} cents) {side}"
+    )
+    findings.pop("abstaining", None)
+    if condition.follows:
+        sentence, remedy = f"{text} its known pitch; estimates follow it.", "To keep it, run monochord tune."
+        findings["detuned"] = _finding("info", sentence, remedy)
+    else:
+        sentence, remedy = f"{text} what can be estimated from.", "Tune it, then run monochord tune."
+        findings["detuned"] = _finding("error", sentence, remedy)
+
+
+def _add_counted(
+    findings: dict[str, Finding], state: HealthState, stream: StreamHealth, skipped: int
+) -> None:
+    """Add what the counters have counted since the window before."""
+    before = state.stream
+    if stream.dropped > before.dropped or stream.xruns > before.xruns or stream.gaps > before.gaps:
+        text = f"Sound was lost: {stream.dropped} frames in {stream.gaps} gaps, {stream.xruns} xruns so far."
+        findings["sound_lost"] = Finding(
+            level="warning",
+            sentence=text,
+            remedy="Close other programs, or use longer periods; run monochord doctor.",
+            appear=0.0,
+            clear=HELD,
+        )
+    if stream.reconnects > before.reconnects:
+        findings["reconnected"] = Finding(
+            level="warning",
+            sentence=f"The audio device went away and came back, {stream.reconnects} times so far.",
+            remedy="Check its cable and its power.",
+            appear=0.0,
+            clear=HELD,
+        )
+    if skipped > state.skipped:
+        findings["windows_skipped"] = Finding(
+            level="warning",
+            sentence=f"Windows are skipped because the computer is late: {skipped} so far.",
+            remedy="Close other programs, or use a longer hop.",
+            appear=0.0,
+            clear=HELD,
+        )
+
+
+def _heard(window: Window) -> Mapping[str, Finding]:
+    """Return what the levels of a window show."""
+    measured = measure_levels(window.samples, window.sample_rate)
+    level, peak, extreme, hum = measured.T
+    if not np.isfinite(level).all():
+        return {"not_numbers": NOT_NUMBERS}
+    if level.max() < SILENCE:
+        return {"silence": SILENT}
+    findings = dict[str, Finding]()
+    for channel in range(min(len(level), 2)):
+        if len(level) == 2 and level[channel] < max(QUIETER * level.max(), SILENCE):
+            findings[f"microphone_{channel + 1}_dead"] = DEAD[channel]
+    if ((peak >= CLIPPED_PEAK) & (extreme >= CLIPPED_SHARE)).any():
+        findings["clipping"] = CLIPPING
+    if (hum > HUM_SHARE).any():
+        findings["hum"] = HUMMING
+    return findings or QUIET
+
+
+@numba.njit(cache=True, error_model="numpy")
+def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
+    """Return level, peak, share of samples at the peak, and share of hum of each channel, (channels, 4).
+
+    The level is the root mean square without the mean. Hum is the power at the mains' frequency, 50 or
+    60 Hz, and its first harmonics, by Goertzel's recursion (1958) under no taper, over all power.
+
+    Parameters
+    ----------
+    samples
+        Window (channels, n), in full scale.
+    sample_rate
+        In Hz.
+
+    Examples
+    --------
+    >>> time = np.arange(4410) / 44100.0
+    >>> hum = (0.1 * np.sin(2.0 * np.pi * 50.0 * time)).astype(np.float32)
+    >>> measure_levels(np.stack((hum, 0.0 * hum)), 44100.0).round(2)[:, [0, 1, 3]].tolist()
+    [[0.07, 0.1, 1.0], [0.0, 0.0, 0.0]]
+    """
+    count = samples.shape[1]
+    measured = np.zeros((samples.shape[0], 4))
+    for channel in range(samples.shape[0]):
+        mean = 0.0
+        for k in range(count):
+            mean += samples[channel, k]
+        mean /= count
+        power = peak = 0.0
+        for k in range(count):
+            power += (samples[channel, k] - mean) ** 2
+            peak = max(peak, abs(samples[channel, k]))
+        extreme = 0
+        for k in range(count):
+            extreme += abs(samples[channel, k]) >= peak
+        loudest = 0.0
+        for mains in MAINS:
+            own = 0.0
+            for harmonic in range(1, HARMONICS + 1):
+                turn = 2.0 * np.cos(2.0 * np.pi * mains * harmonic / sample_rate)
+                one = two = 0.0
+                for k in range(count):
+                    one, two = samples[channel, k] - mean + turn * one - two, one
+                own += one * one + two * two - turn * one * two
+            loudest = max(loudest, own)
+        measured[channel, 0] = np.sqrt(power / count)
+        measured[channel, 1] = peak
+        measured[channel, 2] = extreme / count
+        if power > 0.0:
+            measured[channel, 3] = 2.0 * loudest / (count * power)
+    return measured

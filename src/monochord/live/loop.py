@@ -15,12 +15,13 @@ from monochord.core.interruption import interruption
 from monochord.core.types import Block, Prediction, Signal, Window
 from monochord.core.units import Samples, Seconds
 from monochord.core.windows import windows
-from monochord.live import events
+from monochord.live import events, health
 from monochord.live import filter as time_filter
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Moment
 from monochord.live.summary import Meter, Summary
+from monochord.perception.estimators.base import Watching
 from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
 
@@ -97,11 +98,14 @@ class LiveStream:
     """
 
     def __init__(self, setup: LiveRun, stream: Stream) -> None:
-        self._stream, self._seconds, self._filter = stream, setup.seconds, setup.filter
+        self._stream, self._seconds = stream, setup.seconds
+        self._filter, self._health = setup.filter, setup.health
         self.signal = _with_string(stream.signal, setup)
         self._size, self._hop = setup.window.frames(self.signal.sample_rate)
         self._estimate = setup.estimator.prepare(self.signal, self._size)
-        self._estimate(_sawtooth(self.signal, self._size))  # what loads or compiles at first use does so now
+        warm_up = _sawtooth(self.signal, self._size)
+        self._estimate(warm_up)  # what loads or compiles at first use does so now
+        health.measure_levels(warm_up.samples, self.signal.sample_rate)
         self._feed = _Feed(stream, self.signal.sample_rate)
         self._meter = Meter(deadline=self._hop / self.signal.sample_rate)
         self._closed = False
@@ -122,6 +126,10 @@ class LiveStream:
         rate = self.signal.sample_rate
         clock, length = SampleClock(sample_rate=rate), size / rate
         followed, announced = time_filter.FilterState(), events.Announced()
+        well, watching = (
+            health.HealthState(),
+            self._estimate if isinstance(self._estimate, Watching) else None,
+        )
         for window in windows(feed, size=size, hop=hop, sample_rate=rate):
             end = window.start + size
             if self._closed or clock.time(end) > self._seconds:
@@ -142,16 +150,21 @@ class LiveStream:
             followed, tracked = time_filter.step(followed, prediction, length, self._filter)
             offset = None if adc_time is None else adc_time - prediction.time
             announced, changes = events.step(announced, followed, tracked, offset)
+            counters, condition = stream.health, watching.condition if watching else None
+            well, notes = health.step(
+                well, window, estimates, counters, meter.skipped, followed, condition, self._health
+            )
             handed = time.monotonic()
             yield Moment(
                 prediction=prediction,
                 window=window,
-                health=stream.health,
+                health=counters,
                 truth=stream.truth(window.start, end),
                 skipped=meter.skipped,
                 tracked=tracked.estimates,
                 decided=tracked.decided,
                 events=changes,
+                notes=notes,
                 adc_time=adc_time,
                 at_hand=feed.at_hand,
             )

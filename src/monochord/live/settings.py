@@ -13,6 +13,7 @@ from monochord.core.errors import InputError
 from monochord.core.registry import Registry
 from monochord.core.units import Samples, Seconds
 from monochord.live.filter import FilterSettings
+from monochord.live.health import HealthSettings
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Sink
 from monochord.perception.estimators import ESTIMATORS
@@ -66,7 +67,7 @@ class LiveRun:
     `string` names the preset of the string for a source that does not know its own, and is refused by one
     that does. `sensor` names a sensor, or the file of one as tuned: its string counts, whatever the source
     knows of its own. `seconds` of the stream are processed. `filter` says how estimates are followed over
-    time; those of single windows do not depend on it.
+    time, `health` when something is worth a note; those of single windows do not depend on either.
     """
 
     source: Source
@@ -74,6 +75,7 @@ class LiveRun:
     sinks: tuple[Sink, ...] = ()
     window: WindowSettings = WindowSettings()
     filter: FilterSettings = field(default_factory=FilterSettings)
+    health: HealthSettings = field(default_factory=HealthSettings)
     string: str = ""
     sensor: str = ""
     seconds: Seconds = math.inf
@@ -90,6 +92,7 @@ class LiveSettings:
     estimator: dict[str, Any] = field(default_factory=lambda: {"name": "closed_form"})
     window: WindowSettings = WindowSettings()
     filter: FilterSettings = field(default_factory=FilterSettings)
+    health: HealthSettings = field(default_factory=HealthSettings)
     sinks: dict[str, dict[str, Any]] = field(default_factory=lambda: {"terminal": {}})
     string: str = ""
     sensor: str = ""
@@ -118,6 +121,7 @@ class LiveSettings:
             sinks=tuple(sinks),
             window=self.window,
             filter=self.filter,
+            health=self.health,
             string=self.string,
             sensor=self.sensor,
             seconds=self.seconds,
@@ -132,6 +136,7 @@ class LiveSettings:
             "estimator": _named(self.estimator, setup.estimator),
             "window": to_tree(self.window),
             "filter": to_tree(self.filter),
+            "health": to_tree(self.health),
             "sinks": {name.replace("-", "_"): to_tree(sink) for name, sink in sinks},
             "string": self.string,
             "sensor": self.sensor,

@@ -1,9 +1,35 @@
 """The contract of an estimator: frozen options, prepared for a signal, then called window by window."""
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 
-from monochord.core.types import Prepared, Signal
+from monochord.core.types import Estimates, Prepared, Signal, Window
 from monochord.core.units import Metres, Samples
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """What an estimator knows of the string besides its estimates of a touch.
+
+    `deviation` is the share by which its pitch lies above the known one, None where that was not heard.
+    `follows` says whether estimates are made for the pitch that was heard.
+    """
+
+    deviation: float | None = None
+    follows: bool = True
+
+
+class Watching(ABC):
+    """A prepared estimator that also watches the string; one without anything to tell is a plain function."""
+
+    @abstractmethod
+    def __call__(self, window: Window) -> Estimates:
+        """Return the estimates of a window."""
+
+    @property
+    @abstractmethod
+    def condition(self) -> Condition:
+        """What is known of the string after the last window."""
 
 
 class Estimator(ABC):

@@ -11,7 +11,7 @@ from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samp
 from monochord.perception.closed_form.far_segment import FarSegment
 from monochord.perception.closed_form.two_segments import MIN_SCORE, TwoSegments, abstain
 from monochord.perception.closed_form.usable import why_unusable
-from monochord.perception.estimators.base import Estimator
+from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.perception.tuning import OwnString, TunerState
 from monochord.physics.theory import TensionLaw, open_frequency
 
@@ -134,7 +134,7 @@ class ClosedForm(Estimator):
         )
 
 
-class _Followed:
+class _Followed(Watching):
     """The two-sided form on one stream of windows, re-tuned by those that nothing touches.
 
     `opposed` says whether the last window was of two segments, each louder at its own microphone, and
@@ -165,6 +165,12 @@ class _Followed:
         reading = spectrum.reading
         self.opposed = reading.opposed and min(reading.score, reading.contact_lead) >= MIN_SCORE
         return self._tuned.estimates(self._tuned_analyser, spectrum)
+
+    @property
+    def condition(self) -> Condition:
+        """How far the string is off the pitch that it was known at."""
+        tuning = self._state.tuning
+        return Condition(deviation=None if tuning is None else tuning.deviation(self._own.string))
 
 
 def _either(far: Prepared, both: _Followed, *, knows_density: bool) -> Prepared:

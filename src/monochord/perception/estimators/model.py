@@ -9,7 +9,7 @@ from monochord.core.units import Samples
 from monochord.perception.closed_form.spectrum import SpectrumAnalyser
 from monochord.perception.closed_form.two_segments import MIN_SCORE
 from monochord.perception.closed_form.usable import why_unusable
-from monochord.perception.estimators.base import Estimator
+from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.perception.model import Model, ModelState, load
 from monochord.perception.tuning import OwnString, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
@@ -58,7 +58,7 @@ class ModelEstimator(Estimator):
         return estimate
 
 
-class _Followed:
+class _Followed(Watching):
     """A model on one stream of windows, re-tuned by those that nothing touches."""
 
     def __init__(self, model: Model, signal: Signal, size: Samples) -> None:
@@ -81,6 +81,13 @@ class _Followed:
         if not why_not:
             return estimates
         return {name: Estimate.abstain(each.unit, why_not) for name, each in estimates.items()}
+
+    @property
+    def condition(self) -> Condition:
+        """How far the string is off the pitch that it was known at."""
+        tuning = self._tuner.tuning
+        deviation = None if tuning is None else tuning.deviation(self._own.string)
+        return Condition(deviation=deviation, follows=not self._why_not)
 
     def _use(self, model: Model, string: StringParams) -> None:
         """Read the windows to come by the model for a string."""

@@ -1,0 +1,157 @@
+"""Health: each trouble is said once it lasts, says what to do, and goes away with its cause."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monochord.core.types import Audio, Estimate, Estimates, StreamHealth, Window
+from monochord.live import health
+from monochord.live.filter import FilterState
+from monochord.live.health import REASONS, HealthSettings, HealthState, Note
+from monochord.perception.estimators.base import Condition
+from monochord.perception.model import load
+
+RATE, SIZE, HOP = 44100, 4410, 441
+TIME = np.arange(4 * RATE) / RATE
+GOOD = Estimate(value=0.9, std=0.1, unit="")
+
+
+def wave(frequency: float, level: float) -> Audio:
+    return (level * np.sin(2.0 * np.pi * frequency * TIME)).astype(np.float32)
+
+
+STRING = np.stack((wave(960.0, 0.2), wave(960.0, 0.15)))
+
+
+def watched(
+    sound: Audio,
+    why_not: str = "",
+    condition: Condition | None = None,
+    streams: Sequence[StreamHealth] = (),
+    skipped: Sequence[int] = (),
+    state: HealthState | None = None,
+) -> list[tuple[Note, ...]]:
+    """Return the notes after each window of a sound."""
+    state, notes = state or HealthState(), list[tuple[Note, ...]]()
+    each = Estimate.abstain("", why_not) if why_not else GOOD
+    estimates: Estimates = {"contact": each, "position": each}
+    for k, start in enumerate(range(0, sound.shape[1] - SIZE, HOP)):
+        window = Window(samples=sound[:, start : start + SIZE], start=start, sample_rate=RATE)
+        stream = streams[min(k, len(streams) - 1)] if streams else StreamHealth()
+        count = skipped[min(k, len(skipped) - 1)] if skipped else 0
+        state, told = health.step(
+            state, window, estimates, stream, count, FilterState(), condition, HealthSettings()
+        )
+        notes.append(told)
+    return notes
+
+
+def keys(notes: tuple[Note, ...]) -> list[str]:
+    return [note.key for note in notes]
+
+
+def clipped(sound: Audio) -> Audio:
+    return np.clip(8.0 * sound, -1.0, 1.0).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("sound", "key"),
+    [
+        (0.0 * STRING, "silence"),
+        (STRING * np.array([[0.0], [1.0]], np.float32), "microphone_1_dead"),
+        (STRING * np.array([[1.0], [1e-4]], np.float32), "microphone_2_dead"),
+        (clipped(STRING), "clipping"),
+        (STRING + np.stack((wave(50.0, 0.5), wave(50.0, 0.5))), "hum"),
+        (STRING + np.stack((wave(120.0, 0.5), wave(120.0, 0.0))), "hum"),
+        (STRING * np.float32("nan"), "not_numbers"),
+    ],
+)
+def test_what_levels_show_is_said_and_ends_with_its_cause(sound: Audio, key: str) -> None:
+    notes = watched(np.concatenate([STRING[:, :RATE], sound[:, :RATE], STRING], axis=1))
+    assert not notes[60]
+    said = next(k for k, each in enumerate(notes) if each)
+    assert 0.9 <= notes[said][0].since <= 1.0
+    assert said * HOP / RATE >= notes[said][0].since + 0.5 - 1e-6
+    assert key in keys(notes[185])
+    assert not notes[-1]
+
+
+def test_a_sound_string_has_no_notes() -> None:
+    assert not any(watched(STRING))
+    assert not any(watched(STRING[:1]))  # of one microphone
+
+
+def test_a_moment_of_trouble_is_not_worth_a_note() -> None:
+    sound = STRING.copy()
+    sound[:, RATE : RATE + 4410] = 0.0
+    assert not any(watched(sound))
+
+
+@pytest.mark.parametrize("why_not", [*REASONS])
+def test_reasons_to_abstain_are_said_with_what_to_do(why_not: str) -> None:
+    key, finding = REASONS[why_not]
+    notes = watched(STRING, why_not)[-1]
+    assert [(note.key, note.since) for note in notes] == [(key, 0.0)]
+    assert notes[0].sentence == finding.sentence
+    assert notes[0].remedy
+
+
+def test_the_bundled_model_gives_no_reason_that_is_not_known_here() -> None:
+    known = load("demo").definition.known
+    assert known is not None
+    assert set(known.reasons) <= REASONS.keys()
+
+
+def test_a_reason_that_is_not_known_here_is_said_as_it_is() -> None:
+    (note,) = watched(STRING, "a moth on the string")[-1]
+    assert note.key == "abstaining"
+    assert "a moth on the string" in note.sentence
+
+
+@pytest.mark.parametrize("why_not", ["no contact", "too uncertain", "gap"])
+def test_an_answer_is_no_trouble(why_not: str) -> None:
+    assert not any(watched(STRING, why_not))
+
+
+def test_a_detuned_string_is_said_with_by_how_much() -> None:
+    (note,) = watched(STRING, condition=Condition(deviation=0.0142, follows=True))[-1]
+    assert (note.key, note.level) == ("detuned", "info")
+    assert "1.4 % (24 cents) above" in note.sentence
+    (note,) = watched(STRING, "further off", Condition(deviation=-0.14, follows=False))[-1]
+    assert (note.key, note.level) == ("detuned", "error")
+    assert "14.0 % (261 cents) below" in note.sentence
+    assert not any(watched(STRING, condition=Condition(deviation=0.001)))
+
+
+def test_lost_sound_and_skipped_windows_are_said_for_a_while() -> None:
+    lost = [StreamHealth(dropped=0)] * 50 + [StreamHealth(dropped=128, gaps=1, xruns=2)]
+    long = np.concatenate([STRING] * 4, axis=1)
+    notes = watched(long, streams=lost, skipped=[0] * 100 + [3])
+    assert not notes[49]
+    assert keys(notes[50]) == ["sound_lost"]
+    assert "128 frames in 1 gaps, 2 xruns" in notes[50][0].sentence
+    assert keys(notes[100]) == ["sound_lost", "windows_skipped"]
+    assert keys(notes[1080]) == ["windows_skipped"]
+    assert not notes[-1]
+
+
+def test_what_was_counted_before_the_stream_began_is_no_news() -> None:
+    assert not any(watched(STRING, streams=[StreamHealth(dropped=5, xruns=9)], skipped=[7]))
+
+
+def test_a_new_touch_settles() -> None:
+    window = Window(samples=STRING[:, :SIZE], start=0, sample_rate=RATE)
+    touched = FilterState(time=0.1, onset=0.1)
+    for time, expected in ((0.1, ["settling"]), (0.15, ["settling"]), (0.2, [])):
+        followed = replace(touched, time=time)
+        _, notes = health.step(HealthState(), window, {}, StreamHealth(), 0, followed, None, HealthSettings())
+        assert keys(notes) == expected
+
+
+def test_notes_come_in_the_order_in_which_they_began_and_keep_it() -> None:
+    sound = np.concatenate([STRING[:, :RATE], clipped(STRING)], axis=1)
+    notes = watched(sound, "one driver seems silent")
+    assert keys(notes[-1]) == ["driver_silent", "clipping"]
+    assert notes[-1][0].since < notes[-1][1].since
