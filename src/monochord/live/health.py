@@ -256,7 +256,7 @@ def step(
     state = HealthState(
         start=window.start, lasting=lasting, heard=heard, looked=looked, stream=stream, skipped=skipped
     )
-    return state, _notes(lasting, now, settings) if lasting else ()
+    return state, _notes(lasting, settings) if lasting else ()
 
 
 def _lasting(
@@ -276,7 +276,7 @@ def _lasting(
     return lasting
 
 
-def _notes(lasting: Mapping[str, Lasting], now: Seconds, settings: HealthSettings) -> tuple[Note, ...]:
+def _notes(lasting: Mapping[str, Lasting], settings: HealthSettings) -> tuple[Note, ...]:
     notes = [
         Note(
             key=key,
@@ -286,7 +286,7 @@ def _notes(lasting: Mapping[str, Lasting], now: Seconds, settings: HealthSetting
             since=each.first,
         )
         for key, each in lasting.items()
-        if now - each.first >= _appear(each.finding, settings) - 1e-9
+        if each.last - each.first >= _appear(each.finding, settings) - 1e-9
     ]
     return tuple(sorted(notes, key=lambda note: note.since))
 
