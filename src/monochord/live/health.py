@@ -236,7 +236,7 @@ def step(
     >>> [(note.key, note.since) for note in notes]
     [('silence', 0.0)]
     """
-    if window.start <= state.start:
+    if state.start < 0 or window.start <= state.start:
         state = HealthState(stream=stream, skipped=skipped)
     now = window.start / window.sample_rate
     heard, looked = state.heard, state.looked
