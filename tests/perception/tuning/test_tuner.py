@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from tests.physics.twin.built import planned
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal, StringParams, Window
 from monochord.dsp.resample import Resampler
-from monochord.perception.tuning import Tuner, TunerState
+from monochord.perception.tuning import Tuner, TunerState, tuner
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import inharmonicity, open_frequency, stiff_partials
 from monochord.physics.twin import Sensor
@@ -136,6 +137,28 @@ def test_a_high_partial_that_may_be_another_is_refused() -> None:
     )
     assert both.tuning is not None
     assert both.tuning.partials == (7, 2)
+
+
+def test_a_rival_of_nearly_the_same_pitch_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Partials that drivers pull apart have two readings 0.5 % apart: one tuning, less certain."""
+    read = tuner.read_tuning
+    string, sound = load_sensor("prototype").string, untouched("prototype")
+
+    def with_rival(ratio: float) -> TunerState:
+        def reading(*given: Any) -> tuner.TuningReading:
+            own = read(*given)
+            return own._replace(rival_score=own.score, rival_frequency=own.frequency * ratio)
+
+        monkeypatch.setattr(tuner, "read_tuning", reading)
+        return followed(sound, string)
+
+    alone = followed(sound, string).tuning
+    near = with_rival(1.006).tuning
+    assert alone is not None
+    assert near is not None
+    assert near.frequency == alone.frequency
+    assert near.frequency_std == pytest.approx(np.hypot(alone.frequency_std, 0.003 * alone.frequency))
+    assert with_rival(1.02).why_not.startswith("two readings")
 
 
 def test_a_series_of_a_multiple_of_the_pitch_is_refused() -> None:

@@ -67,17 +67,19 @@ class _Followed(Watching):
         self._known = self._model = model
         self._string = self._own.string
         self._state, self._tuner = ModelState(), TunerState()
-        self._why_not = ""
+        self._has_heard, self._why_not = False, ""
 
     def __call__(self, window: Window) -> Estimates:
         if window.start <= self._state.start:
             self._use(self._known, self._own.string)
+            self._has_heard = False
         before, self._tuner = self._tuner.tuning, self._own.step(self._tuner, window)
         tuning = self._tuner.tuning
         if tuning is not before and tuning is not None:
+            self._has_heard = True
             self._follow(tuning)
         self._state, estimates = self._model.predict(self._state, window)
-        why_not = self._why_not if self._tuner.tuning else self._why_elsewhere(window)
+        why_not = self._why_not if self._has_heard else self._why_elsewhere(window)
         if not why_not:
             return estimates
         return {name: Estimate.abstain(each.unit, why_not) for name, each in estimates.items()}

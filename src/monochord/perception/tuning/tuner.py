@@ -1,7 +1,7 @@
 """The tuner: a fold over windows of untouched sound, and what it says of the string."""
 
 from dataclasses import dataclass, replace
-from math import gcd, inf, nan
+from math import gcd, hypot, inf, nan
 
 import numpy as np
 
@@ -33,6 +33,9 @@ DEAD_SHARE = 1.0e-3
 """Share of all lines' power below which a microphone is dead."""
 MIN_SCORE, MIN_LEAD, MIN_EXPLAINED = 0.25, 0.1, 0.5
 """Least score of a reading, least lead over another, and least share of the lines that it explains."""
+NEAR = 0.01
+"""Share within which two readings are of one pitch whose partials are pulled apart, as strong drivers do:
+half of their distance counts as an error."""
 COMMON_STD = 1.5e-3
 """Standard deviation, as a share, of what all partials of a string have in common: yielding ends and drivers.
 
@@ -219,9 +222,10 @@ class Tuner:
         if why_not:
             return None, why_not
         decay, decay_std = _decay(lasting, reading)
+        apart = 0.5 * abs(reading.frequency - reading.rival_frequency) if _has_rival(reading) else 0.0
         tuning = Tuning(
             frequency=reading.frequency,
-            frequency_std=float(np.hypot(reading.frequency_std, COMMON_STD * reading.frequency)),
+            frequency_std=hypot(reading.frequency_std, COMMON_STD * reading.frequency, apart),
             inharmonicity=reading.inharmonicity,
             inharmonicity_std=reading.inharmonicity_std,
             decay=decay,
@@ -243,9 +247,19 @@ class Tuner:
             return "hum alone"
         if reading.score < MIN_SCORE or reading.explained < MIN_EXPLAINED:
             return f"too many lines that are no partials of one string within {reach}"
-        if reading.score - reading.rival_score < MIN_LEAD:
+        if _has_rival(reading) and not _is_near(reading):
             return f"two readings, {reading.frequency:.1f} and {reading.rival_frequency:.1f} Hz"
         return ""
+
+
+def _has_rival(reading: TuningReading) -> bool:
+    """Return whether another reading explains the lines about as well."""
+    return reading.score - reading.rival_score < MIN_LEAD
+
+
+def _is_near(reading: TuningReading) -> bool:
+    """Return whether that is one of nearly the same pitch."""
+    return abs(reading.rival_frequency / reading.frequency - 1.0) < NEAR
 
 
 def _why_no_partials(lines: Floats) -> tuple[str, int]:
