@@ -1,0 +1,286 @@
+"""A bag for Foxglove and rosbag2: the sound plays, forces plot, the pose shows."""
+
+import heapq
+import json
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.sessions import SessionReader, codec
+from monochord.sessions.description import NANO
+from monochord.sessions.exports.base import Export, folder_each
+from monochord.sessions.tracks import LABELS
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+VERSION = 8
+"""Of a bag, as rosbag2 of ROS 2 Iron and newer reads it."""
+LAYOUT = "layout.json"
+"""The file with the layout."""
+AUDIO, WRENCH, LOG = (
+    "foxglove_msgs/msg/RawAudio",
+    "geometry_msgs/msg/WrenchStamped",
+    "rcl_interfaces/msg/Log",
+)
+RAW_AUDIO = """\
+builtin_interfaces/Time timestamp
+uint8[] data
+string format
+uint32 sample_rate
+uint32 number_of_channels
+"""
+"""Foxglove's message for sound, which its Audio panel plays: 16 bits, frame after frame."""
+FULL_SCALE = 32767
+LOUDEST = 1e9  # of a sample before it is clipped, so that no gain overflows
+INFO = 20
+"""Level of an event in the log."""
+Stamped: TypeAlias = tuple[int, str, bytes]
+"""Time in ns since 1970, topic, and the bytes of a message."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Foxglove(Export):
+    """A bag a session, which Foxglove, rosbag2 and rosbags open, and a layout for Foxglove; needs no ROS.
+
+    Each bag is a folder with ``NAME.mcap`` and ``metadata.yaml``. Topics: ``/audio``, Foxglove's RawAudio in
+    16 bits, which loses what is below that and clips what is above full scale; each stream of force/torque as
+    WrenchStamped, one message a reading, at its arrival; each pose as PoseStamped, with the sender's stamp;
+    any other stream, and ``/labels``, as one message a reading with a field for each column; ``/rosout``, the
+    events as Log; ``/description``. The definitions are in the file. Device clocks, status words and clock
+    offsets are left out: keep the session itself.
+
+    Parameters
+    ----------
+    gain
+        Gain of the sound in dB, for what was recorded too low to be heard.
+    """
+
+    gain: float = 0.0
+
+    def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
+        """Write each session to a folder of its file's name below `out`, and the layout beside them."""
+        if not -120.0 <= self.gain <= 120.0:
+            raise InputError(f"gain {self.gain:g} dB", "-120 to 120 dB")
+        written: list[Path] = []
+        shown: dict[str, tuple[str, tuple[str, ...]]] = {}
+        for session, folder in folder_each(sessions, out):
+            bag = _Bag(session, self.gain)
+            written += bag.write(folder)
+            shown |= bag.topics
+        layout = out / LAYOUT
+        layout.write_text(json.dumps(_layout(shown), indent=1) + "\n", encoding="utf-8")
+        return [*written, layout]
+
+
+class _Bag:
+    """A session as messages of ROS 2 in the order of their times.
+
+    `topics` are the topics with their types and the fields that are numbers.
+    """
+
+    def __init__(self, session: SessionReader, gain: float) -> None:
+        self._session, self._scale = session, FULL_SCALE * 10.0 ** (gain / 20.0)
+        self._store = _typestore()
+        self.topics: dict[str, tuple[str, tuple[str, ...]]] = {
+            "/audio": (AUDIO, ()),
+            "/rosout": (LOG, ()),
+            "/description": (codec.TEXT, ()),
+        }
+        parts: list[Iterable[Stamped]] = [self._audio(), self._events(), self._description()]
+        for stream in session.streams:
+            feed = session.description.feed(stream)
+            kind, topic = codec.type_of(feed), codec.topic_of(stream)
+            if kind == codec.WRENCHES:
+                self.topics[topic] = WRENCH, tuple(f"wrench.force.{axis}" for axis in "xyz")
+                parts.append(self._wrenches(topic))
+            elif kind == codec.POSES:
+                self.topics[topic] = codec.POSES, tuple(f"pose.position.{axis}" for axis in "xyz")
+                parts.append(self._poses(topic))
+            else:
+                track = session.readings(stream)
+                columns = {name: track.column(name) for name in feed.columns}
+                parts.append(self._columns(topic, track.time, columns))
+        labels = session.labels
+        if len(labels.time):
+            parts.append(self._columns(codec.topic_of(LABELS), labels.time, dict(labels.columns)))
+        self._parts = parts
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write the bag into an empty folder, and return its files."""
+        from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415
+
+        folder.rmdir()  # the library makes it, and refuses one that is there
+        with Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
+            connections = {
+                topic: bag.add_connection(topic, kind, typestore=self._store)
+                for topic, (kind, _) in self.topics.items()
+            }
+            for stamp, topic, data in heapq.merge(*self._parts, key=lambda message: message[0]):
+                bag.write(connections[topic], stamp, data)
+        return sorted(folder.iterdir())
+
+    def _encode(self, kind: str, **fields: Any) -> bytes:
+        return bytes(self._store.serialize_cdr(self._store.types[kind](**fields), kind))
+
+    def _stamp(self, stamp: int) -> Any:
+        seconds, nanoseconds = divmod(stamp, NANO)
+        return self._store.types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
+
+    def _header(self, stamp: int, frame: str) -> Any:
+        return self._store.types[codec.HEADER](stamp=self._stamp(stamp), frame_id=frame)
+
+    def _audio(self) -> Iterator[Stamped]:
+        for message, block in self._session.decoded("/audio"):
+            samples = np.clip(np.nan_to_num(block.samples), -LOUDEST, LOUDEST) * self._scale
+            frames = samples.reshape(block.channels, -1).T
+            whole = np.clip(np.rint(frames), -FULL_SCALE - 1, FULL_SCALE).astype("<i2")
+            data = self._encode(
+                AUDIO,
+                timestamp=self._stamp(message.log_time),
+                data=np.frombuffer(whole.tobytes(), np.uint8),
+                format="pcm-s16",
+                sample_rate=block.sample_rate,
+                number_of_channels=block.channels,
+            )
+            yield message.log_time, "/audio", data
+
+    def _wrenches(self, topic: str) -> Iterator[Stamped]:
+        types, frame = self._store.types, topic.strip("/")
+        vector, wrench = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Wrench"]
+        for _, batch in self._session.decoded(topic):
+            force, torque = batch.force.reshape(-1, 3).tolist(), batch.torque.reshape(-1, 3).tolist()
+            for stamp, f, t in zip(batch.arrival.tolist(), force, torque, strict=True):
+                value = wrench(force=vector(*f), torque=vector(*t))
+                yield stamp, topic, self._encode(WRENCH, header=self._header(stamp, frame), wrench=value)
+
+    def _poses(self, topic: str) -> Iterator[Stamped]:
+        for message, _ in self._session.decoded(topic):
+            yield message.log_time, topic, bytes(message.data)
+
+    def _columns(self, topic: str, time: Any, columns: dict[str, Any]) -> Iterator[Stamped]:
+        """Return readings as messages of a type that has a field for each column."""
+        from rosbags.typesys import get_types_from_msg  # noqa: PLC0415
+
+        name = "".join(part.capitalize() for part in topic.strip("/").split("_"))
+        kind = f"{codec.OURS}{name}Reading"
+        fields = _field_names(columns)
+        text = "std_msgs/Header header\n" + "".join(f"float64 {field}\n" for field in fields)
+        self._store.register(get_types_from_msg(text, kind))
+        self.topics[topic] = kind, fields
+
+        def messages() -> Iterator[Stamped]:
+            epoch = self._session.clock.epoch_ns
+            stamps = epoch + np.rint(np.asarray(time) * NANO).astype(np.int64)
+            rows = zip(stamps.tolist(), *(column.tolist() for column in columns.values()), strict=True)
+            for stamp, *row in rows:
+                values = dict(zip(fields, map(float, row), strict=True))
+                yield stamp, topic, self._encode(kind, header=self._header(stamp, ""), **values)
+
+        return messages()
+
+    def _events(self) -> Iterator[Stamped]:
+        epoch = self._session.clock.epoch_ns
+        for event in self._session.events:
+            stamp = epoch + round(event.time * NANO)
+            more = json.dumps(event.data, sort_keys=True) if event.data else ""
+            data = self._encode(
+                LOG,
+                stamp=self._stamp(stamp),
+                level=INFO,
+                name=event.kind,
+                msg=" ".join(part for part in (event.text, more) if part),
+                file="",
+                function="",
+                line=0,
+            )
+            yield stamp, "/rosout", data
+
+    def _description(self) -> Iterator[Stamped]:
+        data = self._encode(codec.TEXT, data=self._session.description.dump())
+        yield self._session.clock.epoch_ns, "/description", data
+
+
+def _typestore() -> "Typestore":
+    """Return types of its own: those of a session's columns differ from session to session."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(RAW_AUDIO, AUDIO))
+    return store
+
+
+def _field_names(columns: Iterable[str]) -> tuple[str, ...]:
+    """Return names that fields of a ROS 2 message may have, all different.
+
+    >>> _field_names(["position", "2nd Force!", "header", "position_"])
+    ('position', 'c2nd_force', 'c_header', 'position_2')
+    """
+    names: list[str] = []
+    for column in columns:
+        name = re.sub("_+", "_", re.sub("[^a-z0-9]", "_", column.lower())).strip("_")
+        name = f"c_{name}" if name in ("", "header") else name
+        name = name if name[0].isalpha() else f"c{name}"
+        number, free = 1, name
+        while free in names:
+            number += 1
+            free = f"{name}_{number}"
+        names.append(free)
+    return tuple(names)
+
+
+def _layout(topics: dict[str, tuple[str, tuple[str, ...]]]) -> dict[str, Any]:
+    """Return a layout of Foxglove: the sound, a plot for each topic of numbers, poses, and the log."""
+    panels: dict[str, dict[str, Any]] = {"Audio!sound": {"topic": "/audio"}}
+    poses = [topic for topic, (kind, _) in topics.items() if kind == codec.POSES]
+    for topic, (_, fields) in topics.items():
+        if fields:
+            panels[f"Plot!{topic.strip('/')}"] = _plot(topic, fields)
+    if poses:
+        visible = {topic: {"visible": True} for topic in poses}
+        panels["3D!pose"] = {"followTf": "string", "topics": visible}
+    panels["RosOut!events"] = {"topicToRender": "/rosout", "minLogLevel": 1, "searchTerms": []}
+    return {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": _stacked(list(panels)),
+    }
+
+
+def _plot(topic: str, fields: tuple[str, ...]) -> dict[str, Any]:
+    paths = [
+        {"value": f"{topic}.{field}", "enabled": True, "timestampMethod": "receiveTime"}
+        for field in fields
+        if not field.endswith("_std")
+    ]
+    return {
+        "title": topic,
+        "paths": paths,
+        "xAxisVal": "timestamp",
+        "isSynced": True,
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "showLegend": True,
+        "legendDisplay": "floating",
+    }
+
+
+def _stacked(panels: list[str]) -> Any:
+    """Return panels one above the other, all of one height."""
+    if len(panels) == 1:
+        return panels[0]
+    share = math.floor(100.0 / len(panels))
+    return {
+        "first": panels[0],
+        "second": _stacked(panels[1:]),
+        "direction": "column",
+        "splitPercentage": share,
+    }
