@@ -13,9 +13,12 @@ from monochord.datasets.build import build_dataset
 from monochord.datasets.store import Dataset
 from monochord.evaluation.replay import Selection
 from monochord.lab.offline import make
-from monochord.perception.training.examples import examples_of, training_data
+from monochord.perception.model import load
+from monochord.perception.model.network import quantity
+from monochord.perception.training.examples import examples_of, stream_of, training_data
 from monochord.perception.training.rows import Rows
 from monochord.perception.training.settings import TrainingSettings
+from monochord.perception.training.train import as_of_the_design, outputs_of
 from monochord.perception.tuning.sessions import force_scales, heard_tension, own_strings
 from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
 
@@ -106,6 +109,18 @@ def test_forces_are_as_of_the_designs_tension(dataset: Dataset, tmp_path: Path) 
         dataset.label("force")[examples.rows[mine]] / force_scales(dataset, DESIGN)[examples.rows[mine]]
     )
     np.testing.assert_allclose(examples.labels["force"][mine], expected)
+
+
+def test_a_model_is_calibrated_on_each_own_string(dataset: Dataset) -> None:
+    """Read by the design's pitch, strings that are 5 % lower would have places tens of millimetres off."""
+    model = load("demo")
+    rows = np.flatnonzero((dataset.label("contact") == 1.0) & (dataset.label("settled") == 1.0))
+    outputs = outputs_of(model, dataset, stream_of(dataset, np.arange(len(dataset))))
+    record = model.definition.heads["position"]
+    places = np.array([quantity(outputs[row]["position"], record)[0] for row in rows.tolist()])
+    assert np.abs(places - dataset.label("position")[rows]).max() < 5e-3
+    forces = as_of_the_design(model, dataset).label("force")
+    np.testing.assert_allclose(forces * force_scales(dataset, DESIGN), dataset.label("force"))
 
 
 def _whole(dataset: Dataset) -> Any:

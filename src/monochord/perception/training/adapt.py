@@ -1,7 +1,6 @@
 """Adapting a model to a build and its object by a few touches of known position and force."""
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,12 +12,10 @@ from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.model import Model
-from monochord.perception.model.network import Output
 from monochord.perception.training.correct import KnownErrors, known_errors, with_correction
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.rows import Progress
-from monochord.perception.training.train import outputs_of
-from monochord.perception.tuning.sessions import force_scales, own_strings
+from monochord.perception.training.train import as_of_the_design, outputs_of
 
 MAX_FOLDS = 10
 """Folds of the cross-validation; with as many touches or fewer each touch is left out by itself."""
@@ -89,8 +86,8 @@ def adapt(
     corrected = {name: own for name in model.definition.heads if (own := model.correction(name))}
     if not corrected:
         raise InputError("a model without corrections", "a model that can be adapted", REMEDY)
-    dataset = _as_of_the_design(model, dataset)
-    outputs = _outputs(model, dataset, progress)
+    dataset = as_of_the_design(model, dataset)
+    outputs = outputs_of(model, dataset, stream_of(dataset, np.arange(len(dataset))), progress)
     touch = touches_of(dataset)
     heads: dict[str, HeadAdaptation] = {}
     known: dict[str, Correction] = {}
@@ -128,27 +125,6 @@ def adapt(
     )
     model = dataclasses.replace(model, definition=definition)
     return Adaptation(model=model, heads=heads, next_touch=_suggestion(model, known, spreads))
-
-
-def _as_of_the_design(model: Model, dataset: Dataset) -> Dataset:
-    """Return a dataset whose forces are those that sound alike on the design's string."""
-    design = model.definition.string
-    if design is None or "force" not in dataset.labels:
-        return dataset
-    force = dataset.labels["force"] / force_scales(dataset, design)
-    return dataclasses.replace(dataset, labels={**dataset.labels, "force": force})
-
-
-def _outputs(model: Model, dataset: Dataset, progress: Progress) -> dict[int, Mapping[str, Output]]:
-    """Return the outputs for the windows that can be used, each session's relative to its own string."""
-    design = model.definition.string
-    strings = own_strings(dataset, design) if design is not None else {}
-    outputs: dict[int, Mapping[str, Output]] = {}
-    for session in np.unique(dataset.session).tolist():
-        rows = stream_of(dataset, np.flatnonzero(dataset.session == session))
-        own = model.tuned(strings[session]) if session in strings else model
-        outputs |= outputs_of(own, dataset, rows, progress)
-    return outputs
 
 
 def _part(errors: KnownErrors, used: np.ndarray) -> KnownErrors:

@@ -50,6 +50,7 @@ from monochord.perception.training.run_folder import (
     write_metrics,
 )
 from monochord.perception.training.settings import TrainingSettings
+from monochord.perception.tuning.sessions import force_scales, own_strings
 
 HeadScores = dict[str, float]
 
@@ -149,12 +150,12 @@ def calibrated(
 ) -> tuple[Model, dict[str, HeadScores]]:
     """Return a model whose uncertainty is calibrated on a stream of windows (n,), and its scores there.
 
-    The windows are read one by one, as live. Contact is calibrated first, since its probability decides
-    which windows become the reference that other heads see. A correction's prior is of the errors that are
-    left after that.
+    The windows are read one by one, as live, and forces are as of the design's tension. Contact is
+    calibrated first, since its probability decides which windows become the reference that other heads see.
+    A correction's prior is of the errors that are left after that.
     """
     gate = model.definition.gate
-    touch = touches_of(dataset)
+    dataset, touch = as_of_the_design(model, dataset), touches_of(dataset)
     outputs = outputs_of(model, dataset, rows, progress)
     model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch))
     outputs = outputs_of(model, dataset, rows, progress)
@@ -171,14 +172,27 @@ def calibrated(
 def replay(model: Model, dataset: Dataset, rows: Indices) -> Iterator[tuple[int, Mapping[str, Output]]]:
     """Yield each row with the outputs of every head for its window; nothing for one that cannot be used.
 
-    `rows` (n,) are in the order of their sessions and of time; each session is a stream of its own.
+    `rows` (n,) are in the order of their sessions and of time; each session is a stream of its own, and
+    features are relative to its own string.
     """
-    state, session = ModelState(), -1
+    design = model.definition.string
+    strings = own_strings(dataset, design) if design is not None else {}
+    own, state, session = model, ModelState(), -1
     for row in rows.tolist():
         if dataset.session[row] != session:
             state, session = ModelState(), int(dataset.session[row])
-        state, outputs = model.outputs(state, window_of(dataset, row))
+            own = model.tuned(strings[session]) if session in strings else model
+        state, outputs = own.outputs(state, window_of(dataset, row))
         yield row, outputs
+
+
+def as_of_the_design(model: Model, dataset: Dataset) -> Dataset:
+    """Return a dataset whose forces are those that sound alike on the design's string."""
+    design = model.definition.string
+    if design is None or "force" not in dataset.labels:
+        return dataset
+    force = dataset.labels["force"] / force_scales(dataset, design)
+    return dataclasses.replace(dataset, labels={**dataset.labels, "force": force})
 
 
 def window_of(dataset: Dataset, row: int) -> Window:
