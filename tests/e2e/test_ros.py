@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Generator, Iterator
@@ -32,7 +33,7 @@ def rclpy_node(script: str, *arguments: str) -> Generator["subprocess.Popen[str]
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
     }
-    command = [str(python), str(Path(__file__).with_name(script)), *arguments]
+    command = [str(python), str(Path(__file__).parent / script), *arguments]
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
         yield process
         process.kill()
@@ -100,3 +101,24 @@ def test_rclpy_subscribes_to_a_live_sensor() -> None:
     assert len(heard["hashes"]) == 5
     for name, seen in heard["hashes"].items():
         assert TYPE_HASHES[name].removeprefix("RIHS01_") in seen.lower()
+
+
+def test_the_node_of_the_ros_package_publishes_below_its_name() -> None:
+    """The node runs under rclpy and starts Monochord in the environment of this test."""
+    touch = "source.script=[{start = 0.3, position = 0.08, force = 1.0}]"
+    executable = f"{sys.executable} -m monochord"
+    values = {"executable": executable, "source": "twin", "settings": f"['{touch}', 'source.build=1']"}
+    parameters = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+    names = ["-r", "__ns:=/", "-r", "__node:=sensor"]
+    package = ROOT / "ros" / "monochord_ros" / "monochord_ros"
+    with (
+        rclpy_node("ros_subscriber.py", "200") as subscriber,
+        rclpy_node(str(package / "sensor.py"), "--ros-args", *parameters, *names) as node,
+    ):
+        assert subscriber.stdout
+        assert subscriber.stdout.readline() == "ready\n"
+        heard = json.loads(subscriber.stdout.readline())
+        node.send_signal(signal.SIGINT)
+        assert node.wait(60) == 0
+    assert len(heard["received"]["wrench"]) == 200
+    assert heard["topics"]["/sensor/touch"] == ["geometry_msgs/msg/PointStamped"]

@@ -1,0 +1,1 @@
+"""A Monochord sensor as a node of ROS 2."""
