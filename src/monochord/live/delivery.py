@@ -263,7 +263,7 @@ class _Queued(_Outlet):
 class _Dispatcher:
     """Passes moments from the loop to the queues of sinks, in a thread of its own.
 
-    To wake a thread costs some 10 us, which the loop so spends once, and not once for each sink.
+    To wake a thread costs some 10 us, which the loop spends once, whatever the number of sinks.
     """
 
     def __init__(self, outlets: list[_Queued]) -> None:
