@@ -31,7 +31,7 @@ HEIGHT = 62.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Builds(Measured):
-    """Errors of position and force, and coverage, over the number of known touches, a line for each estimator.
+    """Errors of position and force, and coverage, over the known touches, a line for each estimator.
 
     Shades are intervals of 95 % over builds. The dashed line is the coverage of normal errors whose size is
     stated rightly.
