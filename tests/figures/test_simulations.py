@@ -11,6 +11,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats
 from monochord.figures import convergence, modes, touch
 from monochord.figures.convergence import STEADY, TRANSIENT, Convergence, SegmentSound, envelope, spectrum
+from monochord.figures.following import Following
 from monochord.figures.modes import PATTERN_TOLERANCE, Modes
 from monochord.figures.slip import Slip
 from monochord.figures.touch import PHASES, RATE, SIZE, Touch
@@ -25,6 +26,7 @@ APPENDIX = load_string("appendix").string
 SPLIT_STRING = simulator("split_string")
 SENSOR = load_sensor("prototype")
 FEW_HISTORIES = Modes(histories=12, after=2.0)
+SHORT = Following(builds=(301,), seconds=4.0, noises=("quiet", "motors"), thresholds=(0.3, 0.6))
 FEW_TOUCHES = Slip(runs=3, speeds=(0.01, 0.1), seconds=0.12)
 
 
@@ -301,3 +303,30 @@ def test_a_slow_drag_sticks_and_then_slips() -> None:
 def test_options_out_of_range_are_refused(figure: Any, options: dict[str, Any], line: str) -> None:
     with pytest.raises(InputError, match=re.escape(line)):
         figure(**options).draw()
+
+
+def test_what_is_followed_is_compared_with_single_windows() -> None:
+    numbers = SHORT.numbers()
+    assert numbers["simulated"] is True
+    for noise in SHORT.noises:
+        for name in ("contact", "slip"):
+            curves = numbers["curves"][noise][name]
+            followed, single = curves["followed"], curves["windows"]
+            assert [each["threshold"] for each in followed] == list(SHORT.thresholds)
+            assert [each["events"] for each in followed] == [each["events"] for each in single]
+            for one, other in zip(followed, single, strict=True):
+                assert one["false_alarms"] <= other["false_alarms"]
+        position = numbers["errors"][noise]["position"]
+        assert position["windows"] > 50
+        assert position["tracked_answered"] >= position["raw_answered"] - 0.05
+    panels = SHORT.draw().axes
+    assert [panel.get_xlabel() for panel in panels[2:]] == ["threshold", "threshold"]
+    assert all(panel.lines for panel in panels)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"noises": ("wind",)}, {"builds": ()}, {"thresholds": (1.5,)}, {"seconds": 0.0}]
+)
+def test_a_comparison_that_cannot_be_made_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError):
+        Following(**wrong)

@@ -137,7 +137,7 @@ def evaluate(
 
 def music() -> Any:
     """Return synthetic music (n,), which stands in where there is no recording of any."""
-    from monochord.lab.music import loop  # noqa: PLC0415
+    from monochord.dsp.music import loop  # noqa: PLC0415
 
     return loop(0)
 

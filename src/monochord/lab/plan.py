@@ -87,7 +87,7 @@ class Group:
         Name of a group whose motions are repeated, `sessions` of them in total, evenly chosen; its grid and
         protocol then apply.
     music
-        Ambient sound while the drivers are on: "synthetic" for the loop of `monochord.lab.music`, or a sound
+        Ambient sound while the drivers are on: "synthetic" for the loop of `monochord.dsp.music`, or a sound
         file. It pauses for the taps.
     snr
         Ratio of the untouched string's sound to the music, in dB.

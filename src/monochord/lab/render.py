@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Metres, Samples, Seconds
+from monochord.dsp.music import loop
 from monochord.lab.force_sensor import ContactHistory, SensorNoise, bandwidth_filter, wrench_of
 from monochord.lab.motors import motor_sound
-from monochord.lab.music import loop
 from monochord.lab.plan import Assignment
 from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.twin import Labels, Outside, Scene, Sensor, Touch, Twin, advance, begin, switch

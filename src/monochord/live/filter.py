@@ -98,9 +98,9 @@ class TrackSettings:
     """
 
     offset: float = 0.9
-    sliding: float = 2e-3
-    resting: float = 1e-4
-    gate: float = 4.0
+    sliding: float = 5e-3
+    resting: float = 5e-3
+    gate: float = 5.0
     believe: Seconds = 0.15
     coast: Seconds = 0.2
 
@@ -342,9 +342,9 @@ def _position_of(track: Track, unit: str, settings: TrackSettings) -> Estimate:
 class Press:
     """A force over time, after the window that ends at `time`.
 
-    `force` in N, and the offsets of estimates at rest and while sliding, as shares of the standard deviation
-    of an offset; with their covariance, the upper triangle of force, offset at rest, offset sliding. `seen`
-    is the time of the last estimate.
+    `force` in N, and the offsets of estimates at rest and while sliding, as shares of their standard
+    deviations `resting_std` and `sliding_std` in N, NaN before any; with their covariance, the upper triangle
+    of force, offset at rest, offset sliding. `seen` is the time of the last estimate.
     """
 
     force: float
@@ -353,13 +353,15 @@ class Press:
     covariance: tuple[float, float, float, float, float, float]
     time: Seconds
     seen: Seconds
+    resting_std: float = math.nan
+    sliding_std: float = math.nan
 
 
 START_FORCE = 4.0
 """Variance of a force in N^2 before any estimate."""
 
 
-def _press_from(estimate: Estimate, time: Seconds, sliding: float, settings: ForceSettings) -> Press:
+def _press_from(estimate: Estimate, time: Seconds, settings: ForceSettings, *, slides: bool) -> Press:
     """Return the press that an estimate founds."""
     press = Press(
         force=estimate.value,
@@ -369,19 +371,27 @@ def _press_from(estimate: Estimate, time: Seconds, sliding: float, settings: For
         time=time,
         seen=time,
     )
-    return _pressed(press, estimate, sliding, 1.0, settings)
+    return _pressed(press, estimate, 1.0, settings, slides=slides)
 
 
 def _pressed(
-    press: Press, estimate: Estimate, sliding: float, ratio: float, settings: ForceSettings
+    press: Press, estimate: Estimate, ratio: float, settings: ForceSettings, *, slides: bool
 ) -> Press:
-    """Return a press after an estimate z = force + o ((1 - s) resting + s sliding) + noise.
+    """Return a press after an estimate, which is force + standard deviation times offset + noise.
 
-    s is the probability of slip, o the standard deviation of an offset by what the estimate states.
+    The standard deviation of an offset stays what the first estimate at rest, or while sliding, says of it:
+    one that followed every window's would let the offset be inferred from how they differ.
     """
     variance = max(estimate.std, MIN_STD) ** 2
-    scale = math.sqrt(settings.offset * variance)
-    rest, slide = scale * (1.0 - sliding), scale * sliding
+    resting_std, sliding_std = press.resting_std, press.sliding_std
+    if slides:
+        if math.isnan(sliding_std):
+            sliding_std = math.sqrt(settings.offset * variance)
+        rest, slide = 0.0, sliding_std
+    else:
+        if math.isnan(resting_std):
+            resting_std = math.sqrt(settings.offset * variance)
+        rest, slide = resting_std, 0.0
     aa, ab, ac, bb, bc, cc = press.covariance
     a, b, c = aa + rest * ab + slide * ac, ab + rest * bb + slide * bc, ac + rest * bc + slide * cc
     noise = (1.0 - settings.offset) * variance * ratio
@@ -401,6 +411,8 @@ def _pressed(
         ),
         time=press.time,
         seen=press.time,
+        resting_std=resting_std,
+        sliding_std=sliding_std,
     )
 
 
@@ -527,8 +539,9 @@ def _next_press(
     dt: Seconds,
     length: Seconds,
     share: float,
-    sliding: float,
     settings: FilterSettings,
+    *,
+    slides: bool,
 ) -> Press | None:
     options, force = settings.force, given.get(FORCE)
     if force is None:
@@ -536,7 +549,7 @@ def _next_press(
     if before is not None and end - before.seen > options.coast:
         before = None
     if before is None or (share < 1.0 and force.valid):  # while it begins, the newest window is the best
-        return _press_from(force, end, sliding, options) if force.valid else None
+        return _press_from(force, end, options, slides=slides) if force.valid else None
     aa, ab, ac, bb, bc, cc = before.covariance
     after = Press(
         force=before.force,
@@ -545,8 +558,10 @@ def _next_press(
         covariance=(aa + options.change * dt, ab, ac, bb, bc, cc),
         time=end,
         seen=before.seen,
+        resting_std=before.resting_std,
+        sliding_std=before.sliding_std,
     )
-    return _pressed(after, force, sliding, max(length / dt, 1.0), options) if force.valid else after
+    return _pressed(after, force, max(length / dt, 1.0), options, slides=slides) if force.valid else after
 
 
 def _said(state: FilterState, given: Estimates, settings: FilterSettings) -> Tracked:
@@ -641,11 +656,12 @@ def step(
     anew = touching and onset != state.onset
     share = min(max((end - onset + dt) / length, MIN_SHARE), 1.0) if touching else 1.0
     slip = _slip(UNDECIDED if anew or not touching else state.slip, given, end, onset, share, settings)
-    sliding = slip.probability if SLIP in given else 0.0
     track = press = None
     if touching:
         track = _next_track(None if anew else state.position, given, end, dt, length, share, slip, settings)
-        press = _next_press(None if anew else state.force, given, end, dt, length, share, sliding, settings)
+        press = _next_press(
+            None if anew else state.force, given, end, dt, length, share, settings, slides=slip.on is True
+        )
     state = FilterState(
         start=prediction.start,
         time=end,

@@ -105,7 +105,7 @@ class LiveStream:
         self._estimate = setup.estimator.prepare(self.signal, self._size)
         warm_up = _sawtooth(self.signal, self._size)
         self._estimate(warm_up)  # what loads or compiles at first use does so now
-        health.measure_levels(warm_up.samples, self.signal.sample_rate)
+        health.warm_up(warm_up)
         self._feed = _Feed(stream, self.signal.sample_rate)
         self._meter = Meter(deadline=self._hop / self.signal.sample_rate)
         self._closed = False

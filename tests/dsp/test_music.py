@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from monochord.lab.music import LOUDNESS, loop
+from monochord.dsp.music import LOUDNESS, loop
 
 RATE = 16000
 

@@ -1,0 +1,309 @@
+"""What following estimates over time changes: how soon touch and slip are decided, and how large errors are.
+
+The estimates of a source's windows are recorded once, with what is true; the filter of `monochord.live` is
+then folded over them with any settings. The same windows judged one by one are the baseline.
+"""
+
+import dataclasses
+import math
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.capture.sources.base import Source, Stream
+from monochord.core.errors import InputError
+from monochord.core.types import Audio, Block, Floats, Prediction, Signal, StreamHealth, Truth
+from monochord.core.units import Samples, Seconds
+from monochord.live.filter import FilterSettings, FilterState, SwitchSettings, Tracked, step
+from monochord.live.loop import LiveStream
+from monochord.live.settings import LiveRun
+from monochord.metrics import detection_delays, false_alarms, stretches
+
+PARTS = 5
+"""Parts of a hop in which truth is looked up, so that onsets are known to 2 ms."""
+PAUSE: Seconds = 0.2
+"""A pause in a slide that is shorter, two windows, belongs to it: a window covers all of it."""
+SHORTEST: Seconds = 0.1
+"""Shortest touch or slide that counts as an event, a window long."""
+EARLY: Seconds = 0.02
+"""By how much an alarm may come before its event, which is known no better."""
+CLEARANCE = 0.75
+"""Threshold to clear, as a share of that to set."""
+OUTLIER_STD = 5.0
+"""Standard errors from which an answer is confidently wrong."""
+MIN_SPEED = 5.0e-3
+"""Least speed along the string, in m/s, of windows that tell the lag."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WithNoise(Source):
+    """Another source with noise on all its channels: `sound` (n,), repeated without end, times `gain`."""
+
+    source: Source
+    sound: Audio
+    gain: float = 1.0
+
+    @contextmanager
+    def open(self) -> Generator[Stream]:
+        """Open the other source; raises what that raises, and `InputError` for a sound without frames."""
+        if not len(self.sound):
+            raise InputError("noise of 0 frames", "1 frame or more")
+        with self.source.open() as stream:
+            yield _NoisyStream(stream, (self.gain * self.sound).astype(np.float32))
+
+
+class _NoisyStream(Stream):
+    def __init__(self, stream: Stream, sound: Audio) -> None:
+        self._stream, self._sound = stream, sound
+
+    @property
+    def signal(self) -> Signal:
+        return self._stream.signal
+
+    @property
+    def health(self) -> StreamHealth:
+        return self._stream.health
+
+    def truth(self, start: Samples, stop: Samples) -> Truth:
+        return self._stream.truth(start, stop)
+
+    def close(self) -> None:
+        self._stream.close()
+
+    def __iter__(self) -> Iterator[Block]:
+        for block in self._stream:
+            at = (block.start + np.arange(block.samples.shape[1])) % len(self._sound)
+            yield dataclasses.replace(block, samples=block.samples + self._sound[at])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """The predictions of a source's windows, and what is true.
+
+    `window` and `hop` are in s. `truth` is of each window, by the rules of labels; `touched` and `slides`
+    (m,) are what is true in the parts of time that end at `time` (m,), in s since the stream began.
+    """
+
+    predictions: tuple[Prediction, ...]
+    truth: tuple[Truth, ...]
+    window: Seconds
+    hop: Seconds
+    time: Floats
+    touched: NDArray[np.bool_]
+    slides: NDArray[np.bool_]
+
+    @property
+    def end(self) -> Floats:
+        """Ends of the windows (n,) in s since the stream began."""
+        return np.array([each.time for each in self.predictions]) + self.window
+
+    @property
+    def minutes(self) -> float:
+        """Time between the first window and the last, in minutes."""
+        return len(self.predictions) * self.hop / 60.0
+
+
+def record(setup: LiveRun) -> Recorded:
+    """Return the predictions of a run's windows with what is true; its sinks are left alone.
+
+    Raises
+    ------
+    InputError
+        If a part of the run refuses its options or the signal, or nothing is known to be true.
+    """
+    predictions, truths, times, parts = list[Prediction](), list[Truth](), list[float](), list[Truth]()
+    with setup.source.open() as stream:
+        live = LiveStream(setup, stream)
+        size, hop = setup.window.frames(live.signal.sample_rate)
+        rate = live.signal.sample_rate
+        edges = np.linspace(-hop, 0, PARTS + 1).round().astype(int).tolist()
+        for moment in live:
+            predictions.append(moment.prediction)
+            truths.append(moment.truth)
+            end = moment.prediction.start + size
+            for first, last in pairwise(edges):
+                times.append((end + last) / rate)
+                parts.append(stream.truth(end + first, end + last))
+    touched = np.array([each.get("contact", 0.0) >= 0.5 for each in parts], bool)
+    if not any(parts):
+        raise InputError("a source that knows nothing to be true", "the twin, or a session with labels")
+    return Recorded(
+        predictions=tuple(predictions),
+        truth=tuple(truths),
+        window=size / rate,
+        hop=hop / rate,
+        time=np.array(times),
+        touched=touched,
+        slides=touched & np.array([each.get("slip", 0.0) >= 0.5 for each in parts], bool),
+    )
+
+
+def followed(take: Recorded, settings: FilterSettings) -> list[Tracked]:
+    """Return what the filter says after each window."""
+    state, result = FilterState(), list[Tracked]()
+    for prediction in take.predictions:
+        state, tracked = step(state, prediction, take.window, settings)
+        result.append(tracked)
+    return result
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Onsets:
+    """How soon onsets are detected at a threshold.
+
+    `median` and `p95` are the delays in s from the true onset to the end of the window that decides, of those
+    `events` that are detected, NaN for none; `missed` is the share that is not, and `false_alarms` are those
+    a minute.
+    """
+
+    threshold: float
+    median: Seconds
+    p95: Seconds
+    missed: float
+    false_alarms: float
+    events: int
+
+
+def onsets(takes: Sequence[Recorded], name: str, threshold: float, settings: FilterSettings | None) -> Onsets:
+    """Return how soon and how falsely ``contact`` or ``slip`` is detected.
+
+    Parameters
+    ----------
+    takes
+        One or more.
+    name
+        ``contact`` or ``slip``.
+    threshold
+        Probability from which it is on. With a filter it is off again below three quarters of that.
+    settings
+        Those of the filter; None judges each window by itself.
+    """
+    delays, alarms, minutes = list[float](), 0, 0.0
+    for take in takes:
+        on = _decided(take, name, threshold, settings)
+        begun = stretches(take.end, on, take.hop) if on.any() else np.zeros((0, 2))
+        events = _events(take, name)
+        delays += detection_delays(events, begun, EARLY).tolist()
+        alarms += false_alarms(_with_tails(events, take.window), begun, EARLY)
+        minutes += take.minutes
+    seen = np.array([each for each in delays if not math.isnan(each)])
+    return Onsets(
+        threshold=threshold,
+        median=float(np.median(seen)) if len(seen) else math.nan,
+        p95=float(np.quantile(seen, 0.95)) if len(seen) else math.nan,
+        missed=1.0 - len(seen) / len(delays) if delays else 0.0,
+        false_alarms=alarms / minutes,
+        events=len(delays),
+    )
+
+
+def _decided(
+    take: Recorded, name: str, threshold: float, settings: FilterSettings | None
+) -> NDArray[np.bool_]:
+    """Return whether each window (n,) has it on."""
+    if settings is None:
+        values = (each.estimate(name) for each in take.predictions)
+        return np.array([each.valid and each.value >= threshold for each in values], bool)
+    own: SwitchSettings = getattr(settings, name)
+    changed = dataclasses.replace(own, on=threshold, off=CLEARANCE * threshold)
+    said = followed(take, dataclasses.replace(settings, **{name: changed}))
+    return np.array([each.decided.get(name, False) for each in said], bool)
+
+
+def _events(take: Recorded, name: str) -> Floats:
+    """Return begin and end (k, 2) of the true events, with short pauses bridged and short ones left out."""
+    on = take.touched if name == "contact" else take.slides
+    if not on.any():
+        return np.zeros((0, 2))
+    events = list[list[float]]()
+    for begin, end in stretches(take.time, on, take.hop / PARTS).tolist():
+        if events and begin - events[-1][1] < (PAUSE if name == "slip" else SHORTEST):
+            events[-1][1] = end
+        else:
+            events.append([begin, end])
+    return np.array([each for each in events if each[1] - each[0] >= SHORTEST]).reshape(-1, 2)
+
+
+def _with_tails(events: Floats, window: Seconds) -> Floats:
+    """Return events (k, 2) that each go on for a window, which still holds some of it, or to the next."""
+    if not len(events):
+        return events
+    following = np.append(events[1:, 0], np.inf)
+    return np.column_stack([events[:, 0], np.minimum(events[:, 1] + window, following)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """Errors of a quantity in touched windows, against its mean over the window's touched time.
+
+    `raw` and `tracked` are mean absolute errors where both answer, in the quantity's unit; `raw_answered` and
+    `tracked_answered` are the shares of the touched `windows` with an answer. `within_1` and `within_2` are
+    the shares of tracked answers within one and two of their standard errors, `raw_far` and `tracked_far`
+    those that are off by more than five. `lag` is by how much the tracked quantity is behind that of single
+    windows, in s, NaN where nothing moved.
+    """
+
+    raw: float
+    tracked: float
+    raw_answered: float
+    tracked_answered: float
+    within_1: float
+    within_2: float
+    raw_far: float
+    tracked_far: float
+    lag: Seconds
+    windows: int
+
+
+def errors(takes: Sequence[Recorded], name: str, settings: FilterSettings) -> Errors:
+    """Return the errors of ``position`` or ``force`` with and without the filter.
+
+    The lag is the least-squares one: an estimate that is late by t is off by -v t, where v is the rate at
+    which the truth changes.
+
+    Raises
+    ------
+    InputError
+        If nothing touches in any take.
+    """
+    parts = [_errors(take, name, settings) for take in takes]
+    raw, raw_std, own, std, speed = (np.concatenate(each) for each in zip(*parts, strict=True))
+    if not len(raw):
+        raise InputError("takes in which nothing touches", "one touch or more")
+    both = np.isfinite(raw) & np.isfinite(own)
+    answered, raw_answered = np.isfinite(own), np.isfinite(raw)
+    size = np.abs(own[answered]) / std[answered]
+    moving = both & (np.abs(speed) >= MIN_SPEED) & (np.abs(raw) < OUTLIER_STD * raw_std)
+    moving &= np.abs(own) < OUTLIER_STD * std
+    late = (
+        -np.sum((own - raw)[moving] * speed[moving]) / np.sum(speed[moving] ** 2)
+        if moving.any()
+        else math.nan
+    )
+    return Errors(
+        raw=float(np.abs(raw[both]).mean()) if both.any() else math.nan,
+        tracked=float(np.abs(own[both]).mean()) if both.any() else math.nan,
+        raw_answered=float(raw_answered.mean()),
+        tracked_answered=float(answered.mean()),
+        within_1=float((size < 1.0).mean()) if len(size) else math.nan,
+        within_2=float((size < 2.0).mean()) if len(size) else math.nan,
+        raw_far=float((np.abs(raw[raw_answered]) > OUTLIER_STD * raw_std[raw_answered]).mean()),
+        tracked_far=float((size > OUTLIER_STD).mean()) if len(size) else math.nan,
+        lag=float(late),
+        windows=len(raw),
+    )
+
+
+def _errors(take: Recorded, name: str, settings: FilterSettings) -> tuple[Floats, ...]:
+    """Return errors and standard errors, of windows and as tracked, and the truth's rate, (n,) each."""
+    truth = np.array([each.get(name, math.nan) for each in take.truth])
+    raw = np.array([(e.value, e.std) for e in (each.estimate(name) for each in take.predictions)])
+    own = np.array([(e.value, e.std) for e in (each.estimates[name] for each in followed(take, settings))])
+    rate = np.gradient(truth, take.hop) if len(truth) > 1 else np.full(len(truth), math.nan)
+    rows = np.isfinite(truth)
+    columns = (raw[:, 0] - truth, raw[:, 1], own[:, 0] - truth, own[:, 1], rate)
+    return tuple(each[rows] for each in columns)
