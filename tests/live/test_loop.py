@@ -1,9 +1,11 @@
 """The loop with a scripted source: everything that the source says must come out at the sinks."""
 
+import dataclasses
 import gc
 import math
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
@@ -87,7 +89,7 @@ class Mean(Estimator):
 class Keep(Sink, Writer):
     """A sink that keeps what it is handed."""
 
-    def __init__(self, then: Callable[[int], None] | None = None) -> None:
+    def __init__(self, then: Callable[[int], object] | None = None) -> None:
         self.seen: list[Moment] = []
         self.closed = False
         self.then = then
@@ -260,3 +262,46 @@ def test_an_unknown_string_preset_is_refused() -> None:
     unknown = LiveRun(source=settings.source, estimator=settings.estimator, string="apendix")
     with pytest.raises(InputError, match="did you mean 'appendix'"):
         run(unknown)
+
+
+class Paced(Script):
+    """A source that a clock paces, twenty times as fast as it would be."""
+
+    @property
+    def paced(self) -> bool:
+        return True
+
+    def __iter__(self) -> Iterator[Block]:
+        for block in super().__iter__():
+            time.sleep(5e-4)
+            yield block
+
+
+def test_a_sink_that_hangs_costs_a_paced_loop_nothing_and_the_others_get_all() -> None:
+    go, keep = threading.Event(), Keep()
+    hanging = Keep(lambda _: go.wait(60.0))
+    both = dataclasses.replace(session(Paced(cut(NOISE, 10)), keep), sinks=(hanging, keep))
+    threading.Timer(0.5, go.set).start()
+    summary = run(both)
+    assert (summary.windows, summary.skipped) == (191, 0)
+    assert len(keep.seen) == len(hanging.seen) == 191
+    assert [(each.written, each.left_out) for each in summary.delivered] == [(191, 0), (191, 0)]
+    assert keep.closed
+    assert hanging.closed
+
+
+def test_a_moment_says_when_its_sound_was_taken_and_at_hand() -> None:
+    block = Block(samples=NOISE[:, :110], start=0, adc_time=50.0)
+    keep = Keep()
+    run(session(Script([block]), keep))
+    taken = [(m.adc_time, m.at_hand) for m in keep.seen]
+    assert taken == [
+        (pytest.approx(50.0), pytest.approx(50.11)),
+        (pytest.approx(50.01), pytest.approx(50.11)),
+    ]
+
+
+@pytest.mark.parametrize(("speed", "paced"), [(0.0, False), (1.0, True), (20.0, True)])
+def test_a_stream_says_whether_a_clock_paces_it(speed: float, *, paced: bool) -> None:
+    with SOURCES.build("split_string", {"speed": speed}).open() as stream:
+        assert stream.paced is paced

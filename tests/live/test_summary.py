@@ -1,6 +1,7 @@
 import json
 
 from monochord.core.types import Estimate, Prediction, StreamHealth
+from monochord.live.delivery import Delivered
 from monochord.live.summary import Meter
 
 
@@ -63,3 +64,18 @@ def test_clocks_are_listed_where_the_stream_knows_them() -> None:
     assert last.split()[:3] == ["clocks", "realtime", "+1.200000"]
     assert "monotonic_raw -0.250000 s  jack +0.001000 s" in last
     assert "clocks" not in "\n".join(metered().summary(441, StreamHealth()).lines())
+
+
+def test_a_sink_that_missed_something_has_a_line_and_all_are_in_the_tree() -> None:
+    sinks = (
+        Delivered(sink="csv", written=10, left_out=0),
+        Delivered(sink="udp", written=7, left_out=3),
+        Delivered(sink="mcap", written=4, left_out=6, failure="No space left on device"),
+    )
+    summary = metered().summary(441, StreamHealth(), sinks)
+    assert [line for line in summary.lines() if line.startswith("sink ")] == [
+        "sink     udp 7 written, 3 left out",
+        "sink     mcap 4 written, 6 left out; closed: No space left on device",
+    ]
+    tree = json.loads(json.dumps(summary.tree()))
+    assert [each["left_out"] for each in tree["delivered"]] == [0, 3, 6]

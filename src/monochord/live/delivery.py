@@ -19,7 +19,7 @@ from monochord.live.sinks.base import Listener, Moment, NotDeliveredError, Sink
 
 BACKLOG = 256
 """Windows that wait for a sink at most: 2.5 s at the usual hop, and 9 MB of sound, which all sinks share."""
-CLOSING: Seconds = 3.0
+CLOSING: Seconds = 5.0
 """How long sinks may take, together, to write what waits for them at the end of a run."""
 SWITCH_INTERVAL: Seconds = 5e-4
 """How long a sink's thread may keep the interpreter to itself while the loop has a window to estimate.

@@ -9,9 +9,11 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 
 from monochord.core.errors import InputError
 from monochord.core.types import Block, Estimate, Prediction, Signal, StreamHealth
@@ -21,6 +23,7 @@ from monochord.live.health import Note
 from monochord.live.sinks.base import Moment
 from monochord.live.sinks.mcap import Mcap
 from monochord.sessions import SessionReader, check, read_session
+from monochord.sessions.exports.foxglove import Foxglove
 
 RATE = 44100
 SIGNAL = Signal(sample_rate=RATE, channels=2)
@@ -167,6 +170,20 @@ def test_it_plays_again_through_the_same_loop(tmp_path: Path, capsys: pytest.Cap
     assert [line["contact"] for line in again] == [line["contact"] for line in first]
     stored = read_session(Path(out)).readings("estimates").column("contact")
     assert stored.tolist() == [math.nan if line["contact"] is None else line["contact"] for line in first]
+
+
+def test_it_is_exported_for_foxglove_with_a_field_for_each_estimate(tmp_path: Path) -> None:
+    session = written(tmp_path / "a.mcap", moments([Block(samples=NOISE, start=0)], 100.0))
+    Foxglove().write([session], tmp_path / "out")
+    with AnyReader([tmp_path / "out" / "a"]) as bag:
+        estimates = [
+            bag.deserialize(data, connection.msgtype)
+            for connection, _, data in bag.messages()
+            if connection.topic == "/estimates"
+        ]
+    rows: list[Any] = estimates
+    assert [row.position for row in rows] == [0.12] * 91
+    assert [row.position_std for row in rows] == [2e-4] * 91
 
 
 def test_a_file_that_exists_is_refused(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 from monochord.live.events import Event
 from monochord.live.health import Note
+from monochord.live.sinks._record import unix_nanoseconds
 from monochord.live.sinks.base import Moment, NotDeliveredError
 from monochord.live.sinks.jsonl import Jsonl
 from monochord.live.sinks.udp import Udp
@@ -78,6 +79,14 @@ def test_the_stamp_is_the_converters_time_or_else_when_the_sound_was_at_hand() -
             writer.write(moment(at_hand=now - 10.0))
         stamps = [json.loads(receiver.recv(65536))["stamp"] for _ in range(2)]
     assert stamps == pytest.approx([wall - 1000.0, wall - 10.0], abs=0.5)
+
+
+def test_the_stamp_follows_a_clock_that_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, wall = time.monotonic(), time.time_ns()
+    given = moment(adc_time=now)
+    before = unix_nanoseconds(given)
+    monkeypatch.setattr(time, "time_ns", lambda: wall + 3600 * 10**9)
+    assert unix_nanoseconds(given) - before == pytest.approx(3600 * 10**9, abs=10**9)
 
 
 def test_nobody_need_receive() -> None:
