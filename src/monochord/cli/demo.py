@@ -2,9 +2,10 @@
 
 import dataclasses
 import json
+import math
 import sys
 from collections.abc import Mapping
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import Any, get_args
 
@@ -22,6 +23,8 @@ from monochord.physics.materials import material_names
 from monochord.physics.sensors import sensor_names
 from monochord.physics.twin.world import World
 
+UNWATCHED = 20.0
+"""Seconds of a demonstration that is not on a terminal."""
 LEARNED, PHYSICS = "model", "closed_form"
 BUNDLED = "demo"
 """Name of the bundled model that the demonstration shows."""
@@ -38,7 +41,9 @@ UNSEEN: Mapping[str, Any] = {
 
 @click.command()
 @click.argument("sensor", default="prototype", **completes(sensor_names))
-@click.option("--seconds", type=amount, default=20.0, show_default=True, metavar="S", help="How long.")
+@click.option(
+    "--seconds", type=amount, metavar="S", help="How long.  [default: until Control-C; 20 with --json]"
+)
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of the touches."
 )
@@ -64,6 +69,8 @@ UNSEEN: Mapping[str, Any] = {
     help="Material of what touches it: 'monochord list materials'; repeatable.",
     **completes(material_names),
 )
+@click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="PORT", help="Port of the page.")
+@click.option("--no-browser", is_flag=True, help="Open no browser; the page is served all the same.")
 @click.option("--json", "as_json", is_flag=True, help="Print only the result, as one JSON object.")
 def demo(sensor: str, **options: Any) -> None:
     """Touch a simulated SENSOR in real time and show estimates beside the truth.
@@ -71,7 +78,9 @@ def demo(sensor: str, **options: Any) -> None:
     The twin, a simulation of the sensor, takes the place of string, drivers, objects and contact microphones;
     windows, estimator and view are those of `monochord live`. It is tuned first, as by `monochord tune`. Then
     objects press, slide and roll at random, and a small bundled model estimates contact, position, normal
-    force and slip on a build that it was not trained on. Control-C or SIGTERM ends it with its score.
+    force and slip on a build that it was not trained on. A page in the browser shows it, where the string is
+    touched with mouse or finger; over ssh, or without a display, open the address that is printed. Control-C
+    or SIGTERM ends it with its score.
 
     \b
     monochord demo --material allen_key
@@ -82,14 +91,18 @@ def demo(sensor: str, **options: Any) -> None:
         given = f"estimator '{options['estimator']}' in the demonstration"
         raise InputError(given, f"{LEARNED} or {PHYSICS}", did_you_mean(name, (LEARNED, PHYSICS)))
     source, estimator = _twin(sensor, options), _estimator(name)
-    sinks = {} if options["as_json"] else {"terminal": {}}
-    settings = LiveSettings.read(
-        {"source": source, "estimator": estimator, "sinks": sinks, "seconds": options["seconds"]}
-    )
-    setup, score = settings.build(), Scorer()
-    with nullcontext() if options["as_json"] else compilation_shown(), scratch_folder() as scratch:
-        as_tuned = _write_tuned(source, scratch / "sensor.toml")
-        summary = run(dataclasses.replace(setup, sinks=(*setup.sinks, score), sensor=as_tuned))
+    quiet, score = options["as_json"], Scorer()
+    seconds = options["seconds"] or (math.inf if sys.stdout.isatty() and not quiet else UNWATCHED)
+    page = {"at": str(options["port"]), "browser": not options["no_browser"]}
+    sinks = {} if quiet else {"web": page, "terminal": {}}
+    setup = LiveSettings.read(
+        {"source": source, "estimator": estimator, "sinks": sinks, "seconds": seconds}
+    ).build()
+    with ExitStack() as stack:
+        begun = [stack.enter_context(sink.ahead()) for sink in setup.sinks]
+        stack.enter_context(nullcontext() if quiet else compilation_shown())
+        as_tuned = _write_tuned(source, stack.enter_context(scratch_folder()) / "sensor.toml")
+        summary = run(dataclasses.replace(setup, sinks=(*begun, score), sensor=as_tuned))
     if options["as_json"]:
         facts = {key: source.get(key) for key in ("sensor", "world", "build", "day", "seed", "materials")}
         about = {"simulated": True, "estimator": name, **facts}

@@ -62,7 +62,10 @@ def run(setup: LiveRun) -> Summary:
             stream = stack.enter_context(setup.source.open())
         stack.enter_context(stop.ending(stream.close))
         live = LiveStream(setup, stream)
-        with Delivery(setup.sinks, live.signal, paced=stream.paced) as delivery, _heap_set_aside():
+        sinks = setup.sinks
+        if (controls := stream.controls) is not None:
+            sinks = tuple(sink.for_controls(controls) for sink in sinks)
+        with Delivery(sinks, live.signal, paced=stream.paced) as delivery, _heap_set_aside():
             try:
                 for moment in live:
                     if stop.requested:

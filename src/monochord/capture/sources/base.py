@@ -3,13 +3,57 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 
 from monochord.core.errors import InputError
-from monochord.core.types import Block, Signal, StreamHealth, Truth
-from monochord.core.units import Samples
+from monochord.core.types import Block, Contact, Signal, StreamHealth, Truth
+from monochord.core.units import Metres, Newtons, Samples
 
 MIN_RATE, MAX_RATE = 16_000, 96_000
 """Sample rates in Hz: a string's partials need 16 kHz, and 96 kHz is ample."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """Something of a source that may be changed while it runs: its name, what it may be, and what it is."""
+
+    name: str
+    choices: tuple[str, ...]
+    value: str
+
+
+class Controls(ABC):
+    """A way in to a running source, from whatever thread: to touch its string and to change its settings.
+
+    A simulated string offers it, a real one does not. Positions are from pickup 1.
+    """
+
+    @property
+    @abstractmethod
+    def positions(self) -> tuple[Metres, Metres]:
+        """Where it can be touched."""
+
+    @property
+    @abstractmethod
+    def forces(self) -> tuple[Newtons, Newtons]:
+        """How hard."""
+
+    @property
+    @abstractmethod
+    def settings(self) -> tuple[Setting, ...]:
+        """What may be changed, as it is now."""
+
+    @abstractmethod
+    def touch(self, contact: Contact) -> None:
+        """Touch the string, or lead the object that touches it there; out of range is moved into it."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Lift the object off the string."""
+
+    @abstractmethod
+    def change(self, name: str, value: str) -> None:
+        """Change a setting; raises `InputError` for an unknown one, or what it may not be."""
 
 
 class Stream(ABC):
@@ -46,6 +90,11 @@ class Stream(ABC):
     def health(self) -> StreamHealth:
         """Counters so far."""
         return StreamHealth()
+
+    @property
+    def controls(self) -> Controls | None:
+        """A way in to a simulated string while it sounds; None where there is none."""
+        return None
 
     def truth(self, start: Samples, stop: Samples) -> Truth:  # noqa: ARG002
         """Return the true labels over [start, stop), empty where there are none (real hardware)."""

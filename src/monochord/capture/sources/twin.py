@@ -3,21 +3,22 @@
 import math
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import soxr
 
 from monochord.capture.sources._audio_file import open_audio
+from monochord.capture.sources._hand import Hand, Led
 from monochord.capture.sources._paced_stream import PacedStream
-from monochord.capture.sources._script import ScriptedTouch, draw_touches, twin_changes
-from monochord.capture.sources.base import Source
+from monochord.capture.sources._script import EDGE, ScriptedTouch, draw_touches, twin_changes
+from monochord.capture.sources.base import Controls, Source
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack, one_window_labels
 from monochord.core.types import Audio, Floats, Signal, Truth
 from monochord.core.units import Newtons, Samples, Seconds
-from monochord.physics.materials import load_material
+from monochord.physics.materials import load_material, material_names
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import TensionLaw
 from monochord.physics.twin import Labels, Outside, Pluck, Scene, Sensor, Touch, Twin, advance, begin, retouch
@@ -196,28 +197,89 @@ class _TwinStream(PacedStream):
             self._changes = _with_effects(self._changes, options.seed)
         self._change = next(self._changes, None)
         self._ahead: Audio = np.zeros((2, 0), dtype=np.float32)
+        plausible_seed = options.seed if options.world == "plausible" else None
+        edge = EDGE * length
+        others = [name for name in material_names() if name not in options.materials]
+        self._hand = Hand((edge, length - edge), (*options.materials, *others))
+        self._led = Led(self._hand, plausible_seed)
+        self._by_hand = False
+        self._built, self._retuned = sensor, 0.0
+        self._loudness, self._random = 0.0, np.random.default_rng([options.seed, 5])
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
         """Return the labels of the frames [start, stop); see `TwinSource`."""
         return self._labels.over(start, stop)
 
+    @property
+    def controls(self) -> Controls | None:
+        """The string under a hand, where it sounds at the pace of a clock."""
+        return self._hand if self.paced else None
+
     def _read(self, frames: Samples) -> Audio:
-        """Return the next frames; they are simulated ahead in chunks, which costs fewer calls."""
+        """Return the next frames; they are simulated ahead in chunks, which costs fewer calls.
+
+        A hand on the string is followed in every block.
+        """
         while self._ahead.shape[1] < frames:
-            self._ahead = np.concatenate([self._ahead, self._simulate(max(frames, CHUNK))], axis=1)
+            chunk = frames if self._hand.manual else max(frames, CHUNK)
+            self._ahead = np.concatenate([self._ahead, self._simulate(chunk)], axis=1)
         samples, self._ahead = self._ahead[:, :frames], self._ahead[:, frames:]
         return np.ascontiguousarray(samples)
 
     def _simulate(self, frames: Samples) -> Audio:
         """Simulate until an object comes or goes, `frames` at most, and store the labels."""
+        if self._hand.retuning != self._retuned:
+            self._retune()
+        if self._hand.manual != self._by_hand:
+            self._hand_over()
+        if self._by_hand:
+            touches = self._led.touches(self._twin.start / self._signal.sample_rate)
+            if touches is not None:
+                self._twin = retouch(self._twin, touches)
+            return self._noisy(self._advance(frames))
         while self._change is not None and self._change[0] <= self._twin.start:
             self._twin = retouch(self._twin, self._change[1])
             self._change = next(self._changes, None)
         if self._change is not None:
             frames = min(frames, self._change[0] - self._twin.start)
+        return self._noisy(self._advance(frames))
+
+    def _advance(self, frames: Samples) -> Audio:
         take, self._twin = advance(self._twin, frames)
         self._labels.add(take.labels)
         return take.microphones
+
+    def _hand_over(self) -> None:
+        """Begin or end the touches of a hand; the others go on where their time has come by then."""
+        self._by_hand = self._hand.manual
+        if self._by_hand:
+            self._led.take_over(self._twin.scene.touches)
+            return
+        self._twin = retouch(self._twin, ())
+        while self._change is not None and (self._change[0] <= self._twin.start or not self._change[1]):
+            self._change = next(self._changes, None)
+
+    def _retune(self) -> None:
+        """Tune the string otherwise, and pluck it anew: its modes are no longer what they were."""
+        self._retuned = self._hand.retuning
+        string, before = self._built.string, self._twin
+        retuned = replace(string, tension=string.tension * (1.0 + self._retuned) ** 2)
+        scene = replace(before.scene, touches=())
+        twin = begin(
+            replace(self._built, string=retuned), scene, sample_rate=before.sample_rate, seed=before.seed
+        )
+        self._twin = replace(twin, start=before.start)
+        self._led.take_over(())
+
+    def _noisy(self, sound: Audio) -> Audio:
+        """Add white noise as loud as the person asks, against the sound's own loudness over some seconds."""
+        if math.isinf(self._hand.snr):
+            return sound
+        power = float(np.mean(np.square(sound, dtype=np.float64)))
+        self._loudness += (power - self._loudness) * (0.01 if self._loudness else 1.0)
+        level = math.sqrt(self._loudness) * 10.0 ** (-0.05 * self._hand.snr)
+        noise = self._random.standard_normal(sound.shape, dtype=np.float32)
+        return (sound + level * noise).astype(np.float32)
 
 
 def _with_effects(

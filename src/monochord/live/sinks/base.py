@@ -10,6 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from monochord.capture.sources.base import Controls
 from monochord.core.types import Estimate, Estimates, Prediction, Signal, StreamHealth, Truth, Window
 from monochord.core.units import Metres, Seconds
 from monochord.live.events import Event
@@ -69,6 +70,11 @@ class Sink(ABC):
     def open(self, signal: Signal) -> AbstractContextManager[Writer]:
         """Open the sink for a signal; leaving the context, perhaps in another thread, closes it."""
 
+    @contextmanager
+    def ahead(self) -> Generator["Sink"]:
+        """Begin what should not wait for the source, and yield the sink that is then opened."""
+        yield self
+
     @property
     def fills_standard_output(self) -> bool:
         """Whether its output is data on standard output, beside which nothing else may be printed there."""
@@ -80,6 +86,10 @@ class Sink(ABC):
 
     def for_length(self, length: Metres) -> "Sink":  # noqa: ARG002
         """Return this sink for a string whose length the estimator was given."""
+        return self
+
+    def for_controls(self, controls: Controls) -> "Sink":  # noqa: ARG002
+        """Return this sink for a source whose string can be touched through it."""
         return self
 
 

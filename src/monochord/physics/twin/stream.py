@@ -9,6 +9,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import cos, pi, sin, tan
 from typing import Any, TypeVar
 
@@ -579,6 +580,7 @@ def _blur(length: float, width: float, count: int) -> Floats:
     return np.exp(-((wave * width) ** 2) / 24.0)
 
 
+@lru_cache(maxsize=64)  # 7 ms, and an object that is led by hand comes with each of its motions
 def _compliance(sensor: Sensor, width: float) -> Floats:
     """Return the static compliance along the string, in m/N, of a touch of a width in m."""
     string = sensor.string

@@ -1,0 +1,208 @@
+"""An object that a person leads over a simulated string while it sounds."""
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monochord.capture.sources.base import Controls, Setting
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.types import Contact
+from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
+from monochord.physics.materials import load_material
+from monochord.physics.twin.setup import Key, Touch
+from monochord.physics.twin.world import plausible_touch
+
+FORCES: tuple[Newtons, Newtons] = (0.05, 2.5)
+HEIGHT: Metres = 1.5e-3
+"""Where an approach begins and a release ends, above the string at rest: more than the string swings."""
+APPROACH: MetresPerSecond = 0.1
+"""Speed of approach and release."""
+PRESS: Seconds = 0.04
+"""Time in which the force of a press builds up, and falls again."""
+FOLLOW: Seconds = 0.06
+"""Time in which the object reaches a new place or force: it low-passes a hand's steps of 20 to 30 ms."""
+PAUSE: Seconds = 0.03
+"""Least time between two changes of its motion, each of which costs some 3 ms."""
+MAX_SPEED: MetresPerSecond = 0.5
+STEP: Metres = 1e-4
+FORCE_STEP: Newtons = 0.02
+"""Smaller changes than these of place and force are the tremor of a hand."""
+AUTOMATIC, MANUAL = "automatic", "by hand"
+"""Who touches the string."""
+NOISES: Mapping[str, float] = {"none": np.inf, "30 dB": 30.0, "20 dB": 20.0, "10 dB": 10.0}
+"""Ratios of the sound to the noise that is added to it."""
+TUNINGS: Mapping[str, float] = {"-3 %": -0.03, "-1 %": -0.01, "as built": 0.0, "+1 %": 0.01, "+3 %": 0.03}
+"""Changes of the untouched string's pitch."""
+
+
+class Hand(Controls):
+    """What a person wants of a simulated string: the newest wish alone counts.
+
+    Parameters
+    ----------
+    positions
+        Where the string can be touched, in m.
+    materials
+        Of the objects to choose from; the first is taken at first.
+    """
+
+    def __init__(self, positions: tuple[Metres, Metres], materials: Sequence[str]) -> None:
+        self._positions = positions
+        self._lock = threading.Lock()
+        self._contact: Contact | None = None
+        self._number = 0
+        self._choices: dict[str, tuple[str, ...]] = {
+            "touches": (AUTOMATIC, MANUAL),
+            "material": tuple(materials),
+            "noise": tuple(NOISES),
+            "tuning": tuple(TUNINGS),
+        }
+        self._values = {name: choices[0] for name, choices in self._choices.items()} | {"tuning": "as built"}
+
+    @property
+    def positions(self) -> tuple[Metres, Metres]:
+        """Where it can be touched."""
+        return self._positions
+
+    @property
+    def forces(self) -> tuple[Newtons, Newtons]:
+        """How hard."""
+        return FORCES
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """Who touches the string, with what, in what noise, and how it is tuned."""
+        with self._lock:
+            values = self._values
+            return tuple(Setting(name=n, choices=c, value=values[n]) for n, c in self._choices.items())
+
+    def touch(self, contact: Contact) -> None:
+        """Touch the string, or lead the object there; touches of its own end."""
+        position = float(np.clip(contact.position, *self._positions))
+        force = float(np.clip(contact.force, *FORCES))
+        if not np.isfinite(position + force):
+            raise InputError(f"a touch at {contact.position} m with {contact.force} N", "finite numbers")
+        with self._lock:
+            self._number += self._contact is None
+            self._contact = Contact(position=position, force=force)
+            self._values["touches"] = MANUAL
+
+    def release(self) -> None:
+        """Lift the object off the string."""
+        with self._lock:
+            self._contact = None
+
+    def change(self, name: str, value: str) -> None:
+        """Change a setting."""
+        if name not in self._choices:
+            raise InputError(f"setting '{name}'", ", ".join(self._choices), did_you_mean(name, self._choices))
+        choices = self._choices[name]
+        if value not in choices:
+            raise InputError(f"{name} '{value}'", ", ".join(choices), did_you_mean(value, choices))
+        with self._lock:
+            self._values[name] = value
+            if value == AUTOMATIC:
+                self._contact = None
+
+    @property
+    def manual(self) -> bool:
+        """Whether the person touches the string, and nothing else does."""
+        return self._values["touches"] == MANUAL
+
+    @property
+    def snr(self) -> float:
+        """Ratio of the sound to the noise that is to be added, in dB."""
+        return NOISES[self._values["noise"]]
+
+    @property
+    def retuning(self) -> float:
+        """Relative change of the untouched string's pitch."""
+        return TUNINGS[self._values["tuning"]]
+
+    def wish(self) -> tuple[int, Contact, str] | None:
+        """Return the number of the press, where it is to be, and the material; None for no touch."""
+        with self._lock:
+            if self._contact is None:
+                return None
+            return self._number, self._contact, self._values["material"]
+
+
+class Led:
+    """The object that follows a `Hand`; `seed` draws its mount and surface in a plausible world."""
+
+    def __init__(self, hand: Hand, seed: int | None) -> None:
+        self._hand, self._seed = hand, seed
+        self._touch: Touch | None = None
+        self._number: int | None = None
+        self._lifting = False
+        self._changed: Seconds = 0.0
+
+    def take_over(self, touches: tuple[Touch, ...]) -> None:
+        """Take what touches the string now as its own object, to be lifted off."""
+        self._touch, self._number, self._lifting = next(iter(touches), None), None, False
+
+    def touches(self, time: Seconds) -> tuple[Touch, ...] | None:
+        """Return what touches the string from this time on, None where that goes on as it is."""
+        wish, touch = self._hand.wish(), self._touch
+        if touch is None:
+            return None if wish is None else self._bring(time, *wish)
+        if self._lifting:
+            if time < touch.motion[-1].time:
+                return None
+            self._touch = None
+            return ()
+        now = _at(touch.motion, time)
+        if wish is None or wish[0] != self._number:
+            self._lifting = True
+            return self._go_on(time, now, *_off(now))
+        return self._lead(time, now, wish[1])
+
+    def _bring(self, time: Seconds, number: int, contact: Contact, material: str) -> tuple[Touch, ...]:
+        self._number, self._lifting, self._changed = number, False, time
+        above = Key(time=time, position=contact.position, clearance=HEIGHT)
+        down = Key(time=time + HEIGHT / APPROACH, position=contact.position)
+        pressed = replace(down, time=down.time + PRESS, force=contact.force)
+        touch = Touch(material=load_material(material), motion=(above, down, pressed), rolls=False)
+        self._touch = touch if self._seed is None else plausible_touch(touch, self._seed)
+        return (self._touch,)
+
+    def _lead(self, time: Seconds, now: Key, contact: Contact) -> tuple[Touch, ...] | None:
+        assert self._touch is not None
+        goal, last = self._goal(now, contact), self._touch.motion[-1]
+        still = abs(goal.position - last.position) < STEP and abs(goal.force - last.force) < FORCE_STEP
+        if still or time < self._changed + PAUSE:
+            return None
+        down = replace(now, time=time + now.clearance / APPROACH, clearance=0.0)
+        there = replace(goal, time=down.time + (FOLLOW if now.clearance == 0.0 else PRESS))
+        return self._go_on(time, now, *([down] if now.clearance > 0.0 else []), there)
+
+    def _goal(self, now: Key, contact: Contact) -> Key:
+        reach = MAX_SPEED * FOLLOW
+        position = float(np.clip(contact.position, now.position - reach, now.position + reach))
+        return Key(time=now.time, position=position, force=contact.force)
+
+    def _go_on(self, time: Seconds, *keys: Key) -> tuple[Touch, ...]:
+        """Have the object go on by these keys, whatever it was about to do."""
+        assert self._touch is not None
+        past = tuple(key for key in self._touch.motion if key.time < time)[-1:]
+        self._touch, self._changed = replace(self._touch, motion=(*past, *keys)), time
+        return (self._touch,)
+
+
+def _at(motion: Sequence[Key], time: Seconds) -> Key:
+    """Return where a motion has come to at a time."""
+    times = [key.time for key in motion]
+    names = ("position", "force", "clearance")
+    now = {name: float(np.interp(time, times, [getattr(key, name) for key in motion])) for name in names}
+    return Key(time=time, **now)
+
+
+def _off(now: Key) -> list[Key]:
+    """Return the rest of a motion that ends above the string."""
+    free = replace(now, time=now.time + PRESS, force=0.0)
+    start = free if now.clearance == 0.0 else now
+    rise = max(HEIGHT - now.clearance, 0.0) / APPROACH
+    gone = replace(start, time=start.time + rise + 1e-3, force=0.0, clearance=max(HEIGHT, now.clearance))
+    return [free, gone] if now.clearance == 0.0 else [gone]

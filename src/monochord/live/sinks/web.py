@@ -1,0 +1,126 @@
+"""A page in the browser, where a simulated string is touched, too."""
+
+import os
+import secrets
+import sys
+import webbrowser
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from monochord.capture.address import is_port, resolved
+from monochord.capture.sources.base import Controls
+from monochord.core.errors import InputError
+from monochord.core.types import Signal
+from monochord.core.units import Metres
+from monochord.live.sinks.base import Sink, Writer
+from monochord.live.sinks.terminal import DEFAULT_LENGTH
+from monochord.live.web.access import is_loopback
+
+if TYPE_CHECKING:
+    from monochord.live.web.server import Server
+
+RESOLVING = 5.0
+"""Seconds that the name of an own address may take to be found."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Web(Sink):
+    """Serve a page that shows the run in any number of browsers, without anything from the internet.
+
+    It shows the string with the touch on it, estimates with their standard errors, the spectra of both
+    microphones, levels, history, latency and notes on the sensor's health. A simulated string is touched
+    there with mouse or finger, and the truth stands beside the estimates. A page sees 30 moments a second
+    at most, the newest; a slow one sees fewer and delays nobody.
+
+    Parameters
+    ----------
+    at
+        Port, or ``HOST:PORT``, of this machine: 127.0.0.1 by default, which no other machine reaches. Port 0
+        is the first free one from 8420 on.
+    token
+        What an address must carry to be let in; empty, one is made where other machines reach the page.
+    length
+        Length of the drawn string in metres; 0 takes the signal's string, or 0.65 m.
+    browser
+        Whether to open the page in a browser, where there is a display.
+    stderr
+        Whether to print the address on standard error, which leaves standard output to data.
+    """
+
+    at: str = "127.0.0.1:0"
+    token: str = ""
+    length: Metres = 0.0
+    browser: bool = False
+    stderr: bool = False
+
+    def off_standard_output(self) -> "Web":
+        """Print the address on standard error."""
+        return replace(self, stderr=True)
+
+    def for_length(self, length: Metres) -> "Web":
+        """Draw a string of this length, unless the options name one."""
+        return self if self.length else replace(self, length=length)
+
+    def for_controls(self, controls: Controls) -> Sink:
+        """Let the page touch the string."""
+        return _Page(self, controls=controls)
+
+    @contextmanager
+    def ahead(self) -> Generator[Sink]:
+        """Serve the page and print its address; raises `DeviceError` for an address that is taken."""
+        with self._server() as server:
+            opened = self.browser and _has_display() and webbrowser.open(server.address)
+            hint = "" if opened or not self.browser else "  (open it in a browser)"
+            file = sys.stderr if self.stderr else sys.stdout
+            file.write(f"page: {server.address}{hint}\n")
+            file.flush()
+            yield _Page(self, server)
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:
+        """Serve the page, print its address and show the run."""
+        with _Page(self).open(signal) as writer:
+            yield writer
+
+    def _server(self) -> "Server":
+        from monochord.live.web.server import Server  # noqa: PLC0415  (loads a web server)
+
+        host, _, port = self.at.rpartition(":")
+        if not is_port(port, lowest=0):
+            raise InputError(f"address '{self.at}'", "HOST:PORT, or PORT of this machine")
+        host = host.strip("[]") or "127.0.0.1"
+        address = host if ":" in host else resolved(host, RESOLVING)
+        token = self.token or ("" if is_loopback(address) else secrets.token_urlsafe(16))
+        return Server(address, int(port), token)
+
+
+class _Page(Sink):
+    """The page of a run, on a server that runs already or on one of its own."""
+
+    def __init__(
+        self, options: Web, server: "Server | None" = None, controls: Controls | None = None
+    ) -> None:
+        self._options, self._running, self._controls = options, server, controls
+
+    def for_controls(self, controls: Controls) -> Sink:
+        return _Page(self._options, self._running, controls)
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:
+        if self._running is None:
+            with self._options.ahead() as served:
+                page = served if self._controls is None else served.for_controls(self._controls)
+                with page.open(signal) as writer:
+                    yield writer
+            return
+        length = self._options.length or (signal.string.length if signal.string else DEFAULT_LENGTH)
+        with self._running.show(signal, length, self._controls) as writer:
+            yield writer
+
+
+def _has_display() -> bool:
+    """Return whether a browser that is opened here is seen by who sits at the terminal."""
+    remote = any(name in os.environ for name in ("SSH_CONNECTION", "SSH_TTY"))
+    return sys.stdout.isatty() and not remote and any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))

@@ -1,0 +1,199 @@
+"""What the page is told, as JSON and as compact bytes, and what it may ask."""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from monochord.capture.sources.base import Controls
+from monochord.core.errors import InputError
+from monochord.core.timing import Percentiles
+from monochord.core.types import Audio, Contact, Estimate, Signal
+from monochord.core.units import Hertz, Seconds
+from monochord.live.events import Event
+from monochord.live.sinks._view import levels
+from monochord.live.sinks.base import Moment
+
+TOP: Hertz = 10_000.0
+"""Highest frequency of a spectrum that is sent."""
+BARS = 512
+"""Values of a spectrum that are sent of each channel, each the highest of its band."""
+FLOOR = -110.0
+"""Decibels of full scale at the byte 0 of a spectrum; 255 is 0 dB."""
+MAX_CHANNELS = 8
+
+
+class Touch(msgspec.Struct, tag_field="do", tag="touch", forbid_unknown_fields=True):
+    """Touch the string at a position in m with a force in N, or lead the object there."""
+
+    position: float
+    force: float
+
+
+class Release(msgspec.Struct, tag_field="do", tag="release", forbid_unknown_fields=True):
+    """Lift the object."""
+
+
+class Change(msgspec.Struct, tag_field="do", tag="change", forbid_unknown_fields=True):
+    """Change a setting of the source."""
+
+    name: str
+    value: str
+
+
+_decoder = msgspec.json.Decoder(Touch | Release | Change)
+
+
+def carry_out(text: str | bytes, controls: Controls | None) -> str | None:
+    """Do what a page asks, and return what that was, None where it could not be done.
+
+    A page of a source without controls, a message that is none, numbers that are none: nothing is done then.
+    """
+    try:
+        wish = _decoder.decode(text)
+        if controls is None:
+            return None
+        if isinstance(wish, Touch):
+            controls.touch(Contact(position=wish.position, force=wish.force))
+            return "touch"
+        if isinstance(wish, Release):
+            controls.release()
+            return "release"
+        controls.change(wish.name, wish.value)
+    except (msgspec.DecodeError, InputError, ValueError, RecursionError):
+        return None
+    return "change"
+
+
+def waiting() -> str:
+    """Return what a page is told before the source is open."""
+    return packed({"type": "waiting"})
+
+
+def hello(signal: Signal, length: float, simulated: bool, controls: Controls | None) -> dict[str, Any]:  # noqa: FBT001
+    """Return what a page needs to know of a run once, without its history."""
+    string = signal.string
+    known = string is not None and string.linear_density > 0.0
+    return {
+        "type": "hello",
+        "rate": signal.sample_rate,
+        "channels": signal.channels,
+        "length": length,
+        "speed": math.sqrt(string.tension / string.linear_density) if string and known else None,
+        "ends": ["nut", "bridge"] if signal.channels == 1 else ["pickup 1", "pickup 2"],
+        "simulated": simulated,
+        "controls": None
+        if controls is None
+        else {"positions": controls.positions, "forces": controls.forces, "settings": settings(controls)},
+    }
+
+
+def settings(controls: Controls) -> list[dict[str, Any]]:
+    """Return what may be changed of a source, as it is now."""
+    return [{"name": s.name, "choices": s.choices, "value": s.value} for s in controls.settings]
+
+
+def state(moment: Moment) -> dict[str, Any]:
+    """Return a moment for the page: estimates of the window and over time, truth, levels and counters."""
+    health = moment.health
+    return {
+        "type": "moment",
+        "time": moment.prediction.time,
+        "window": _estimates(moment.prediction.estimates),
+        "tracked": _estimates(moment.tracked),
+        "decided": dict(moment.decided),
+        "truth": {name: number(value) for name, value in moment.truth.items()},
+        "levels": [[number(each, 1) for each in levels(row)] for row in moment.window.samples[:MAX_CHANNELS]],
+        "notes": [
+            {"key": n.key, "level": n.level, "sentence": n.sentence, "remedy": n.remedy, "since": n.since}
+            for n in moment.notes
+        ],
+        "latency": number(1e3 * moment.prediction.latency, 3),
+        "health": {
+            "frames": health.frames,
+            "dropped": health.dropped,
+            "gaps": health.gaps,
+            "xruns": health.xruns,
+            "reconnects": health.reconnects,
+            "skipped": moment.skipped,
+        },
+    }
+
+
+def event(event: Event, count: int) -> dict[str, Any]:
+    """Return an event; `count` tells it from others."""
+    values = {"number": count, "name": event.name, "on": event.on, "time": number(event.time, 3)}
+    return values | {"delay": number(event.delay, 3), "confidence": number(event.confidence, 3)}
+
+
+def row(moment: Moment) -> list[float | None]:
+    """Return a moment as a row of the history: see `static/history.js` for the columns."""
+    tracked, estimates, truth = moment.tracked, moment.prediction.estimates, moment.truth
+    position = tracked.get("position") or moment.prediction.estimate("position")
+    force = tracked.get("force") or moment.prediction.estimate("force")
+    chances = [number(e.value, 3) if (e := estimates.get(name)) else None for name in ("contact", "slip")]
+    return [
+        round(moment.prediction.time, 3),
+        *chances,
+        number(position.value, 5), number(position.std, 5), number(force.value, 3), number(force.std, 3),
+        *(number(truth[name], 5) if name in truth else None for name in ("contact", "slip")),
+        *(number(truth[name], 5) if name in truth else None for name in ("position", "force")),
+    ]  # fmt: skip
+
+
+def timing(percentiles: Percentiles, counts: list[int], edges: tuple[Seconds, ...]) -> dict[str, Any]:
+    """Return how long windows took to be estimated: percentiles in ms, and counts between edges in ms."""
+    named = {"p50": percentiles.p50, "p95": percentiles.p95, "p99": percentiles.p99}
+    return {
+        "count": percentiles.count,
+        **{name: number(1e3 * value, 3) for name, value in named.items()},
+        "longest": number(1e3 * percentiles.longest, 3),
+        "edges": [round(1e3 * edge, 4) for edge in edges],
+        "counts": counts,
+    }
+
+
+def spectrum(samples: Audio, sample_rate: int) -> bytes:
+    """Return the spectrum of every microphone, in which a sine of full scale reads 0 dB.
+
+    The number of channels, 3 bytes of padding, the highest frequency as a little-endian float32, then `BARS`
+    bytes a channel, from `FLOOR` to 0 dB of full scale.
+    """
+    sound = np.nan_to_num(samples[:MAX_CHANNELS].astype(np.float64), nan=0.0, posinf=1.0, neginf=-1.0)
+    sound = np.clip(sound, -1e3, 1e3)
+    size = sound.shape[-1]
+    taper = np.hanning(size + 1)[:-1]
+    padded = max(1 << math.ceil(math.log2(max(1.5 * size, 16))), 16)
+    top = min(TOP, 0.5 * sample_rate)
+    bins = np.abs(np.fft.rfft(sound * taper, padded, axis=-1)) * (2.0 / max(float(taper.sum()), 1e-9))
+    count = min(int(top / sample_rate * padded), bins.shape[-1])
+    edges = np.linspace(0, count, BARS + 1).astype(np.intp)[:-1]
+    highest = np.maximum.reduceat(bins[:, :count], edges, axis=-1)
+    decibels = 20.0 * np.log10(np.maximum(highest, 1e-9))
+    scaled = np.clip(255.0 * (1.0 - decibels / FLOOR), 0.0, 255.0).astype(np.uint8)
+    head = bytes([scaled.shape[0], 0, 0, 0]) + np.float32(top).astype("<f4").tobytes()
+    return head + scaled.tobytes()
+
+
+def packed(message: Mapping[str, Any]) -> str:
+    """Return a message as JSON."""
+    return json.dumps(message, separators=(",", ":"), allow_nan=False)
+
+
+def number(value: float, digits: int = 6) -> float | None:
+    """Return a number that JSON has, rounded, or None.
+
+    >>> number(0.123456789), number(float("nan"))
+    (0.123457, None)
+    """
+    return round(float(value), digits) if math.isfinite(value) else None
+
+
+def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {
+        name: {"value": number(e.value), "std": number(e.std), "unit": e.unit, "why": e.why_not}
+        for name, e in estimates.items()
+    }

@@ -1,0 +1,373 @@
+"""The server of the page: one thread with an event loop, whose clients delay neither the run nor each other.
+
+A moment that is handed over is only stored. At a steady pace the newest one is encoded, once, for all; each
+client is sent the newest encoding as soon as it has taken the one before, so that a slow client sees fewer
+and one that never reads is closed. Nothing is queued but what the system's own buffers hold.
+"""
+
+import asyncio
+import errno
+import socket
+import threading
+import time
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from importlib.resources import files
+from types import TracebackType
+from typing import Any, Self
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from monochord.capture.sources.base import Controls
+from monochord.core.errors import DeviceError
+from monochord.core.timing import Histogram
+from monochord.core.types import Signal
+from monochord.core.units import Metres, Seconds
+from monochord.live.sinks.base import Moment, Writer
+from monochord.live.web import messages
+from monochord.live.web.access import Guard
+
+PORTS = range(8420, 8440)
+"""Ports of which the first free one is taken where none is named."""
+RATE = 30.0
+"""Messages a second to a client, at most."""
+TOTAL_RATE = 1500.0
+"""Messages a second to all clients together: with more than 50 of them each gets fewer."""
+SPECTRUM_RATE = 15.0
+HISTORY: Seconds = 30.0
+"""How much a page that is opened, or opened again, is told of what was before."""
+MAX_CLIENTS = 256
+MAX_MESSAGE = 1024
+"""Bytes of a client's message."""
+MIN_PAUSE: Seconds = 0.004
+"""Time from one message of a client to the next: a flood waits in that client's own connection."""
+PATIENCE: Seconds = 10.0
+"""How long a client may take for one message until it is closed."""
+HOLD: Seconds = 1.5
+"""How long a touch stays where the page that holds it says nothing."""
+EDGES: tuple[Seconds, ...] = tuple(1e-4 * 10.0 ** (k / 8) for k in range(25))
+"""Edges of the histogram of latencies: eight to a decade, 0.1 to 100 ms."""
+EVENTS = 8
+"""Newest events that are told."""
+TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
+PAGE = {
+    "/": "index.html",
+    **{
+        f"/static/{name}": name
+        for name in (
+            "page.css", "page.js", "state.js", "string.js", "spectrum.js", "history.js", "numbers.js",
+            "touch.js", "icon.svg", "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css",
+        )
+    },
+}  # fmt: skip
+"""The files of the page by path: what is not named here is not served."""
+
+
+class Server:
+    """A running server; leaving the context ends it.
+
+    Parameters
+    ----------
+    host, port
+        Address to listen at; port 0 is the first free one of `PORTS`.
+    token
+        What a caller must know; nothing where it is empty.
+
+    Raises
+    ------
+    DeviceError
+        If the address is taken or is not this machine's.
+    """
+
+    def __init__(self, host: str = "127.0.0.1", port: int = 0, token: str = "") -> None:
+        self._host, self._guard = host, Guard(host=host, token=token)
+        self._socket = _bound(host, port)
+        self.port: int = self._socket.getsockname()[1]
+        self._stage = _Stage()
+        files_ = {path: _file(name) for path, name in PAGE.items()}
+        app = Starlette(
+            routes=[
+                *(Route(path, _serving(*file)) for path, file in files_.items()),
+                WebSocketRoute("/live", self._live),
+            ]
+        )
+        config = uvicorn.Config(
+            self._guard.around(app),  # pyright: ignore[reportArgumentType]
+            http="h11", ws="websockets-sansio", loop="asyncio", lifespan="off", log_config=None,
+            access_log=False, server_header=False, proxy_headers=False, ws_max_size=MAX_MESSAGE,
+            ws_max_queue=4, ws_per_message_deflate=False, limit_concurrency=2 * MAX_CLIENTS,
+            timeout_graceful_shutdown=1,
+        )  # fmt: skip
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._run, name="web", daemon=True)
+        self._ready = threading.Event()
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._ready.wait(PATIENCE)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stage.closing = True
+        self._server.should_exit = True
+        self._thread.join(PATIENCE)
+        self._socket.close()
+
+    @property
+    def address(self) -> str:
+        """The page's address in a browser, with its token where it has one."""
+        host = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(self._host, self._host)  # noqa: S104
+        host = f"[{host}]" if ":" in host else host
+        return f"http://{host}:{self.port}/" + (f"?token={self._guard.token}" if self._guard.token else "")
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many clients there are and were, messages they were sent, and messages of theirs ignored."""
+        stage = self._stage
+        return {
+            "clients": len(stage.clients),
+            "served": stage.served,
+            "sent": stage.sent,
+            "ignored": stage.ignored,
+        }
+
+    @contextmanager
+    def show(self, signal: Signal, length: Metres, controls: Controls | None) -> Generator[Writer]:
+        """Show a run: the writer takes its moments."""
+        self._stage.view = view = _View(signal, length, controls)
+        yield view
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        stage = self._stage
+        stage.loop = asyncio.get_running_loop()
+        pace = asyncio.create_task(stage.keep_pace())
+        stage.loop.call_soon(self._ready.set)
+        try:
+            await self._server.serve(sockets=[self._socket])
+        finally:
+            pace.cancel()
+            with suppress(asyncio.CancelledError):
+                await pace
+
+    async def _live(self, socket_: WebSocket) -> None:
+        stage = self._stage
+        if len(stage.clients) >= MAX_CLIENTS:
+            await socket_.close(1013, "as many pages are open as may be")
+            return
+        await socket_.accept()
+        client = _Client(socket_)
+        stage.clients.add(client)
+        stage.served += 1
+        sending = asyncio.create_task(client.send(stage))
+        try:
+            await client.receive(stage)
+        except (WebSocketDisconnect, RuntimeError):
+            pass
+        finally:
+            sending.cancel()
+            with suppress(asyncio.CancelledError):
+                await sending
+            stage.clients.discard(client)
+            client.let_go(stage)
+
+
+@dataclass(eq=False, slots=True)
+class _Stage:
+    """What all clients share, in the server's thread alone but for `view` and `closing`."""
+
+    view: "_View | None" = None
+    closing: bool = False
+    loop: asyncio.AbstractEventLoop | None = None
+    clients: "set[_Client]" = field(default_factory=set)
+    served: int = 0
+    sent: int = 0
+    ignored: int = 0
+    number: int = 0
+    text: str = ""
+    spectrum: bytes = b""
+    spectrum_number: int = 0
+
+    async def keep_pace(self) -> None:
+        """Encode the newest moment, and wake the clients, as often as may be."""
+        shown: Moment | None = None
+        spectrum_due = 0.0
+        while not self.closing:
+            await asyncio.sleep(max(1.0 / RATE, len(self.clients) / TOTAL_RATE))
+            view = self.view
+            moment = None if view is None else view.newest
+            if view is None or moment is None or moment is shown:
+                continue
+            shown = moment
+            view.remember(moment)
+            if not self.clients:
+                continue
+            extra = {"clients": len(self.clients), "ignored": self.ignored}
+            self.text = messages.packed(view.state(moment) | {"server": extra})
+            now = time.monotonic()
+            if now >= spectrum_due:
+                spectrum_due = now + 0.9 / SPECTRUM_RATE
+                self.spectrum = messages.spectrum(moment.window.samples, moment.window.sample_rate)
+                self.spectrum_number += 1
+            self.number += 1
+            for client in self.clients:
+                client.wake.set()
+
+
+class _Client:
+    """A page that is open somewhere."""
+
+    def __init__(self, connection: WebSocket) -> None:
+        self._socket = connection
+        self.wake = asyncio.Event()
+        self.wake.set()
+        self._holds = False
+        self._heard: Seconds = 0.0
+
+    async def send(self, stage: _Stage) -> None:
+        """Send what is newest, whenever there is something new."""
+        view: _View | None = None
+        spectrum_number, number = stage.spectrum_number, stage.number
+        try:
+            await self._text(messages.waiting())
+            while True:
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(self.wake.wait(), 0.5)
+                self.wake.clear()
+                if self._holds and time.monotonic() > self._heard + HOLD:
+                    self.let_go(stage)
+                if stage.view is not None and stage.view is not view:
+                    view = stage.view
+                    await self._text(messages.packed(view.hello()))
+                if stage.number != number:
+                    number = stage.number
+                    await self._text(stage.text)
+                    stage.sent += 1
+                if stage.spectrum_number != spectrum_number:
+                    spectrum_number = stage.spectrum_number
+                    async with asyncio.timeout(PATIENCE):
+                        await self._socket.send_bytes(stage.spectrum)
+                    stage.sent += 1
+        except TimeoutError:
+            with suppress(RuntimeError, TimeoutError):
+                async with asyncio.timeout(1.0):
+                    await self._socket.close(1008, "nothing was read for too long")
+        except (WebSocketDisconnect, RuntimeError, OSError):
+            pass  # it went away
+
+    async def receive(self, stage: _Stage) -> None:
+        """Carry out what it asks, until it goes; what cannot be read is counted."""
+        while True:
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            content = message.get("text") or message.get("bytes") or b""
+            view = stage.view
+            done = messages.carry_out(content, None if view is None else view.controls)
+            if done is None:
+                stage.ignored += 1
+            self._holds = done == "touch" or (self._holds and done != "release")
+            self._heard = time.monotonic()
+            await asyncio.sleep(MIN_PAUSE)
+
+    def let_go(self, stage: _Stage) -> None:
+        """Lift the object that this page holds."""
+        if self._holds and stage.view is not None and stage.view.controls is not None:
+            stage.view.controls.release()
+        self._holds = False
+
+    async def _text(self, text: str) -> None:
+        async with asyncio.timeout(PATIENCE):
+            await self._socket.send_text(text)
+
+
+class _View(Writer):
+    """A run as the page shows it: `write` in a thread of the sink's, all else in the server's."""
+
+    def __init__(self, signal: Signal, length: Metres, controls: Controls | None) -> None:
+        self._signal, self._length, self.controls = signal, length, controls
+        self.newest: Moment | None = None
+        self._latency = Histogram()
+        self._counts = [0] * (len(EDGES) + 1)
+        self._history: deque[list[float | None]] = deque(maxlen=round(HISTORY * RATE))
+        self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
+        self._number = 0
+        self._timing: dict[str, Any] | None = None
+        self._timing_due: Seconds = 0.0
+        self._simulated = controls is not None
+
+    def write(self, moment: Moment) -> None:
+        latency = moment.prediction.latency
+        self._latency.add(latency)
+        self._counts[bisect_right(EDGES, latency)] += 1
+        self._simulated = self._simulated or bool(moment.truth)
+        for event in moment.events:
+            self._number += 1
+            self._events.append(messages.event(event, self._number))
+        self.newest = moment
+
+    def remember(self, moment: Moment) -> None:
+        """Add a moment to the history."""
+        self._history.append(messages.row(moment))
+
+    def hello(self) -> dict[str, Any]:
+        """Return what a page that opens needs."""
+        about = messages.hello(self._signal, self._length, self._simulated, self.controls)
+        return about | {"history": list(self._history), "events": list(self._events)}
+
+    def state(self, moment: Moment) -> dict[str, Any]:
+        """Return what is new, with the timing twice a second."""
+        now = time.monotonic()
+        told = messages.state(moment) | {"events": list(self._events), "simulated": self._simulated}
+        if self.controls is not None:
+            told["settings"] = messages.settings(self.controls)
+        if now >= self._timing_due:
+            self._timing_due = now + 0.5
+            told["timing"] = messages.timing(self._latency.percentiles(), list(self._counts), EDGES)
+        return told
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    """Return a socket that is bound to an address of this machine."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    reason: OSError | None = None
+    for number in [port] if port else [*PORTS, 0]:
+        sock = socket.socket(family, socket.SOCK_STREAM)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            sock.bind((host, number))
+            sock.listen(128)  # from now on no other process can have it
+        except OSError as error:
+            sock.close()
+            reason = error
+            if error.errno != errno.EADDRINUSE:
+                break
+        else:
+            return sock
+    assert reason is not None
+    hint = "; name another port, or none" if reason.errno == errno.EADDRINUSE else ""
+    raise DeviceError(f"page at {host}:{port}: {reason.strerror or reason}{hint}") from reason
+
+
+def _file(name: str) -> tuple[bytes, str]:
+    content = files("monochord.live.web").joinpath("static", *name.split("/")).read_bytes()
+    return content, TYPES[name.rpartition(".")[2]]
+
+
+def _serving(content: bytes, kind: str) -> Any:
+    async def serve(_: Request) -> Response:
+        return Response(content, media_type=kind)
+
+    return serve

@@ -1,0 +1,147 @@
+// Estimates, truth and counters in words and numbers.
+
+import { decision, estimate, touched } from "./state.js";
+
+const element = (id) => document.getElementById(id);
+
+export function inUnit(value, unit) {
+  if (unit === "m") return `${(1e3 * value).toFixed(1)} mm`;
+  return `${value.toFixed(2)} ${unit}`.trim();
+}
+
+function put(id, value, spread, more, on) {
+  const card = element(id);
+  const [, shown, below] = card.children;
+  const text = `${value}|${spread}|${more.text}|${more.truth}`;
+  if (card.dataset.text === text) return;
+  card.dataset.text = text;
+  card.dataset.on = String(on);
+  shown.textContent = value;
+  if (spread) {
+    const small = document.createElement("small");
+    small.textContent = ` ± ${spread}`;
+    shown.append(small);
+  }
+  below.textContent = more.text;
+  if (more.truth) {
+    const span = document.createElement("span");
+    span.className = "true";
+    span.textContent = `◇ ${more.truth}`;
+    below.append(span);
+  }
+}
+
+function truthOf(moment, name, words) {
+  const value = moment.truth[name];
+  if (value === undefined || value === null) return "";
+  return `true: ${words(value)}`;
+}
+
+function chance(moment, name) {
+  const each = moment.window[name];
+  return each && each.value !== null ? `${Math.round(100 * each.value)} % likely` : (each?.why ?? "not estimated");
+}
+
+export function showNumbers(moment) {
+  const contact = touched(moment), slip = decision(moment, "slip");
+  const yes = (a, b) => (value) => (value > 0.5 ? a : b);
+  put("reading-contact", contact ? "touched" : "untouched", "", {
+    text: chance(moment, "contact"), truth: truthOf(moment, "contact", yes("touched", "untouched")),
+  }, contact);
+  for (const [name, unit] of [["position", "m"], ["force", "N"]]) {
+    const each = contact ? estimate(moment, name) : null;
+    const why = each ? "" : contact ? moment.window[name]?.why || "not estimated" : "no contact";
+    put(`reading-${name}`, each ? inUnit(each.value, unit) : "–",
+      each && each.std !== null ? inUnit(each.std, unit) : "",
+      { text: why, truth: truthOf(moment, name, (value) => inUnit(value, unit)) }, each !== null);
+  }
+  put("reading-slip", !contact || slip === null ? "–" : slip ? "sliding" : "at rest", "", {
+    text: contact ? chance(moment, "slip") : "no contact",
+    truth: truthOf(moment, "slip", yes("sliding", "at rest")),
+  }, Boolean(contact && slip));
+}
+
+export function showNotes(moment) {
+  const place = element("notes");
+  const key = moment.notes.map((note) => note.key + note.sentence).join("|");
+  if (place.dataset.key === key) return;
+  place.dataset.key = key;
+  place.hidden = moment.notes.length === 0;
+  place.replaceChildren(...moment.notes.map((note) => {
+    const line = document.createElement("p");
+    line.className = "note";
+    line.dataset.level = note.level;
+    const level = document.createElement("b");
+    level.textContent = { info: "Note.", warning: "Warning.", error: "Error." }[note.level] ?? "";
+    const remedy = document.createElement("span");
+    remedy.className = "remedy";
+    remedy.textContent = ` ${note.remedy}`;
+    line.append(level, note.sentence, remedy);
+    return line;
+  }));
+}
+
+export function facts(id, pairs) {
+  const list = element(id);
+  if (list.children.length !== pairs.length) {
+    list.replaceChildren(...pairs.map(([name]) => {
+      const pair = document.createElement("div");
+      const dt = document.createElement("dt"), dd = document.createElement("dd");
+      dt.textContent = name;
+      pair.append(dt, dd);
+      return pair;
+    }));
+  }
+  pairs.forEach(([, value], k) => {
+    const dd = list.children[k].lastChild;
+    if (dd.textContent !== value) dd.textContent = value;
+  });
+}
+
+export function showStream(moment) {
+  const { health, server } = moment;
+  facts("stream-facts", [
+    ["time", `${moment.time.toFixed(1)} s`],
+    ["skipped", `${health.skipped}`],
+    ["gaps", `${health.gaps}`],
+    ["lost frames", `${health.dropped}`],
+    ["xruns", `${health.xruns}`],
+    ["pages open", `${server.clients}`],
+  ]);
+}
+
+const EVENT = {
+  contact: { true: "contact begins", false: "contact ends" },
+  slip: { true: "slip begins", false: "slip ends" },
+};
+
+export function showEvents(events) {
+  const list = element("events");
+  const newest = events.length ? String(events[events.length - 1].number) : "";
+  if (list.dataset.newest === newest) return;
+  list.dataset.newest = newest;
+  list.replaceChildren(...[...events].reverse().slice(0, 6).map((event) => {
+    const line = document.createElement("li");
+    const what = document.createElement("span"), when = document.createElement("span");
+    what.textContent = EVENT[event.name]?.[event.on] ?? `${event.name} ${event.on ? "on" : "off"}`;
+    when.textContent = `at ${event.time.toFixed(2)} s, decided ${Math.round(1e3 * event.delay)} ms later`;
+    line.append(what, when);
+    return line;
+  }));
+}
+
+// What a screen reader says: changes alone, and no more than one a second.
+const speech = { text: "", next: 0 };
+export function speak(moment) {
+  const now = performance.now();
+  if (now < speech.next) return;
+  const contact = touched(moment), slip = decision(moment, "slip");
+  const state = contact ? (slip ? "sliding" : "touched") : "untouched";
+  if (state === speech.text) return;
+  speech.text = state;
+  speech.next = now + 1000;
+  const position = estimate(moment, "position"), force = estimate(moment, "force");
+  const where = contact && position ? ` at ${Math.round(1e3 * position.value)} millimetres` : "";
+  const strength = contact && force ? `, ${force.value.toFixed(1)} newtons` : "";
+  element("spoken").textContent = `${state}${where}${strength}`;
+}

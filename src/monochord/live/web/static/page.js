@@ -1,0 +1,137 @@
+// The page: messages come in at their pace, and everything is drawn once a frame.
+
+import { History } from "./history.js";
+import { facts, showEvents, showNotes, showNumbers, showStream, speak } from "./numbers.js";
+import { Spectra } from "./spectrum.js";
+import { Connection } from "./state.js";
+import { StringView } from "./string.js";
+import { Hand, showSettings } from "./touch.js";
+
+const element = (id) => document.getElementById(id);
+const view = new StringView(element("string"));
+const spectra = new Spectra(element("spectra"));
+const history_ = new History(element("history"));
+let run = null, moment = null, fresh = false, colour = colours(), timing = null, frames = 0, before = 0, historyDue = 0;
+
+const connection = new Connection({
+  state(state, words) {
+    const place = element("connection");
+    if (place.dataset.state === state) return;
+    place.dataset.state = state;
+    place.lastElementChild.textContent = words;
+    if (state === "lost") hand.lift();
+  },
+  hello(message) {
+    run = message;
+    element("waiting").hidden = true;
+    simulated(message.simulated);
+    hand.allow(run);
+    element("controls").hidden = element("hint").hidden = element("legend-hand").hidden = !run.controls;
+    if (run.controls) showSettings(run.controls.settings, send);
+    spectra.reset(run);
+    history_.reset(run, colour);
+    showEvents(run.events);
+  },
+  moment(message) {
+    moment = message;
+    fresh = true;
+    if (run && message.simulated && !run.simulated) simulated(true);
+    if (message.timing) timing = message.timing;
+    history_.add(message);
+  },
+  spectrum(message) { spectra.take(message); },
+});
+
+function send(message) { connection.send(message); }
+const hand = new Hand(view, send);
+
+function simulated(is) {
+  if (run) run.simulated = is;
+  element("simulated").hidden = element("legend-truth").hidden = !is;
+  if (is && history_.plots.length) history_.build(colour);
+}
+
+function frame(now) {
+  const passed = Math.min((now - before) / 1000, 0.1);
+  before = now;
+  frames += 1;
+  hand.tell(now);
+  if (run) {
+    view.draw(run, moment, now, colour);
+    spectra.draw(moment, passed, colour);
+    if (fresh && moment) {
+      fresh = false;
+      showNumbers(moment);
+      showNotes(moment);
+      showEvents(moment.events);
+      showStream(moment);
+      spectra.levels(moment);
+      speak(moment);
+      if (moment.settings) showSettings(moment.settings, send);
+      if (!view.canvas.classList.contains("touchable")) view.canvas.setAttribute("aria-label", `The string: ${element("spoken").textContent}`);
+    }
+    if (now > historyDue) {
+      historyDue = now + 60;
+      history_.draw();
+    }
+    if (timing) {
+      latency(timing);
+      timing = null;
+    }
+  }
+  requestAnimationFrame(frame);
+}
+
+function latency(told) {
+  const canvas = element("latency"), c = canvas.getContext("2d"), ratio = Math.min(devicePixelRatio || 1, 2);
+  const width = canvas.clientWidth, height = canvas.clientHeight, base = height - 22;
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
+  c.setTransform(ratio, 0, 0, ratio, 0, 0);
+  const most = Math.max(...told.counts, 1), bar = width / told.counts.length;
+  const edge = (k) => told.edges[Math.min(Math.max(k, 0), told.edges.length - 1)];
+  c.font = "11px system-ui, sans-serif";
+  c.textAlign = "center";
+  told.counts.forEach((count, k) => {
+    const tall = count ? Math.max(2, (base - 8) * Math.sqrt(count / most)) : 0;
+    c.fillStyle = colour.estimate;
+    c.beginPath();
+    c.roundRect(k * bar + 1, base - tall, Math.max(bar - 2, 1), tall, [3, 3, 0, 0]);
+    c.fill();
+  });
+  c.fillStyle = colour.muted;
+  c.fillRect(0, base, width, 1);
+  told.edges.forEach((value, k) => {
+    if (k % 8 === 0) c.fillText(`${edge(k)} ms`, Math.min(Math.max((k + 1) * bar, 22), width - 26), base + 15);
+  });
+  const ms = (value) => (value === null ? "–" : `${value.toFixed(2)} ms`);
+  facts("latency-facts", [["median", ms(told.p50)], ["95 %", ms(told.p95)], ["99 %", ms(told.p99)], ["longest", ms(told.longest)]]);
+  canvas.setAttribute("aria-label", `Histogram of ${told.count} latencies: median ${ms(told.p50)}, 99 % below ${ms(told.p99)}`);
+}
+
+function colours() {
+  const style = getComputedStyle(document.documentElement);
+  const names = ["ink", "muted", "line", "estimate", "spread", "truth", "hand", "string", "swing", "mark"];
+  return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+}
+
+function recolour() {
+  colour = colours();
+  if (run) history_.build(colour);
+}
+
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const root = document.documentElement;
+try { const kept = localStorage.getItem("theme"); if (kept) root.dataset.theme = kept; } catch { /* no storage */ }
+recolour();
+dark.addEventListener("change", recolour);
+element("theme").addEventListener("click", () => {
+  const now = root.dataset.theme ?? (dark.matches ? "dark" : "light");
+  root.dataset.theme = now === "dark" ? "light" : "dark";
+  try { localStorage.setItem("theme", root.dataset.theme); } catch { /* no storage */ }
+  recolour();
+});
+
+// What a test or a curious person may ask of the page in the console.
+window.monochord = { get moment() { return moment; }, get frames() { return frames; }, get run() { return run; }, view, send };
+requestAnimationFrame(frame);

@@ -1,0 +1,67 @@
+// The connection to the server, and what it said last. Drawing asks here, 60 times a second, whatever comes in.
+
+const RETRY = [250, 500, 1000, 2000, 4000]; // ms until the next attempt
+
+export class Connection {
+  constructor(listeners) {
+    this.listeners = listeners; // {state, hello, moment, spectrum}
+    this.attempt = 0;
+    this.open();
+  }
+
+  open() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    socket.onopen = () => this.listeners.state("waiting", "waiting for the first sound");
+    socket.onmessage = (event) => this.take(event.data);
+    socket.onclose = () => {
+      const pause = RETRY[Math.min(this.attempt++, RETRY.length - 1)];
+      this.listeners.state("lost", "not connected, trying again");
+      setTimeout(() => this.open(), pause);
+    };
+  }
+
+  take(data) {
+    if (data instanceof ArrayBuffer) return this.listeners.spectrum(unpacked(data));
+    const message = JSON.parse(data);
+    if (message.type === "hello") {
+      this.attempt = 0;
+      this.listeners.hello(message);
+    } else if (message.type === "moment") {
+      this.listeners.state("live", "live");
+      this.listeners.moment(message);
+    }
+  }
+
+  send(message) {
+    if (this.socket.readyState === WebSocket.OPEN && this.socket.bufferedAmount < 4096) {
+      this.socket.send(JSON.stringify(message));
+    }
+  }
+}
+
+function unpacked(buffer) {
+  const channels = new Uint8Array(buffer, 0, 1)[0];
+  const top = new DataView(buffer).getFloat32(4, true);
+  const bars = (buffer.byteLength - 8) / channels;
+  const rows = Array.from({ length: channels }, (_, k) => new Uint8Array(buffer, 8 + k * bars, bars));
+  return { top, rows };
+}
+
+// The newest estimate of a name: followed over time where it is, else of the window alone.
+export function estimate(moment, name) {
+  const each = moment.tracked[name] ?? moment.window[name];
+  return each && each.value !== null ? each : null;
+}
+
+export function decision(moment, name) {
+  if (name in moment.decided) return moment.decided[name];
+  const each = moment.window[name];
+  return each && each.value !== null ? each.value > 0.5 : null;
+}
+
+export function touched(moment) {
+  return decision(moment, "contact") ?? estimate(moment, "position") !== null;
+}

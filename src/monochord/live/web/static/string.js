@@ -1,0 +1,213 @@
+// The drawn string: position, force as deflection, uncertainty as width, slip as motion.
+
+import { decision, estimate, touched } from "./state.js";
+
+const PAD = 34; // CSS pixels from the canvas's edge to an end of the string
+const STILL = matchMedia("(prefers-reduced-motion: reduce)");
+
+export class StringView {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.shown = { x: 0.5, depth: 0, spread: 0, presence: 0, swing: [0, 0], truth: null };
+    this.trail = [];
+    this.before = 0;
+    this.hand = null; // {position, force} of a pressing pointer or key
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+  }
+
+  resize() {
+    const ratio = Math.min(devicePixelRatio || 1, 2);
+    const { clientWidth, clientHeight } = this.canvas;
+    this.width = clientWidth;
+    this.height = clientHeight;
+    this.canvas.width = Math.round(clientWidth * ratio);
+    this.canvas.height = Math.round(clientHeight * ratio);
+    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  }
+
+  get rest() { return this.height * 0.42; }
+  pixel(position, length) { return PAD + (position / length) * (this.width - 2 * PAD); }
+  position(pixel, length) { return Math.min(Math.max((pixel - PAD) / (this.width - 2 * PAD), 0), 1) * length; }
+  depth(force) { return Math.min(8 + 26 * force, this.height * 0.3); }
+
+  draw(run, moment, now, colour) {
+    const { context: c, width, height, rest } = this;
+    const passed = Math.min((now - this.before) / 1000, 0.1);
+    this.before = now;
+    c.clearRect(0, 0, width, height);
+    this.ruler(run, colour);
+    if (!moment) return this.line([[PAD, rest], [width - PAD, rest]], colour.muted, 1.5);
+    this.follow(run, moment, passed);
+    const s = this.shown, at = this.pixel(s.x * run.length, run.length), tip = rest + s.depth * s.presence;
+    if (s.presence > 0.02) this.spread(run, at, colour);
+    this.slip(moment, at, tip, now, colour);
+    this.segments(at, tip, now, colour);
+    this.ends(run, colour);
+    if (s.presence > 0.02) this.touch(at, tip, colour);
+    this.truth(run, moment, colour);
+    if (this.hand) this.ring(run, colour);
+  }
+
+  // Approach what was said last, so that 30 messages a second move at the screen's own pace.
+  follow(run, moment, passed) {
+    const s = this.shown, quick = 1 - Math.exp(-passed / 0.05), slow = 1 - Math.exp(-passed / 0.12);
+    const is = touched(moment), position = estimate(moment, "position"), force = estimate(moment, "force");
+    s.presence += ((is && position ? 1 : 0) - s.presence) * quick;
+    if (is && position) {
+      const goal = position.value / run.length;
+      s.x = s.presence < 0.3 ? goal : s.x + (goal - s.x) * quick;
+      s.spread += ((position.std ?? 0) / run.length - s.spread) * slow;
+      s.depth += (this.depth(force ? force.value : 0.3) - s.depth) * slow;
+    }
+    moment.levels.slice(0, 2).forEach(([rms], k) => {
+      const goal = rms === null ? 0 : Math.max(0, 1 + rms / 45);
+      s.swing[k] += (goal - s.swing[k]) * slow;
+    });
+    if (moment.levels.length === 1) s.swing[1] = s.swing[0];
+  }
+
+  line(points, colour, width, dash = []) {
+    const c = this.context;
+    c.beginPath();
+    points.forEach(([x, y], k) => (k ? c.lineTo(x, y) : c.moveTo(x, y)));
+    c.setLineDash(dash);
+    c.strokeStyle = colour;
+    c.lineWidth = width;
+    c.lineJoin = c.lineCap = "round";
+    c.stroke();
+    c.setLineDash([]);
+  }
+
+  segments(at, tip, now, colour) {
+    const { width, rest, shown } = this, bent = shown.presence > 0.02;
+    const swing = Math.max(...shown.swing);
+    if (!bent) return this.segment(PAD, rest, width - PAD, rest, swing, now, 2.1, colour);
+    this.segment(PAD, rest, at, tip, shown.swing[0], now, 3.1, colour);
+    this.segment(at, tip, width - PAD, rest, shown.swing[1], now, 2.3, colour);
+  }
+
+  // One segment: the envelope of its swing as a veil, and the string somewhere within it.
+  segment(x0, y0, x1, y1, swing, now, turns, colour) {
+    const c = this.context, span = x1 - x0, steps = Math.max(Math.round(span / 5), 8);
+    const most = Math.min(15, 0.08 * span) * swing;
+    const height = (share) => most * Math.sin(Math.PI * share);
+    const straight = (share) => y0 + (y1 - y0) * share;
+    c.beginPath();
+    for (let k = 0; k <= steps; k++) c.lineTo(x0 + span * k / steps, straight(k / steps) - height(k / steps));
+    for (let k = steps; k >= 0; k--) c.lineTo(x0 + span * k / steps, straight(k / steps) + height(k / steps));
+    c.closePath();
+    c.fillStyle = colour.swing;
+    c.fill();
+    const phase = STILL.matches ? 0 : Math.sin(2 * Math.PI * turns * now / 1000);
+    const points = [];
+    for (let k = 0; k <= steps; k++) points.push([x0 + span * k / steps, straight(k / steps) + 0.8 * phase * height(k / steps)]);
+    this.line(points, colour.string, 2.2);
+  }
+
+  ends(run, colour) {
+    const { context: c, width, rest } = this;
+    c.fillStyle = colour.string;
+    for (const x of [PAD, width - PAD]) {
+      c.beginPath();
+      c.roundRect(x - 4, rest - 13, 8, 26, 3);
+      c.fill();
+    }
+    this.text(run.ends[0], PAD - 4, rest + 32, colour.muted, "left");
+    this.text(run.ends[1], width - PAD + 4, rest + 32, colour.muted, "right");
+  }
+
+  spread(run, at, colour) {
+    const { context: c, height, shown } = this;
+    const reach = Math.max(2 * shown.spread * (this.width - 2 * PAD), 2);
+    c.globalAlpha = shown.presence;
+    c.fillStyle = colour.spread;
+    c.beginPath();
+    c.roundRect(at - reach, 30, 2 * reach, height - 92, Math.min(reach, 8));
+    c.fill();
+    c.globalAlpha = 1;
+  }
+
+  touch(at, tip, colour) {
+    const { context: c, shown } = this;
+    c.globalAlpha = shown.presence;
+    const top = Math.max(tip - 62, 30);
+    this.line([[at, top], [at, tip - 16]], colour.estimate, 2);
+    c.fillStyle = colour.estimate;
+    c.beginPath();
+    c.arc(at, tip - 11, 10, 0, 2 * Math.PI);
+    c.fill();
+    c.globalAlpha = 1;
+  }
+
+  // Where it slides, the way that it came fades out behind it, and its direction is said.
+  slip(moment, at, tip, now, colour) {
+    const c = this.context, slides = touched(moment) && decision(moment, "slip");
+    if (slides) this.trail.push([at, tip - 11, now]);
+    this.trail = this.trail.filter(([, , then]) => now - then < 700);
+    for (const [x, y, then] of this.trail) {
+      const age = (now - then) / 700;
+      c.globalAlpha = 0.35 * (1 - age);
+      c.fillStyle = colour.estimate;
+      c.beginPath();
+      c.arc(x, y, 10 * (1 - 0.6 * age), 0, 2 * Math.PI);
+      c.fill();
+    }
+    c.globalAlpha = 1;
+    if (!slides) return;
+    const first = this.trail[0];
+    const moved = at - first[0];
+    const words = Math.abs(moved) < 3 ? "slips" : moved > 0 ? "slides →" : "← slides";
+    this.text(words, at, Math.max(tip - 72, 22), colour.estimate, "center", 600);
+  }
+
+  truth(run, moment, colour) {
+    const { context: c, rest, height } = this, { contact, position, force } = moment.truth;
+    if (!contact || position === undefined || position === null) return;
+    const x = this.pixel(position, run.length), y = height - 62;
+    this.line([[x, rest + 8], [x, y - 8]], colour.truth, 1.5, [3, 4]);
+    c.beginPath();
+    c.moveTo(x, y - 7); c.lineTo(x + 7, y); c.lineTo(x, y + 7); c.lineTo(x - 7, y);
+    c.closePath();
+    c.strokeStyle = colour.truth;
+    c.lineWidth = 2;
+    c.stroke();
+    const words = `${(1e3 * position).toFixed(1)} mm` + (force !== undefined ? `, ${force.toFixed(2)} N` : "");
+    const left = x > this.width - 130;
+    this.text(words, left ? x - 13 : x + 13, y + 4, colour.truth, left ? "right" : "left");
+  }
+
+  ring(run, colour) {
+    const c = this.context, x = this.pixel(this.hand.position, run.length), y = this.rest + this.depth(this.hand.force) - 11;
+    c.beginPath();
+    c.arc(x, y, 19, 0, 2 * Math.PI);
+    c.setLineDash([5, 4]);
+    c.strokeStyle = colour.hand;
+    c.lineWidth = 2;
+    c.stroke();
+    c.setLineDash([]);
+    this.text(`${this.hand.force.toFixed(1)} N`, x + (x > this.width - 80 ? -26 : 26), y + 4, colour.hand, x > this.width - 80 ? "right" : "left", 600);
+  }
+
+  ruler(run, colour) {
+    const y = this.height - 32, { width } = this;
+    this.line([[PAD, y], [width - PAD, y]], colour.line, 1);
+    if (!run) return;
+    const whole = 1e3 * run.length;
+    const step = [5, 10, 20, 25, 50, 100, 200, 500].find((s) => (width - 2 * PAD) * s / whole > 54) ?? 1000;
+    for (let mm = 0; mm <= whole + 1e-6; mm += step) {
+      const x = this.pixel(mm / 1e3, run.length);
+      this.line([[x, y], [x, y + 6]], colour.line, 1);
+      this.text(mm === 0 ? "0" : `${mm}${mm + step > whole + 1e-6 ? " mm" : ""}`, x, y + 20, colour.muted, "center");
+    }
+  }
+
+  text(words, x, y, colour, align, weight = 400) {
+    const c = this.context;
+    c.font = `${weight} 13px system-ui, sans-serif`;
+    c.fillStyle = colour;
+    c.textAlign = align;
+    c.fillText(words, x, y);
+  }
+}

@@ -1,0 +1,149 @@
+// A hand on the drawn string: mouse, finger, pen or keys become touches of the simulated one.
+
+const USUAL = 1.0; // N, with which a press begins
+const PER_PIXEL = 0.012; // N
+const EVERY = 25, AGAIN = 400; // ms between messages while it moves, and while it rests
+
+export class Hand {
+  constructor(view, send) {
+    this.view = view;
+    this.send = send;
+    this.run = null;
+    this.said = { at: 0, position: 0, force: 0 };
+    this.pointer = null;
+    this.keyed = { position: null, force: USUAL };
+    const canvas = view.canvas;
+    canvas.addEventListener("pointerdown", (event) => this.down(event));
+    canvas.addEventListener("pointermove", (event) => this.move(event));
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
+      canvas.addEventListener(name, (event) => this.up(event));
+    }
+    canvas.addEventListener("keydown", (event) => this.key(event));
+    canvas.addEventListener("blur", () => this.lift());
+    addEventListener("pagehide", () => this.lift());
+  }
+
+  allow(run) {
+    this.run = run;
+    const canvas = this.view.canvas, may = Boolean(run.controls);
+    canvas.classList.toggle("touchable", may);
+    if (!may) return;
+    canvas.tabIndex = 0;
+    canvas.setAttribute("role", "slider");
+    canvas.setAttribute("aria-label", "Touch the string");
+    canvas.setAttribute("aria-valuemin", "0");
+    canvas.setAttribute("aria-valuemax", String(Math.round(1e3 * run.length)));
+    this.keyed.position ??= 0.4 * run.length;
+    this.describe();
+  }
+
+  get may() { return Boolean(this.run?.controls); }
+
+  down(event) {
+    if (!this.may || event.button > 0 || this.pointer !== null) return;
+    this.pointer = event.pointerId;
+    this.view.canvas.setPointerCapture(event.pointerId);
+    this.from = event.clientY;
+    this.lead(this.at(event), this.strength(event));
+  }
+
+  move(event) {
+    if (event.pointerId === this.pointer) this.lead(this.at(event), this.strength(event));
+  }
+
+  up(event) {
+    if (event.pointerId !== this.pointer) return;
+    this.pointer = null;
+    this.lift();
+  }
+
+  at(event) {
+    const left = this.view.canvas.getBoundingClientRect().left;
+    return this.view.position(event.clientX - left, this.run.length);
+  }
+
+  strength(event) {
+    const pen = event.pointerType === "pen" && event.pressure > 0;
+    return pen ? 2.5 * event.pressure : USUAL + PER_PIXEL * (event.clientY - this.from);
+  }
+
+  lead(position, force) {
+    const { positions, forces } = this.run.controls;
+    const within = (value, [low, high]) => Math.min(Math.max(value, low), high);
+    this.view.hand = { position: within(position, positions), force: within(force, forces) };
+    Object.assign(this.keyed, this.view.hand);
+    this.describe();
+  }
+
+  lift() {
+    if (!this.view.hand) return;
+    this.view.hand = null;
+    this.said.at = 0;
+    this.send({ do: "release" });
+    this.describe();
+  }
+
+  // Called for every frame: says where the hand is, no more often than it moves.
+  tell(now) {
+    const hand = this.view.hand;
+    if (!hand || now - this.said.at < EVERY) return;
+    const moved = hand.position !== this.said.position || hand.force !== this.said.force;
+    if (!moved && now - this.said.at < AGAIN) return;
+    this.said = { at: now, ...hand };
+    this.send({ do: "touch", position: hand.position, force: hand.force });
+  }
+
+  key(event) {
+    if (!this.may) return;
+    const { position, force } = this.keyed, step = (event.shiftKey ? 5e-3 : 1e-3);
+    const led = {
+      ArrowLeft: [position - step, force], ArrowRight: [position + step, force],
+      ArrowUp: [position, force + 0.1], ArrowDown: [position, force - 0.1],
+    }[event.key];
+    if (event.key === " " || event.key === "Enter") {
+      if (this.view.hand) this.lift();
+      else this.lead(position, force);
+    } else if (event.key === "Escape") {
+      this.lift();
+    } else if (led && this.view.hand) {
+      this.lead(...led);
+    } else if (led) {
+      [this.keyed.position, this.keyed.force] = led;
+      this.describe();
+    } else {
+      return;
+    }
+    event.preventDefault();
+  }
+
+  describe() {
+    const { position, force } = this.keyed, millimetres = Math.round(1e3 * position);
+    this.view.canvas.setAttribute("aria-valuenow", String(millimetres));
+    this.view.canvas.setAttribute("aria-valuetext",
+      `${this.view.hand ? "pressed" : "not pressed"} at ${millimetres} millimetres, ${force.toFixed(1)} newtons`);
+  }
+}
+
+// The settings of the source as menus.
+export function showSettings(settings, send) {
+  const place = document.getElementById("settings");
+  for (const { name, choices, value } of settings) {
+    let select = place.querySelector(`select[name="${name}"]`);
+    if (!select) {
+      const label = document.createElement("label");
+      label.append(name[0].toUpperCase() + name.slice(1));
+      select = document.createElement("select");
+      select.name = name;
+      select.append(...choices.map((choice) => new Option(choice.replaceAll("_", " "), choice)));
+      const own = select;
+      select.addEventListener("change", () => {
+        own.dataset.until = String(performance.now() + 1000); // what was asked for counts until it is so
+        send({ do: "change", name, value: own.value });
+      });
+      label.append(select);
+      place.append(label);
+    }
+    const waits = Number(select.dataset.until ?? 0) > performance.now();
+    if (!waits && select.value !== value && document.activeElement !== select) select.value = value;
+  }
+}

@@ -1,0 +1,374 @@
+"""The page's server: what it serves, whom it lets in, and that no client delays anything."""
+
+import http.client
+import json
+import socket
+import struct
+import threading
+import time
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any, Self
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from monochord.capture.sources.base import Controls, Setting
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
+from monochord.live.events import Event
+from monochord.live.health import Note
+from monochord.live.sinks import SINKS
+from monochord.live.sinks.base import Moment, Writer
+from monochord.live.web import messages
+from monochord.live.web.server import MAX_CLIENTS, MAX_MESSAGE, PAGE, RATE, Server
+
+LENGTH, TOKEN = 0.2, "right"
+SIGNAL = Signal(
+    sample_rate=44100,
+    channels=2,
+    string=StringParams(length=LENGTH, linear_density=4e-4, tension=65.0),
+)
+TONE = np.stack([np.sin(2 * np.pi * 1000.0 * np.arange(4410) / 44100)] * 2).astype(np.float32)
+
+
+def moment(number: int) -> Moment:
+    estimates = {"position": Estimate(value=1e-5 * number, std=1e-4, unit="m")}
+    return Moment(
+        prediction=Prediction(start=441 * number, time=number / 100, estimates=estimates, latency=1e-3),
+        window=Window(samples=TONE, start=441 * number, sample_rate=44100),
+        health=StreamHealth(),
+        truth={"contact": 1.0},
+        skipped=0,
+        events=(Event(name="contact", on=True, time=0.1, delay=0.02, confidence=0.9),) if number == 5 else (),
+        notes=(Note(key="hum", level="warning", sentence="It hums.", remedy="Ground it.", since=0.0),),
+    )
+
+
+OUTSIDE = (
+    "/static/../server.py", "/static/%2e%2e/server.py", "/static/", "/etc/passwd", "//etc/passwd",
+    "/static/..%2fserver.py", "/static/uplot/../../server.py",
+)  # fmt: skip
+
+
+class Keep(Controls):
+    """Controls that keep what was asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[Any] = []
+
+    @property
+    def positions(self) -> tuple[float, float]:
+        return 0.0, LENGTH
+
+    @property
+    def forces(self) -> tuple[float, float]:
+        return 0.0, 2.0
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        return (Setting(name="noise", choices=("none", "10 dB"), value="none"),)
+
+    def touch(self, contact: Contact) -> None:
+        self.asked.append((contact.position, contact.force))
+
+    def release(self) -> None:
+        self.asked.append("release")
+
+    def change(self, name: str, value: str) -> None:
+        if name != "noise":
+            raise InputError(f"setting '{name}'", "noise")
+        self.asked.append((name, value))
+
+
+class Run:
+    """A run that hands over a hundred moments a second, from a thread of its own."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer, self._ended = writer, threading.Event()
+        self.longest = 0.0
+        self.written = 0
+        self._thread = threading.Thread(target=self._write)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _write(self) -> None:
+        while not self._ended.wait(0.01):
+            begin = time.perf_counter()
+            self._writer.write(moment(self.written))
+            self.longest = max(self.longest, time.perf_counter() - begin)
+            self.written += 1
+
+
+@contextmanager
+def running(controls: Controls | None = None, token: str = "") -> Generator[tuple[Server, Run]]:
+    with (
+        Server(port=free(), token=token) as server,
+        server.show(SIGNAL, LENGTH, controls) as writer,
+        Run(writer) as run,
+    ):
+        yield server, run
+
+
+def free() -> int:
+    with socket.socket() as sock:
+        sock.bind(("127.0.0.1", 0))
+        return sock.getsockname()[1]
+
+
+def get(server: Server, path: str, **headers: str) -> http.client.HTTPResponse:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
+    connection.request("GET", path, headers=headers)
+    answer = connection.getresponse()
+    answer.body = answer.read()  # pyright: ignore[reportAttributeAccessIssue]
+    connection.close()
+    return answer
+
+
+def live(server: Server, **options: Any) -> ClientConnection:
+    return connect(f"ws://127.0.0.1:{server.port}/live", open_timeout=30, **options)
+
+
+def messages_of(client: ClientConnection, kind: str, count: int = 1) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = []
+    while len(found) < count:
+        content = client.recv(30)
+        if isinstance(content, str) and (message := json.loads(content))["type"] == kind:
+            found.append(message)
+    return found
+
+
+def wait_for(condition: Any) -> None:
+    deadline = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_the_page_is_there_before_there_is_sound() -> None:
+    with Server(port=free()) as server:
+        assert get(server, "/").status == 200
+        with live(server) as client:
+            assert json.loads(client.recv(30))["type"] == "waiting"
+            with server.show(SIGNAL, LENGTH, None) as writer:
+                writer.write(moment(0))
+                assert messages_of(client, "hello")[0]["length"] == LENGTH
+                writer.write(moment(1))
+                messages_of(client, "moment")
+
+
+def test_every_file_of_the_page_is_served_and_nothing_else() -> None:
+    with Server(port=free()) as server:
+        for path in PAGE:
+            answer = get(server, path)
+            assert (answer.status, answer.getheader("x-content-type-options")) == (200, "nosniff"), path
+            assert "default-src 'none'" in (answer.getheader("content-security-policy") or "")
+        page = get(server, "/").body.decode()  # pyright: ignore[reportAttributeAccessIssue]
+        assert "http" not in page.replace("http-equiv", "")  # it needs nothing from anywhere
+        for path in OUTSIDE:
+            assert get(server, path).status == 404, path
+
+
+def test_another_name_or_another_page_is_refused() -> None:
+    with Server(port=free()) as server:
+        assert get(server, "/", Host="evil.example").status == 421
+        assert get(server, "/", Host=f"localhost:{server.port + 1}").status == 200  # the end of a tunnel
+        assert get(server, "/", Origin="http://evil.example").status == 403
+        for headers in ({"Origin": "http://evil.example"}, {"Origin": "null"}, {"Host": "evil.example"}):
+            with pytest.raises(InvalidStatus), live(server, additional_headers=headers):
+                pass
+        with live(server, additional_headers={"Origin": f"http://127.0.0.1:{server.port}"}):
+            pass
+
+
+def test_where_a_token_is_needed_none_or_a_wrong_one_is_refused() -> None:
+    with running(token=TOKEN) as (server, _):
+        assert server.address.endswith(f"/?token={TOKEN}")
+        assert [
+            get(server, path).status for path in ("/", "/?token=wrong", "/?token=", "/static/page.js")
+        ] == [401] * 4
+        with pytest.raises(InvalidStatus), live(server):
+            pass
+        answer = get(server, f"/?token={TOKEN}")
+        assert (answer.status, answer.getheader("location")) == (303, "/")
+        cookie = answer.getheader("set-cookie") or ""
+        assert "HttpOnly" in cookie
+        assert "SameSite=Strict" in cookie
+        mine = {"Cookie": cookie.partition(";")[0]}
+        assert get(server, "/", **mine).status == 200
+        with live(server, additional_headers=mine) as client:
+            messages_of(client, "moment")
+        assert get(server, "/", Cookie='monochord="\x01;;=').status == 401
+
+
+def test_beyond_this_machine_there_is_always_a_token(capsys: pytest.CaptureFixture[str]) -> None:
+    with SINKS.build("web", {"at": "0.0.0.0:0"}).ahead():
+        assert len(capsys.readouterr().out.strip().partition("?token=")[2]) > 16
+    with SINKS.build("web", {"stderr": True}).ahead():
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert told.err.startswith("page: http://127.0.0.1:")
+        assert "token" not in told.err
+
+
+def test_an_address_that_is_taken_or_none_is_refused() -> None:
+    with Server(port=free()) as server, pytest.raises(DeviceError, match="in use"):
+        Server(port=server.port)
+    with pytest.raises(InputError, match="'seven'"), SINKS.build("web", {"at": "seven"}).open(SIGNAL):
+        pass
+
+
+def test_a_page_is_told_what_is_estimated_and_what_happened() -> None:
+    with running() as (server, _), live(server) as client:
+        hello = messages_of(client, "hello")[0]
+        assert (hello["length"], hello["channels"], hello["controls"]) == (LENGTH, 2, None)
+        assert hello["speed"] == pytest.approx((65.0 / 4e-4) ** 0.5)
+        told = messages_of(client, "moment", 20)[-1]
+        assert told["window"]["position"]["unit"] == "m"
+        assert told["truth"] == {"contact": 1.0}
+        assert told["notes"][0]["sentence"] == "It hums."
+        assert told["levels"][0] == pytest.approx([-3.0, 0.0], abs=0.1)
+        assert [event["name"] for event in told["events"]] == ["contact"]
+    with running() as (server, _):
+        time.sleep(0.5)
+        with live(server) as client:  # opened again, it knows what was before
+            history = messages_of(client, "hello")[0]["history"]
+        assert len(history) > 3
+        assert history[0][0] < history[-1][0]
+
+
+def test_a_tone_stands_in_the_spectrum_where_it_is() -> None:
+    content = messages.spectrum(TONE, 44100)
+    top = struct.unpack("<f", content[4:8])[0]
+    rows = np.frombuffer(content[8:], np.uint8).reshape(content[0], -1)
+    assert rows.shape == (2, messages.BARS)
+    for row in rows:
+        assert (row.argmax() + 0.5) / row.size * top == pytest.approx(1000.0, abs=top / row.size)
+        assert row.max() >= 253  # full scale is 0 dB
+    for strange in (np.full((2, 441), np.nan), np.full((1, 441), np.inf), np.zeros((9, 5))):
+        messages.spectrum(strange.astype(np.float32), 16000)
+
+
+def test_it_sends_no_more_than_its_pace_and_the_newest() -> None:
+    with running() as (server, run), live(server) as client:
+        messages_of(client, "moment")
+        begin = time.monotonic()
+        told = messages_of(client, "moment", 45)
+        assert 45 / (time.monotonic() - begin) < 1.2 * RATE
+        assert run.written - 100 * told[-1]["time"] < 100
+
+
+def test_what_a_page_asks_is_done_and_what_is_nonsense_is_counted() -> None:
+    keep = Keep()
+    nonsense: list[str | bytes] = [
+        "", "{", "null", "[]", "7", '{"do":"touch"}', '{"do":"dance"}', "[" * 900, b"\xff\xfe", '"\\ud800"',
+        '{"do":"touch","position":"0.1","force":1}', '{"do":"touch","position":1e999,"force":1}',
+        '{"do":"change","name":"colour","value":"red"}', '{"do":"touch","position":0.1,"force":1,"more":1}',
+        '{"do":"touch","position":NaN,"force":1}', '{"do":7}',
+    ]  # fmt: skip
+    with running(keep) as (server, _), live(server) as client:
+        for each in nonsense:
+            client.send(each)
+        client.send('{"do":"touch","position":0.06,"force":1.5}')
+        client.send('{"do":"change","name":"noise","value":"10 dB"}')
+        client.send('{"do":"release"}')
+        wait_for(lambda: "release" in keep.asked)
+        assert keep.asked == [(0.06, 1.5), ("noise", "10 dB"), "release"]
+        assert server.counts["ignored"] == len(nonsense)
+        client.send("x" * (MAX_MESSAGE + 1))
+        with pytest.raises(ConnectionClosed):
+            messages_of(client, "never")
+        with live(server) as another:
+            messages_of(another, "moment")
+
+
+def test_without_controls_a_touch_is_ignored() -> None:
+    with running() as (server, _), live(server) as client:
+        client.send('{"do":"release"}')
+        wait_for(lambda: server.counts["ignored"] == 1)
+
+
+def test_a_page_that_goes_away_or_falls_silent_lets_go_of_the_string() -> None:
+    for leave in (True, False):
+        keep = Keep()
+        with running(keep) as (server, _), live(server) as client:
+            client.send('{"do":"touch","position":0.06,"force":1.0}')
+            wait_for(lambda keep=keep: keep.asked)
+            if leave:
+                client.close()
+            wait_for(lambda keep=keep: keep.asked[-1] == "release")
+
+
+def test_bytes_that_are_no_http_harm_nobody() -> None:
+    rng = np.random.default_rng(3)
+    with running() as (server, _):
+        for _ in range(30):
+            with socket.create_connection(("127.0.0.1", server.port), 30) as sock:
+                sock.sendall(rng.bytes(int(rng.integers(1, 3000))))
+                if rng.integers(2):
+                    sock.sendall(b"GET /live HTTP/1.1\r\nUpgrade: websocket\r\nConnection: upgrade\r\n\r\n")
+        assert get(server, "/").status == 200
+
+
+def raw_client(server: Server) -> socket.socket:
+    """A WebSocket client that never reads."""
+    sock = socket.socket()
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    sock.settimeout(30)
+    sock.connect(("127.0.0.1", server.port))
+    sock.sendall(
+        b"GET /live HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    return sock
+
+
+@pytest.mark.real_time
+def test_two_hundred_clients_and_some_that_never_read_delay_nobody() -> None:
+    with ExitStack() as stack:
+        server, run = stack.enter_context(running())
+        for _ in range(195):
+            stack.enter_context(raw_client(server))
+        client = stack.enter_context(live(server))
+        wait_for(lambda: server.counts["clients"] == 196)
+        before = run.written
+        begin = time.monotonic()
+        told = messages_of(client, "moment", 20)
+        passed = time.monotonic() - begin
+        assert 20 / passed > 2.0
+        assert run.written - before > 50 * passed  # the run keeps its pace of 100 a second
+        assert run.longest < 0.25
+        assert run.written - 100 * told[-1]["time"] < 100
+
+
+def test_more_clients_than_may_be_are_refused() -> None:
+    with ExitStack() as stack:
+        server, _ = stack.enter_context(running())
+        for _ in range(MAX_CLIENTS):
+            stack.enter_context(raw_client(server))
+        wait_for(lambda: server.counts["clients"] == MAX_CLIENTS)
+        with pytest.raises(InvalidStatus), live(server):
+            pass
+
+
+def test_it_ends_at_once_whoever_is_connected() -> None:
+    begin = time.monotonic()
+    with ExitStack() as clients:
+        with running() as (server, _):
+            clients.enter_context(raw_client(server))
+            client = clients.enter_context(live(server))
+            messages_of(client, "moment")
+            port = server.port
+        assert time.monotonic() - begin < 10
+        with pytest.raises(ConnectionClosed):
+            messages_of(client, "never")
+    with suppress(OSError), socket.create_connection(("127.0.0.1", port), 5):
+        pytest.fail("somebody still listens")
