@@ -18,7 +18,13 @@ HOP, WINDOW = 0.01, 0.1
 SETTINGS = FilterSettings()
 
 
-def take(touched: Floats, probability: Floats, position: Floats | None = None, std: float = 3e-4) -> Recorded:
+def take(
+    touched: Floats,
+    probability: Floats,
+    position: Floats | None = None,
+    std: float = 3e-4,
+    unknown: range = range(0),
+) -> Recorded:
     """Return windows (n,) whose last hop is touched or not, with the estimates of each."""
     count = len(touched)
     place = np.full(count, 0.08) if position is None else position
@@ -31,7 +37,9 @@ def take(touched: Floats, probability: Floats, position: Floats | None = None, s
             "position": Estimate(value=float(place[k]), std=std, unit="m"),
         }
         predictions.append(Prediction(start=441 * k, time=HOP * k, estimates=estimates))
-        truth.append({"contact": 1.0, "position": float(true[k])} if touched[max(k - 10, 0)] else {})
+        truth.append({"contact": 1.0, "position": float(true[k])} if touched[k] else {"contact": 0.0})
+        if k in unknown:
+            truth[-1] = {}
     fine = np.repeat(touched, PARTS) > 0.5
     time = WINDOW + HOP * np.arange(1 - PARTS, (count - 1) * PARTS + 1) / PARTS
     return Recorded(
@@ -64,6 +72,13 @@ def test_following_costs_little_delay_and_ends_false_alarms() -> None:
     assert single.false_alarms == pytest.approx(4 / (200 * HOP / 60.0))
     assert followed.false_alarms == 0.0
     assert single.median < followed.median <= single.median + 0.03
+
+
+def test_an_alarm_where_the_truth_is_not_known_is_none() -> None:
+    taps = LATE.copy()
+    taps[[20, 180]] = 0.9
+    seen = onsets([take(TOUCHED, taps, unknown=range(15, 25))], "contact", 0.5, None)
+    assert seen.false_alarms == pytest.approx(1 / ((200 - 30) * HOP / 60.0))
 
 
 def test_what_is_never_decided_is_missed() -> None:

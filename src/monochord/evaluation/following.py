@@ -35,6 +35,8 @@ CLEARANCE = 0.75
 """Threshold to clear, as a share of that to set."""
 OUTLIER_STD = 5.0
 """Standard errors from which an answer is confidently wrong."""
+TIME_TOLERANCE: Seconds = 1e-6
+"""Times that differ by less are the same."""
 MIN_SPEED = 5.0e-3
 """Least speed along the string, in m/s, of windows that tell the lag."""
 
@@ -103,8 +105,18 @@ class Recorded:
 
     @property
     def minutes(self) -> float:
-        """Time between the first window and the last, in minutes."""
-        return len(self.predictions) * self.hop / 60.0
+        """Time in which the truth is known, in minutes."""
+        return float(self.known.sum()) * self.hop / 60.0
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Whether the truth of each window (n,), and of those that it overlaps, is known.
+
+        It is not while taps align the clocks of a session, which are heard as touches.
+        """
+        unknown = np.array([not each for each in self.truth], np.float64)
+        near = np.convolve(unknown, np.ones(2 * math.ceil(self.window / self.hop) + 1), mode="same")
+        return near < 0.5
 
 
 def record(setup: LiveRun) -> Recorded:
@@ -186,6 +198,7 @@ def onsets(takes: Sequence[Recorded], name: str, threshold: float, settings: Fil
     for take in takes:
         on = _decided(take, name, threshold, settings)
         begun = stretches(take.end, on, take.hop) if on.any() else np.zeros((0, 2))
+        begun = begun[take.known[np.searchsorted(take.end, begun[:, 0] - TIME_TOLERANCE)]]
         events = _events(take, name)
         delays += detection_delays(events, begun, EARLY).tolist()
         alarms += false_alarms(_with_tails(events, take.window), begun, EARLY)
