@@ -13,8 +13,9 @@ import pytest
 
 from monochord.core.types import Prediction, Signal, StreamHealth, Window
 from monochord.live import delivery
-from monochord.live.delivery import BACKLOG, Delivered, Delivery
-from monochord.live.sinks.base import Listener, Moment, NotDeliveredError, Sink, Writer
+from monochord.live.delivery import Delivered, Delivery
+from monochord.live.sinks import SINKS
+from monochord.live.sinks.base import BACKLOG, NEWEST, Listener, Moment, NotDeliveredError, Sink, Writer
 
 SIGNAL = Signal(sample_rate=44100, channels=2)
 WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
@@ -89,9 +90,18 @@ def test_every_sink_gets_all_in_order_in_a_thread_of_its_own() -> None:
     assert delivering.delivered == (Delivered(sink="test_delivery", written=200, left_out=0),) * 3
 
 
-def test_a_slow_sink_delays_nobody_and_what_it_misses_is_counted() -> None:
+class Newest(Keep):
+    """A sink whose reader acts on the newest window."""
+
+    @property
+    def backlog(self) -> int:
+        return NEWEST
+
+
+@pytest.mark.parametrize(("kind", "backlog"), [(Keep, BACKLOG), (Newest, NEWEST)])
+def test_a_slow_sink_delays_nobody_and_what_it_misses_is_counted(kind: type[Keep], backlog: int) -> None:
     go = threading.Event()
-    slow, quick = Keep(lambda _: go.wait(60.0)), Keep()
+    slow, quick = kind(lambda _: go.wait(60.0)), Keep()
     total = BACKLOG + 100
     with Delivery([slow, quick], SIGNAL, paced=True) as delivering:
         for number in range(total):
@@ -102,8 +112,8 @@ def test_a_slow_sink_delays_nobody_and_what_it_misses_is_counted() -> None:
         go.set()
     assert quick.numbers == list(range(total))
     # The one that it was busy with, unless it was woken late; and the newest.
-    assert slow.numbers[-BACKLOG:] == list(range(total - BACKLOG, total))
-    assert len(slow.numbers) in (BACKLOG, BACKLOG + 1)
+    assert slow.numbers[-backlog:] == list(range(total - backlog, total))
+    assert len(slow.numbers) in (backlog, backlog + 1)
     seen = delivering.delivered
     assert [each.written + each.left_out for each in seen] == [total, total]
     assert [each.left_out for each in seen] == [total - len(slow.numbers), 0]
@@ -184,6 +194,11 @@ def test_a_window_that_a_sink_cannot_deliver_is_counted_and_it_goes_on() -> None
             delivering.hand_over(moment(number))
     assert keep.numbers == [0, 1, 3, 4]
     assert delivering.delivered == (Delivered(sink="test_delivery", written=4, left_out=1),)
+
+
+def test_what_robots_act_on_is_the_newest_and_files_have_all() -> None:
+    backlogs = {name: SINKS.build(name).backlog for name in ("ros2", "udp", "csv", "mcap", "jsonl")}
+    assert backlogs == {"ros2": NEWEST, "udp": NEWEST, "csv": BACKLOG, "mcap": BACKLOG, "jsonl": BACKLOG}
 
 
 def test_without_a_pace_the_loop_waits_and_nothing_is_lost() -> None:

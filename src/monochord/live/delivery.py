@@ -17,8 +17,6 @@ from monochord.core.types import Signal
 from monochord.core.units import Seconds
 from monochord.live.sinks.base import Listener, Moment, NotDeliveredError, Sink
 
-BACKLOG = 256
-"""Windows that wait for a sink at most: 2.5 s at the usual hop, and 9 MB of sound, which all sinks share."""
 CLOSING: Seconds = 5.0
 """How long sinks may take, together, to write what waits for them at the end of a run."""
 SWITCH_INTERVAL: Seconds = 5e-4
@@ -55,7 +53,7 @@ class Delivered:
 class Delivery:
     """The open sinks of a run; leaving the context writes what waits and closes them.
 
-    Where a clock paces the source, each sink has a thread of its own behind a queue of `BACKLOG` windows; the
+    Where a clock paces the source, each sink has a thread of its own behind a queue of its `backlog`; the
     oldest window in a full queue is left out and counted. Where the reader paces the source, as with a file
     that is read at full speed, sinks are called in the loop, which waits for them: nothing is left out.
 
@@ -229,6 +227,7 @@ class _Queued(_Outlet):
 
     def __init__(self, sink: Sink, signal: Signal) -> None:
         super().__init__(sink, signal)
+        self._backlog = sink.backlog
         self._waiting: queue.SimpleQueue[Moment | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name=f"sink-{self.name}", daemon=True)
         self._thread.start()
@@ -239,7 +238,7 @@ class _Queued(_Outlet):
         if self.error is not None:
             return
         waiting = self._waiting
-        if waiting.qsize() >= BACKLOG:
+        if waiting.qsize() >= self._backlog:
             with suppress(queue.Empty):  # the sink may take it at this moment
                 waiting.get_nowait()
         waiting.put(moment)

@@ -16,6 +16,10 @@ from monochord.core.units import Metres, Seconds
 from monochord.live.events import Event
 from monochord.live.health import Note
 
+BACKLOG = 256
+"""Windows that wait for most sinks: 2.5 s at the usual hop, and 9 MB of sound, which all sinks share."""
+NEWEST = 10
+"""Windows that wait for a sink whose reader acts on the newest: 0.1 s, as many as ROS 2 keeps of a topic."""
 NOTHING_TRACKED: Mapping[str, Estimate] = MappingProxyType({})
 NOTHING_DECIDED: Mapping[str, bool] = MappingProxyType({})
 
@@ -74,6 +78,11 @@ class Sink(ABC):
     def ahead(self) -> Generator["Sink"]:
         """Begin what should not wait for the source, and yield the sink that is then opened."""
         yield self
+
+    @property
+    def backlog(self) -> int:
+        """Windows that wait for it at most, where a clock paces the source; then the oldest is left out."""
+        return BACKLOG
 
     @property
     def fills_standard_output(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from monochord.core.types import Estimate, Signal
 from monochord.core.units import Seconds
 from monochord.live.sinks._record import unix_nanoseconds
-from monochord.live.sinks.base import Moment, NotDeliveredError, Sink, Writer
+from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Sink, Writer
 
 if TYPE_CHECKING:
     from monochord.capture.dds.participant import Participant
@@ -71,6 +71,11 @@ class Ros2(Sink):
     domain: int | None = None
     interface: str = "lo"
     tracked: bool = True
+
+    @property
+    def backlog(self) -> int:
+        """0.1 s of windows: who controls a robot wants the newest, and not all."""
+        return NEWEST
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002

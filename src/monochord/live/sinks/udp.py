@@ -11,7 +11,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.core.units import Seconds
 from monochord.live.sinks._record import NANO, followed, record, unix_nanoseconds
-from monochord.live.sinks.base import Moment, NotDeliveredError, Sink, Writer
+from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Sink, Writer
 
 RESOLVING: Seconds = 5.0
 """How long the receiver's name may take to be found, before the first window."""
@@ -46,6 +46,11 @@ class Udp(Sink):
 
     to: str = "127.0.0.1:9880"
     everything: bool = True
+
+    @property
+    def backlog(self) -> int:
+        """0.1 s of windows: who controls a robot wants the newest, and not all."""
+        return NEWEST
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
