@@ -70,7 +70,7 @@ export class History {
       scales: { x: { time: false }, y: { range: () => range } },
       axes: [
         { stroke: colour.muted, grid: { show: false }, ticks, font, size: 20, gap: 2, show: k === 2,
-          values: (_, values) => values.map((v) => `${v} s`) },
+          values: (_, values) => values.map((v) => (v < 0 ? "" : `${v} s`)) },
         { stroke: colour.muted, grid, ticks, font, size: 42, splits: k === 0 ? [0, 0.5, 1] : undefined, space: 34 },
       ],
       padding: [6, 8, k === 2 ? 0 : 6, 0],

@@ -130,11 +130,20 @@ export function showEvents(events) {
   }));
 }
 
-// What a screen reader says: changes alone, and no more than one a second.
-const speech = { text: "", next: 0 };
+// What a screen reader says: changes alone, and no more than one a second. A note is said when it comes, not
+// whenever a number in it changes.
+const speech = { text: "", next: 0, notes: new Set() };
 export function speak(moment) {
   const now = performance.now();
   if (now < speech.next) return;
+  const keys = new Set(moment.notes.map((note) => note.key));
+  const fresh = moment.notes.find((note) => !speech.notes.has(note.key));
+  speech.notes = fresh ? speech.notes.add(fresh.key) : keys;
+  if (fresh) {
+    speech.next = now + 4000;
+    element("spoken").textContent = `${fresh.sentence} ${fresh.remedy}`;
+    return;
+  }
   const contact = touched(moment), slip = decision(moment, "slip");
   const state = contact ? (slip ? "sliding" : "touched") : "untouched";
   if (state === speech.text) return;

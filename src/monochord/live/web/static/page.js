@@ -111,7 +111,7 @@ function latency(told) {
 
 function colours() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["ink", "muted", "line", "estimate", "spread", "truth", "hand", "string", "swing", "mark"];
+  const names = ["ink", "muted", "line", "estimate", "spread", "truth", "hand", "string", "swing", "mark", "surface"];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 

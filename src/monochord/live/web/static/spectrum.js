@@ -5,6 +5,8 @@ import { estimate, touched } from "./state.js";
 const FLOOR = -110, LOW = -100, LEVEL_FLOOR = -60;
 const EDGE = { left: 34, right: 6, top: 18, bottom: 22 };
 
+const signed = (value) => value.toFixed(0).replace("-", "−");
+
 export class Spectra {
   constructor(place) {
     this.place = place;
@@ -56,7 +58,7 @@ export class Spectra {
       const share = (value) => (value === null ? 0 : Math.min(Math.max(1 - value / LEVEL_FLOOR, 0), 1));
       view.bar.style.transform = `scaleX(${share(rms)})`;
       view.peak.style.left = `calc(${100 * share(peak)}% - 2px)`;
-      const text = rms === null ? "no sound" : peak > -0.1 ? `${rms.toFixed(0)} dB, clips` : `${rms.toFixed(0)} dB`;
+      const text = rms === null ? "no sound" : peak > -0.1 ? `${signed(rms)} dB, clips` : `${signed(rms)} dB`;
       if (view.level.textContent !== text) view.level.textContent = text;
       view.meter.setAttribute("aria-valuenow", rms === null ? String(LEVEL_FLOOR) : rms.toFixed(0));
     });

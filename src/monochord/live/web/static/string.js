@@ -2,7 +2,6 @@
 
 import { decision, estimate, touched } from "./state.js";
 
-const PAD = 34; // CSS pixels from the canvas's edge to an end of the string
 const STILL = matchMedia("(prefers-reduced-motion: reduce)");
 
 export class StringView {
@@ -27,18 +26,21 @@ export class StringView {
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
   }
 
+  // CSS pixels from the canvas's edge to an end of the string.
+  get pad() { return this.width < 480 ? 24 : 34; }
   get rest() { return this.height * 0.42; }
-  pixel(position, length) { return PAD + (position / length) * (this.width - 2 * PAD); }
-  position(pixel, length) { return Math.min(Math.max((pixel - PAD) / (this.width - 2 * PAD), 0), 1) * length; }
+  pixel(position, length) { return this.pad + (position / length) * (this.width - 2 * this.pad); }
+  position(pixel, length) { return Math.min(Math.max((pixel - this.pad) / (this.width - 2 * this.pad), 0), 1) * length; }
   depth(force) { return Math.min(8 + 26 * force, this.height * 0.3); }
 
   draw(run, moment, now, colour) {
     const { context: c, width, height, rest } = this;
     const passed = Math.min((now - this.before) / 1000, 0.1);
     this.before = now;
+    this.paper = colour.surface;
     c.clearRect(0, 0, width, height);
     this.ruler(run, colour);
-    if (!moment) return this.line([[PAD, rest], [width - PAD, rest]], colour.muted, 1.5);
+    if (!moment) return this.line([[this.pad, rest], [width - this.pad, rest]], colour.muted, 1.5);
     this.follow(run, moment, passed);
     const s = this.shown, at = this.pixel(s.x * run.length, run.length), tip = rest + s.depth * s.presence;
     if (s.presence > 0.02) this.spread(run, at, colour);
@@ -83,9 +85,9 @@ export class StringView {
   segments(at, tip, now, colour) {
     const { width, rest, shown } = this, bent = shown.presence > 0.02;
     const swing = Math.max(...shown.swing);
-    if (!bent) return this.segment(PAD, rest, width - PAD, rest, swing, now, 2.1, colour);
-    this.segment(PAD, rest, at, tip, shown.swing[0], now, 3.1, colour);
-    this.segment(at, tip, width - PAD, rest, shown.swing[1], now, 2.3, colour);
+    if (!bent) return this.segment(this.pad, rest, width - this.pad, rest, swing, now, 2.1, colour);
+    this.segment(this.pad, rest, at, tip, shown.swing[0], now, 3.1, colour);
+    this.segment(at, tip, width - this.pad, rest, shown.swing[1], now, 2.3, colour);
   }
 
   // One segment: the envelope of its swing as a veil, and the string somewhere within it.
@@ -109,18 +111,18 @@ export class StringView {
   ends(run, colour) {
     const { context: c, width, rest } = this;
     c.fillStyle = colour.string;
-    for (const x of [PAD, width - PAD]) {
+    for (const x of [this.pad, width - this.pad]) {
       c.beginPath();
       c.roundRect(x - 4, rest - 13, 8, 26, 3);
       c.fill();
     }
-    this.text(run.ends[0], PAD - 4, rest + 32, colour.muted, "left");
-    this.text(run.ends[1], width - PAD + 4, rest + 32, colour.muted, "right");
+    this.text(run.ends[0], this.pad - 4, rest - 22, colour.muted, "left");
+    this.text(run.ends[1], width - this.pad + 4, rest - 22, colour.muted, "right");
   }
 
   spread(run, at, colour) {
     const { context: c, height, shown } = this;
-    const reach = Math.max(2 * shown.spread * (this.width - 2 * PAD), 2);
+    const reach = Math.max(2 * shown.spread * (this.width - 2 * this.pad), 2);
     c.globalAlpha = shown.presence;
     c.fillStyle = colour.spread;
     c.beginPath();
@@ -165,8 +167,8 @@ export class StringView {
   truth(run, moment, colour) {
     const { context: c, rest, height } = this, { contact, position, force } = moment.truth;
     if (!contact || position === undefined || position === null) return;
-    const x = this.pixel(position, run.length), y = height - 62;
-    this.line([[x, rest + 8], [x, y - 8]], colour.truth, 1.5, [3, 4]);
+    const x = this.pixel(position, run.length), y = height - 62, bent = this.shown.depth * this.shown.presence;
+    this.line([[x, Math.min(rest + bent + 5, y - 8)], [x, y - 8]], colour.truth, 1.5, [3, 4]);
     c.beginPath();
     c.moveTo(x, y - 7); c.lineTo(x + 7, y); c.lineTo(x, y + 7); c.lineTo(x - 7, y);
     c.closePath();
@@ -192,14 +194,15 @@ export class StringView {
 
   ruler(run, colour) {
     const y = this.height - 32, { width } = this;
-    this.line([[PAD, y], [width - PAD, y]], colour.line, 1);
+    this.line([[this.pad, y], [width - this.pad, y]], colour.line, 1);
     if (!run) return;
     const whole = 1e3 * run.length;
-    const step = [5, 10, 20, 25, 50, 100, 200, 500].find((s) => (width - 2 * PAD) * s / whole > 54) ?? 1000;
+    const step = [5, 10, 20, 25, 50, 100, 200, 500].find((s) => (width - 2 * this.pad) * s / whole > 54) ?? 1000;
     for (let mm = 0; mm <= whole + 1e-6; mm += step) {
       const x = this.pixel(mm / 1e3, run.length);
       this.line([[x, y], [x, y + 6]], colour.line, 1);
-      this.text(mm === 0 ? "0" : `${mm}${mm + step > whole + 1e-6 ? " mm" : ""}`, x, y + 20, colour.muted, "center");
+      const last = mm > 0 && mm + step > whole + 1e-6;
+      this.text(last ? `${mm} mm` : `${mm}`, last ? Math.min(x + 16, width - 2) : x, y + 20, colour.muted, last ? "right" : "center");
     }
   }
 
@@ -208,6 +211,10 @@ export class StringView {
     c.font = `${weight} 13px system-ui, sans-serif`;
     c.fillStyle = colour;
     c.textAlign = align;
+    c.lineWidth = 4;
+    c.lineJoin = "round";
+    c.strokeStyle = this.paper;
+    c.strokeText(words, x, y);
     c.fillText(words, x, y);
   }
 }
