@@ -134,7 +134,7 @@ def get(server: Server, path: str, **headers: str) -> http.client.HTTPResponse:
 
 
 def live(server: Server, **options: Any) -> ClientConnection:
-    return connect(f"ws://127.0.0.1:{server.port}/live", open_timeout=30, **options)
+    return connect(f"ws://127.0.0.1:{server.port}/live", open_timeout=30, close_timeout=0.5, **options)
 
 
 def messages_of(client: ClientConnection, kind: str, count: int = 1) -> list[dict[str, Any]]:
