@@ -21,7 +21,7 @@ from monochord.evaluation.select import EvaluationSettings
 from monochord.evaluation.summary import KEYS, SummaryRow
 from monochord.evaluation.summary_page import builds_page
 from monochord.perception.model import load, save
-from monochord.perception.training.correct import with_prior, with_variables
+from monochord.perception.training.correct import known_errors, with_prior, with_variables
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.train import outputs_of
 from monochord.sessions import Description, SessionClock, SessionWriter
@@ -97,6 +97,28 @@ def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path
     page = builds_page(rows)
     assert "## Unseen builds, all objects, plausible world, simulated" in page
     assert page.count("| from scratch | 8 |") == 1
+
+
+@pytest.mark.usefixtures("made_up_features")
+def test_a_session_that_cannot_be_used_is_told_and_left_out(correctable: Path, tmp_path: Path) -> None:
+    files = [recorded(tmp_path / "unseen", build) for build in (1, 2)]
+    whole = files[1].read_bytes()
+    middle = len(whole) // 2
+    files[1].write_bytes(whole[:middle] + bytes(4096) + whole[middle + 4096 :])
+    told: list[str] = []
+    rows = evaluate_builds(settings_of(correctable, files), name="m", touches=(0,), refused=told.append)
+    assert [row["builds"] for row in rows] == [1, 1]
+    assert len(told) == 1
+    assert "build_2.mcap" in told[0]
+
+
+@pytest.mark.usefixtures("made_up_features")
+def test_touches_that_were_not_heard_teach_nothing(correctable: Path, learnable: Path) -> None:
+    """Windows without outputs, as of silence: no error is known, and none is made up."""
+    model, dataset = load(correctable), open_dataset(learnable)
+    errors = known_errors(model.definition, "force", dataset, {})
+    assert errors.variables.shape == (0, 1)
+    assert len(errors.error) == len(errors.std) == 0
 
 
 @pytest.mark.usefixtures("made_up_features")

@@ -75,6 +75,7 @@ def transfer(
             condition=condition,
             run=partial(run_all, workers=workers),
             progress=progress,
+            refused=lambda why: echo(f"left out: {why}", err=True),
         )
     if rows is not None:
         keep_summary(rows, result, builds_page)

@@ -70,11 +70,13 @@ class _Rivals:
     ridge: Baselines | None
 
 
-Run: TypeAlias = Callable[[Sequence[Group], Callable[[Group], Curves]], Iterable[tuple[Group, Curves]]]
+Outcome: TypeAlias = Curves | str
+"""Of a group: its curves, or why it has none."""
+Run: TypeAlias = Callable[[Sequence[Group], Callable[[Group], Outcome]], Iterable[tuple[Group, Outcome]]]
 """Runs a function for every group, in whatever order and in however many processes."""
 
 
-def one_by_one(groups: Sequence[Group], work: Callable[[Group], Curves]) -> Iterator[tuple[Group, Curves]]:
+def one_by_one(groups: Sequence[Group], work: Callable[[Group], Outcome]) -> Iterator[tuple[Group, Outcome]]:
     """Yield each group with what `work` makes of it, in this process."""
     for group in groups:
         yield group, work(group)
@@ -89,6 +91,7 @@ def evaluate_builds(
     condition: str = UNSEEN,
     run: Run = one_by_one,
     progress: Progress = lambda *_: None,
+    refused: Callable[[str], None] = lambda _: None,
 ) -> list[SummaryRow]:
     """Return a row of figures for each world, estimator, number of known touches, and object.
 
@@ -111,6 +114,8 @@ def evaluate_builds(
         Spreads the groups over processes.
     progress
         Called for every group.
+    refused
+        Called with why a group is left out: a session of it cannot be used.
 
     Raises
     ------
@@ -133,9 +138,12 @@ def evaluate_builds(
     groups = groups_of(find_sessions(settings.sessions), per)
     work = partial(_curves, rivals=rivals, touches=tuple(sorted(set(touches))))
     parts: dict[tuple[str, str, int], list[Results]] = {}
-    for done, (group, curves) in enumerate(run(groups, work), start=1):
-        for (model_name, count), results in curves.items():
-            parts.setdefault((group.world, model_name, count), []).append(results)
+    for done, (group, outcome) in enumerate(run(groups, work), start=1):
+        if isinstance(outcome, str):
+            refused(outcome)
+        else:
+            for (model_name, count), results in outcome.items():
+                parts.setdefault((group.world, model_name, count), []).append(results)
         progress("builds", done, len(groups))
     if not parts:
         given = f"{len(groups)} groups of sessions"
@@ -168,14 +176,20 @@ def groups_of(files: Sequence[Path], per: Per = "session") -> list[Group]:
     return [Group(files=tuple(own), world=key[0]) for key, own in groups.items()]
 
 
-def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Curves:
-    """Return the results of every estimator for each number of known touches that leaves enough to score."""
+def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Outcome:
+    """Return the results of every estimator for each number of known touches that leaves enough to score.
+
+    A group with a session that cannot be used gives the reason instead.
+    """
     definition = rivals.model.definition
     window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
     curves: Curves = {}
     with scratch_folder() as scratch:
         options = BuildOptions(window=window, hop=hop)
-        dataset = build_dataset(group.files, scratch / "dataset", options, listen=heard_tension)
+        try:
+            dataset = build_dataset(group.files, scratch / "dataset", options, listen=heard_tension)
+        except InputError as error:
+            return str(error)
         whole = Selection(dataset=dataset, rows=np.arange(len(dataset)), string=definition.string)
         refuse_trained_on(whole, definition, None)
         touch, counted = touches_of(dataset), _labelled(dataset)
@@ -204,11 +218,14 @@ def _labelled(dataset: Dataset) -> Flags:
 
 
 def _adapted(model: Model, dataset: Dataset, known: Flags) -> Model:
-    """Return a model adapted to the known windows (n,), if any; no other label can be seen."""
+    """Return a model adapted to the known windows (n,), if any can be used; no other label can be seen."""
     if not known.any():
         return model
     seen = {name: valid & known for name, valid in dataset.valid.items()}
-    return adapt(model, replace(dataset, valid=seen)).model
+    try:
+        return adapt(model, replace(dataset, valid=seen)).model
+    except InputError:  # none of these touches was heard
+        return model
 
 
 def _ridges(rivals: _Rivals, known: Selection | None, others: Selection) -> dict[str, Results]:

@@ -64,7 +64,9 @@ def known_errors(definition: Definition, name: str, dataset: Dataset, outputs: O
         rows=rows,
         error=(dataset.label(record.task.label)[rows] - record.offset) / record.scale - value,
         std=np.array([spread(each, record) for each in own]),
-        variables=np.array([(each.value, *each.variables) for each in own]).reshape(len(rows), -1),
+        variables=np.array([(each.value, *each.variables) for each in own]).reshape(
+            len(rows), 1 + len(definition.variables_of(name))
+        ),
     )
 
 
