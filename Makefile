@@ -13,7 +13,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 REPOSITORY_RULES := tests/contract/test_layout.py
 
 .DEFAULT_GOAL := help
-.PHONY: help system install check format test test-all fuzz bench ros docs demo clean
+.PHONY: help system browser install check format test test-all fuzz bench ros docs demo clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -67,7 +67,10 @@ test: install ros ## Every test but the slow ones
 	@status=0; $(BIN)/pytest -n auto --dist loadfile -m "not slow and not real_time" || status=1; \
 	$(BIN)/pytest -m "not slow and real_time" tests || status=1; exit $$status
 
-test-all: install ros ## Every test
+browser: # Chromium, in which slow tests open the page
+	@PYTHON="$(PYTHON)" .ci/system-packages browser
+
+test-all: install ros browser ## Every test
 	@status=0; $(BIN)/pytest -n auto --dist loadfile -m "not real_time" || status=1; \
 	$(BIN)/pytest -m real_time tests || status=1; exit $$status
 
