@@ -20,17 +20,20 @@ from monochord.core.types import Flags
 from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
 from monochord.evaluation.baselines import RIDGE, Baselines, fit_baselines
-from monochord.evaluation.replay import Progress, Selection, replay
+from monochord.evaluation.replay import Progress, Selection, replay_together
 from monochord.evaluation.results import Results, join
 from monochord.evaluation.scorecard import EVERYTHING
 from monochord.evaluation.scores import regression_rows
 from monochord.evaluation.select import Candidate, EvaluationSettings, load, refuse_trained_on, training_of
 from monochord.evaluation.summary import SummaryRow, summary_row
 from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import Model, save
 from monochord.perception.model import load as load_model
 from monochord.perception.training.adapt import REMEDY, adapt
-from monochord.perception.training.examples import touches_of
+from monochord.perception.training.correct import Outputs
+from monochord.perception.training.examples import stream_of, touches_of
+from monochord.perception.training.train import outputs_of
 from monochord.perception.tuning.sessions import heard_tension, own_strings
 from monochord.sessions import read_session
 
@@ -194,20 +197,28 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Outco
         refuse_trained_on(whole, definition, None)
         touch, counted = touches_of(dataset), _labelled(dataset)
         numbers = np.unique(touch[counted])
-        for count in touches:
-            if len(numbers) < count + MIN_LEFT:
-                continue
-            is_known = touch < numbers[count] if count else np.zeros(len(dataset), bool)
-            others = replace(whole, rows=np.flatnonzero(~is_known))
-            adapted = _adapted(rivals.model, dataset, is_known)
+        counts = [count for count in touches if len(numbers) >= count + MIN_LEFT]
+        known = {count: touch < numbers[count] if count else np.zeros(len(dataset), bool) for count in counts}
+        others = [replace(whole, rows=np.flatnonzero(~known[count])) for count in counts]
+        outputs = outputs_of(rivals.model, dataset, stream_of(dataset, whole.rows)) if any(counts) else {}
+        estimators: list[Estimator] = []
+        for count in counts:
             folder = scratch / f"model_{count}"
-            save(adapted, folder)
-            estimator = ESTIMATORS.build("model", {"path": str(folder)})
-            curves[rivals.name, count] = _joined(
-                replay(each, estimator, name=rivals.name) for each in _by_string(others)
-            )
-            known = replace(whole, rows=np.flatnonzero(is_known)) if count else None
-            curves |= {(name, count): results for name, results in _ridges(rivals, known, others).items()}
+            save(_adapted(rivals.model, dataset, known[count], outputs), folder)
+            estimators.append(ESTIMATORS.build("model", {"path": str(folder)}))
+        replayed: list[list[Results]] = [[] for _ in counts]
+        by_session = [{each.sessions[0]: each for each in _by_string(every)} for every in others]
+        for session in whole.sessions:
+            left = [number for number, own in enumerate(by_session) if session in own]
+            own = [by_session[number][session] for number in left]
+            results = replay_together(own, [estimators[n] for n in left], name=rivals.name) if left else []
+            for number, each in zip(left, results, strict=True):
+                replayed[number].append(each)
+        for number, count in enumerate(counts):
+            curves[rivals.name, count] = _joined(replayed[number])
+            first = replace(whole, rows=np.flatnonzero(known[count])) if count else None
+            ridges = _ridges(rivals, first, others[number])
+            curves |= {(name, count): results for name, results in ridges.items()}
     return curves
 
 
@@ -217,13 +228,13 @@ def _labelled(dataset: Dataset) -> Flags:
     return touched & (np.isfinite(dataset.label("position")) | np.isfinite(dataset.label("force")))
 
 
-def _adapted(model: Model, dataset: Dataset, known: Flags) -> Model:
+def _adapted(model: Model, dataset: Dataset, known: Flags, outputs: Outputs) -> Model:
     """Return a model adapted to the known windows (n,), if any can be used; no other label can be seen."""
     if not known.any():
         return model
     seen = {name: valid & known for name, valid in dataset.valid.items()}
     try:
-        return adapt(model, replace(dataset, valid=seen)).model
+        return adapt(model, replace(dataset, valid=seen), outputs=outputs).model
     except InputError:  # none of these touches was heard
         return model
 

@@ -115,21 +115,49 @@ def replay(
     --------
     ``examples/evaluate_an_estimator.py`` does so with two simulated sessions.
     """
-    dataset, rows, sessions = selection.dataset, selection.rows, selection.sessions
-    estimates: list[Estimates] = []
+    (results,) = replay_together(
+        (selection,), (estimator,), name=name, disturbance=disturbance, progress=progress
+    )
+    return results
+
+
+def replay_together(
+    selections: Sequence[Selection],
+    estimators: Sequence[Estimator],
+    *,
+    name: str,
+    disturbance: Disturbance | None = None,
+    progress: Progress = lambda *_: None,
+) -> list[Results]:
+    """Return the results of several estimators, each on its own selection of one dataset and string.
+
+    They are as of `replay`, one after another. The estimators get each window in turn, so that what they
+    share of its analysis is computed once.
+
+    Raises
+    ------
+    InputError
+        If an estimator refuses the signal.
+    """
+    first = selections[0]
+    dataset = first.dataset
+    sessions = np.unique(np.concatenate([each.sessions for each in selections])).tolist()
+    estimates: list[list[Estimates]] = [[] for _ in selections]
     for done, session in enumerate(sessions):
         progress(dataset.manifest.parts[session].name, done, len(sessions))
-        estimate = estimator.prepare(selection.signal_of(session), dataset.manifest.window)
-        wanted = set(rows[dataset.session[rows] == session].tolist())
+        prepared = [each.prepare(first.signal_of(session), dataset.manifest.window) for each in estimators]
+        wanted = [set(each.rows[dataset.session[each.rows] == session].tolist()) for each in selections]
         audio = disturbed_audio(dataset, session, disturbance)
-        for row, window in _windows(dataset, session, audio, max(wanted)):
-            each = estimate(window)
-            if row in wanted:
-                estimates.append(each)
+        for row, window in _windows(dataset, session, audio, max(set().union(*wanted))):
+            for rows, estimate, own in zip(wanted, prepared, estimates, strict=True):
+                each = estimate(window)
+                if row in rows:
+                    own.append(each)
     progress("", len(sessions), len(sessions))
-    return results_of(
-        selection, columns(estimates), name=name, disturbance=disturbance, options=to_tree(estimator)
-    )
+    return [
+        results_of(selection, columns(own), name=name, disturbance=disturbance, options=to_tree(estimator))
+        for selection, estimator, own in zip(selections, estimators, estimates, strict=True)
+    ]
 
 
 def results_of(

@@ -12,7 +12,7 @@ from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.model import Model
-from monochord.perception.training.correct import KnownErrors, known_errors, with_correction
+from monochord.perception.training.correct import KnownErrors, Outputs, known_errors, with_correction
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.rows import Progress
 from monochord.perception.training.train import as_of_the_design, outputs_of
@@ -61,7 +61,12 @@ class Adaptation:
 
 
 def adapt(
-    model: Model, dataset: Dataset, *, touches: int | None = None, progress: Progress = lambda *_: None
+    model: Model,
+    dataset: Dataset,
+    *,
+    touches: int | None = None,
+    outputs: Outputs | None = None,
+    progress: Progress = lambda *_: None,
 ) -> Adaptation:
     """Return a model adapted to the sensor and the object of a dataset's sessions.
 
@@ -75,6 +80,8 @@ def adapt(
         Windows with labels, of one build and one object.
     touches
         How many touches to use, the first in time; all by default.
+    outputs
+        Those of the model for the dataset's windows, where they are known already; see `train.outputs_of`.
     progress
         Called with the progress.
 
@@ -87,7 +94,8 @@ def adapt(
     if not corrected:
         raise InputError("a model without corrections", "a model that can be adapted", REMEDY)
     dataset = as_of_the_design(model, dataset)
-    outputs = outputs_of(model, dataset, stream_of(dataset, np.arange(len(dataset))), progress)
+    if outputs is None:
+        outputs = outputs_of(model, dataset, stream_of(dataset, np.arange(len(dataset))), progress)
     touch = touches_of(dataset)
     heads: dict[str, HeadAdaptation] = {}
     known: dict[str, Correction] = {}
