@@ -11,7 +11,7 @@ from monochord.evaluation.results import read_results
 CONDITION = "tuning +4 %"
 
 
-def test_a_model_abstains_on_another_pitch_until_it_is_tuned(
+def test_a_model_follows_another_pitch_as_if_it_were_tuned(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, rows, cache = tmp_path / "out", tmp_path / "rows.json", tmp_path / "cache"
@@ -26,9 +26,9 @@ def test_a_model_abstains_on_another_pitch_until_it_is_tuned(
     clean, detuned, tuned = (row for row in tree["rows"] if row["model"] == "demo")
     assert clean["answered"] > 0.95
     assert clean["position_mae_mm"] < 1.0
-    assert detuned["answered"] < 0.05
-    assert tuned["answered"] > 0.8
-    assert tuned["position_mae_mm"] < 1.0
+    for row in (detuned, tuned):
+        assert row["answered"] > 0.8
+        assert row["position_mae_mm"] < 1.0
     assert clean["n"] == detuned["n"] == tuned["n"]
     assert read_results(out / "results.npz").trials[-1].condition == conditions[-1]
     assert json.loads((out / "hardware.json").read_text()) == json.loads(rows.read_text()) == tree["rows"]

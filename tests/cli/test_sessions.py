@@ -200,7 +200,7 @@ def test_what_cannot_be_done_is_one_line(tmp_path: Path, capsys: Capture) -> Non
             path,
             "--out",
             str(tmp_path / "x"),
-        ): "export 'hdf5': allowed is lerobot, parquet, wav_csv",
+        ): "export 'hdf5': allowed is foxglove, lerobot, parquet, wav_csv",
         ("export", "wav-csv", path, "--out", str(tmp_path)): "not empty",
         ("export", "wav-csv", path): "Missing option '--out'",
         ("export", "wav-csv", path, "--out", str(tmp_path / "x"), "--set", "rate=1"): "option 'wav-csv.rate'",

@@ -19,7 +19,7 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.ownership import scratch_folder
 from monochord.live import LiveSettings, Scorer, run
 from monochord.live.tuning import tuned
-from monochord.physics.materials import material_names
+from monochord.physics.materials import load_material, material_names
 from monochord.physics.sensors import sensor_names
 from monochord.physics.twin.world import World
 
@@ -90,6 +90,8 @@ def demo(sensor: str, **options: Any) -> None:
     if name not in (LEARNED, PHYSICS):
         given = f"estimator '{options['estimator']}' in the demonstration"
         raise InputError(given, f"{LEARNED} or {PHYSICS}", did_you_mean(name, (LEARNED, PHYSICS)))
+    for material in options["material"]:
+        load_material(material)  # refused before the page is announced
     source, estimator = _twin(sensor, options), _estimator(name)
     quiet, score = options["as_json"], Scorer()
     seconds = options["seconds"] or (math.inf if sys.stdout.isatty() and not quiet else UNWATCHED)

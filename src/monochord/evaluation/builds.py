@@ -6,7 +6,7 @@ corrected by the same touches, and ridge regression fitted to these touches alon
 off the design is known as it is heard, to all of them.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -73,7 +73,7 @@ class _Rivals:
     ridge: Baselines | None
 
 
-Outcome: TypeAlias = Curves | str
+Outcome: TypeAlias = Curves | InputError
 """Of a group: its curves, or why it has none."""
 Run: TypeAlias = Callable[[Sequence[Group], Callable[[Group], Outcome]], Iterable[tuple[Group, Outcome]]]
 """Runs a function for every group, in whatever order and in however many processes."""
@@ -141,26 +141,22 @@ def evaluate_builds(
     groups = groups_of(find_sessions(settings.sessions), per)
     work = partial(_curves, rivals=rivals, touches=tuple(sorted(set(touches))))
     parts: dict[tuple[str, str, int], list[Results]] = {}
+    errors: list[InputError] = []
     for done, (group, outcome) in enumerate(run(groups, work), start=1):
-        if isinstance(outcome, str):
-            refused(outcome)
+        if isinstance(outcome, InputError):
+            errors.append(outcome)
         else:
             for (model_name, count), results in outcome.items():
                 parts.setdefault((group.world, model_name, count), []).append(results)
         progress("builds", done, len(groups))
+    if len(errors) == len(groups):
+        raise errors[0]
+    for error in errors:
+        refused(str(error))
     if not parts:
         given = f"{len(groups)} groups of sessions"
         raise InputError(given, f"one with {MIN_LEFT} touches beside the known ones", "take fewer --touches")
-    names = list(dict.fromkeys(model_name for _, model_name, _ in parts))
-    rows: list[SummaryRow] = []
-    for key in sorted(parts, key=lambda key: (key[0], names.index(key[1]), key[2])):
-        world, model_name, count = key
-        for body, results in _by_object(join(parts[key])).items():
-            row = summary_row(
-                results, model=model_name, world=world, touches=count, body=body, condition=condition
-            )
-            rows.append(row)
-    return rows
+    return _rows_of(parts, condition)
 
 
 def groups_of(files: Sequence[Path], per: Per = "session") -> list[Group]:
@@ -179,6 +175,20 @@ def groups_of(files: Sequence[Path], per: Per = "session") -> list[Group]:
     return [Group(files=tuple(own), world=key[0]) for key, own in groups.items()]
 
 
+def _rows_of(parts: Mapping[tuple[str, str, int], list[Results]], condition: str) -> list[SummaryRow]:
+    """Return the rows of results by world, estimator and number of known touches."""
+    names = list(dict.fromkeys(model_name for _, model_name, _ in parts))
+    rows: list[SummaryRow] = []
+    for key in sorted(parts, key=lambda key: (key[0], names.index(key[1]), key[2])):
+        world, model_name, count = key
+        for body, results in _by_object(join(parts[key])).items():
+            row = summary_row(
+                results, model=model_name, world=world, touches=count, body=body, condition=condition
+            )
+            rows.append(row)
+    return rows
+
+
 def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Outcome:
     """Return the results of every estimator for each number of known touches that leaves enough to score.
 
@@ -192,7 +202,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Outco
         try:
             dataset = build_dataset(group.files, scratch / "dataset", options, listen=heard_tension)
         except InputError as error:
-            return str(error)
+            return error
         whole = Selection(dataset=dataset, rows=np.arange(len(dataset)), string=definition.string)
         refuse_trained_on(whole, definition, None)
         touch, counted = touches_of(dataset), _labelled(dataset)

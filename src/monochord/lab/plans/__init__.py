@@ -15,7 +15,7 @@ def plan_names() -> list[str]:
     Examples
     --------
     >>> plan_names()
-    ['builds', 'hardware', 'odd', 'paper', 'quick', 'sealed', 'small']
+    ['builds', 'hardware', 'modes', 'odd', 'paper', 'quick', 'sealed', 'small']
     """
     return PLANS.names()
 
