@@ -1,10 +1,6 @@
 import csv
 import json
 import math
-import os
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.live.sinks.killed import killed
 
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
@@ -109,25 +106,13 @@ def test_numbers_survive_exactly(tmp_path: Path) -> None:
     assert [float(row["position"]) for row in rows(tmp_path / "out.csv", *moments)] == values.tolist()
 
 
-RUN = """
-import sys
-from monochord.cli import main
-main(["live", sys.argv[1], "--length", "0.65", "--open-frequency", "110", "--set", "source.repeat=0",
-      "--set", "source.speed=1", "--json", "--sink", "csv=" + sys.argv[2]])
-"""
-
-
 def test_a_kill_loses_less_than_a_second(recording: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
-    command = [sys.executable, "-c", RUN, str(recording), str(out)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout
-        lines = [process.stdout.readline() for _ in range(150)]
-        os.kill(process.pid, signal.SIGKILL)
+    last = killed(recording, f"csv={out}", windows=150)
     text = out.read_text(encoding="utf-8")
     assert text.endswith("\n")
     written = list(csv.DictReader(text.splitlines(), strict=True))
-    assert float(written[-1]["time"]) > json.loads(lines[-1])["time"] - 1.0
+    assert float(written[-1]["time"]) > last - 1.0
     assert {len(row) for row in written} == {len(written[0])}
 
 

@@ -2,10 +2,6 @@
 
 import json
 import math
-import os
-import signal
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from tests.live.sinks.killed import killed
 
 from monochord.core.errors import InputError
 from monochord.core.types import Block, Estimate, Prediction, Signal, StreamHealth
@@ -136,23 +133,10 @@ def test_a_session_without_a_window_is_a_whole_one(tmp_path: Path) -> None:
     assert written(tmp_path / "a.mcap", []).audio.samples.shape[1] == 0
 
 
-RUN = """
-import sys
-from monochord.cli import main
-main(["live", sys.argv[1], "--length", "0.65", "--open-frequency", "110", "--set", "source.repeat=0",
-      "--set", "source.speed=1", "--json", "--sink", "mcap=" + sys.argv[2]])
-"""
-
-
 def test_a_kill_loses_less_than_a_second(recording: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.mcap"
-    command = [sys.executable, "-c", RUN, str(recording), str(out)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout
-        lines = [process.stdout.readline() for _ in range(200)]
-        os.kill(process.pid, signal.SIGKILL)
+    last = killed(recording, f"mcap={out}", windows=200)
     session = read_session(out)
-    last = json.loads(lines[-1])["time"]
     assert session.readings("estimates").time[-1] > last - 1.0
     assert session.audio.samples.shape[1] > (last - 1.0) * RATE
 
