@@ -75,7 +75,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """Try a test in real time again, twice at most, where it failed while this machine stood still."""
+    """Try a test in real time again, three times at most, where it failed while this machine stood still."""
     stalls = item.config.stash.get(WATCHING, None)
     if stalls is None or not item.get_closest_marker("real_time"):
         return None
@@ -87,7 +87,9 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         stall = stalls.longest_since(begin)
         if stall == 0.0 or not any(report.failed for report in reports):
             break
-        print(f"\n{item.nodeid} failed; this machine stood still for {stall:.3f} s: again")  # noqa: T201
+        load = os.getloadavg()[0]
+        print(f"\n{item.nodeid} failed; this machine stood still for {stall:.3f} s, load {load:.1f}: again")  # noqa: T201
+        stalls.wait_for_quiet()
         item.session._setupstate.teardown_exact(None)  # fixtures of modules may have failed, too
         begin = item.config.stash[BEGINS][item.path] = time.monotonic()
         reports = runtestprotocol(item, nextitem=nextitem, log=False)

@@ -14,7 +14,10 @@ from pathlib import Path
 PERIOD = 0.002
 STALL = 0.005
 """What a sleep of `PERIOD` may be late, in s. 1 ms is usual on a quiet machine, and a period of JACK."""
-FAILED_ATTEMPTS = 2
+FAILED_ATTEMPTS = 3
+QUIET = 2.0
+"""For so many seconds a machine stands still nowhere before a test is tried again, if that comes soon."""
+PATIENCE = 30.0
 
 
 class Stalls:
@@ -28,6 +31,14 @@ class Stalls:
         assert self._process.poll() is None, "the process that watches for stalls ended"
         pairs = (line.split() for line in self._report.read_text().splitlines())
         return max((float(length) for end, length in pairs if float(end) > begin), default=0.0)
+
+    def wait_for_quiet(self) -> None:
+        """Return once the machine has not stood still for `QUIET`, or after `PATIENCE`."""
+        begin = time.monotonic()
+        while self.longest_since(max(begin, time.monotonic() - QUIET)) or time.monotonic() < begin + QUIET:
+            if time.monotonic() > begin + PATIENCE:
+                return
+            time.sleep(0.1)
 
 
 @contextmanager

@@ -247,6 +247,7 @@ def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.Captu
     assert "a string of 0.195 m for a model: allowed is 0.2 m" in line
 
 
+@pytest.mark.real_time
 def test_control_c_ends_live_with_its_summary(take: Take) -> None:
     endless = ["--set", "source.repeat=0", "--set", "source.speed=1"]
     process = subprocess.Popen(
