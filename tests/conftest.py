@@ -10,7 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from _pytest.runner import runtestprotocol
 from hypothesis import settings
 from tests.stalls import FAILED_ATTEMPTS, Stalls, watched
 
-from monochord.core.errors import DeviceError
+from monochord.capture.jack.server import JackServer
 from monochord.evaluation import realstrings
 
 # A time limit for each example fails on a machine that is busy, and says nothing of the code.
@@ -115,65 +115,13 @@ def own_name() -> Generator[str]:
         pytest.fail(f"{SERVERS} runs of these tests have a JACK server each; wait for one to end")
 
 
-@dataclass
-class JackServer:
-    """A jackd of ours: dummy driver, synchronous, so that it loses no frame of its own.
-
-    It runs in real time where that is allowed, and keeps its time then on a busy machine too.
-    """
-
-    name: str
-    period: int = 512
-    rate: int = RATE
-    real_time: bool = True
-    process: "subprocess.Popen[bytes] | None" = None
-
-    def start(self) -> None:
-        from monochord.capture.jack.client import JackClient
-
-        pace = ["-S", "-R" if self.real_time else "-r"]
-        options = ["-n", self.name, *pace, "-d", "dummy", "-r", str(self.rate), "-p", str(self.period)]
-        quiet = subprocess.DEVNULL
-        self.process = subprocess.Popen(["jackd", *options], stdin=quiet, stdout=quiet, stderr=quiet)
-        deadline = time.monotonic() + 20.0
-        while True:
-            try:
-                return JackClient("probe", self.name).close()
-            except DeviceError:
-                assert time.monotonic() < deadline, "jackd did not start"
-                assert self.process.poll() is None, "jackd ended"
-                time.sleep(0.02)
-
-    def kill(self) -> None:
-        """Kill -9, as a crash would."""
-        if self.process:
-            self.process.kill()
-            self.process.wait()
-            self.process = None
-
-    def stop(self) -> None:
-        """End it as a person would, so that it tidies up."""
-        if self.process:
-            self.process.terminate()
-            self.process.wait(20)
-            self.process = None
-
-    def restart(self, rate: int = RATE) -> None:
-        self.kill()
-        self.rate = rate
-        self.start()
-
-
 @contextmanager
 def own_server(period: int = 512) -> Generator[JackServer]:
     """A running server of the test's own; the test is skipped where none can be started."""
     if not shutil.which("jackd"):
         pytest.skip("jackd is not installed (Debian: apt install jackd2)")
-    with own_name() as name:
-        server = JackServer(name, period=period)
-        server.start()
+    with own_name() as name, JackServer(name, period=period) as server:
         yield server
-        server.stop()
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import psutil
 import pytest
-from tests.conftest import JackServer
 
 from monochord import cli
+from monochord.capture.jack.server import JackServer
 from monochord.sessions import check, read_session
 
 
