@@ -52,8 +52,8 @@ class String:
             return [r.left + v.pixel(0, 1), r.left + v.pixel(1, 1), r.top + v.rest]})()"""
         self._left, self._right, self._y = page.ask(script)
 
-    def mouse(self, kind: str, share: float) -> None:
-        self._page.mouse(kind, self._left + share * (self._right - self._left), self._y)
+    def mouse(self, kind: str, share: float, down: float = 0.0) -> None:
+        self._page.mouse(kind, self._left + share * (self._right - self._left), self._y + down)
 
 
 def shown(page: Page) -> dict[str, Any]:
@@ -89,6 +89,25 @@ def test_a_press_is_estimated_where_it_is_and_a_drag_is_slip(page: Page) -> None
     page.wait(f"Math.abs(monochord.moment.truth.position - {place * length}) < 1e-3")
     string.mouse("mouseReleased", place)
     page.wait("monochord.moment.truth.contact === 0 && monochord.moment.decided.contact === false")
+
+
+def test_a_drag_across_the_string_is_slip_at_one_place(page: Page) -> None:
+    string = String(page)
+    page.ask("document.getElementById('vertical').value = 'across'")
+    string.mouse("mousePressed", 0.4)
+    page.wait("monochord.moment.truth.contact === 1 && monochord.moment.truth.slip === 0")
+    slid = False
+    for step in range(100):
+        string.mouse("mouseMoved", 0.4, down=2.0 * step)
+        slid = slid or shown(page)["truth"].get("slip") == 1.0
+    assert slid
+    page.wait("monochord.moment.truth.slip === 0")
+    told = shown(page)["truth"]
+    assert told["position"] == pytest.approx(0.4 * page.ask("monochord.run.length"), abs=1e-3)
+    assert told["force"] == pytest.approx(1.0, rel=0.1)
+    string.mouse("mouseReleased", 0.4)
+    page.ask("document.getElementById('vertical').value = 'force'")
+    page.wait("monochord.moment.truth.contact === 0")
 
 
 def test_it_is_touched_with_keys(page: Page) -> None:

@@ -59,6 +59,22 @@ def test_dragging_along_the_string_is_slip_and_holding_still_is_not() -> None:
         assert felt["position"] == pytest.approx(0.06 + 3e-4 * 29, abs=3e-4)
 
 
+def test_dragging_across_the_string_is_slip_where_it_is_pressed() -> None:
+    with SOURCES.build("twin", FAST).open() as stream:
+        controls, blocks = opened(stream)
+        controls.touch(Contact(position=0.06, force=1.0))
+        take(blocks, 30)
+        controls.touch(Contact(position=0.06, force=1.0, slip_velocity=0.02))
+        felt = truth(stream, take(blocks, 30))
+        assert felt["slip"] == 1.0
+        assert felt["slip_across"] == pytest.approx(0.02, rel=0.1)
+        assert felt["position"] == pytest.approx(0.06, abs=2e-4)
+        controls.touch(Contact(position=0.06, force=1.0))
+        assert truth(stream, take(blocks, 40))["slip"] == 0.0
+        with pytest.raises(InputError):
+            controls.touch(Contact(position=0.06, force=1.0, slip_velocity=np.nan))
+
+
 def test_another_press_lifts_the_object_and_brings_it_down_elsewhere() -> None:
     with SOURCES.build("twin", FAST).open() as stream:
         controls, blocks = opened(stream)

@@ -26,9 +26,11 @@ FOLLOW: Seconds = 0.06
 PAUSE: Seconds = 0.03
 """Least time between two changes of its motion, each of which costs some 3 ms."""
 MAX_SPEED: MetresPerSecond = 0.5
+MAX_ACROSS: MetresPerSecond = 0.1
 STEP: Metres = 1e-4
 FORCE_STEP: Newtons = 0.02
-"""Smaller changes than these of place and force are the tremor of a hand."""
+ACROSS_STEP: MetresPerSecond = 1e-3
+"""Smaller changes than these of place, force and speed across are the tremor of a hand."""
 AUTOMATIC, MANUAL = "automatic", "by hand"
 """Who touches the string."""
 NOISES: Mapping[str, float] = {"none": np.inf, "30 dB": 30.0, "20 dB": 20.0, "10 dB": 10.0}
@@ -82,11 +84,12 @@ class Hand(Controls):
         """Touch the string, or lead the object there; touches of its own end."""
         position = float(np.clip(contact.position, *self._positions))
         force = float(np.clip(contact.force, *FORCES))
-        if not np.isfinite(position + force):
+        across = float(np.clip(contact.slip_velocity, -MAX_ACROSS, MAX_ACROSS))
+        if not np.isfinite(position + force + across):
             raise InputError(f"a touch at {contact.position} m with {contact.force} N", "finite numbers")
         with self._lock:
             self._number += self._contact is None
-            self._contact = Contact(position=position, force=force)
+            self._contact = Contact(position=position, force=force, slip_velocity=across)
             self._values["touches"] = MANUAL
 
     def release(self) -> None:
@@ -172,7 +175,7 @@ class Led:
         assert self._touch is not None
         goal, last = self._goal(now, contact), self._touch.motion[-1]
         still = abs(goal.position - last.position) < STEP and abs(goal.force - last.force) < FORCE_STEP
-        if still or time < self._changed + PAUSE:
+        if (still and abs(goal.across - last.across) < ACROSS_STEP) or time < self._changed + PAUSE:
             return None
         down = replace(now, time=time + now.clearance / APPROACH, clearance=0.0)
         there = replace(goal, time=down.time + (FOLLOW if now.clearance == 0.0 else PRESS))
@@ -181,7 +184,7 @@ class Led:
     def _goal(self, now: Key, contact: Contact) -> Key:
         reach = MAX_SPEED * FOLLOW
         position = float(np.clip(contact.position, now.position - reach, now.position + reach))
-        return Key(time=now.time, position=position, force=contact.force)
+        return Key(time=now.time, position=position, force=contact.force, across=contact.slip_velocity)
 
     def _go_on(self, time: Seconds, *keys: Key) -> tuple[Touch, ...]:
         """Have the object go on by these keys, whatever it was about to do."""
@@ -194,14 +197,14 @@ class Led:
 def _at(motion: Sequence[Key], time: Seconds) -> Key:
     """Return where a motion has come to at a time."""
     times = [key.time for key in motion]
-    names = ("position", "force", "clearance")
+    names = ("position", "force", "clearance", "across")
     now = {name: float(np.interp(time, times, [getattr(key, name) for key in motion])) for name in names}
     return Key(time=time, **now)
 
 
 def _off(now: Key) -> list[Key]:
     """Return the rest of a motion that ends above the string."""
-    free = replace(now, time=now.time + PRESS, force=0.0)
+    free = replace(now, time=now.time + PRESS, force=0.0, across=0.0)
     start = free if now.clearance == 0.0 else now
     rise = max(HEIGHT - now.clearance, 0.0) / APPROACH
     gone = replace(start, time=start.time + rise + 1e-3, force=0.0, clearance=max(HEIGHT, now.clearance))

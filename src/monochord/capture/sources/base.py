@@ -45,7 +45,10 @@ class Controls(ABC):
 
     @abstractmethod
     def touch(self, contact: Contact) -> None:
-        """Touch the string, or lead the object that touches it there; out of range is moved into it."""
+        """Touch the string, or lead the object that touches it there; out of range is moved into it.
+
+        `slip_velocity` is the speed at which the object is drawn across the string.
+        """
 
     @abstractmethod
     def release(self) -> None:

@@ -27,10 +27,14 @@ MAX_CHANNELS = 8
 
 
 class Touch(msgspec.Struct, tag_field="do", tag="touch", forbid_unknown_fields=True):
-    """Touch the string at a position in m with a force in N, or lead the object there."""
+    """Touch the string at a position in m with a force in N, or lead the object there.
+
+    `across` is the speed in m/s at which it is drawn across the string.
+    """
 
     position: float
     force: float
+    across: float = 0.0
 
 
 class Release(msgspec.Struct, tag_field="do", tag="release", forbid_unknown_fields=True):
@@ -57,7 +61,8 @@ def carry_out(text: str | bytes, controls: Controls | None) -> str | None:
         if controls is None:
             return None
         if isinstance(wish, Touch):
-            controls.touch(Contact(position=wish.position, force=wish.force))
+            contact = Contact(position=wish.position, force=wish.force, slip_velocity=wish.across)
+            controls.touch(contact)
             return "touch"
         if isinstance(wish, Release):
             controls.release()

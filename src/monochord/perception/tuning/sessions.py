@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal, StringParams, Window
 from monochord.core.units import Newtons, Seconds
-from monochord.datasets.store import Dataset
 from monochord.perception.tuning.tuner import Tuner, TunerState
 from monochord.physics.theory import open_frequency
+
+if TYPE_CHECKING:  # a live run has no dataset
+    from monochord.datasets.store import Dataset
 
 BEGINNING: Seconds = 5.0
 """How much of a session is listened to."""
@@ -46,7 +49,7 @@ def heard_tension(samples: Audio, sample_rate: int, string: StringParams) -> New
     return None if state.tuning is None else state.tuning.tension(string)[0]
 
 
-def own_strings(dataset: Dataset, design: StringParams) -> Mapping[int, StringParams]:
+def own_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, StringParams]:
     """Return the strings that are tuned otherwise than the design, by the number of their session.
 
     One that was recorded as tuned counts as such. One that was only heard counts where it lies so far off
@@ -63,7 +66,7 @@ def own_strings(dataset: Dataset, design: StringParams) -> Mapping[int, StringPa
     return strings
 
 
-def force_scales(dataset: Dataset, design: StringParams) -> Floats:
+def force_scales(dataset: "Dataset", design: StringParams) -> Floats:
     """Return (n,) by what a force of each window is divided to be as of the design's tension.
 
     A light press F raises the open frequency by the share E A F^2 x (L - x) / (4 L^2 T^3): what sounds alike

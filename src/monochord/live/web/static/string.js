@@ -31,6 +31,7 @@ export class StringView {
   get rest() { return this.height * 0.42; }
   pixel(position, length) { return this.pad + (position / length) * (this.width - 2 * this.pad); }
   position(pixel, length) { return Math.min(Math.max((pixel - this.pad) / (this.width - 2 * this.pad), 0), 1) * length; }
+  metres(length) { return length / (this.width - 2 * this.pad); } // of a pixel
   depth(force) { return Math.min(8 + 26 * force, this.height * 0.3); }
 
   draw(run, moment, now, colour) {
@@ -189,7 +190,7 @@ export class StringView {
     c.lineWidth = 2;
     c.stroke();
     c.setLineDash([]);
-    this.text(`${this.hand.force.toFixed(1)} N`, x + (x > this.width - 80 ? -26 : 26), y + 4, colour.hand, x > this.width - 80 ? "right" : "left", 600);
+    this.text(`${this.hand.force.toFixed(1)} N${this.hand.across ? " ↕" : ""}`, x + (x > this.width - 80 ? -26 : 26), y + 4, colour.hand, x > this.width - 80 ? "right" : "left", 600);
   }
 
   ruler(run, colour) {

@@ -1,15 +1,18 @@
 // A hand on the drawn string: mouse, finger, pen or keys become touches of the simulated one.
 
+const element = (id) => document.getElementById(id);
 const USUAL = 1.0; // N, with which a press begins
 const PER_PIXEL = 0.012; // N
 const EVERY = 25, AGAIN = 400; // ms between messages while it moves, and while it rests
+const ACROSS = 0.02, FASTEST = 0.05; // m/s across the string: of a key that is held, and of a pointer at most
 
 export class Hand {
   constructor(view, send) {
     this.view = view;
     this.send = send;
     this.run = null;
-    this.said = { at: 0, position: 0, force: 0 };
+    this.said = { at: 0, position: 0, force: 0, across: 0 };
+    this.across = { pointer: null, from: null, key: 0 }; // pixels of the pointer now and when last said
     this.pointer = null;
     this.keyed = { position: null, force: USUAL };
     const canvas = view.canvas;
@@ -19,6 +22,7 @@ export class Hand {
       canvas.addEventListener(name, (event) => this.up(event));
     }
     canvas.addEventListener("keydown", (event) => this.key(event));
+    canvas.addEventListener("keyup", (event) => { if (event.key.startsWith("Page")) this.across.key = 0; });
     canvas.addEventListener("blur", () => this.lift());
     addEventListener("pagehide", () => this.lift());
   }
@@ -44,11 +48,23 @@ export class Hand {
     this.pointer = event.pointerId;
     this.view.canvas.setPointerCapture(event.pointerId);
     this.from = event.clientY;
-    this.lead(this.at(event), this.strength(event));
+    this.pressed = USUAL;
+    this.across.pointer = this.across.from = null;
+    this.move(event);
   }
 
   move(event) {
-    if (event.pointerId === this.pointer) this.lead(this.at(event), this.strength(event));
+    if (event.pointerId !== this.pointer) return;
+    const pen = event.pointerType === "pen" && event.pressure > 0;
+    if (pen) this.pressed = 2.5 * event.pressure;
+    if (pen || event.shiftKey !== (element("vertical").value === "across")) this.across.pointer = event.clientY;
+    else {
+      this.pressed += PER_PIXEL * (event.clientY - this.from);
+      this.across.pointer = this.across.from = null;
+    }
+    this.from = event.clientY;
+    this.lead(this.at(event), this.pressed);
+    this.pressed = this.view.hand.force;
   }
 
   up(event) {
@@ -62,23 +78,19 @@ export class Hand {
     return this.view.position(event.clientX - left, this.run.length);
   }
 
-  strength(event) {
-    const pen = event.pointerType === "pen" && event.pressure > 0;
-    return pen ? 2.5 * event.pressure : USUAL + PER_PIXEL * (event.clientY - this.from);
-  }
-
   lead(position, force) {
     const { positions, forces } = this.run.controls;
     const within = (value, [low, high]) => Math.min(Math.max(value, low), high);
-    this.view.hand = { position: within(position, positions), force: within(force, forces) };
-    Object.assign(this.keyed, this.view.hand);
+    this.view.hand = { position: within(position, positions), force: within(force, forces), across: this.said.across };
+    this.keyed = { position: this.view.hand.position, force: this.view.hand.force };
     this.describe();
   }
 
   lift() {
     if (!this.view.hand) return;
     this.view.hand = null;
-    this.said.at = 0;
+    Object.assign(this.said, { at: 0, across: 0 });
+    this.across.key = 0;
     this.send({ do: "release" });
     this.describe();
   }
@@ -87,10 +99,21 @@ export class Hand {
   tell(now) {
     const hand = this.view.hand;
     if (!hand || now - this.said.at < EVERY) return;
-    const moved = hand.position !== this.said.position || hand.force !== this.said.force;
+    hand.across = this.speed(now);
+    const moved = ["position", "force", "across"].some((name) => hand[name] !== this.said[name]);
     if (!moved && now - this.said.at < AGAIN) return;
     this.said = { at: now, ...hand };
-    this.send({ do: "touch", position: hand.position, force: hand.force });
+    this.send({ do: "touch", position: hand.position, force: hand.force, across: hand.across });
+  }
+
+  // How fast it is drawn across the string, in m/s; a pixel across is as far as one along.
+  speed(now) {
+    const { pointer, from, key } = this.across;
+    this.across.from = pointer;
+    if (pointer === null || from === null) return key;
+    const metres = (pointer - from) * this.view.metres(this.run.length);
+    const speed = 0.5 * this.said.across + 0.5e3 * metres / Math.max(now - this.said.at, EVERY);
+    return Math.abs(speed) < 1e-3 ? 0 : Math.min(Math.max(speed, -FASTEST), FASTEST);
   }
 
   key(event) {
@@ -103,6 +126,8 @@ export class Hand {
     if (event.key === " " || event.key === "Enter") {
       if (this.view.hand) this.lift();
       else this.lead(position, force);
+    } else if (event.key.startsWith("Page") && this.view.hand) {
+      this.across.key = event.key === "PageUp" ? -ACROSS : ACROSS;
     } else if (event.key === "Escape") {
       this.lift();
     } else if (led && this.view.hand) {
@@ -126,7 +151,7 @@ export class Hand {
 
 // The settings of the source as menus.
 export function showSettings(settings, send) {
-  const place = document.getElementById("settings");
+  const place = element("settings");
   for (const { name, choices, value } of settings) {
     let select = place.querySelector(`select[name="${name}"]`);
     if (!select) {
