@@ -11,13 +11,13 @@ import numpy as np
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Floats
+from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
 
 T = TypeVar("T")
 
 
-def write_script(path: Path, arrays: Mapping[str, Floats], settings: Any) -> None:
+def write_script(path: Path, arrays: Mapping[str, Floats | Audio], settings: Any) -> None:
     """Write arrays and a dataclass of settings; `read_script` reads them."""
     np.savez(path, allow_pickle=False, settings=json.dumps(asdict(settings)), **arrays)
 

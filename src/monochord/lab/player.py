@@ -34,9 +34,10 @@ SCHEDULE_AHEAD: Seconds = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayerSettings:
-    """Options of a player that is a process; see `Player`."""
+    """Options of a player that is a process, which plays its samples `repeat` times; see `Player`."""
 
     sample_rate: int = 44100
+    repeat: int = 1
     client_name: str = "player"
     server: str = ""
 
@@ -167,7 +168,7 @@ def serve(path: Path) -> None:
     """Play the script at `path`, its array ``samples``, until the standard input ends."""
     arrays, settings = read_script(path, PlayerSettings)
     with Player(
-        arrays["samples"].astype(np.float32),
+        np.tile(arrays["samples"].astype(np.float32), settings.repeat),
         settings.sample_rate,
         client_name=settings.client_name,
         server=settings.server,

@@ -1,0 +1,273 @@
+"""The live loop with every sink open: how soon a message arrives that says what a window holds."""
+
+import json
+import math
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from monochord.benchmarks._process import resident
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.capture.jack.server import JackServer
+from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Audio
+from monochord.core.units import Samples, Seconds
+from monochord.lab.player import PlayerSettings, write_script
+from monochord.live import LiveRun, LiveSettings, Summary, run
+from monochord.live.sinks.base import Listener, Moment
+from monochord.physics.twin.virtual_sensor import VirtualSensor
+
+RATE = 44100
+TAKE: Seconds = 30.0
+"""Sound that is played over and over: ten touches, half of which slide."""
+ALONE: Seconds = 20.0
+"""Longest run of the loop without sinks, the baseline."""
+SETTLED = 0.2
+"""Share of a run after which memory is compared with its end."""
+BOUND: Seconds = 0.01
+"""From a window's last sample at the converter to the message received."""
+LOOP_BOUND: Seconds = 0.003
+"""From a window's last sample at hand to its estimates."""
+NAMESPACE, DOMAIN = "monochord_bench", 77
+SUBSCRIBER = Path(__file__).with_name("_subscriber.py")
+HEADLESS = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+    "--window-size=1280,800",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sinks(Benchmark):
+    """Delays from the last sample of a window, all sinks but the terminal open, beside the loop alone.
+
+    The simulated sensor is touched and slid over; a process plays that into a JACK server of the benchmark's
+    own, with the dummy driver. The bundled model estimates. Files are written, the page is served, messages
+    are sent over UDP and DDS, and another process receives the wrenches: rclpy where ``python`` names an
+    interpreter that has it (or ``$MONOCHORD_ROS_PYTHON``, or ``.venv-ros`` here), else Monochord's own
+    participant. The delay is from the last sample at the converter to the message received, both by the
+    system's clock.
+
+    Parameters
+    ----------
+    seconds
+        Of the run with sinks.
+    period
+        Frames a period of JACK.
+    hop
+        Distance of windows in seconds.
+    python
+        Interpreter with rclpy.
+    browser
+        A Chromium that opens the page, for instance ``chromium``; empty for none.
+    """
+
+    seconds: Seconds = 60.0
+    period: Samples = 64
+    hop: Seconds = 0.01
+    python: str = ""
+    browser: str = ""
+
+    def __post_init__(self) -> None:
+        if not 5.0 <= self.seconds < math.inf:
+            raise InputError(f"seconds {self.seconds:g}", "5 s or more")
+
+    def run(self) -> Iterator[Row]:
+        """Time the loop alone, then with every sink."""
+        with ExitStack() as stack:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            server = stack.enter_context(JackServer(period=self.period))
+            ports = stack.enter_context(_playing(folder, server.name, self.seconds))
+            alone = self._run(ports, server.name, min(ALONE, 0.5 * self.seconds))
+            python, ros = _interpreter(self.python)
+            messages = stack.enter_context(_Subscriber(python))
+            memory = _Memory(settled=SETTLED * self.seconds)
+            page = f"127.0.0.1:{_free_port()}"
+            sinks: dict[str, dict[str, object]] = {
+                "csv": {"path": str(folder / "live.csv")},
+                "jsonl": {"path": str(folder / "live.jsonl")},
+                "mcap": {"path": str(folder / "live.mcap")},
+                "ros2": {"namespace": NAMESPACE, "domain": DOMAIN},
+                "udp": {},
+                "web": {"at": page, "stderr": True},
+            }
+            if self.browser:
+                stack.enter_context(_browser(self.browser, f"http://{page}/", folder))
+            summary = self._run(ports, server.name, self.seconds, sinks, memory)
+            delays = 1e3 * np.array(messages.delays())
+        yield from _windows(summary)
+        for percentile in ("p50", "p95", "p99"):
+            own, other = (1e3 * getattr(each.stages["latency"], percentile) for each in (summary, alone))
+            yield _row(f"loop {percentile}", own, "ms", "the loop without sinks", other)
+        yield _row("the same p99", 1e3 * summary.stages["latency"].p99, "ms", "bound", 1e3 * LOOP_BOUND)
+        captured = alone.stages["capture"]
+        receiver = "rclpy" if ros else "DDS"
+        for share, percentile in ((0.5, "p50"), (0.95, "p95"), (0.99, "p99")):
+            value = float(np.quantile(delays, share)) if delays.size else math.nan
+            other = 1e3 * getattr(captured, percentile)
+            yield _row(f"converter to {receiver} {percentile}", value, "ms", "converter to estimate", other)
+        if delays.size:
+            yield _row("the same p99", float(np.quantile(delays, 0.99)), "ms", "bound", 1e3 * BOUND)
+        yield _row("wrenches received", float(delays.size), "1", "windows", summary.windows)
+        for each in summary.delivered:
+            yield _row(f"left out by {each.sink}", each.left_out, "1", "windows", summary.windows)
+        grown = 100.0 * (memory.now - memory.megabytes) / memory.megabytes
+        yield _row("memory growth", grown, "%")
+        yield _row("resident at the end", memory.now, "MB", "after a fifth", memory.megabytes)
+
+    def _run(
+        self,
+        ports: list[str],
+        server: str,
+        seconds: Seconds,
+        sinks: dict[str, dict[str, object]] | None = None,
+        *listeners: Listener,
+    ) -> Summary:
+        tree = {
+            "source": {"name": "jack", "ports": ",".join(ports), "server": server},
+            "estimator": {"name": "model", "path": "demo"},
+            "window": {"hop": self.hop},
+            "sinks": sinks or {},
+            "seconds": seconds,
+        }
+        setup: LiveRun = LiveSettings.read(tree).build()
+        summary = run(replace(setup, sinks=(*setup.sinks, *listeners, _Nobody())))
+        if summary.interrupted:
+            raise KeyboardInterrupt  # part of a run is no measurement
+        return summary
+
+
+class _Nobody(Listener):
+    """Takes every moment and does nothing with it: a run needs a sink."""
+
+    def write(self, moment: Moment) -> None:
+        pass
+
+
+class _Memory(Listener):
+    """Reads the resident memory once the loop has settled, and at the newest window."""
+
+    def __init__(self, settled: Seconds) -> None:
+        self._settled = settled
+        self.megabytes = self.now = math.nan
+
+    def write(self, moment: Moment) -> None:
+        if moment.prediction.time >= self._settled and moment.prediction.start % RATE < 441:
+            self.now = resident()
+            if math.isnan(self.megabytes):
+                self.megabytes = self.now
+
+
+class _Subscriber:
+    """A process that receives wrenches and, at the end, says how late each was."""
+
+    def __init__(self, python: str) -> None:
+        self._command = [python, str(SUBSCRIBER), NAMESPACE]
+
+    def __enter__(self) -> Self:
+        environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(DOMAIN),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+        }
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(  # noqa: S603
+            self._command, stdin=pipe, stdout=pipe, text=True, env=environment
+        )
+        if self._process.stdout is None or self._process.stdout.readline() != "ready\n":
+            self._process.kill()
+            raise DeviceError(f"subscriber {' '.join(self._command)}: it did not start")
+        return self
+
+    def delays(self) -> list[Seconds]:
+        """End it, and return its delays."""
+        return json.loads(self._process.communicate(timeout=30)[0])
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+
+
+@contextmanager
+def _playing(folder: Path, server: str, seconds: Seconds) -> Generator[list[str]]:
+    """Play the simulated sensor in a process, over and over; gives its ports."""
+    script = folder / "sound.npz"
+    repeat = math.ceil((seconds + ALONE + 30.0) / TAKE)
+    write_script(script, {"samples": _touched()}, PlayerSettings(server=server, repeat=repeat))
+    command = [sys.executable, "-m", "monochord.lab.player", str(script)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:  # noqa: S603
+        if process.stdin is None or process.stdout is None or not (line := process.stdout.readline()):
+            raise DeviceError("the player of the benchmark: it did not start")
+        try:
+            process.stdin.write(f"{time.monotonic() + 1.0}\n")
+            process.stdin.flush()
+            yield json.loads(line)["ports"]
+        finally:
+            process.stdin.close()
+
+
+def _touched() -> Audio:
+    """Return the sound of touches, (2, n)."""
+    random, twin, parts = np.random.default_rng(5), VirtualSensor("prototype", seed=5), []
+    for number in range(round(TAKE / 3.0)):
+        parts.append(twin.advance(1.0)[0])
+        place = random.uniform(0.05, 0.13)
+        twin.press(place, random.uniform(0.3, 1.8))
+        parts.append(twin.advance(0.6)[0])
+        if number % 2:
+            twin.slide(1.0, along=0.01)
+        parts.append(twin.advance(1.4)[0])
+        twin.release()
+    return np.concatenate(parts, axis=1).astype(np.float32)
+
+
+@contextmanager
+def _browser(binary: str, url: str, folder: Path) -> Generator[None]:
+    """Open the page in a Chromium without a window."""
+    command = [shutil.which(binary) or binary, *HEADLESS, f"--user-data-dir={folder / 'browser'}", url]
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet) as process:  # noqa: S603
+        yield
+        process.terminate()
+
+
+def _interpreter(given: str) -> tuple[str, bool]:
+    """Return the interpreter of the subscriber, and whether it has rclpy."""
+    named = given or os.environ.get("MONOCHORD_ROS_PYTHON", "") or str(Path(".venv-ros", "bin", "python"))
+    if Path(named).is_file():
+        return named, True
+    if given:
+        raise InputError(f"python {given} (not there)", "an interpreter that has rclpy", "make ros makes one")
+    return sys.executable, False
+
+
+def _free_port() -> int:
+    with socket.socket() as own:
+        own.bind(("127.0.0.1", 0))
+        return own.getsockname()[1]
+
+
+def _windows(summary: Summary) -> Iterator[Row]:
+    """Every window is estimated, or counted as skipped."""
+    due = summary.windows + summary.skipped
+    yield _row("windows estimated", summary.windows, "1", "due", due)
+    yield _row("windows skipped", summary.skipped, "1")
+    yield _row("frames dropped", summary.health.dropped, "1")
+
+
+def _row(
+    name: str, value: float, unit: str, baseline: str | None = None, compared: float | None = None
+) -> Row:
+    return Row(name=name, value=value, unit=unit, baseline=baseline, baseline_value=compared)

@@ -1,0 +1,25 @@
+import shutil
+
+import pytest
+
+from monochord.benchmarks.sinks import Sinks
+from monochord.core.errors import InputError
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+@pytest.mark.skipif(not shutil.which("jackd"), reason="jackd is not installed (Debian: apt install jackd2)")
+def test_every_window_is_accounted_for_and_heard_by_another_process() -> None:
+    rows = {row.name: row for row in Sinks(seconds=5.0).run()}
+    estimated, skipped = rows["windows estimated"].value, rows["windows skipped"].value
+    assert estimated + skipped == rows["windows estimated"].baseline_value
+    assert estimated + skipped > 450
+    assert rows["wrenches received"].value > 0.5 * estimated
+    assert rows["loop p99"].baseline_value
+    for sink in ("csv", "jsonl", "mcap", "ros2", "udp", "web"):
+        assert rows[f"left out by {sink}"].value <= 0.05 * estimated
+
+
+def test_too_short_a_run_is_refused() -> None:
+    with pytest.raises(InputError, match="5 s or more"):
+        Sinks(seconds=1.0)
