@@ -47,6 +47,37 @@ def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return line  # beside it, a first use may say that it compiles
 
 
+def test_several_strings_are_told_apart_by_their_names(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    noise = 0.1 * np.random.default_rng(0).standard_normal((6615, 4))
+    soundfile.write(tmp_path / "both.wav", noise, 44100, subtype="FLOAT")
+    sensors = ["--sensor", "left=prototype", "--sensor", "right=prototype"]
+    table = tmp_path / "both.csv"
+    seen = lines(capsys, "live", str(tmp_path / "both.wav"), *sensors, "--sink", f"csv={table}")
+    assert [line["string"] for line in seen] == ["left", "right"] * 6
+    assert [line["time"] for line in seen[::2]] == [line["time"] for line in seen[1::2]]
+    rows = [row.split(",") for row in table.read_text(encoding="utf-8").splitlines()]
+    column = rows[0].index("string")
+    assert [row[column] for row in rows[1:]] == ["left", "right"] * 6
+
+
+@pytest.mark.parametrize(
+    ("sensors", "message"),
+    [
+        (["a=prototype", "prototype"], "one sensor, or several of different names"),
+        (["a=prototype", "a=long"], "one sensor, or several of different names"),
+        (["prototype", "long"], "one sensor, or several of different names"),
+        (["a=prototype", "b=prototype"], "channel 2 of the string a: allowed is 1 to 1"),
+    ],
+)
+def test_sensors_without_names_of_their_own_are_refused(
+    take: Take, capsys: pytest.CaptureFixture[str], sensors: list[str], message: str
+) -> None:
+    given = [part for sensor in sensors for part in ("--sensor", sensor)]
+    assert message in refusal(capsys, "live", str(take(0.2)), *given)
+
+
 @pytest.mark.parametrize(("position", "rate"), [(0.05, 44100), (0.2, 48000), (0.36, 16000)])
 def test_every_window_has_its_position(
     take: Take, capsys: pytest.CaptureFixture[str], position: float, rate: int

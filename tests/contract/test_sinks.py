@@ -13,6 +13,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
+from monochord.live.delivery import Delivery
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Moment
 
@@ -75,6 +76,22 @@ def test_it_takes_every_moment(
         cases = itertools.product(SAMPLES.values(), ESTIMATES.values(), TRUTHS)
         for k, (samples, estimates, truth) in enumerate(cases):
             writer.write(moment(441 * k, np.tile(samples, (channels, 1)), estimates, truth))
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", SINKS.names())
+def test_it_takes_the_moments_of_several_strings(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    signal = Signal(sample_rate=44100, channels=2, string=STRING)
+    strings = {"left": signal, "right": signal}
+    with Delivery(
+        [SINKS.build(name)], dataclasses.replace(signal, channels=4), paced=False, strings=strings
+    ) as delivery:
+        for k in range(4):
+            for string in strings:
+                own = moment(441 * k, np.tile(TONE, (2, 1)), ESTIMATES["both sides"], {})
+                delivery.hand_over(dataclasses.replace(own, string=string))
+    assert sum(each.written for each in delivery.delivered) == 8
+    assert not any(each.left_out or each.failure for each in delivery.delivered)
     assert "Traceback" not in capsys.readouterr().err
 
 

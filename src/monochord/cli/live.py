@@ -18,7 +18,6 @@ from monochord.cli._options import (
     put_source,
     refuse_short,
     refuse_string_twice,
-    sensor_option,
     set_option,
     source_options,
     string_options,
@@ -30,9 +29,11 @@ from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.live import LiveSettings, run
+from monochord.live.settings import NAME
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Listener, Moment, Sink, Writer
 from monochord.perception.model.bundled import bundled_names
+from monochord.physics.sensors import sensor_names
 
 LINES = "jsonl"
 """The sink that --json stands for."""
@@ -41,7 +42,15 @@ LINES = "jsonl"
 @click.command()
 @click.argument("inputs", metavar="[MODEL] [INPUT]", nargs=-1, **completes(bundled_names))
 @source_options
-@sensor_option
+@click.option(
+    "--sensor",
+    "sensors",
+    multiple=True,
+    metavar="[NAME=]PRESET",
+    help="A sensor of 'monochord list sensors', or FILE.toml, such as monochord tune writes. Repeated with "
+    "names: several strings, of two channels each in this order.",
+    **completes(sensor_names),
+)
 @string_options
 @window_options
 @click.option(
@@ -70,10 +79,15 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     monochord live take.wav --length 0.65 --open-frequency 110 --json
     monochord live run session.mcap
     monochord live --device 'USB Audio' --rate 48000 --length 0.65 --open-frequency 110
+    monochord live demo --sensor left=left.toml --sensor right=right.toml
     """  # noqa: D301
+    options["sensor"] = " --sensor ".join(options["sensors"])
     refuse_string_twice(options)
+    options["sensor"], strings = _sensors(options["sensors"])
     model, opened = model_and_input(inputs)
-    tree = override(_tree(model, opened, options), options["assignments"])
+    tree = _tree(model, opened, options)
+    tree |= {"strings": strings} if strings else {}
+    tree = override(tree, options["assignments"])
     tree = calibrated(tree, options["calibrate"])
     settings = LiveSettings.read(tree)
     setup = settings.build()
@@ -86,6 +100,16 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     # Standard output may carry data, of which the summary is no part.
     echo(*summary.lines(), err=options["as_json"])
     return int(any(each.failure for each in summary.delivered))
+
+
+def _sensors(given: tuple[str, ...]) -> tuple[str | None, Tree]:
+    """Return the sensor of one string, or the tables of several that are named."""
+    named = [each.partition("=") for each in given if not Path(each).exists()]
+    strings: Tree = {name: {"sensor": preset} for name, _, preset in named if preset and NAME.fullmatch(name)}
+    if len(given) > max(len(strings), 1):
+        text = " ".join(f"--sensor {each}" for each in given)
+        raise InputError(text, "one sensor, or several of different names", "write --sensor NAME=PRESET")
+    return None if strings else next(iter(given), None), strings
 
 
 def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tree:

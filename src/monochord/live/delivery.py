@@ -5,10 +5,10 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Self
 
 from monochord.core.errors import DeviceError, MonochordError
@@ -23,6 +23,10 @@ SWITCH_INTERVAL: Seconds = 5e-4
 """How long a sink's thread may keep the interpreter to itself while the loop has a window to estimate.
 
 Python's own 5 ms is half a hop."""
+
+ALL = ""
+"""In place of a string's name, of a sink that takes the moments of all strings."""
+NO_STRINGS: Mapping[str, Signal] = MappingProxyType({})
 
 _log = logging.getLogger("monochord")
 
@@ -69,6 +73,9 @@ class Delivery:
         What the source says of its audio.
     paced
         Whether a clock paces the source.
+    strings
+        The signal of each of several strings by its name. A sink that is one for each string
+        (`Sink.for_string`) takes the moments of that one; others take all.
 
     Examples
     --------
@@ -80,8 +87,15 @@ class Delivery:
     (Delivered(sink='udp', written=0, left_out=0, failure=''),)
     """
 
-    def __init__(self, sinks: Iterable[Sink], signal: Signal, *, paced: bool) -> None:
-        self._sinks, self._signal, self._paced = tuple(sinks), signal, paced
+    def __init__(
+        self,
+        sinks: Iterable[Sink],
+        signal: Signal,
+        *,
+        paced: bool,
+        strings: Mapping[str, Signal] = NO_STRINGS,
+    ) -> None:
+        self._sinks, self._signal, self._paced, self._strings = tuple(sinks), signal, paced, strings
         self._outlets: list[_Outlet] = []
         self._dispatcher: _Dispatcher | None = None
         self._usual_interval = sys.getswitchinterval()
@@ -89,7 +103,7 @@ class Delivery:
     def __enter__(self) -> Self:
         try:
             for sink in self._sinks:
-                self._outlets.append(self._opened(sink))
+                self._open(sink)
         except BaseException:
             self._close()
             raise
@@ -111,7 +125,8 @@ class Delivery:
         if self._dispatcher is not None:
             self._dispatcher.moments.put(moment)
         for outlet in self._outlets:
-            outlet.take(moment)
+            if outlet.string in (ALL, moment.string):
+                outlet.take(moment)
             if outlet.error is not None:
                 self._raise_where_none_is_left()
 
@@ -120,10 +135,13 @@ class Delivery:
         """What became of the windows at each sink but listeners."""
         return tuple(outlet.delivered() for outlet in self._outlets if not isinstance(outlet, _Called))
 
-    def _opened(self, sink: Sink) -> "_Outlet":
-        if isinstance(sink, Listener):
-            return _Called(sink, self._signal)
-        return (_Queued if self._paced else _Guarded)(sink, self._signal)
+    def _open(self, sink: Sink) -> None:
+        kind = _Called if isinstance(sink, Listener) else _Queued if self._paced else _Guarded
+        own = {name: each for name in self._strings if (each := sink.for_string(name)) is not sink}
+        for name, each in own.items():
+            self._outlets.append(kind(each, self._strings[name], string=name))
+        if not own:
+            self._outlets.append(kind(sink, self._signal, strings=max(len(self._strings), 1)))
 
     def _close(self) -> None:
         sys.setswitchinterval(self._usual_interval)
@@ -146,10 +164,11 @@ class Delivery:
 
 
 class _Outlet:
-    """An open sink."""
+    """An open sink, of one string by its name or of all `strings` of them."""
 
-    def __init__(self, sink: Sink, signal: Signal) -> None:
-        self.name = type(sink).__module__.rpartition(".")[2]
+    def __init__(self, sink: Sink, signal: Signal, *, string: str = ALL, strings: int = 1) -> None:  # noqa: ARG002
+        kind = type(sink).__module__.rpartition(".")[2]
+        self.name, self.string = f"{kind} {string}" if string else kind, string
         self.error: Exception | None = None
         self._reads_standard_output = sink.fills_standard_output
         self._given = self._written = 0
@@ -225,9 +244,9 @@ class _Guarded(_Outlet):
 class _Queued(_Outlet):
     """A sink with a thread of its own behind a queue."""
 
-    def __init__(self, sink: Sink, signal: Signal) -> None:
-        super().__init__(sink, signal)
-        self._backlog = sink.backlog
+    def __init__(self, sink: Sink, signal: Signal, *, string: str = ALL, strings: int = 1) -> None:
+        super().__init__(sink, signal, string=string)
+        self._backlog = sink.backlog * strings
         self._waiting: queue.SimpleQueue[Moment | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name=f"sink-{self.name}", daemon=True)
         self._thread.start()
@@ -279,7 +298,8 @@ class _Dispatcher:
     def _run(self) -> None:
         while (moment := self.moments.get()) is not None:
             for outlet in self._outlets:
-                outlet.put(moment)
+                if outlet.string in (ALL, moment.string):
+                    outlet.put(moment)
 
 
 def reason(error: Exception) -> str:

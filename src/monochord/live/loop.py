@@ -5,6 +5,8 @@ import gc
 import time
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -12,13 +14,13 @@ from monochord.capture.sources.base import Stream
 from monochord.core.clock import SampleClock
 from monochord.core.errors import InputError
 from monochord.core.interruption import interruption
-from monochord.core.types import Block, Prediction, Signal, Window
+from monochord.core.types import Block, Prediction, Signal, Truth, Window
 from monochord.core.units import Samples, Seconds
 from monochord.core.windows import windows
 from monochord.live import events, health
 from monochord.live import filter as time_filter
 from monochord.live.delivery import Delivered, Delivery
-from monochord.live.settings import LiveRun
+from monochord.live.settings import LiveRun, channels_of
 from monochord.live.sinks.base import Moment
 from monochord.live.summary import Meter, Summary
 from monochord.perception.estimators.base import Watching
@@ -27,6 +29,8 @@ from monochord.physics.strings import load_string
 
 LENGTH_TOLERANCE = 0.02
 """Share by which a sensor's length may differ from what a source says of its string."""
+NO_TRUTH: Truth = MappingProxyType({})
+"""Of one of several strings: what a source knows is not of one of them."""
 
 
 def run(setup: LiveRun) -> Summary:
@@ -65,7 +69,9 @@ def run(setup: LiveRun) -> Summary:
         sinks = setup.sinks
         if (controls := stream.controls) is not None:
             sinks = tuple(sink.for_controls(controls) for sink in sinks)
-        with Delivery(sinks, live.signal, paced=stream.paced) as delivery, _heap_set_aside():
+        strings = {each.name: each.signal for each in live.strings if each.name}
+        delivering = Delivery(sinks, live.signal, paced=stream.paced, strings=strings)
+        with delivering as delivery, _heap_set_aside():
             try:
                 for moment in live:
                     if stop.requested:
@@ -97,18 +103,22 @@ class LiveStream:
     Attributes
     ----------
     signal
-        What the source says of its audio, with the string that the run names.
+        What the source says of its audio, with the string that the run names; of several, the first.
+    strings
+        The strings whose sound that is; one alone has no name.
     """
 
     def __init__(self, setup: LiveRun, stream: Stream) -> None:
         self._stream, self._seconds = stream, setup.seconds
         self._filter, self._health = setup.filter, setup.health
-        self.signal = _with_string(stream.signal, setup)
+        self.signal, self.strings = _strings(stream.signal, setup)
         self._size, self._hop = setup.window.frames(self.signal.sample_rate)
-        self._estimate = setup.estimator.prepare(self.signal, self._size)
-        warm_up = _sawtooth(self.signal, self._size)
-        self._estimate(warm_up)  # what loads or compiles at first use does so now
-        health.warm_up(warm_up)
+        self._estimator = setup.estimator
+        self._prepared = [self._estimator.prepare(each.signal, self._size) for each in self.strings]
+        warm_up = [_sawtooth(each.signal, self._size) for each in self.strings]
+        # What loads or compiles at first use does so now.
+        self._estimator.estimate_all(self._prepared, warm_up)
+        health.warm_up(warm_up[0])
         self._feed = _Feed(stream, self.signal.sample_rate)
         self._meter = Meter(deadline=self._hop / self.signal.sample_rate)
         self._closed = False
@@ -124,63 +134,96 @@ class LiveStream:
         return self._meter.summary(self._feed.frames, self._stream.health, delivered)
 
     def __iter__(self) -> Iterator[Moment]:
-        """Yield a moment for each window; the time to the next request counts as that of the sinks."""
+        """Yield a moment for each window of each string, those of one time in turn.
+
+        The time to the next request counts as that of the sinks.
+        """
         stream, feed, meter, size, hop = self._stream, self._feed, self._meter, self._size, self._hop
-        rate = self.signal.sample_rate
+        rate, count = self.signal.sample_rate, len(self.strings)
         clock, length = SampleClock(sample_rate=rate), size / rate
-        followed, announced = time_filter.FilterState(), events.Announced()
-        well, watching = (
-            health.HealthState(),
-            self._estimate if isinstance(self._estimate, Watching) else None,
-        )
+        states = [_Over()] * count
+        skipped = 0
         for window in windows(feed, size=size, hop=hop, sample_rate=rate):
             end = window.start + size
             if self._closed or clock.time(end) > self._seconds:
                 return
             if stream.pending >= hop:
-                meter.skip()
+                skipped += 1
+                meter.skip(count)
                 continue
             cut = time.monotonic()
-            estimates = self._estimate(window)
-            done = time.monotonic()
-            prediction = Prediction(
-                start=window.start,
-                time=clock.time(window.start),
-                estimates=estimates,
-                latency=done - feed.at_hand,
-            )
-            adc_time = feed.captured(window.start)
-            followed, tracked = time_filter.step(followed, prediction, length, self._filter)
-            offset = None if adc_time is None else adc_time - prediction.time
-            announced, changes = events.step(announced, followed, tracked, offset)
-            counters, condition = stream.health, watching.condition if watching else None
-            well, notes = health.step(
-                well, window, estimates, counters, meter.skipped, followed, condition, self._health
-            )
-            handed = time.monotonic()
-            yield Moment(
-                prediction=prediction,
-                window=window,
-                health=counters,
-                truth=stream.truth(window.start, end),
-                skipped=meter.skipped,
-                tracked=tracked.estimates,
-                decided=tracked.decided,
-                events=changes,
-                notes=notes,
-                adc_time=adc_time,
-                at_hand=feed.at_hand,
-            )
-            written = time.monotonic()
-            meter.add(
-                prediction,
-                read=cut - feed.at_hand,
-                estimate=done - cut,
-                follow=handed - done,
-                sinks=written - handed,
-            )
-            if not window.has_gap:
-                meter.add_capture(feed.captured(end), done)
+            own = [each.cut(window) for each in self.strings]
+            estimates = self._estimator.estimate_all(self._prepared, own)
+            done = begun = time.monotonic()
+            adc_time, counters = feed.captured(window.start), stream.health
+            for k, string in enumerate(self.strings):
+                prediction = Prediction(
+                    start=window.start,
+                    time=clock.time(window.start),
+                    estimates=estimates[k],
+                    latency=done - feed.at_hand,
+                )
+                state, estimate = states[k], self._prepared[k]
+                followed, tracked = time_filter.step(state.followed, prediction, length, self._filter)
+                offset = None if adc_time is None else adc_time - prediction.time
+                announced, changes = events.step(state.announced, followed, tracked, offset)
+                condition = estimate.condition if isinstance(estimate, Watching) else None
+                well, notes = health.step(
+                    state.well, own[k], estimates[k], counters, skipped, followed, condition, self._health
+                )
+                states[k] = _Over(followed=followed, announced=announced, well=well)
+                handed = time.monotonic()
+                yield Moment(
+                    prediction=prediction,
+                    window=own[k],
+                    health=counters,
+                    truth=NO_TRUTH if string.name else stream.truth(window.start, end),
+                    skipped=skipped,
+                    tracked=tracked.estimates,
+                    decided=tracked.decided,
+                    events=changes,
+                    notes=notes,
+                    adc_time=adc_time,
+                    at_hand=feed.at_hand,
+                    string=string.name,
+                )
+                written = time.monotonic()
+                meter.add(
+                    prediction,
+                    read=cut - feed.at_hand,
+                    estimate=done - cut,
+                    follow=handed - begun,
+                    sinks=written - handed,
+                )
+                begun = written
+                if not window.has_gap:
+                    meter.add_capture(feed.captured(end), done)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveString:
+    """A string of a run: its name, empty for one alone, its signal, and its channels, counted from 0."""
+
+    name: str
+    signal: Signal
+    channels: tuple[int, ...]
+
+    def cut(self, window: Window) -> Window:
+        """Return its part of a window of the source."""
+        if not self.name:
+            return window
+        first, last = self.channels[0], self.channels[-1]
+        rows = slice(first, last + 1) if last + 1 - first == len(self.channels) else list(self.channels)
+        return dataclasses.replace(window, samples=window.samples[rows])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Over:
+    """What is followed of a string over time."""
+
+    followed: time_filter.FilterState = field(default_factory=time_filter.FilterState)
+    announced: events.Announced = field(default_factory=events.Announced)
+    well: health.HealthState = field(default_factory=health.HealthState)
 
 
 class _Feed:
@@ -218,25 +261,58 @@ def _sawtooth(signal: Signal, size: Samples) -> Window:
     return Window(samples=samples, start=0, sample_rate=signal.sample_rate)
 
 
-def _with_string(signal: Signal, setup: LiveRun) -> Signal:
-    """Return the signal with the string that the run names, or with that of its sensor as tuned.
+def _strings(signal: Signal, setup: LiveRun) -> tuple[Signal, tuple[LiveString, ...]]:
+    """Return the signal of the source, and the strings whose sound it has.
+
+    Raises
+    ------
+    InputError
+        If it has not the channels of the strings, or more than those of one where none are named.
+    """
+    if not setup.strings:
+        if signal.channels > 2:
+            given = f"{signal.channels} channels"
+            raise InputError(given, "1 or 2 of one string", "name the strings: --sensor NAME=PRESET for each")
+        own = _with_string(signal, setup.string, setup.sensor)
+        return own, (LiveString(name="", signal=own, channels=tuple(range(signal.channels))),)
+    strings: list[LiveString] = []
+    for name, channels in channels_of(setup.strings).items():
+        if max(channels) > signal.channels:
+            given = f"channel {max(channels)} of the string {name}"
+            raise InputError(given, f"1 to {signal.channels}, as the source has")
+        settings = setup.strings[name]
+        inherits = not (settings.string or settings.sensor)
+        string, sensor = (setup.string, setup.sensor) if inherits else (settings.string, settings.sensor)
+        part = dataclasses.replace(signal, channels=len(channels))
+        strings.append(
+            LiveString(
+                name=name,
+                signal=_with_string(part, string, sensor),
+                channels=tuple(channel - 1 for channel in channels),
+            )
+        )
+    return dataclasses.replace(signal, string=strings[0].signal.string), tuple(strings)
+
+
+def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:
+    """Return the signal with the string of a preset, or with that of a sensor as tuned.
 
     A string is refused where the source knows its own, and a sensor where that one is of another length.
     """
-    if setup.sensor:
-        string = load_sensor(setup.sensor).string
+    if sensor:
+        string = load_sensor(sensor).string
         own = signal.string
         if own is not None and abs(string.length / own.length - 1.0) > LENGTH_TOLERANCE:
-            given = f"sensor '{setup.sensor}' with a string of {string.length:g} m"
+            given = f"sensor '{sensor}' with a string of {string.length:g} m"
             raise InputError(given, f"{own.length:g} m, as the source says of its own", "name that sensor")
         return dataclasses.replace(signal, string=string)
-    if not setup.string:
+    if not preset:
         return signal
-    string = load_string(setup.string).string
+    string = load_string(preset).string
     if signal.string is not None:
         allowed = "no string beside a source that knows its own"
-        remedy = f"name it as INPUT: monochord live {setup.string} ..."
-        raise InputError(f"string '{setup.string}'", allowed, remedy)
+        remedy = f"name it as INPUT: monochord live {preset} ..."
+        raise InputError(f"string '{preset}'", allowed, remedy)
     return dataclasses.replace(signal, string=string)
 
 

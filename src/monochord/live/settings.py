@@ -1,13 +1,15 @@
 """What a person configures of a live run, and the plug-ins that are built from it."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from monochord.capture.sources import SOURCES
-from monochord.capture.sources.base import Source
+from monochord.capture.sources.base import MAX_CHANNELS, Source
 from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.registry import Registry
@@ -27,6 +29,8 @@ RECORDINGS: Mapping[str, str] = {".wav": "wav", ".flac": "wav", ".mcap": "sessio
 MIN_WINDOW: Seconds = 0.01  # holds a period of 100 Hz
 MIN_HOP: Seconds = 0.001  # 16 frames at the lowest rate of a source
 MAX_WINDOW: Seconds = 60.0
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+"""Name of a string: it stands in topics of ROS 2 and in names of files."""
 
 
 def recording_source(path: str | Path) -> str | None:
@@ -61,13 +65,63 @@ class WindowSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StringSettings:
+    """One of several strings that share a source: its channels there, counted from 1, and what it is.
+
+    Without `channels` it has the next two after those of the string before it. `sensor` and `string` are as
+    in `LiveRun`, those of the run where both are empty.
+    """
+
+    channels: tuple[int, ...] = ()
+    sensor: str = ""
+    string: str = ""
+
+
+ONE_STRING: Mapping[str, StringSettings] = MappingProxyType({})
+
+
+def channels_of(strings: Mapping[str, StringSettings]) -> dict[str, tuple[int, ...]]:
+    """Return the channels of each string, counted from 1.
+
+    Raises
+    ------
+    InputError
+        If a name is no name, a string has more than two channels, or two strings share one.
+
+    Examples
+    --------
+    >>> two = StringSettings()
+    >>> channels_of({"left": two, "right": two, "low": StringSettings(channels=(7,))})
+    {'left': (1, 2), 'right': (3, 4), 'low': (7,)}
+    """
+    channels: dict[str, tuple[int, ...]] = {}
+    used: dict[int, str] = {}
+    end = 0
+    for name, each in strings.items():
+        if not NAME.fullmatch(name):
+            raise InputError(f"string called '{name}'", "a letter, then letters, digits and underscores")
+        own = each.channels or (end + 1, end + 2)
+        if len(set(own)) != len(own) or len(own) > 2 or not 1 <= min(own) <= max(own) <= MAX_CHANNELS:
+            given = f"channels {', '.join(map(str, own))} of the string {name}"
+            raise InputError(given, f"one or two different ones from 1 to {MAX_CHANNELS}")
+        for channel in own:
+            if channel in used:
+                raise InputError(f"channel {channel} of the strings {used[channel]} and {name}", "one string")
+            used[channel] = name
+        channels[name], end = own, max(own)
+    return channels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LiveRun:
     """A live run, ready to start: built plug-ins, the window, and when to end.
 
     `string` names the preset of the string for a source that does not know its own, and is refused by one
     that does. `sensor` names a sensor, or the file of one as tuned: its string counts, whatever the source
-    knows of its own. `seconds` of the stream are processed. `filter` says how estimates are followed over
-    time, `health` when something is worth a note; those of single windows do not depend on either.
+    knows of its own. `strings` are several strings by their names, whose channels one source has; without
+    any its one or two channels are those of one. `seconds` of the stream are processed. `filter` says how
+    estimates are followed over time, `health` when something is worth a note; those of single windows do not
+    depend on either.
     """
 
     source: Source
@@ -78,6 +132,7 @@ class LiveRun:
     health: HealthSettings = field(default_factory=HealthSettings)
     string: str = ""
     sensor: str = ""
+    strings: Mapping[str, StringSettings] = field(default_factory=lambda: ONE_STRING)
     seconds: Seconds = math.inf
 
 
@@ -85,7 +140,9 @@ class LiveRun:
 class LiveSettings:
     """A live run as configured: each plug-in as a table with its name and its options.
 
-    `source` and `estimator` hold ``name`` and options; `sinks` holds options by sink name.
+    `source` and `estimator` hold ``name`` and options; `sinks` holds options by sink name, `strings` what is
+    known of each of several strings by its name. A source with an option for its channels has as many as
+    they need.
     """
 
     source: dict[str, Any] = field(default_factory=lambda: {"name": "jack"})
@@ -96,6 +153,7 @@ class LiveSettings:
     sinks: dict[str, dict[str, Any]] = field(default_factory=lambda: {"terminal": {}})
     string: str = ""
     sensor: str = ""
+    strings: dict[str, StringSettings] = field(default_factory=dict[str, StringSettings])
     seconds: Seconds = math.inf
 
     @classmethod
@@ -116,7 +174,7 @@ class LiveSettings:
         if any(sink.fills_standard_output for sink in sinks):
             sinks = [sink if sink.fills_standard_output else sink.off_standard_output() for sink in sinks]
         return LiveRun(
-            source=_build(SOURCES, self.source),
+            source=self._source(),
             estimator=estimator,
             sinks=tuple(sinks),
             window=self.window,
@@ -124,8 +182,17 @@ class LiveSettings:
             health=self.health,
             string=self.string,
             sensor=self.sensor,
+            strings=self.strings,
             seconds=self.seconds,
         )
+
+    def _source(self) -> Source:
+        """Return the source, with the channels that the strings need where it has an option for that."""
+        source = _build(SOURCES, self.source)
+        needed = max((max(each) for each in channels_of(self.strings).values()), default=0)
+        if needed > getattr(source, "channels", needed):
+            return _build(SOURCES, {**self.source, "channels": needed})
+        return source
 
     def resolved(self) -> Tree:
         """Return every option with its value, defaults too: what is saved beside a result."""
@@ -140,6 +207,7 @@ class LiveSettings:
             "sinks": {name.replace("-", "_"): to_tree(sink) for name, sink in sinks},
             "string": self.string,
             "sensor": self.sensor,
+            "strings": {name: to_tree(each) for name, each in self.strings.items()},
             "seconds": self.seconds,
         }
 

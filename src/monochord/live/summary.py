@@ -74,9 +74,9 @@ class Meter:
         self.skipped = 0
         self.interrupted = False
 
-    def skip(self) -> None:
-        """Count a window that was left out."""
-        self.skipped += 1
+    def skip(self, windows: int = 1) -> None:
+        """Count windows that were left out."""
+        self.skipped += windows
 
     def add(
         self,

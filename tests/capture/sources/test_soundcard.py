@@ -77,7 +77,7 @@ def test_without_the_library_there_is_one_line(monkeypatch: pytest.MonkeyPatch) 
     ("card", "line"),
     [
         (Soundcard(sample_rate=8000), "sound card at 8000 Hz: allowed is 16000 to 96000 Hz"),
-        (Soundcard(channels=3), "3 channels: allowed is 1 or 2"),
+        (Soundcard(channels=65), "65 channels: allowed is 1 or 2, or up to 64"),
         (Soundcard(block=0), "block of 0 frames"),
     ],
 )

@@ -17,8 +17,8 @@ READ_ANYWAY = "read what is there: locate --allow-truncated, live --set source.a
 ENDLESS = 2**63 - 1  # frames, as libsndfile puts it, of a flac stream that does not say how many
 
 
-def open_audio(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
-    """Return the open file, seen to be whole, of one or two channels and at a rate in the allowed range.
+def open_audio(path: Path, *, allow_truncated: bool, most: int = MAX_CHANNELS) -> soundfile.SoundFile:
+    """Return the open file, seen to be whole, of `most` channels at most and a rate in the allowed range.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def open_audio(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
         raise InputError(f"file {path} (empty)", "a wav or flac file with sound in it")
     file = _open(path)
     try:
-        _refuse(file, path)
+        _refuse(file, path, most)
         if not allow_truncated:
             _refuse_truncated(file, path)
     except BaseException:
@@ -57,11 +57,12 @@ def _open(path: Path) -> soundfile.SoundFile:
         raise InputError(f"file {path} ({error.strerror})", "a readable wav or flac file") from error
 
 
-def _refuse(file: soundfile.SoundFile, path: Path) -> None:
+def _refuse(file: soundfile.SoundFile, path: Path, most: int) -> None:
     if file.format not in FORMATS:
         raise InputError(f"file {path} of format {file.format}", "wav or flac", "convert it")
-    if file.channels > MAX_CHANNELS:
-        raise InputError(f"file {path} with {file.channels} channels", "1 or 2", "keep the pickups' channels")
+    if file.channels > most:
+        allowed = "1 or 2" if most == MAX_CHANNELS else f"{most} at most"
+        raise InputError(f"file {path} with {file.channels} channels", allowed, "keep the pickups' channels")
     refuse_other_rates(file.samplerate, f"file {path}", "resample it first")
     if not file.frames:
         raise InputError(f"file {path} (0 frames)", "1 frame or more")

@@ -9,6 +9,8 @@ from monochord.core.errors import InputError
 from monochord.core.types import Block, Contact, Signal, StreamHealth, Truth
 from monochord.core.units import Metres, Newtons, Samples
 
+MAX_CHANNELS = 64
+"""Most channels of a source: two microphones for each of 32 strings."""
 MIN_RATE, MAX_RATE = 16_000, 96_000
 """Sample rates in Hz: a string's partials need 16 kHz, and 96 kHz is ample."""
 
@@ -114,6 +116,12 @@ class Source(ABC):
     @abstractmethod
     def open(self) -> AbstractContextManager[Stream]:
         """Open the source; leaving the context releases the device or file."""
+
+
+def refuse_other_channels(channels: int) -> None:
+    """Raise `InputError` for no channel, or more than `MAX_CHANNELS`."""
+    if not 1 <= channels <= MAX_CHANNELS:
+        raise InputError(f"{channels} channels", f"1 or 2, or up to {MAX_CHANNELS} of several strings")
 
 
 def refuse_other_rates(sample_rate: float, what: str, remedy: str) -> None:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from monochord.capture.sources.base import Source
+from monochord.capture.sources.base import Source, refuse_other_channels
 from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 
@@ -32,7 +32,7 @@ class Jack(Source):
     server
         Name of the server; empty for ``$JACK_DEFAULT_SERVER`` or else ``default``.
     channels
-        Inputs to capture.
+        Inputs to capture: 1 or 2, or up to 64 of several strings.
     ring_seconds
         How long the reader may be busy before frames are lost, in seconds.
     reconnect
@@ -52,8 +52,7 @@ class Jack(Source):
     @contextmanager
     def open(self) -> Generator["JackStream"]:
         """Connect to the server; raises `DeviceError` if there is none, or not such ports."""
-        if self.channels not in (1, 2):
-            raise InputError(f"{self.channels} channels", "1 or 2")
+        refuse_other_channels(self.channels)
         if not 0.01 <= self.ring_seconds <= 60.0:
             raise InputError(f"ring of {self.ring_seconds} s", "0.01 to 60 s")
         if not self.client_name:

@@ -5,7 +5,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from monochord.capture.sources.base import Source, refuse_other_rates
+from monochord.capture.sources.base import Source, refuse_other_channels, refuse_other_rates
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.units import Samples
 
@@ -30,7 +30,7 @@ class Soundcard(Source):
     sample_rate
         Frames a second.
     channels
-        Inputs to capture, 1 or 2.
+        Inputs to capture: 1 or 2, or up to 64 of several strings.
     block
         Frames a block.
     """
@@ -44,8 +44,7 @@ class Soundcard(Source):
     def open(self) -> Generator["SoundcardStream"]:
         """Open the device and start it; raises `DeviceError` if there is no PortAudio or no such input."""
         refuse_other_rates(self.sample_rate, "sound card", "set sample_rate=44100")
-        if self.channels not in (1, 2):
-            raise InputError(f"{self.channels} channels", "1 or 2")
+        refuse_other_channels(self.channels)
         if self.block < 1:
             raise InputError(f"block of {self.block} frames", "1 frame or more")
         # Imported here: both fail, or take long, where this source is not used.

@@ -13,7 +13,7 @@ import soundfile
 
 from monochord.capture.sources._audio_file import open_audio
 from monochord.capture.sources._paced_stream import PacedStream
-from monochord.capture.sources.base import Source
+from monochord.capture.sources.base import Source, refuse_other_channels
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples
@@ -21,7 +21,7 @@ from monochord.core.units import Samples
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wav(Source):
-    """A wav or flac file of one or two channels at 16 to 96 kHz.
+    """A wav or flac file of one or two channels, or of those of several strings, at 16 to 96 kHz.
 
     Parameters
     ----------
@@ -36,6 +36,8 @@ class Wav(Source):
         How many times to play the file, the sample index growing on; 0 without end.
     allow_truncated
         Whether to read what is there of a file that was cut short, to the last whole block.
+    channels
+        Most channels that the file may have.
     """
 
     path: Path
@@ -43,6 +45,7 @@ class Wav(Source):
     speed: float = 0.0
     repeat: int = 1
     allow_truncated: bool = False
+    channels: int = 2
 
     @contextmanager
     def open(self) -> Generator["_FileStream"]:
@@ -53,7 +56,8 @@ class Wav(Source):
             raise InputError(f"speed {self.speed}", "0 (as fast as possible) or more")
         if self.repeat < 0:
             raise InputError(f"repeat {self.repeat}", "0 (without end) or more")
-        file = open_audio(Path(self.path), allow_truncated=self.allow_truncated)
+        refuse_other_channels(self.channels)
+        file = open_audio(Path(self.path), allow_truncated=self.allow_truncated, most=self.channels)
         stream = _FileStream(file, self)
         try:
             yield stream

@@ -14,9 +14,11 @@ NANO = 1_000_000_000
 def record(moment: Moment, *, everything: bool) -> dict[str, Any]:
     """Return position and frequency; with `everything` also the others, truth, latency and counters.
 
-    What is no finite number is None, as JSON has neither NaN nor infinity.
+    The name of one of several strings comes first. What is no finite number is None, as JSON has neither NaN
+    nor infinity.
     """
-    values = _position(moment.prediction)
+    values = {"string": moment.string} if moment.string else {}
+    values |= _position(moment.prediction)
     if everything:
         values |= _others(moment.prediction) | _context(moment)
     return {name: _finite(value) for name, value in values.items()}

@@ -82,8 +82,9 @@ def plain(moment: Moment, latency: Percentiles) -> str:
     rms = " / ".join(f"{levels(channel)[0]:.0f}" for channel in moment.window.samples)
     p99 = f"{1e3 * latency.p99:.2f}"
     true = f"; {_truth_in_words(moment.truth)}" if moment.truth else ""
+    name = f"{moment.string}  " if moment.string else ""
     return (
-        f"{moment.prediction.time:8.2f} s  {estimates}{true}; level {rms} dB, "
+        f"{name}{moment.prediction.time:8.2f} s  {estimates}{true}; level {rms} dB, "
         f"latency p99 {p99} ms, gaps {health.gaps}, dropped {health.dropped}, xruns {health.xruns}, "
         f"skipped {moment.skipped}"
     )

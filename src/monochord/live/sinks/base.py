@@ -35,7 +35,8 @@ class Moment:
 
     `truth` is empty for real hardware; `skipped` counts windows left out so far because the reader was late.
     `adc_time` is the monotonic-clock time of the window's first frame at the converter, where the source
-    knows it, and `at_hand` that at which the last one was at hand. Sinks in several threads share a moment.
+    knows it, and `at_hand` that at which the last one was at hand. `string` is the name of the string, of a
+    run that has several; empty for one alone. Sinks in several threads share a moment.
     """
 
     prediction: Prediction
@@ -49,6 +50,7 @@ class Moment:
     notes: tuple[Note, ...] = ()
     adc_time: Seconds | None = None
     at_hand: Seconds | None = None
+    string: str = ""
 
 
 class NotDeliveredError(Exception):
@@ -95,6 +97,10 @@ class Sink(ABC):
 
     def for_length(self, length: Metres) -> "Sink":  # noqa: ARG002
         """Return this sink for a string whose length the estimator was given."""
+        return self
+
+    def for_string(self, name: str) -> "Sink":  # noqa: ARG002
+        """Return this sink for one of several strings; one that returns itself takes those of all."""
         return self
 
     def for_controls(self, controls: Controls) -> "Sink":  # noqa: ARG002

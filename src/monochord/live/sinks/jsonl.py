@@ -21,7 +21,7 @@ class Jsonl(Sink):
 
     Every object has ``time`` (start of the window, in seconds since the stream began), ``frequency``,
     ``position``, ``position_std``, ``valid`` and ``why_not``, the last two of the position. A number that
-    is not known is null.
+    is not known is null. Of several strings, the name of the window's comes first, as ``string``.
 
     Parameters
     ----------

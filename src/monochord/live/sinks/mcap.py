@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
@@ -48,7 +48,8 @@ class Mcap(Sink):
     Parameters
     ----------
     path
-        A new file, ``NAME.mcap``; empty for ``live_DATE_TIME.mcap`` in this folder.
+        A new file, ``NAME.mcap``; empty for ``live_DATE_TIME.mcap`` in this folder. Of several strings, each
+        has a file, ``NAME_STRING.mcap``.
 
     Examples
     --------
@@ -60,6 +61,11 @@ class Mcap(Sink):
     """
 
     path: str = ""
+
+    def for_string(self, name: str) -> "Mcap":
+        """Record the string into a file of its own."""
+        path = Path(self.path) if self.path else _free_name()
+        return replace(self, path=str(path.with_stem(f"{path.stem}_{name}")))
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:
@@ -211,7 +217,7 @@ class _Session(Writer):
 def _values(moment: Moment) -> dict[str, float]:
     """Return all numbers of a moment by name, NaN where one is not known."""
     both: dict[str, Any] = record(moment, everything=True) | followed(moment)
-    skipped = ("time", "valid", "why_not", "dropped", "gaps", "xruns", "skipped", "events", "notes")
+    skipped = ("string", "time", "valid", "why_not", "dropped", "gaps", "xruns", "skipped", "events", "notes")
     return {
         name: math.nan if value is None else float(value)
         for name, value in both.items()

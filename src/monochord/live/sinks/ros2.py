@@ -3,7 +3,7 @@
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from monochord.core.types import Estimate, Signal
@@ -48,9 +48,10 @@ class Ros2(Sink):
     Parameters
     ----------
     namespace
-        What stands before the topics' names; of each of several sensors its own.
+        What stands before the topics' names; of several strings, each one's name follows.
     frame
-        Frame of points and wrenches: x along the string from pickup 1, z off the string, as it is pressed.
+        Frame of points and wrenches: x along the string from pickup 1, z off the string, as it is pressed. Of
+        several strings, each one's name stands before it, as in ``left_string``.
     domain
         DDS domain; None for ``$ROS_DOMAIN_ID``, or else 0.
     interface
@@ -76,6 +77,10 @@ class Ros2(Sink):
     def backlog(self) -> int:
         """0.1 s of windows: who controls a robot wants the newest, and not all."""
         return NEWEST
+
+    def for_string(self, name: str) -> "Ros2":
+        """Publish below the string's name."""
+        return replace(self, namespace=f"{self.namespace.rstrip('/')}/{name}", frame=f"{name}_{self.frame}")
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002

@@ -24,6 +24,8 @@ DEFAULT_LENGTH: Metres = 0.65  # to draw a string of unknown length
 class Terminal(Sink):
     """Draw the string with the touch on it, the estimates, levels, latency and the stream's health.
 
+    Several strings have a line each.
+
     Parameters
     ----------
     length
@@ -85,10 +87,12 @@ class _Picture(Writer):
         self._signal, self._length, self._ends, self._interval = signal, length, ends, interval
         self._latency = Histogram()
         self._next: Seconds = 0.0
+        self._newest: dict[str, Moment] = {}
         self._waiting: Moment | None = None
 
     def write(self, moment: Moment) -> None:
         self._latency.add(moment.prediction.latency)
+        self._newest[moment.string] = moment
         begin = time.monotonic()
         if begin < self._next:
             self._waiting = moment
@@ -107,32 +111,37 @@ class _Picture(Writer):
         size = self._console.size
         latency = self._latency.percentiles()
         columns = min(size.width, 110)
+        if moment.string:
+            self._screen.show([Text(printable(_view.plain(m, latency))) for m in self._newest.values()])
+            return
         self._screen.show(
             _view.frame(moment, self._signal, self._length, latency, columns, size.height, self._ends)
         )
 
 
 class _Lines(Writer):
-    """Prints one line a second, and the last one."""
+    """Prints one line a second of each string, and the last one."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
         self._latency = Histogram()
-        self._next: Seconds = 0.0
-        self._waiting: Moment | None = None
+        self._next: dict[str, Seconds] = {}
+        self._waiting: dict[str, Moment] = {}
 
     def write(self, moment: Moment) -> None:
         self._latency.add(moment.prediction.latency)
-        now = time.monotonic()
-        self._waiting = moment
-        if now >= self._next:
-            self._next = now + 1.0
-            self.close()
+        now, name = time.monotonic(), moment.string
+        self._waiting[name] = moment
+        if now >= self._next.get(name, 0.0):
+            self._next[name] = now + 1.0
+            self._print(self._waiting.pop(name))
 
     def close(self) -> None:
-        """Print the newest moment, unless it was printed."""
-        if self._waiting is not None:
-            line = _view.plain(self._waiting, self._latency.percentiles())
-            self._console.print(Text(printable(line)), soft_wrap=True)
-            self._console.file.flush()
-        self._waiting = None
+        """Print the newest moment of each string, unless it was printed."""
+        for moment in self._waiting.values():
+            self._print(moment)
+
+    def _print(self, moment: Moment) -> None:
+        line = _view.plain(moment, self._latency.percentiles())
+        self._console.print(Text(printable(line)), soft_wrap=True)
+        self._console.file.flush()

@@ -14,7 +14,7 @@ from monochord.capture.sources.base import Controls
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.core.units import Metres
-from monochord.live.sinks.base import Sink, Writer
+from monochord.live.sinks.base import Moment, Sink, Writer
 from monochord.live.sinks.terminal import DEFAULT_LENGTH
 from monochord.live.web.access import is_loopback
 
@@ -47,6 +47,8 @@ class Web(Sink):
         Whether to open the page in a browser, where there is a display.
     stderr
         Whether to print the address on standard error, which leaves standard output to data.
+    string
+        Of several strings, the one that the page shows; empty for the first.
     """
 
     at: str = "127.0.0.1:0"
@@ -54,6 +56,7 @@ class Web(Sink):
     length: Metres = 0.0
     browser: bool = False
     stderr: bool = False
+    string: str = ""
 
     def off_standard_output(self) -> "Web":
         """Print the address on standard error."""
@@ -117,7 +120,19 @@ class _Page(Sink):
             return
         length = self._options.length or (signal.string.length if signal.string else DEFAULT_LENGTH)
         with self._running.show(signal, length, self._controls) as writer:
-            yield writer
+            yield _OneString(writer, self._options.string)
+
+
+class _OneString(Writer):
+    """Shows the moments of one string: of that one by its name, or of the first."""
+
+    def __init__(self, writer: Writer, name: str) -> None:
+        self._writer, self._name = writer, name
+
+    def write(self, moment: Moment) -> None:
+        self._name = self._name or moment.string
+        if moment.string == self._name:
+            self._writer.write(moment)
 
 
 def _has_display() -> bool:

@@ -1,6 +1,7 @@
 """The contract of an estimator: frozen options, prepared for a signal, then called window by window."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from monochord.core.types import Estimates, Prepared, Signal, Window
@@ -46,6 +47,14 @@ class Estimator(ABC):
         window that does not begin after the one before begins a new stream, without any state. Options
         that the signal cannot serve raise `InputError` here.
         """
+
+    def estimate_all(self, prepared: Sequence[Prepared], windows: Sequence[Window]) -> list[Estimates]:
+        """Return the estimates of windows of several strings, each as its own function gives them alone.
+
+        `prepared` are functions that `prepare` returned. One that is cheaper to compute for several strings
+        at once overrides it; the estimates are the same to the bit.
+        """
+        return [estimate(window) for estimate, window in zip(prepared, windows, strict=True)]
 
     @property
     def string_length(self) -> Metres | None:
