@@ -96,6 +96,7 @@ def assert_live_gives_the_same(folder: Path, learnable: Path, file: Path) -> Non
         np.testing.assert_array_equal(part.std[estimate], [each.std for each in live_estimates])
 
 
+@pytest.mark.slow
 def test_a_run_is_evaluated_on_sessions_that_it_was_not_trained_on(
     lesson_run: Path, learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,6 +11,7 @@ from monochord.evaluation.results import read_results
 CONDITION = "tuning +4 %"
 
 
+@pytest.mark.slow
 def test_a_model_follows_another_pitch_as_if_it_were_tuned(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -178,7 +178,9 @@ def test_a_reader_that_goes_away_is_no_traceback() -> None:
     assert run.returncode == 1
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["list"], ["list", "--json"]])
+@pytest.mark.parametrize(
+    "arguments", [["--help"], pytest.param(["list"], marks=pytest.mark.slow), ["list", "--json"]]
+)
 def test_output_that_cannot_be_written_is_one_line_and_status_2(arguments: list[str]) -> None:
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(

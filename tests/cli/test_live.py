@@ -116,6 +116,7 @@ def test_the_window_and_the_hop(take: Take, capsys: pytest.CaptureFixture[str]) 
     assert [line["time"] for line in located] == pytest.approx([0.05 * k for k in range(9)])
 
 
+@pytest.mark.slow
 def test_calibration_takes_out_what_pressing_sharpens(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
     sharpened, other, note = take(0.2, sharp=1.01), take(0.3, sharp=1.01), take(0.0)
     known = ["--calibrate", f"{other}:0.3", "--calibrate", f"{note}:0"]

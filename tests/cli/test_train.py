@@ -49,6 +49,7 @@ def test_it_prints_scores_and_goes_on_where_it_was(
     assert "the mean label" in lines[4]
 
 
+@pytest.mark.slow
 def test_it_draws_how_it_learned_and_equal_runs_have_equal_pictures(
     config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -97,6 +97,7 @@ def test_check_of_a_damaged_file_is_one_line(
     assert "a whole safetensors file" in one_line(capsys)
 
 
+@pytest.mark.slow
 def test_export_writes_an_onnx_file_and_says_of_which_weights(
     published: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -161,6 +161,7 @@ def test_a_damaged_session_is_refused_unless_forced(tmp_path: Path) -> None:
         build_dataset([path], tmp_path / "refused")
 
 
+@pytest.mark.slow
 def test_several_processes_give_the_same_bytes(write: Write, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     files = [write(f"s{n}", rng.normal(size=(2, 2 * RATE)).astype(np.float32)) for n in range(4)]

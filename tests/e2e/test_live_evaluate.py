@@ -40,6 +40,7 @@ def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 
 @pytest.mark.parametrize("options", [["demo"], ["--estimator", "closed_form"]])
+@pytest.mark.slow
 def test_every_estimate_is_the_same(
     options: list[str], session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -79,6 +79,7 @@ def test_it_ends_before_the_disk_is_full(
     assert disk.f_bavail * disk.f_frsize > DISK_SIZE // 4
 
 
+@pytest.mark.slow
 def test_a_warning_comes_before_that(
     start_recorder: Callable[..., Any], fast: list[str], small_disk: Path
 ) -> None:
@@ -101,6 +102,7 @@ def test_a_disk_with_too_little_space_is_refused(
 
 
 @pytest.mark.parametrize("limit", [5_300_000, pytest.param(6_000_000, marks=pytest.mark.slow), 6_123_457])
+@pytest.mark.slow
 def test_a_limit_on_the_size_of_files_ends_it_cleanly(
     start_recorder: Callable[..., Any], fast: list[str], limit: int
 ) -> None:

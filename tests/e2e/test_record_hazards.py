@@ -59,6 +59,7 @@ def sessions(*words: object) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
+@pytest.mark.slow
 def test_a_repair_leaves_a_file_alone_that_is_being_recorded(
     start_recorder: Callable[..., Any], sound: Path
 ) -> None:
@@ -95,6 +96,7 @@ def test_a_second_recorder_on_the_same_file_is_refused(
     whole(recorder, sound)
 
 
+@pytest.mark.slow
 def test_of_two_recorders_that_begin_at_once_one_is_refused(
     start_recorder: Callable[..., Any], sound: Path, tmp_path: Path
 ) -> None:
@@ -133,6 +135,7 @@ def test_a_terminal_that_is_closed_ends_it_with_everything_saved(sound: Path) ->
     assert report.seconds > 0.5
 
 
+@pytest.mark.slow
 def test_a_hangup_that_is_ignored_ends_nothing(start_recorder: Callable[..., Any], sound: Path) -> None:
     recorder = start_recorder(
         *paced(sound, 4), preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)

@@ -58,6 +58,7 @@ def physics(several: Dataset, **variations: Variation) -> Grid:
     )
 
 
+@pytest.mark.slow
 def test_a_failure_is_reported_and_the_others_go_on(several: Dataset, tmp_path: Path) -> None:
     steps: list[tuple[str, str]] = []
     absent = Variation(estimator="closed_form", sessions=(str(tmp_path / "absent"),))
@@ -92,6 +93,7 @@ def test_other_windows_are_built_once(several: Dataset, tmp_path: Path) -> None:
     assert (row["part"], row["condition"], row["simulated"]) == ("validation", "clean", True)
 
 
+@pytest.mark.slow
 def test_nothing_is_computed_twice(several: Dataset, tmp_path: Path) -> None:
     grid, steps = physics(several, physics=PHYSICS), list[tuple[str, str]]()
     first = ablate(grid, tmp_path)

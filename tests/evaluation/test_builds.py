@@ -72,6 +72,7 @@ def row_of(rows: Sequence[SummaryRow], model: str, touches: int) -> SummaryRow:
 
 
 @pytest.mark.usefixtures("made_up_features")
+@pytest.mark.slow
 def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path) -> None:
     files = [recorded(tmp_path / "unseen", build) for build in (1, 2)]
     settings = settings_of(correctable, files)

@@ -126,6 +126,7 @@ def test_closing_early_ends_every_worker_and_listens_on_loopback_alone(job: GetJ
     assert not [child for child in me.children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
 
 
+@pytest.mark.slow
 def test_two_local_clusters_at_once_do_not_collide(job: GetJob) -> None:
     first = run_all(range(20), job("surroundings"), workers=2)
     next(first)

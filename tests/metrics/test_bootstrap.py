@@ -9,6 +9,7 @@ from monochord.metrics.bootstrap import Rows
 
 
 @pytest.mark.parametrize(("sessions", "least"), [(4, 0.75), (8, 0.83), (30, 0.83)])
+@pytest.mark.slow
 def test_the_interval_covers_the_truth_as_often_as_it_says(sessions: int, least: float) -> None:
     covered, cases = 0, 150
     for seed in range(cases):

@@ -40,7 +40,7 @@ from monochord.sessions import read_session
 TOUCHES = (0, 1, 5, 10, 25, 50, 100)
 """Numbers of known touches."""
 MIN_LEFT = 3
-"""Fewest touches that are left to score by."""
+"""Fewest touches that are left to score by, where some are known."""
 SCRATCH = "from scratch"
 """Name of the ridge regression that has seen nothing but the known touches."""
 UNSEEN = "unseen builds"
@@ -98,8 +98,8 @@ def evaluate_builds(
 ) -> list[SummaryRow]:
     """Return a row of figures for each world, estimator, number of known touches, and object.
 
-    A group with fewer than `MIN_LEFT` touches beside the known ones is left out of that number's rows; each
-    row says how many builds it is of.
+    A group with fewer than `MIN_LEFT` touches beside known ones is left out of that number's rows; each row
+    says how many builds it is of.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Outco
         refuse_trained_on(whole, definition, None)
         touch, counted = touches_of(dataset), _labelled(dataset)
         numbers = np.unique(touch[counted])
-        counts = [count for count in touches if len(numbers) >= count + MIN_LEFT]
+        counts = [count for count in touches if not count or len(numbers) >= count + MIN_LEFT]
         known = {count: touch < numbers[count] if count else np.zeros(len(dataset), bool) for count in counts}
         others = [replace(whole, rows=np.flatnonzero(~known[count])) for count in counts]
         outputs = outputs_of(rivals.model, dataset, stream_of(dataset, whole.rows)) if any(counts) else {}

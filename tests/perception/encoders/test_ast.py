@@ -280,6 +280,7 @@ def test_engines_agree_with_pytorch_each_time_and_for_one_microphone(
     assert error(embed(spectrogram(100)[:1]), expected[:1]) < MAX_ERROR[backend]
 
 
+@pytest.mark.slow
 def test_the_file_is_exported_once_and_again_if_damaged(
     weights: Weights, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -77,6 +77,7 @@ def test_equal_settings_give_equal_bytes(lesson: dict[str, Any], tmp_path: Path)
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
 
 
+@pytest.mark.slow
 def test_shuffled_labels_teach_nothing(
     lesson: dict[str, Any], tmp_path: Path, reseal: Callable[[Path], None]
 ) -> None:

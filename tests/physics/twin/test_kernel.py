@@ -150,6 +150,7 @@ np.save(sys.argv[2], np.concatenate([take.microphones, take.labels.force, take.l
 
 
 @pytest.mark.parametrize("name", ["slides across", "two", "yields, pulls and hums"])
+@pytest.mark.slow
 def test_the_kernel_runs_without_a_compiler_too(name: str, tmp_path: Path) -> None:
     path = tmp_path / "take.npy"
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(["src", "."])}

@@ -53,7 +53,13 @@ def pulled(material: Material, force: float, speed: float, seconds: float, every
     return Pulled(**dict(zip(("friction", "load", "place"), np.array(rows).T, strict=True)))
 
 
-@pytest.mark.parametrize("name", material_names())
+@pytest.mark.parametrize(
+    "name",
+    [
+        n if n in {"plastic", "metal_tube"} else pytest.param(n, marks=pytest.mark.slow)
+        for n in material_names()
+    ],
+)
 def test_sliding_pulls_by_the_coefficient_of_friction(name: str) -> None:
     material = load_material(name)
     for speed in (0.03, -0.1):
