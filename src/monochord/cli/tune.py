@@ -84,7 +84,7 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
         measured = sensor_tuning(str(path))
         echo(json.dumps({"path": str(path), **_facts(result), "tuning": dataclasses.asdict(measured)}))  # pyright: ignore[reportArgumentType]
         return
-    echo(*_lines(result), f"written to {path}; use it by --sensor {path}")
+    echo(*result.lines(), f"written to {path}; use it by --sensor {path}")
 
 
 def _settings(opened: str | None, options: dict[str, Any]) -> LiveSettings:
@@ -104,27 +104,6 @@ def _facts(result: SensorAsTuned) -> dict[str, Any]:
         "refused_windows": result.refused,
         "notes": list(result.notes),
     }
-
-
-def _lines(result: SensorAsTuned) -> list[str]:
-    """Return the result in a person's units."""
-    tuning, measured = result.tuning, result.measured()
-    partials = ", ".join(map(str, tuning.partials))
-    off = f"{100.0 * result.deviation:+.2f} %, {result.cents:+.0f} cents"
-    lines = [
-        f"{result.design}: open string at {tuning.frequency:.2f} Hz +- {tuning.frequency_std:.2f}",
-        f"  off nominal    {off} from {result.nominal:.1f} Hz",
-        f"  tension        {measured.tension:.2f} N +- {measured.tension_std:.2f}",
-        f"  inharmonicity  {tuning.inharmonicity:.2e} +- {tuning.inharmonicity_std:.1e}",
-    ]
-    if measured.decay is not None:
-        lines.append(
-            f"  losses         free partials die away at {tuning.decay:.1f} 1/s +- {tuning.decay_std:.1f}"
-        )
-    lines.append(f"  heard          partials {partials} in {result.seconds:.1f} s of untouched sound")
-    if result.refused:
-        lines.append(f"  left out       {result.refused} windows: touched, silent or torn")
-    return lines + [f"  note           {note}" for note in result.notes]
 
 
 def _write(path: Path, text: str) -> None:

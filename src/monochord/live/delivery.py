@@ -144,7 +144,6 @@ class Delivery:
             self._outlets.append(kind(sink, self._signal, strings=max(len(self._strings), 1)))
 
     def _close(self) -> None:
-        sys.setswitchinterval(self._usual_interval)
         deadline = time.monotonic() + CLOSING
         if self._dispatcher is not None:
             self._dispatcher.close()
@@ -152,6 +151,7 @@ class Delivery:
             outlet.end()
         for outlet in self._outlets:
             outlet.close(deadline)
+        sys.setswitchinterval(self._usual_interval)  # last: a sink may have had a delivery of its own
 
     def _raise_where_none_is_left(self) -> None:
         own = [outlet for outlet in self._outlets if not isinstance(outlet, _Called)]

@@ -76,6 +76,26 @@ class SensorAsTuned:
             notes.append(f"stiffness {tuning.inharmonicity / expected:.2f} times the design's: another wire?")
         return tuple(notes)
 
+    def lines(self) -> list[str]:
+        """Return the result in a person's units."""
+        tuning, measured = self.tuning, self.measured()
+        partials = ", ".join(map(str, tuning.partials))
+        off = f"{100.0 * self.deviation:+.2f} %, {self.cents:+.0f} cents"
+        lines = [
+            f"{self.design}: open string at {tuning.frequency:.2f} Hz +- {tuning.frequency_std:.2f}",
+            f"  off nominal    {off} from {self.nominal:.1f} Hz",
+            f"  tension        {measured.tension:.2f} N +- {measured.tension_std:.2f}",
+            f"  inharmonicity  {tuning.inharmonicity:.2e} +- {tuning.inharmonicity_std:.1e}",
+        ]
+        if measured.decay is not None:
+            lines.append(
+                f"  losses         free partials die away at {tuning.decay:.1f} 1/s +- {tuning.decay_std:.1f}"
+            )
+        lines.append(f"  heard          partials {partials} in {self.seconds:.1f} s of untouched sound")
+        if self.refused:
+            lines.append(f"  left out       {self.refused} windows: touched, silent or torn")
+        return lines + [f"  note           {note}" for note in self.notes]
+
     def toml(self) -> str:
         """Return the text of the file that is this sensor, which `load_sensor` reads."""
         return sensor_toml(self.design, self.measured())

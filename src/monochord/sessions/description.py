@@ -23,6 +23,8 @@ LATEST_STAMP = 2**31 * NANO
 """Where the seconds of a ROS 2 stamp end, in ns since 1970."""
 TUNING = "tuning"
 """Name under `more` of what a sensor's tuning was measured to be, where it was recorded as tuned."""
+ESTIMATES = "estimates"
+"""Name of the stream of readings that a live run records beside its sound."""
 RESERVED_STREAMS = ("audio", "events", "clocks", "description")
 """Names that streams of readings cannot have."""
 

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -24,6 +25,7 @@ from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Moment, Writer
 from monochord.live.web import messages
 from monochord.live.web.server import MAX_CLIENTS, MAX_MESSAGE, PAGE, RATE, Server
+from monochord.sessions import read_session
 
 LENGTH, TOKEN = 0.2, "right"
 SIGNAL = Signal(
@@ -109,10 +111,12 @@ class Run:
 
 
 @contextmanager
-def running(controls: Controls | None = None, token: str = "") -> Generator[tuple[Server, Run]]:
+def running(
+    controls: Controls | None = None, token: str = "", folder: Path = Path(), model: str = ""
+) -> Generator[tuple[Server, Run]]:
     with (
         Server(port=free(), token=token) as server,
-        server.show(SIGNAL, LENGTH, controls) as writer,
+        server.show(SIGNAL, LENGTH, controls, folder=folder, model=model) as writer,
         Run(writer) as run,
     ):
         yield server, run
@@ -272,7 +276,10 @@ def test_what_a_page_asks_is_done_and_what_is_nonsense_is_counted() -> None:
         "", "{", "null", "[]", "7", '{"do":"touch"}', '{"do":"dance"}', "[" * 900, b"\xff\xfe", '"\\ud800"',
         '{"do":"touch","position":"0.1","force":1}', '{"do":"touch","position":1e999,"force":1}',
         '{"do":"change","name":"colour","value":"red"}', '{"do":"touch","position":0.1,"force":1,"more":1}',
-        '{"do":"touch","position":NaN,"force":1}', '{"do":7}',
+        '{"do":"touch","position":NaN,"force":1}', '{"do":7}', '{"do":"record","on":false}',
+        '{"do":"record","on":true,"path":"/tmp/mine.mcap"}', '{"do":"record","on":"../mine.mcap"}',
+        '{"do":"calibrate","touches":6}', '{"do":"calibrate","touches":1e9}', '{"do":"tune","out":"/etc/x"}',
+        '{"do":"hold","position":0.1,"force":1}',
     ]  # fmt: skip
     with running(keep) as (server, _), live(server) as client:
         for each in nonsense:
@@ -288,6 +295,53 @@ def test_what_a_page_asks_is_done_and_what_is_nonsense_is_counted() -> None:
             messages_of(client, "never")
         with live(server) as another:
             messages_of(another, "moment")
+
+
+def told(client: ClientConnection, condition: Any) -> dict[str, Any]:
+    """What the page is told of its tasks once something is so."""
+    deadline = time.monotonic() + 30
+    while not condition(tasks := messages_of(client, "moment")[0]["tasks"]):
+        assert time.monotonic() < deadline, tasks
+    return tasks
+
+
+def test_a_session_is_recorded_from_the_page(tmp_path: Path) -> None:
+    with running(folder=tmp_path) as (server, _), live(server) as client:
+        client.send('{"do":"record","on":true}')
+        path = told(client, lambda tasks: tasks.get("recording", {}).get("seconds", 0.0) > 0.5)
+        assert Path(path["recording"]["path"]).parent == tmp_path
+        with live(server) as another:  # whoever looks sees it, and may end it
+            another.send('{"do":"record","on":false}')
+            saved = told(another, lambda tasks: tasks["saved"])["saved"]
+        client.send('{"do":"record","on":true}')
+        told(client, lambda tasks: "recording" in tasks)
+    first, second = sorted(tmp_path.iterdir())  # the end of the run completes what is being recorded
+    assert saved.endswith(str(first))
+    session = read_session(first)
+    assert session.complete
+    assert read_session(second).complete
+    assert session.description.string == SIGNAL.string
+    assert session.audio.samples.shape[1] > 0.5 * 44100
+    assert session.audio.gaps == ()  # it begins with its first window, not with the run
+    assert "estimates" in session.streams
+
+
+def test_a_recording_that_cannot_be_made_is_said_and_the_page_goes_on(tmp_path: Path) -> None:
+    with running(folder=tmp_path / "gone") as (server, _), live(server) as client:
+        client.send('{"do":"record","on":true}')
+        assert "gone" in told(client, lambda tasks: tasks["saved"])["saved"]
+        messages_of(client, "moment", 3)
+
+
+def test_a_tuning_that_hears_no_string_says_so(tmp_path: Path) -> None:
+    with running(folder=tmp_path) as (server, _), live(server) as client:
+        client.send('{"do":"tune"}')
+        assert told(client, lambda tasks: "guided" in tasks)["guided"]["name"] == "tuning"
+        lines = told(client, lambda tasks: tasks["lines"])["lines"]
+        assert "no preset" in lines[0]
+        client.send('{"do":"cancel"}')
+        told(client, lambda tasks: not tasks["lines"])
+    assert not [*tmp_path.iterdir()]
 
 
 def test_without_controls_a_touch_is_ignored() -> None:

@@ -15,7 +15,7 @@ from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.core.units import Metres, Seconds
-from monochord.sessions import Description, SessionClock, SessionWriter, read_session
+from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter, read_session
 from monochord.sessions.bounds import json_object
 
 AUDIO_FILES, SESSIONS = "wav", "session"  # the sources that read them
@@ -43,7 +43,8 @@ def from_files(
     The audio is WAV or FLAC, 1 or 2 channels at 16 to 96 kHz. Samples of up to 24 bits, and 32-bit floats,
     are stored exactly; wider ones are rounded to 32-bit floats. The session's begin is the file's date minus
     its duration; there are no device times, so frame n is at n / rate. A session that was recorded with
-    microphones alone can take the place of the file: its sensor, string and gaps are kept.
+    microphones alone can take the place of the file: its sensor, string and gaps are kept. Estimates that a
+    live run recorded beside them are left out.
 
     Parameters
     ----------
@@ -108,7 +109,8 @@ def from_files(
 def _known(path: Path) -> tuple[dict[str, Any], int]:
     """Return how a recorded session is described, and its begin in ns; refuses one with other streams."""
     session = read_session(path)
-    streams = [*session.streams, *(["labels"] if session.labels.time.size else [])]
+    streams = [name for name in session.streams if name != ESTIMATES]
+    streams += ["labels"] if session.labels.time.size else []
     if streams:
         given = f"session {path} with {' and '.join(streams)}"
         raise InputError(given, "one of microphones alone", "build takes its labels from these")

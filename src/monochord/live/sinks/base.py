@@ -103,6 +103,10 @@ class Sink(ABC):
         """Return this sink for one of several strings; one that returns itself takes those of all."""
         return self
 
+    def for_model(self, model: str) -> "Sink":  # noqa: ARG002
+        """Return this sink for a run in which a trained model, of this folder or name, answers."""
+        return self
+
     def for_controls(self, controls: Controls) -> "Sink":  # noqa: ARG002
         """Return this sink for a source whose string can be touched through it."""
         return self

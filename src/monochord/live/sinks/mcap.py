@@ -16,10 +16,8 @@ from monochord.core.types import Audio, Block, Feed, Flags, Readings, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.live.sinks._record import followed, record
 from monochord.live.sinks.base import Moment, Sink, Writer
-from monochord.sessions import Description, SessionClock, SessionWriter
+from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter
 
-STREAM = "estimates"
-"""Name of the stream of readings that has the estimates."""
 WRITE_INTERVAL: Seconds = 0.25
 """Time between writes: what a kill may lose."""
 LATER = (
@@ -64,26 +62,26 @@ class Mcap(Sink):
 
     def for_string(self, name: str) -> "Mcap":
         """Record the string into a file of its own."""
-        path = Path(self.path) if self.path else _free_name()
+        path = Path(self.path) if self.path else free_name("live", ".mcap")
         return replace(self, path=str(path.with_stem(f"{path.stem}_{name}")))
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:
         """Create the file; raises `InputError` where it exists or cannot be made."""
-        session = _Session(Path(self.path) if self.path else _free_name(), signal)
+        session = _Session(Path(self.path) if self.path else free_name("live", ".mcap"), signal)
         try:
             yield session
         finally:
             session.close()
 
 
-def _free_name() -> Path:
-    """Return a name that no file has."""
-    stem = f"live_{datetime.now():%Y%m%d_%H%M%S}"  # noqa: DTZ005  (for a person, by the clock on the wall)
-    number, path = 1, Path(f"{stem}.mcap")
+def free_name(begin: str, suffix: str = "", folder: Path = Path()) -> Path:
+    """Return a path in a folder that nothing has: ``BEGIN_DATE_TIME`` with the suffix."""
+    stem = f"{begin}_{datetime.now():%Y%m%d_%H%M%S}"  # noqa: DTZ005  (for a person, by the clock on the wall)
+    number, path = 1, folder / f"{stem}{suffix}"
     while path.exists():
         number += 1
-        path = Path(f"{stem}_{number}.mcap")
+        path = folder / f"{stem}_{number}{suffix}"
     return path
 
 
@@ -124,7 +122,7 @@ class _Session(Writer):
         self._writer.close()
 
     def _description(self, columns: tuple[str, ...], *, simulated: bool) -> Description:
-        feeds = (Feed(stream=STREAM, columns=columns, units=tuple(map(_unit, columns))),) if columns else ()
+        feed = Feed(stream=ESTIMATES, columns=columns, units=tuple(map(_unit, columns)))
         signal = self._signal
         return Description(
             name=self._path.stem,
@@ -132,7 +130,7 @@ class _Session(Writer):
             channels=signal.channels,
             string=signal.string,
             simulated=simulated,
-            feeds=feeds,
+            feeds=(feed,) if columns else (),
         )
 
     def _begin(self, moment: Moment, values: dict[str, float]) -> None:
@@ -204,7 +202,7 @@ class _Session(Writer):
         time_, sequence, values = zip(*rows, strict=True)
         self._writer.readings(
             Readings(
-                stream=STREAM,
+                stream=ESTIMATES,
                 time=np.array(time_, np.float64),
                 values=np.array(values, np.float64),
                 sequence=np.array(sequence, np.int64),

@@ -7,6 +7,7 @@ import webbrowser
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from monochord.capture.address import is_port, resolved
@@ -31,8 +32,9 @@ class Web(Sink):
 
     It shows the string with the touch on it, estimates with their standard errors, the spectra of both
     microphones, levels, history, latency and notes on the sensor's health. A simulated string is touched
-    there with mouse or finger, and the truth stands beside the estimates. A page sees 30 moments a second
-    at most, the newest; a slow one sees fewer and delays nobody.
+    there with mouse or finger, and the truth stands beside the estimates. A session is recorded from there,
+    and tuning and calibration are guided. A page sees 30 moments a second at most, the newest; a slow one
+    sees fewer and delays nobody.
 
     Parameters
     ----------
@@ -41,6 +43,8 @@ class Web(Sink):
         is the first free one from 8420 on.
     token
         What an address must carry to be let in; empty, one is made where other machines reach the page.
+    folder
+        Where recordings, tunings and calibrations of the page go; this folder by default.
     length
         Length of the drawn string in metres; 0 takes the signal's string, or 0.65 m.
     browser
@@ -49,14 +53,18 @@ class Web(Sink):
         Whether to print the address on standard error, which leaves standard output to data.
     string
         Of several strings, the one that the page shows; empty for the first.
+    model
+        The trained model that a calibration adapts: by default the one that answers, if any does.
     """
 
     at: str = "127.0.0.1:0"
     token: str = ""
+    folder: str = ""
     length: Metres = 0.0
     browser: bool = False
     stderr: bool = False
     string: str = ""
+    model: str = ""
 
     def off_standard_output(self) -> "Web":
         """Print the address on standard error."""
@@ -65,6 +73,10 @@ class Web(Sink):
     def for_length(self, length: Metres) -> "Web":
         """Draw a string of this length, unless the options name one."""
         return self if self.length else replace(self, length=length)
+
+    def for_model(self, model: str) -> "Web":
+        """Let the page calibrate the model."""
+        return self if self.model else replace(self, model=model)
 
     def for_controls(self, controls: Controls) -> Sink:
         """Let the page touch the string."""
@@ -119,7 +131,8 @@ class _Page(Sink):
                     yield writer
             return
         length = self._options.length or (signal.string.length if signal.string else DEFAULT_LENGTH)
-        with self._running.show(signal, length, self._controls) as writer:
+        folder, model = Path(self._options.folder), self._options.model
+        with self._running.show(signal, length, self._controls, folder=folder, model=model) as writer:
             yield _OneString(writer, self._options.string)
 
 

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -16,6 +16,7 @@ from monochord.core.units import Hertz, Seconds
 from monochord.live.events import Event
 from monochord.live.sinks._view import levels
 from monochord.live.sinks.base import Moment
+from monochord.live.web.guided import Bench
 
 TOP: Hertz = 10_000.0
 """Highest frequency of a spectrum that is sent."""
@@ -48,16 +49,45 @@ class Change(msgspec.Struct, tag_field="do", tag="change", forbid_unknown_fields
     value: str
 
 
-_decoder = msgspec.json.Decoder(Touch | Release | Change)
+class Record(msgspec.Struct, tag_field="do", tag="record", forbid_unknown_fields=True):
+    """Begin a recording, or end it."""
+
+    on: bool
 
 
-def carry_out(text: str | bytes, controls: Controls | None) -> str | None:
+class Tune(msgspec.Struct, tag_field="do", tag="tune", forbid_unknown_fields=True):
+    """Tune the sensor."""
+
+
+class Calibrate(msgspec.Struct, tag_field="do", tag="calibrate", forbid_unknown_fields=True):
+    """Calibrate the model by so many touches."""
+
+    touches: Annotated[int, msgspec.Meta(ge=3, le=30)]
+
+
+class Hold(msgspec.Struct, tag_field="do", tag="hold", forbid_unknown_fields=True):
+    """Take the present touch as one of this position in m and force in N."""
+
+    position: float
+    force: float
+
+
+class Cancel(msgspec.Struct, tag_field="do", tag="cancel", forbid_unknown_fields=True):
+    """End a guided step."""
+
+
+_decoder = msgspec.json.Decoder(Touch | Release | Change | Record | Tune | Calibrate | Hold | Cancel)
+
+
+def carry_out(text: str | bytes, controls: Controls | None, bench: Bench | None) -> str | None:
     """Do what a page asks, and return what that was, None where it could not be done.
 
     A page of a source without controls, a message that is none, numbers that are none: nothing is done then.
     """
     try:
         wish = _decoder.decode(text)
+        if isinstance(wish, Record | Tune | Calibrate | Hold | Cancel):
+            return "task" if bench is not None and _begun(wish, bench) else None
         if controls is None:
             return None
         if isinstance(wish, Touch):
@@ -71,6 +101,18 @@ def carry_out(text: str | bytes, controls: Controls | None) -> str | None:
     except (msgspec.DecodeError, InputError, ValueError, RecursionError):
         return None
     return "change"
+
+
+def _begun(wish: Record | Tune | Calibrate | Hold | Cancel, bench: Bench) -> bool:
+    if isinstance(wish, Record):
+        return bench.record(on=wish.on)
+    if isinstance(wish, Tune):
+        return bench.tune()
+    if isinstance(wish, Calibrate):
+        return bench.calibrate(wish.touches)
+    if isinstance(wish, Hold):
+        return bench.hold(wish.position, wish.force)
+    return bench.cancel()
 
 
 def waiting() -> str:

@@ -16,6 +16,7 @@ from collections.abc import Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.resources import files
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -34,6 +35,7 @@ from monochord.core.units import Metres, Seconds
 from monochord.live.sinks.base import Moment, Writer
 from monochord.live.web import messages
 from monochord.live.web.access import Guard
+from monochord.live.web.guided import Bench
 
 PORTS = range(8420, 8440)
 """Ports of which the first free one is taken where none is named."""
@@ -64,7 +66,7 @@ PAGE = {
         f"/static/{name}": name
         for name in (
             "page.css", "page.js", "state.js", "string.js", "spectrum.js", "history.js", "numbers.js",
-            "touch.js", "icon.svg", "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css",
+            "touch.js", "tasks.js", "icon.svg", "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css",
         )
     },
 }  # fmt: skip
@@ -142,10 +144,22 @@ class Server:
         }
 
     @contextmanager
-    def show(self, signal: Signal, length: Metres, controls: Controls | None) -> Generator[Writer]:
-        """Show a run: the writer takes its moments."""
-        self._stage.view = view = _View(signal, length, controls)
-        yield view
+    def show(
+        self,
+        signal: Signal,
+        length: Metres,
+        controls: Controls | None,
+        *,
+        folder: Path = Path(),
+        model: str = "",
+    ) -> Generator[Writer]:
+        """Show a run: the writer takes its moments; see `Bench` for `folder` and `model`."""
+        bench = Bench(signal, length, folder, model)
+        self._stage.view = view = _View(signal, length, controls, bench)
+        try:
+            yield view
+        finally:
+            bench.close()
 
     def _run(self) -> None:
         asyncio.run(self._serve())
@@ -275,7 +289,7 @@ class _Client:
                 return
             content = message.get("text") or message.get("bytes") or b""
             view = stage.view
-            done = messages.carry_out(content, None if view is None else view.controls)
+            done = messages.carry_out(content, view and view.controls, view and view.bench)
             if done is None:
                 stage.ignored += 1
             self._holds = done == "touch" or (self._holds and done != "release")
@@ -296,8 +310,8 @@ class _Client:
 class _View(Writer):
     """A run as the page shows it: `write` in a thread of the sink's, all else in the server's."""
 
-    def __init__(self, signal: Signal, length: Metres, controls: Controls | None) -> None:
-        self._signal, self._length, self.controls = signal, length, controls
+    def __init__(self, signal: Signal, length: Metres, controls: Controls | None, bench: Bench) -> None:
+        self._signal, self._length, self.controls, self.bench = signal, length, controls, bench
         self.newest: Moment | None = None
         self._latency = Histogram()
         self._counts = [0] * (len(EDGES) + 1)
@@ -317,6 +331,7 @@ class _View(Writer):
             self._number += 1
             self._events.append(messages.event(event, self._number))
         self.newest = moment
+        self.bench.take(moment)
 
     def remember(self, moment: Moment) -> None:
         """Add a moment to the history."""
@@ -331,6 +346,7 @@ class _View(Writer):
         """Return what is new, with the timing twice a second."""
         now = time.monotonic()
         told = messages.state(moment) | {"events": list(self._events), "simulated": self._simulated}
+        told["tasks"] = self.bench.state()
         if self.controls is not None:
             told["settings"] = messages.settings(self.controls)
         if now >= self._timing_due:

@@ -60,3 +60,8 @@ class Estimator(ABC):
     def string_length(self) -> Metres | None:
         """Length of the string in m where an option states it, for sinks that draw the string; else None."""
         return None
+
+    @property
+    def model(self) -> str:
+        """Folder or name of the trained model that answers; empty where none does."""
+        return ""

@@ -36,6 +36,11 @@ class ModelEstimator(Estimator):
 
     path: Path
 
+    @property
+    def model(self) -> str:
+        """The folder or name."""
+        return str(self.path)
+
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Load the model for the string as it is tuned, and check that it fits the signal."""
         model = load(self.path)

@@ -41,6 +41,17 @@ class HeadAdaptation:
     within_two: float
     used: bool
 
+    def line(self, name: str) -> str:
+        """Return it as a person reads it, for the head of this name."""
+        factor, unit = (1e3, "mm") if self.unit == "m" else (1.0, self.unit)
+        before, after, std = (f"{factor * value:.3g} {unit}" for value in (self.before, self.after, self.std))
+        line = (
+            f"  {name:<10} mean error {before} before, {after} with {self.touches} touches "
+            f"({self.windows} windows), stated +-{std} (median), which covers {100 * self.coverage:.0f} %, "
+            f"twice that {100 * self.within_two:.0f} %"
+        )
+        return line if self.used else f"{line}; left as it was, since they did not help"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Suggestion:
@@ -58,6 +69,16 @@ class Adaptation:
     model: Model
     heads: dict[str, HeadAdaptation]
     next_touch: Suggestion | None
+
+    def lines(self) -> list[str]:
+        """Return the errors of touches that were left out, and the touch to make next, for a person."""
+        lines = [head.line(name) for name, head in self.heads.items()]
+        touch = self.next_touch
+        if touch is not None:
+            place = f"{1e3 * touch.position:.0f} mm with {touch.force:.1f} N"
+            gain = f"to lower the variance by {100 * touch.gain:.0f} %"
+            lines.append(f"the touch that would help most next: {place}, {gain}")
+        return lines
 
 
 def adapt(

@@ -5,6 +5,7 @@ import { facts, showEvents, showNotes, showNumbers, showStream, speak } from "./
 import { Spectra } from "./spectrum.js";
 import { Connection } from "./state.js";
 import { StringView } from "./string.js";
+import { Tasks } from "./tasks.js";
 import { Hand, showSettings } from "./touch.js";
 
 const element = (id) => document.getElementById(id);
@@ -24,6 +25,7 @@ const connection = new Connection({
   hello(message) {
     run = message;
     element("waiting").hidden = true;
+    element("tasks").hidden = false;
     simulated(message.simulated);
     hand.allow(run);
     element("controls").hidden = element("hint").hidden = element("legend-hand").hidden = !run.controls;
@@ -43,7 +45,7 @@ const connection = new Connection({
 });
 
 function send(message) { connection.send(message); }
-const hand = new Hand(view, send);
+const hand = new Hand(view, send), tasks = new Tasks(send);
 
 function simulated(is) {
   if (run) run.simulated = is;
@@ -65,6 +67,7 @@ function frame(now) {
       showNotes(moment);
       showEvents(moment.events);
       showStream(moment);
+      tasks.show(moment);
       spectra.levels(moment);
       speak(moment);
       if (moment.settings) showSettings(moment.settings, send);

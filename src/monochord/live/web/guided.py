@@ -1,0 +1,320 @@
+"""What is begun from the page besides touches: a recording, and tuning and calibration step by step.
+
+Both steps record, and hand the session to the functions of ``monochord tune`` and ``monochord calibrate``.
+Files are named here: nothing that a page sends is part of a path.
+"""
+
+import tempfile
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from statistics import fmean
+from typing import Any, TypeAlias
+
+from monochord.capture.sources import SOURCES
+from monochord.core.errors import MonochordError
+from monochord.core.types import Signal
+from monochord.core.units import Metres, Newtons, Seconds
+from monochord.live.delivery import reason
+from monochord.live.sinks.base import Moment
+from monochord.live.sinks.mcap import free_name
+from monochord.live.tuning import SECONDS, tuned
+from monochord.live.web.recording import Recording
+
+UNTOUCHED: Seconds = 2.0
+"""How much of the untouched string is recorded before the first touch: features are relative to it."""
+HOLD: Seconds = 1.2
+"""How long a known touch is recorded."""
+STILL: Metres = 1e-3
+"""A touch that moves by more than this is not held."""
+PLACES, FORCES = (0.2, 0.8), (0.4, 1.6)
+"""Of the touches that are asked for: shares of the length, and N."""
+Row: TypeAlias = tuple[Seconds, Seconds, Metres, Newtons]
+"""A known touch: begin and end in the session, position, force."""
+
+
+class Guided(ABC):
+    """A recording that ends by itself, and what is done with it."""
+
+    def __init__(self, signal: Signal, folder: Path) -> None:
+        self._scratch = tempfile.TemporaryDirectory(prefix="monochord-page-", ignore_cleanup_errors=True)
+        self._folder = folder
+        self.recording = Recording(Path(self._scratch.name) / "recorded.mcap", signal)
+
+    @property
+    @abstractmethod
+    def complete(self) -> bool:
+        """Whether enough is recorded."""
+
+    @abstractmethod
+    def state(self) -> dict[str, Any]:
+        """Return what a person is to do now."""
+
+    @abstractmethod
+    def result(self) -> list[str]:
+        """Compute, save, and return the result as lines; the recording is closed."""
+
+    def take(self, moment: Moment) -> None:
+        """Take a moment of the run."""
+        self.recording.take(moment)
+
+    def close(self) -> None:
+        """Remove the recording."""
+        self.recording.close()
+        self._scratch.cleanup()
+
+
+class Tuning(Guided):
+    """Listen to the untouched string, and write the sensor as tuned."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether the untouched string was heard for long enough."""
+        return self.recording.seconds >= SECONDS
+
+    def state(self) -> dict[str, Any]:
+        """Return how much was heard."""
+        return {"says": "Let go of the string.", "share": min(self.recording.seconds / SECONDS, 1.0)}
+
+    def result(self) -> list[str]:
+        """Write a file as ``monochord tune`` does."""
+        source = SOURCES.build("session", {"path": str(self.recording.path)})
+        path = free_name("sensor", ".toml", self._folder)
+        told = tuned([source], ["the page's recording"])
+        told = replace(told, time=datetime.now(UTC).isoformat(timespec="seconds"))
+        path.write_text(told.toml(), encoding="utf-8")
+        return [*told.lines(), f"Written to {path}; use it by --sensor {path}"]
+
+
+class Calibration(Guided):
+    """Record touches of known position and force, and adapt the model to them.
+
+    A simulated string tells both by itself, once a touch is held still. Otherwise a person types them.
+    """
+
+    def __init__(self, signal: Signal, folder: Path, length: Metres, model: str, count: int) -> None:
+        super().__init__(signal, folder)
+        self._length, self._model, self._count = length, model, count
+        self.rows: list[Row] = []
+        self._held: list[Row] = []  # windows of the present touch, of a string that tells its truth
+        self._known: Row | None = None  # the present touch as it was typed
+        self._free = self._tells = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether all touches were made."""
+        return len(self.rows) >= self._count
+
+    def hold(self, position: Metres, force: Newtons) -> bool:
+        """Take a touch from now on as one of this position and force; return whether that could be done."""
+        begin = self.recording.seconds
+        if self._tells or self._known or begin < UNTOUCHED or self.complete:
+            return False
+        if not (0.0 < position < self._length and 0.0 < force <= 10.0):
+            return False
+        self._known = (begin, begin + HOLD, position, force)
+        return True
+
+    def take(self, moment: Moment) -> None:
+        """Take a moment, and note a touch that was held long enough."""
+        super().take(moment)
+        now = self.recording.seconds
+        self._tells = self._tells or bool(moment.truth)
+        if now < UNTOUCHED or self.complete:
+            return
+        if self._tells:
+            self._watch(moment, now)
+        elif self._known is not None and now >= self._known[1]:
+            self.rows.append(self._known)
+            self._known = None
+
+    def _watch(self, moment: Moment, now: Seconds) -> None:
+        truth = moment.truth
+        if truth.get("contact") != 1.0 or truth.get("slip") != 0.0 or not {"position", "force"} <= {*truth}:
+            self._held = []
+            self._free = self._free or truth.get("contact") == 0.0
+            return
+        if not self._free:
+            return
+        self._held.append((now - moment.window.duration, now, truth["position"], truth["force"]))
+        begin, _, position, _ = self._held[0]
+        if abs(truth["position"] - position) > STILL:
+            self._held = self._held[-1:]
+        elif now - begin >= HOLD:
+            place, force = (fmean(row[k] for row in self._held) for k in (2, 3))
+            self.rows.append((begin, now, place, force))
+            self._held, self._free = [], False  # the next one follows a release
+
+    def state(self) -> dict[str, Any]:
+        """Return which touch is to be made, and how far it is held."""
+        now, count = self.recording.seconds, len(self.rows)
+        told: dict[str, Any] = {"of": self._count, "count": count, "typed": not self._tells}
+        if now < UNTOUCHED:
+            return told | {"says": "Let go of the string.", "share": now / UNTOUCHED}
+        held = now - self._known[0] if self._known else now - self._held[0][0] if self._held else 0.0
+        position, force = _asked(count, self._length)
+        if self._tells and not self._free and count:
+            says = "Let go of the string."
+        elif held:
+            says = "Hold still."
+        else:
+            says = f"Press near {1e3 * position:.0f} mm with about {force:.1f} N, and hold still."
+        return told | {"says": says, "share": min(held / HOLD, 1.0), "position": position, "force": force}
+
+    def result(self) -> list[str]:
+        """Save a model as ``monochord calibrate`` does."""
+        from monochord.capture.recording.from_files import from_files  # noqa: PLC0415  (not needed until then)
+        from monochord.perception.training.calibration import calibrated  # noqa: PLC0415  (likewise)
+
+        folder = Path(self._scratch.name)
+        table, session = folder / "touches.csv", folder / "touches.mcap"
+        rows = [",".join(f"{value:.6f}" for value in row) for row in self.rows]
+        table.write_text("\n".join(["begin,end,position,force", *rows]), encoding="utf-8")
+        from_files(self.recording.path, table, session)
+        out = free_name("calibrated", folder=self._folder)
+        result = calibrated(self._model, [str(session)], out)
+        head = "Errors of touches that were left out, by cross-validation:"
+        return [head, *result.lines(), f"Saved as {out}; use it by: monochord live {out}"]
+
+
+def _asked(number: int, length: Metres) -> tuple[Metres, Newtons]:
+    """Return the position and force of a touch: however many there are, both are spread evenly."""
+    shares = ((0.5 + 0.618034 * number) % 1.0, (0.3 + 0.381966 * number) % 1.0)
+    place, force = (
+        low + (high - low) * share for share, (low, high) in zip(shares, (PLACES, FORCES), strict=True)
+    )
+    return place * length, force
+
+
+class Bench:
+    """What the pages of one run began: `take` is called by the sink, all else by the server.
+
+    Parameters
+    ----------
+    signal, length
+        What the source says of its audio, and the string's length.
+    folder
+        Where files are made.
+    model
+        The model that a calibration adapts; empty where none answers.
+    """
+
+    def __init__(self, signal: Signal, length: Metres, folder: Path, model: str) -> None:
+        self._signal, self._length, self._model = signal, length, model
+        self._folder = folder.absolute()
+        self._desk = ThreadPoolExecutor(1, thread_name_prefix="page")  # for what may take a while
+        self._busy = threading.Lock()
+        self._recording: Recording | None = None
+        self._guided: Guided | None = None
+        self._computing = False
+        self._lines: list[str] = []
+        self._saved = ""
+
+    def record(self, *, on: bool) -> bool:
+        """Begin a recording, or end it; return whether there was anything to do."""
+        if on is (self._recording is not None):
+            return False
+        return self._later(self._begin if on else self._end)
+
+    def tune(self) -> bool:
+        """Begin to tune."""
+        return self._guide(lambda: Tuning(self._signal, self._folder))
+
+    def calibrate(self, count: int) -> bool:
+        """Begin to calibrate by so many touches."""
+        model, length = self._model, self._length
+        make = lambda: Calibration(self._signal, self._folder, length, model, count)  # noqa: E731
+        return bool(model) and self._guide(make)
+
+    def hold(self, position: Metres, force: Newtons) -> bool:
+        """Take a touch from now on as one of this position and force."""
+        return isinstance(self._guided, Calibration) and self._guided.hold(position, force)
+
+    def cancel(self) -> bool:
+        """End a guided step without a result, or put its result away."""
+        self._lines = []
+        guided = self._guided
+        if guided is None or self._computing or not self._later(guided.close):
+            return guided is None
+        self._guided = None
+        return True
+
+    def take(self, moment: Moment) -> None:
+        """Take a moment of the run."""
+        recording, guided = self._recording, self._guided
+        if recording is not None:
+            recording.take(moment)
+            if recording.failure:
+                self._later(self._end)
+        if guided is not None and not self._computing:
+            guided.take(moment)
+            if guided.complete or guided.recording.failure:
+                self._computing = True
+                self._desk.submit(self._compute, guided)
+
+    def state(self) -> Mapping[str, Any]:
+        """Return what the page shows of it."""
+        recording, guided = self._recording, self._guided
+        told: dict[str, Any] = {"calibrates": bool(self._model), "saved": self._saved, "lines": self._lines}
+        if recording is not None:
+            told["recording"] = {"path": str(recording.path), "seconds": round(recording.seconds, 1)}
+        if guided is not None:
+            told["guided"] = {"says": "Computing …"} if self._computing else guided.state()
+            told["guided"]["name"] = type(guided).__name__.lower()
+        return told
+
+    def close(self) -> None:
+        """Complete a recording, and leave what is not done; nothing is begun after that."""
+        self._busy.acquire()
+        self._desk.submit(self._end)
+        self._desk.shutdown(wait=True)
+        if self._guided is not None:
+            self._guided.close()
+
+    def _later(self, work: Any) -> bool:
+        """Have something done at the desk, unless it is occupied."""
+        if not self._busy.acquire(blocking=False):
+            return False
+
+        def done() -> None:
+            try:
+                work()
+            except (MonochordError, OSError) as error:
+                self._saved = reason(error)
+            finally:
+                self._busy.release()
+
+        self._desk.submit(done)
+        return True
+
+    def _begin(self) -> None:
+        self._saved = ""
+        self._recording = Recording(free_name("live", ".mcap", self._folder), self._signal)
+
+    def _end(self) -> None:
+        recording, self._recording = self._recording, None
+        if recording is None:
+            return
+        recording.close()
+        told = f"{recording.seconds:.1f} s recorded: {recording.path}"
+        self._saved = f"{told}; it ended: {recording.failure}" if recording.failure else told
+
+    def _guide(self, make: Any) -> bool:
+        def begin() -> None:
+            self._lines, self._guided = [], make()
+
+        return self._guided is None and self._later(begin)
+
+    def _compute(self, guided: Guided) -> None:
+        try:
+            guided.recording.close()
+            self._lines = [guided.recording.failure] if guided.recording.failure else guided.result()
+        except (MonochordError, OSError) as error:
+            self._lines = [reason(error)]
+        finally:
+            self._guided, self._computing = None, False
+            guided.close()

@@ -1,0 +1,65 @@
+"""A session that is begun and ended while a run goes on."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from monochord.core.types import Signal
+from monochord.core.units import Samples, Seconds
+from monochord.live.delivery import Delivery, reason
+from monochord.live.sinks import SINKS
+from monochord.live.sinks.base import Moment
+
+
+class Recording:
+    """A session of a run from its next window on, written by the sink ``mcap`` in a thread of its own.
+
+    Parameters
+    ----------
+    path
+        The new file.
+    signal
+        What the run's source says of its audio.
+
+    Raises
+    ------
+    InputError
+        If the file exists or cannot be made.
+
+    Attributes
+    ----------
+    path
+        The file.
+    seconds
+        Length so far.
+    failure
+        Why it ended by itself, as on a full disk; empty where it did not.
+    """
+
+    def __init__(self, path: Path, signal: Signal) -> None:
+        self.path = path
+        self.seconds: Seconds = 0.0
+        self.failure = ""
+        self._first: Samples | None = None
+        self._delivery = Delivery([SINKS.build("mcap", {"path": str(path)})], signal, paced=True)
+        self._delivery.__enter__()
+
+    def take(self, moment: Moment) -> None:
+        """Record a moment; the first one is the session's beginning."""
+        window = moment.window
+        if self._first is None:
+            self._first = window.start
+        start = window.start - self._first
+        if self.failure:
+            return
+        try:
+            self._delivery.hand_over(replace(moment, window=replace(window, start=start), string=""))
+        except Exception as error:  # noqa: BLE001  (whatever writing raised; the run and the page go on)
+            self.failure = reason(error)
+        self.seconds = start / window.sample_rate + window.duration
+
+    def close(self) -> None:
+        """Complete the file."""
+        try:
+            self._delivery.__exit__(None, None, None)
+        except Exception as error:  # noqa: BLE001
+            self.failure = self.failure or reason(error)

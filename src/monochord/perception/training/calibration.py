@@ -1,0 +1,61 @@
+"""A model adapted to one build by sessions of known touches: what ``monochord calibrate`` does."""
+
+import dataclasses
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from monochord.core.errors import InputError
+from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
+from monochord.perception.model import load, save
+from monochord.perception.training.adapt import Adaptation, adapt
+from monochord.perception.training.rows import Progress
+from monochord.perception.tuning.sessions import heard_tension
+
+
+def calibrated(
+    model: str,
+    sessions: Iterable[str],
+    out: Path,
+    *,
+    touches: int | None = None,
+    labels: Labelling = "",
+    force: bool = False,
+    progress: Progress = lambda *_: None,
+) -> Adaptation:
+    """Adapt a model to one sensor and object, and save the result.
+
+    Parameters
+    ----------
+    model
+        Folder of a model, or the name of a bundled one.
+    sessions
+        Files, folders or patterns of sessions with known touches.
+    out
+        Folder of the new model.
+    touches
+        How many touches to use, the first in time; all by default.
+    labels
+        Which labels to take; see `BuildOptions`.
+    force
+        Whether to accept sessions whose streams are not on one clock.
+    progress
+        Called with the progress.
+
+    Raises
+    ------
+    InputError
+        If the folder exists, or the model or the sessions cannot be used; see `adapt`.
+    """
+    given = load(model)
+    if out.exists():
+        raise InputError(f"folder {out} (exists)", "a new folder", "choose another name with --out")
+    trained = given.definition
+    rate = trained.sample_rate
+    options = BuildOptions(window=trained.window / rate, hop=trained.hop / rate, labels=labels, force=force)
+    with tempfile.TemporaryDirectory() as folder:
+        dataset = build_dataset(
+            find_sessions(sessions), Path(folder) / "dataset", options, listen=heard_tension
+        )
+        result = adapt(given, dataset, touches=touches, progress=progress)
+    return dataclasses.replace(result, model=save(result.model, out))

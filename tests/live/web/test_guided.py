@@ -1,0 +1,99 @@
+"""Tuning and calibration step by step, on the twin: they do what the commands do."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from monochord.capture.sources import SOURCES
+from monochord.live.loop import opened
+from monochord.live.settings import LiveSettings
+from monochord.live.sinks.base import Moment
+from monochord.live.web.guided import Bench
+from monochord.perception.model import load
+from monochord.physics.sensors import load_sensor
+
+TOUCHES = [
+    {"start": 2.5 + 2.0 * k, "position": 0.05 + 0.03 * k, "force": 0.5 + 0.4 * k, "seconds": 1.7}
+    for k in range(3)
+]
+
+
+def performed(bench: Bench, seconds: float, during: Callable[[Moment], Moment]) -> dict[str, Any]:
+    """Let a run pass by, and return what the page shows once the step is over."""
+    source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible", "build": 131}
+    tree = {"source": source, "estimator": {"name": "model", "path": "demo"}, "sinks": {}, "seconds": seconds}
+    setup = LiveSettings.read({**tree, "window": {"hop": 0.05}}).build()
+    with opened(setup) as live:
+        for moment in live:
+            bench.take(during(moment))
+    deadline = time.monotonic() + 120.0
+    while "guided" in (state := bench.state()):
+        assert time.monotonic() < deadline, state
+        time.sleep(0.05)
+    return dict(state)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    with SOURCES.build("twin", {"speed": 0.0}).open() as stream:
+        return Bench(stream.signal, 0.2, tmp_path, "demo")
+
+
+def begun(bench: Bench) -> None:
+    deadline = time.monotonic() + 30.0
+    while "guided" not in bench.state():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_the_sensor_as_tuned_is_written(bench: Bench, tmp_path: Path) -> None:
+    assert bench.tune()
+    begun(bench)
+    assert not bench.calibrate(3)  # one step at a time
+    state = performed(bench, 3.2, lambda moment: moment)
+    (file,) = tmp_path.iterdir()
+    assert str(file) in state["lines"][-1]
+    tuned = load_sensor(str(file)).string.tension
+    assert tuned == pytest.approx(load_sensor("prototype").string.tension, rel=0.05)
+    bench.close()
+    assert not bench.tune()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("typed", [False, True])
+def test_a_model_is_adapted_to_touches_that_are_held(bench: Bench, tmp_path: Path, *, typed: bool) -> None:
+    assert bench.calibrate(3)
+    begun(bench)
+
+    def during(moment: Moment) -> Moment:
+        if not typed:
+            return moment
+        for touch in TOUCHES:
+            if abs(moment.prediction.time - touch["start"] - 0.2) < 0.02:
+                assert bench.hold(touch["position"], touch["force"])
+                assert not bench.hold(touch["position"], touch["force"])  # it is held already
+        assert not bench.hold(-1.0, 1.0)
+        return replace(moment, truth={})
+
+    state = performed(bench, 9.0, during)
+    assert "mean error" in state["lines"][1], state["lines"]
+    (folder,) = tmp_path.iterdir()
+    assert str(folder) in state["lines"][-1]
+    before, after = (load(each).definition.heads["force"].correction for each in ("demo", folder))
+    assert before is not None
+    assert after is not None
+    assert after.touches in (before.touches, before.touches + 3)  # as it was, where they did not help
+    bench.close()
+
+
+def test_a_step_is_cancelled(bench: Bench, tmp_path: Path) -> None:
+    assert bench.calibrate(3)
+    begun(bench)
+    assert bench.cancel()
+    assert "guided" not in bench.state()
+    bench.close()
+    assert not [*tmp_path.iterdir()]
