@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -20,6 +21,25 @@ from monochord.lab.pose_publisher import PublisherSettings
 
 RATE = 44100
 MONOCHORD = str(Path(sys.executable).with_name("monochord"))
+DISK_SIZE = 9_000_000
+HOUR = 3600.0
+CLOCK = r"""
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stdlib.h>
+#include <time.h>
+#include <unistd.h>
+
+/* The wall clock is an hour ahead once the file SET_CLOCK is there. */
+int clock_gettime(clockid_t clock, struct timespec *time) {
+    static int (*real)(clockid_t, struct timespec *);
+    if (!real) real = (int (*)(clockid_t, struct timespec *))dlsym(RTLD_NEXT, "clock_gettime");
+    int failed = real(clock, time);
+    const char *set = getenv("SET_CLOCK");
+    if (!failed && clock == CLOCK_REALTIME && set && access(set, F_OK) == 0) time->tv_sec += 3600;
+    return failed;
+}
+"""
 
 
 @dataclass
@@ -133,3 +153,37 @@ def pose_dds(tmp_path: Path) -> Iterator[list[str]]:
     write_script(tmp_path / "poses.npz", {"poses": poses}, settings)
     with playing("pose_publisher", tmp_path / "poses.npz"):
         yield ["--instrument", f"pose_dds={topic}", "--set", "pose_dds.rate=250"]
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    if os.geteuid() != 0:
+        pytest.skip("only root mounts a small disk")
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK_SIZE}", "tmpfs", str(folder)]
+    made = subprocess.run(mount, capture_output=True, text=True, check=False)
+    if made.returncode != 0:
+        pytest.skip(f"no small disk: {made.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+@dataclass
+class ClockToSet:
+    """The environment of a process whose wall clock `set` puts an hour ahead."""
+
+    environment: dict[str, str]
+
+    def set(self) -> None:
+        Path(self.environment["SET_CLOCK"]).touch()
+
+
+@pytest.fixture
+def clock_to_set(tmp_path: Path) -> ClockToSet:
+    if not shutil.which("gcc"):
+        pytest.skip("gcc is not installed")
+    source, library = tmp_path / "clock.c", tmp_path / "clock.so"
+    source.write_text(CLOCK)
+    subprocess.run(["gcc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
+    return ClockToSet({**os.environ, "LD_PRELOAD": str(library), "SET_CLOCK": str(tmp_path / "set")})

@@ -14,31 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
-from tests.e2e.conftest import paced
+from tests.e2e.conftest import HOUR, ClockToSet, paced
 
 from monochord.sessions import SessionReader, check, read_session
 
 RATE = 44100
 BEGUN = 60_000
 MONOCHORD = str(Path(sys.executable).with_name("monochord"))
-HOUR = 3600.0
-CLOCK = r"""
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <stdlib.h>
-#include <time.h>
-#include <unistd.h>
-
-/* The wall clock is an hour ahead once the file SET_CLOCK is there. */
-int clock_gettime(clockid_t clock, struct timespec *time) {
-    static int (*real)(clockid_t, struct timespec *);
-    if (!real) real = (int (*)(clockid_t, struct timespec *))dlsym(RTLD_NEXT, "clock_gettime");
-    int failed = real(clock, time);
-    const char *set = getenv("SET_CLOCK");
-    if (!failed && clock == CLOCK_REALTIME && set && access(set, F_OK) == 0) time->tv_sec += 3600;
-    return failed;
-}
-"""
 
 
 def whole(recorder: Any, sound: Path) -> SessionReader:
@@ -171,17 +153,11 @@ def test_a_folder_that_cannot_be_written_is_refused(sound: Path, tmp_path: Path)
 
 @pytest.mark.real_time
 def test_setting_the_wall_clock_is_recorded_and_moves_nothing(
-    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path, tmp_path: Path
+    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path, clock_to_set: ClockToSet
 ) -> None:
-    if not shutil.which("gcc"):
-        pytest.skip("gcc is not installed")
-    source, library, trigger = tmp_path / "clock.c", tmp_path / "clock.so", tmp_path / "set"
-    source.write_text(CLOCK)
-    subprocess.run(["gcc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
-    environment = {**os.environ, "LD_PRELOAD": str(library), "SET_CLOCK": str(trigger)}
-    recorder = start_recorder(*paced(sound), *net_ft, env=environment)
+    recorder = start_recorder(*paced(sound), *net_ft, env=clock_to_set.environment)
     recorder.wait_for_bytes(800_000)
-    trigger.touch()
+    clock_to_set.set()
     recorder.wait_for_more(800_000)
     summary = recorder.end(signal.SIGINT)
     assert summary["flags"]["clock_step"] == 1

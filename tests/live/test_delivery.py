@@ -136,6 +136,20 @@ def test_a_sink_that_fails_is_reported_and_closed_and_the_others_go_on(
     )
 
 
+def test_the_other_sinks_are_told_of_one_that_is_closed() -> None:
+    class Notes(Keep):
+        def write(self, moment: Moment) -> None:
+            notes.append([(note.key, note.sentence, note.since) for note in moment.notes])
+
+    notes: list[list[tuple[str, str, float]]] = []
+    full = Keep(fail_at(1, OSError(28, "No space left on device")))
+    with Delivery([full, Notes()], SIGNAL, paced=False) as delivering:
+        for number in range(5):
+            delivering.hand_over(moment(number))
+    told = ("test_delivery_closed", "Output test_delivery is closed: No space left on device.", 0.02)
+    assert notes == [[], [], [told], [told], [told]]
+
+
 @pytest.mark.parametrize("paced", [True, False])
 def test_the_run_ends_with_the_error_of_the_last_sink(*, paced: bool) -> None:
     bad = [Keep(fail_at(3, OSError(28, "full"))), Keep(fail_at(9, ZeroDivisionError("its own fault")))]

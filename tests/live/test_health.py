@@ -141,6 +141,28 @@ def test_what_was_counted_before_the_stream_began_is_no_news() -> None:
     assert not any(watched(STRING, streams=[StreamHealth(dropped=5, xruns=9)], skipped=[7]))
 
 
+def test_a_device_that_is_away_is_said_at_once_and_nothing_else() -> None:
+    away = StreamHealth(dropped=44100, gaps=1, away="the JACK server is not running")
+    back = StreamHealth(dropped=88200, gaps=1, reconnects=1)
+    notes = watched(clipped(STRING), streams=[StreamHealth()] * 100 + [away] * 150 + [back])
+    assert keys(notes[99]) == ["clipping"]
+    assert "no_sound" in keys(notes[100])
+    (note,) = notes[249]
+    assert note.sentence == "No sound comes: the JACK server is not running."
+    assert {"sound_lost", "reconnected"} <= {*keys(notes[260])}
+    assert "no_sound" not in keys(notes[260])
+
+
+def test_a_clock_that_is_set_is_said_and_one_that_is_slewed_is_not() -> None:
+    def at(offset: float) -> StreamHealth:
+        return StreamHealth(clock_offsets={"realtime": 1e9 + offset})
+
+    notes = watched(STRING, streams=[at(1e-4 * k) for k in range(100)] + [at(-3600.0)])
+    assert not notes[99]
+    assert keys(notes[100]) == ["clock_set"]
+    assert "-3600.0" in notes[100][0].sentence
+
+
 def test_a_new_touch_settles() -> None:
     window = Window(samples=STRING[:, :SIZE], start=0, sample_rate=RATE)
     touched = FilterState(time=0.1, onset=0.1)

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 from monochord.core.units import Samples, Seconds
 
+MIN_CLOCK_STEP: Seconds = 0.05
+"""A clock that moves by more than this against the monotonic one was set."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleClock:

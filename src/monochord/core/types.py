@@ -176,7 +176,10 @@ class Signal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamHealth:
-    """Counters of a running stream; `xruns` are the server's own, the rest is counted from frame times."""
+    """Counters of a running stream; `xruns` are the server's own, the rest is counted from frame times.
+
+    `away` says what the stream waits for where no sound comes, and is empty while it does.
+    """
 
     frames: Samples = 0
     dropped: Samples = 0
@@ -184,6 +187,7 @@ class StreamHealth:
     xruns: int = 0
     reconnects: int = 0
     clock_offsets: Mapping[str, Seconds] = field(default_factory=lambda: MappingProxyType({}))
+    away: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

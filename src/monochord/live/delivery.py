@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType, TracebackType
 from typing import Self
 
@@ -15,6 +15,7 @@ from monochord.core.errors import DeviceError, MonochordError
 from monochord.core.printable import printable
 from monochord.core.types import Signal
 from monochord.core.units import Seconds
+from monochord.live.health import Note
 from monochord.live.sinks.base import Listener, Moment, NotDeliveredError, Sink
 
 CLOSING: Seconds = 5.0
@@ -121,7 +122,11 @@ class Delivery:
             self._raise_where_none_is_left()
 
     def hand_over(self, moment: Moment) -> None:
-        """Give a moment to every sink; raises where no sink is left."""
+        """Give a moment to every sink, with a note on each that was closed; raises where no sink is left."""
+        closed = [outlet for outlet in self._outlets if outlet.error is not None]
+        if closed:
+            notes = [outlet.note(moment.prediction.time) for outlet in closed]
+            moment = replace(moment, notes=(*moment.notes, *notes))
         if self._dispatcher is not None:
             self._dispatcher.moments.put(moment)
         for outlet in self._outlets:
@@ -172,6 +177,7 @@ class _Outlet:
         self.error: Exception | None = None
         self._reads_standard_output = sink.fills_standard_output
         self._given = self._written = 0
+        self._closed_at: Seconds | None = None
         self._context = sink.open(signal)
         self._writer = self._context.__enter__()
 
@@ -191,11 +197,26 @@ class _Outlet:
         if self.error is None:
             self._leave()
 
+    def note(self, now: Seconds) -> Note:
+        """Return the note on a sink that was closed; it says so since the first window after that."""
+        self._closed_at = now if self._closed_at is None else self._closed_at
+        return Note(
+            key=f"{self.name}_closed".replace(" ", "_"),
+            level="error",
+            sentence=f"Output {self.name} is closed: {self.failure}.",
+            remedy="The other outputs go on. Remove the cause, then start again.",
+            since=self._closed_at,
+        )
+
+    @property
+    def failure(self) -> str:
+        """Why it was closed, empty where it was not."""
+        return "" if self.error is None else reason(self.error)
+
     def delivered(self) -> Delivered:
         """Return what became of the windows."""
-        failure = "" if self.error is None else reason(self.error)
         left_out = self._given - self._written
-        return Delivered(sink=self.name, written=self._written, left_out=left_out, failure=failure)
+        return Delivered(sink=self.name, written=self._written, left_out=left_out, failure=self.failure)
 
     def _write(self, moment: Moment) -> None:
         """Write a moment; a sink that raises is closed."""

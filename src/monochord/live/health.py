@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from monochord.core.clock import MIN_CLOCK_STEP
 from monochord.core.errors import InputError
 from monochord.core.types import Estimates, StreamHealth, Window
 from monochord.core.units import Seconds
@@ -239,7 +240,7 @@ def step(
     heard, looked = state.heard, state.looked
     if now - looked >= settings.look - 1e-9 and not window.has_gap:
         heard, looked = _heard(window), now
-    findings = dict(heard)
+    findings = dict(heard) if not stream.away else {}
     _add_reasons(findings, estimates)
     if condition is not None and condition.deviation is not None:
         _add_deviation(findings, condition)
@@ -338,7 +339,15 @@ def _add_counted(
 ) -> None:
     """Add what the counters have counted since the window before."""
     before = state.stream
-    if stream.dropped > before.dropped or stream.xruns > before.xruns or stream.gaps > before.gaps:
+    if stream.away:
+        findings["no_sound"] = Finding(
+            level="error",
+            sentence=f"No sound comes: {stream.away}.",
+            remedy="Check its cable and its power, or start it again; it is taken up once it is back.",
+            appear=0.0,
+            clear=0.0,
+        )
+    elif stream.dropped > before.dropped or stream.xruns > before.xruns or stream.gaps > before.gaps:
         text = f"Sound was lost: {stream.dropped} frames in {stream.gaps} gaps, {stream.xruns} xruns so far."
         findings["sound_lost"] = Finding(
             level="warning",
@@ -352,6 +361,15 @@ def _add_counted(
             level="warning",
             sentence=f"The audio device went away and came back, {stream.reconnects} times so far.",
             remedy="Check its cable and its power.",
+            appear=0.0,
+            clear=HELD,
+        )
+    set_by = stream.clock_offsets.get("realtime", 0.0) - before.clock_offsets.get("realtime", 0.0)
+    if before.clock_offsets and abs(set_by) > MIN_CLOCK_STEP:
+        findings["clock_set"] = Finding(
+            level="warning",
+            sentence=f"The clock of this computer was set by {set_by:+.3f} s.",
+            remedy="Stamps jump by that; let one service keep the clock. Times of the stream go on.",
             appear=0.0,
             clear=HELD,
         )

@@ -237,7 +237,7 @@ class _Feed:
         self.frames: Samples = 0
 
     def __iter__(self) -> Iterator[Block]:
-        for block in self._stream:
+        for block in self._stream.in_time():
             self._block, self.at_hand = block, time.monotonic()
             self.frames += block.samples.shape[1]
             if block.adc_time is not None:

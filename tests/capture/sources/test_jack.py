@@ -76,3 +76,29 @@ def test_without_converter_times_the_arrival_measures_the_interruption() -> None
     back = timeline.place(period(7), None, 11.0)
     assert back.dropped == RATE - 64
     assert back.adc_time is None
+
+
+def test_a_device_that_is_away_loses_frames_as_time_passes_and_in_one_gap() -> None:
+    timeline = Timeline(RATE)
+    timeline.place(period(1000), 10.0, 10.1)
+    assert timeline.lose(2, 10.9) is None
+    blocks = [block for now in (11.1, 11.2, 11.6, 12.0) if (block := timeline.lose(2, now))]
+    assert timeline.health(xruns=0, reconnects=0, clock_offsets={}, away="unplugged").away == "unplugged"
+    blocks.append(timeline.place(period(1000 + 3 * RATE), 13.0, 13.1))
+    assert [block.samples.shape[1] for block in blocks] == [0, 0, 0, 64]
+    assert [block.start for block in blocks] == pytest.approx(
+        [0.9 * RATE, 1.4 * RATE, 1.8 * RATE, 3 * RATE], abs=2
+    )
+    assert sum(block.dropped for block in blocks) == 3 * RATE - 64
+    health = timeline.health(xruns=0, reconnects=0, clock_offsets={}, away="unplugged")
+    assert (health.gaps, health.away) == (1, "")
+
+
+def test_frames_of_a_server_that_stood_still_come_after_what_was_lost() -> None:
+    timeline = Timeline(RATE)
+    timeline.place(period(1000), 10.0, 10.1)
+    lost = timeline.lose(2, 12.0)
+    assert lost
+    back = timeline.place(period(1064), 12.0, 12.1)
+    assert (back.start, back.dropped) == (lost.start, 0)
+    assert timeline.place(period(1128), 12.0 + 64 / RATE, 12.1).dropped == 0

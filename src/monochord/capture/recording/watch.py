@@ -4,12 +4,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from monochord.capture.recording.counters import FeedNow, Progress
+from monochord.core.clock import MIN_CLOCK_STEP
 from monochord.core.units import Seconds
 
 EVENT_INTERVAL: Seconds = 1.0
 """Shortest time between events of one kind and stream; what happens between is counted together."""
-MIN_CLOCK_STEP: Seconds = 0.05
-"""A clock that moves by more than this against the monotonic one was set."""
 MIN_BLOCKED: Seconds = 0.25
 """Waiting for the disk is reported from this time on."""
 

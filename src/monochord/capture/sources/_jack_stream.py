@@ -58,6 +58,7 @@ class JackStream(RingStream):
             xruns=self._ring.arena.count(at.XRUNS),
             reconnects=self._reconnects,
             clock_offsets={**clock_offsets(), "jack": self._clock_offset},
+            away=self._away(),
         )
 
     def _idle(self) -> None:
@@ -71,6 +72,14 @@ class JackStream(RingStream):
         else:
             self._tend_ports(self._client)
             self._ring.arena.wait(RETRY if self._waiting else IDLE)
+
+    def _away(self) -> str:
+        """Return why no sound comes, where none does."""
+        if self._client is None:
+            return "the JACK server is not running"
+        if self._waiting:
+            return f"JACK ports '{self._port_pattern}' are not there"
+        return "the JACK server stands still"
 
     def _leave(self) -> None:
         if self._client:

@@ -5,10 +5,17 @@ import time
 from abc import abstractmethod
 from collections.abc import Iterator
 
+import numpy as np
+
 from monochord.capture.jack.ring import FRAME_TIME_SPAN, Period, Ring, frames_between
 from monochord.capture.sources.base import Stream
 from monochord.core.types import Block, Signal, StreamHealth
 from monochord.core.units import Samples, Seconds
+
+ABSENCE: Seconds = 1.0
+"""Time without sound from which a device counts as away."""
+LAG: Seconds = 0.2
+"""How far behind the clock frames of a device that is away are counted as lost: newer ones may yet come."""
 
 
 class RingStream(Stream):
@@ -54,6 +61,11 @@ class RingStream(Stream):
         while (block := self._next()) is not None:
             yield block
 
+    def in_time(self) -> Iterator[Block]:
+        """Yield one block a period, and for a device that is away what was lost by now."""
+        while (block := self._next(in_time=True)) is not None:
+            yield block
+
     def close(self) -> None:
         """End the iteration, from whatever thread or signal handler."""
         self._closed.set()
@@ -66,12 +78,14 @@ class RingStream(Stream):
             self._leave()
             self._ring.arena.close()
 
-    def _next(self) -> Block | None:
+    def _next(self, *, in_time: bool = False) -> Block | None:
         with self._reading:
             while not self._closed.is_set():
-                period = self._ring.take()
+                period, now = self._ring.take(), time.monotonic()
                 if period:
-                    return self._timeline.place(period, self._adc_time(period), time.monotonic())
+                    return self._timeline.place(period, self._adc_time(period), now)
+                if in_time and (lost := self._timeline.lose(self._signal.channels, now)):
+                    return lost
                 self._idle()
             return None
 
@@ -81,6 +95,11 @@ class Timeline:
 
     While one device runs, its frame counter is the truth; after `interrupt`, when another counter begins,
     the gap is what the monotonic clock says.
+
+    Attributes
+    ----------
+    away
+        Whether frames were counted as lost since the last period, because none came for long.
     """
 
     def __init__(self, sample_rate: int) -> None:
@@ -89,6 +108,7 @@ class Timeline:
         self._frame_time: Samples | None = None  # the device's count there
         self._time: Seconds | None = None  # the monotonic clock there; None before the first frame
         self._frames = self._dropped = self._gaps = 0
+        self.away = False
 
     def interrupt(self) -> None:
         """Note that the device's counter restarts."""
@@ -114,7 +134,8 @@ class Timeline:
         self._frame_time = (period.frame_time + frames) % FRAME_TIME_SPAN
         self._frames += frames
         self._dropped += lost
-        self._gaps += lost > 0
+        self._gaps += lost > 0 and not self.away
+        self.away = False
         return Block(
             samples=period.samples,
             start=start,
@@ -123,8 +144,24 @@ class Timeline:
             frame_time=period.frame_time,
         )
 
-    def health(self, *, xruns: int, reconnects: int, clock_offsets: dict[str, Seconds]) -> StreamHealth:
-        """Return the counters so far together with those of the device."""
+    def lose(self, channels: int, now: Seconds) -> Block | None:
+        """Return what was lost by now as a block without samples, where no period has come for long."""
+        if self._time is None or now - self._time < (ABSENCE if not self.away else 2 * LAG):
+            return None
+        lost = int((now - LAG - self._time) * self._rate)
+        self._end += lost
+        self._time += lost / self._rate
+        if self._frame_time is not None:
+            self._frame_time = (self._frame_time + lost) % FRAME_TIME_SPAN
+        self._dropped += lost
+        self._gaps += not self.away
+        self.away = True
+        return Block(samples=np.zeros((channels, 0), np.float32), start=self._end, dropped=lost)
+
+    def health(
+        self, *, xruns: int, reconnects: int, clock_offsets: dict[str, Seconds], away: str = ""
+    ) -> StreamHealth:
+        """Return the counters so far with those of the device; `away` is what is said where that is away."""
         return StreamHealth(
             frames=self._frames,
             dropped=self._dropped,
@@ -132,6 +169,7 @@ class Timeline:
             xruns=xruns,
             reconnects=reconnects,
             clock_offsets=clock_offsets,
+            away=away if self.away else "",
         )
 
     def _lost(self, frame_time: Samples, began: Seconds) -> Samples:

@@ -44,7 +44,10 @@ class SoundcardStream(RingStream):
     @property
     def health(self) -> StreamHealth:
         """Counters so far; `xruns` are the overflows that PortAudio reported."""
-        return self._timeline.health(xruns=self._overflows, reconnects=0, clock_offsets=clock_offsets())
+        away = "the sound card is silent"
+        return self._timeline.health(
+            xruns=self._overflows, reconnects=0, clock_offsets=clock_offsets(), away=away
+        )
 
     def capture(self, frames: np.ndarray, count: int, times: CallbackTimes, status: CallbackFlags) -> None:
         """Copy one block, (count, channels), into the ring: PortAudio's callback.

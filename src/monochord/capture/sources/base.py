@@ -78,6 +78,10 @@ class Stream(ABC):
     def __iter__(self) -> Iterator[Block]:
         """Yield blocks; waits where the device is slower than the reader."""
 
+    def in_time(self) -> Iterator[Block]:
+        """Yield blocks, and where a device is away, what is lost meanwhile as blocks without samples."""
+        return iter(self)
+
     def close(self) -> None:  # noqa: B027
         """End the iteration, from whatever thread; a stream that never waits need not override it."""
 
