@@ -11,7 +11,8 @@ from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Floats, Prediction, Truth
 from monochord.evaluation.following import PARTS, Recorded, WithNoise, errors, onsets, record
 from monochord.live import LiveRun
-from monochord.live.filter import FilterSettings, TrackSettings
+from monochord.live.filter import FilterSettings
+from monochord.live.tracks import TrackSettings
 from monochord.perception.estimators import ESTIMATORS
 
 HOP, WINDOW = 0.01, 0.1

@@ -9,15 +9,9 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Floats, Prediction
-from monochord.live.filter import (
-    FilterSettings,
-    FilterState,
-    ForceSettings,
-    SwitchSettings,
-    Tracked,
-    TrackSettings,
-    step,
-)
+from monochord.live.filter import FilterSettings, FilterState, Tracked, step
+from monochord.live.switches import SwitchSettings
+from monochord.live.tracks import ForceSettings, TrackSettings
 
 RATE, LENGTH, HOP = 44100, 0.1, 0.01
 UNITS = {"contact": "", "slip": "", "position": "m", "force": "N"}

@@ -1,7 +1,6 @@
 """Health: each trouble is said once it lasts, says what to do, and goes away with its cause."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -167,7 +166,7 @@ def test_a_new_touch_settles() -> None:
     window = Window(samples=STRING[:, :SIZE], start=0, sample_rate=RATE)
     touched = FilterState(time=0.1, onset=0.1)
     for time, expected in ((0.1, ["settling"]), (0.15, ["settling"]), (0.2, [])):
-        followed = replace(touched, time=time)
+        followed = touched._replace(time=time)
         _, notes = health.step(HealthState(), window, {}, StreamHealth(), 0, followed, None, HealthSettings())
         assert keys(notes) == expected
 

@@ -19,8 +19,9 @@ from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, StreamHealth, Truth, Window
 from monochord.live import LiveRun, WindowSettings, run
-from monochord.live.filter import FilterSettings, TrackSettings
+from monochord.live.filter import FilterSettings
 from monochord.live.sinks.base import Moment, Sink, Writer
+from monochord.live.tracks import TrackSettings
 from monochord.perception.estimators.base import Estimator
 
 RATE = 1000

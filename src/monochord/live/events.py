@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from monochord.core.units import Seconds
-from monochord.live.filter import CONTACT, SLIP, FilterState, Switch, Tracked
+from monochord.live.filter import CONTACT, SLIP, FilterState, Tracked
+from monochord.live.switches import Switch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +60,7 @@ def step(
 
     Examples
     --------
-    >>> from monochord.live.filter import Switch
+    >>> from monochord.live.switches import Switch
     >>> contact = Switch(on=True, since=0.5, decided=0.52, level=4.0, time=0.52)
     >>> state, tracked = FilterState(time=0.52, contact=contact), Tracked(decided={"contact": True})
     >>> _, events = step(Announced(), state, tracked)

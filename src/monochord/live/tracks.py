@@ -1,0 +1,311 @@
+"""Quantities over time: position and force of a touch, each with its standard error.
+
+- **A touch moves continuously.** Position is a Kalman filter with a nearly constant velocity (Bar-Shalom, Li
+  and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, ch. 6) that changes freely
+  while the touch slides and hardly at rest. An abstention leaves a prediction whose uncertainty grows.
+- **The driven string may lock to another mode, and an estimate then jumps.** An estimate outside the gate
+  does not move the track. It founds a rival, which later estimates support or oppose; the track changes to
+  it once the support has lasted. Until then the standard error covers both.
+- **Most of an error stays as long as the touch.** Of the variance that an estimate states, a share is an
+  offset of this object on this sensor, which no averaging removes; the rest fluctuates. Windows of length
+  T that begin dt apart overlap: averaging them is worth that of independent ones of the variance times T / dt
+  (the integral of their triangular autocorrelation), and so much noise is what the filter assumes. For
+  force the offset at rest and that while sliding are two unknowns with one force below them. So what was
+  learned at rest still holds when the object slides, where an estimate alone may be far off.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from monochord.core.errors import InputError
+from monochord.core.types import Estimate
+from monochord.core.units import Metres, Seconds
+from monochord.live.switches import TIME_TOLERANCE, refuse_time
+
+MIN_STD = 1e-9
+"""Least standard error of an estimate, in its unit, so that none divides by zero."""
+START_VELOCITY = 0.01
+"""Standard deviation of a velocity before any is known, in m/s."""
+STOP: Seconds = 0.03
+"""Time in which the velocity of a touch at rest falls by e."""
+RIVAL_DRIFT = 1e-5
+"""Variance in m^2 that a second adds to a rival's place."""
+START_FORCE = 4.0
+"""Variance of a force in N^2 before any estimate."""
+
+
+def _refuse_share(name: str, value: float) -> None:
+    if not 0.0 <= value < 1.0:
+        raise InputError(f"filter {name} {value:g}", "a share of 0 or more, below 1")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackSettings:
+    """How a position is tracked.
+
+    Parameters
+    ----------
+    offset
+        Share of an estimate's variance that is an offset of the touch, 0 to 1.
+    sliding, resting
+        How freely the velocity changes: the spectral density of the acceleration in m^2 / s^3.
+    gate
+        Standard errors from which an estimate is a rival's, and no more the track's.
+    believe
+        For how long estimates must have contradicted an established track, net, for it to jump, in s.
+    coast
+        For how long a track is predicted without any estimate, in s.
+    """
+
+    offset: float = 0.9
+    sliding: float = 5e-3
+    resting: float = 5e-3
+    gate: float = 5.0
+    believe: Seconds = 0.15
+    coast: Seconds = 0.2
+
+    def __post_init__(self) -> None:
+        _refuse_share("offset", self.offset)
+        if not (min(self.sliding, self.resting) > 0.0 and self.gate > 0.0):
+            raise InputError(f"filter sliding {self.sliding:g}, gate {self.gate:g}", "above 0")
+        for name in ("believe", "coast"):
+            refuse_time(name, getattr(self, name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceSettings:
+    """How a force is tracked.
+
+    Parameters
+    ----------
+    offset
+        Share of an estimate's variance that is an offset of the touch, 0 to 1.
+    common
+        Correlation of the offset at rest with that while sliding, 0 to 1.
+    change
+        How freely a force changes: the variance that a second adds, in N^2 / s.
+    coast
+        For how long it is predicted without any estimate, in s.
+    """
+
+    offset: float = 0.9
+    common: float = 0.8
+    change: float = 1.0
+    coast: Seconds = 0.3
+
+    def __post_init__(self) -> None:
+        _refuse_share("offset", self.offset)
+        _refuse_share("common", self.common)
+        if not self.change > 0.0:
+            raise InputError(f"filter change {self.change:g} N^2/s", "above 0")
+        refuse_time("coast", self.coast)
+
+
+class Span(NamedTuple):
+    """Where a window stands in time.
+
+    `end` is its end in s, `dt` the time since the end of the one before, `ratio` its length in units of dt, 1
+    or more, and `share` how much of it is touched.
+    """
+
+    end: Seconds
+    dt: Seconds
+    ratio: float
+    share: float
+
+
+class Track(NamedTuple):
+    """A position over time.
+
+    `place` in m and `velocity` in m/s have the covariance `place_var`, `cross`, `velocity_var`. `offset` is
+    the variance of what stays as long as the touch. `seen` is the end of the last window with an estimate.
+    `trust` is for how long estimates have supported the track, net, in s; those that did not support a rival
+    at `rival` of variance `rival_var`, NaN for none.
+    """
+
+    place: Metres
+    velocity: float
+    place_var: float
+    cross: float
+    velocity_var: float
+    offset: float
+    seen: Seconds
+    trust: Seconds
+    rival: Metres = math.nan
+    rival_var: float = math.nan
+
+    def estimate(self, unit: str, settings: TrackSettings) -> Estimate:
+        """Return the position, with an uncertainty that covers a rival."""
+        variance = self.place_var + self.offset
+        if not math.isnan(self.rival):
+            variance += (1.0 - self.trust / settings.believe) * (self.rival - self.place) ** 2
+        return Estimate(value=self.place, std=math.sqrt(variance), unit=unit)
+
+
+def track_after(
+    before: Track | None, position: Estimate, span: Span, sliding: float, settings: TrackSettings
+) -> Track | None:
+    """Return the track after a window, None for none, of a touch that slides with a probability."""
+    if before is not None and span.end - before.seen > settings.coast:
+        before = None
+    variance = (max(position.std, MIN_STD) / span.share) ** 2
+    if before is None:
+        return _track_from(position.value, variance, span, settings) if position.valid else None
+    track = _predicted(before, span.dt, sliding, settings)
+    if not position.valid:
+        return track
+    error = position.value - track.place
+    outside = error * error > settings.gate**2 * (track.place_var + variance)
+    if span.share < 1.0 and (outside or variance < track.offset + track.place_var):
+        # While a touch begins the newest window has most of it, and the first may have next to nothing.
+        return _track_from(position.value, variance, span, settings)
+    if outside:
+        return _doubted(track, position.value, variance, span, settings)
+    return _updated(track, error, variance, span, settings)
+
+
+def _track_from(place: Metres, variance: float, span: Span, settings: TrackSettings) -> Track:
+    """Return the track that an estimate founds, of whose variance a share is an offset."""
+    return Track(
+        place=place,
+        velocity=0.0,
+        place_var=(1.0 - settings.offset) * variance,
+        cross=0.0,
+        velocity_var=START_VELOCITY**2,
+        offset=settings.offset * variance,
+        seen=span.end,
+        trust=span.dt,
+    )
+
+
+def _predicted(track: Track, dt: Seconds, sliding: float, settings: TrackSettings) -> Track:
+    """Return a track a time later."""
+    density = settings.resting + sliding * sliding * (settings.sliding - settings.resting)
+    keep = math.exp(-dt * (1.0 - sliding) / STOP)  # at rest a velocity ends
+    travel = dt * keep
+    a, b, c = track.place_var, track.cross, track.velocity_var
+    return Track(
+        place=track.place + travel * track.velocity,
+        velocity=keep * track.velocity,
+        place_var=a + 2.0 * travel * b + travel * travel * c + density * dt**3 / 3.0,
+        cross=keep * (b + travel * c) + density * dt**2 / 2.0,
+        velocity_var=keep * keep * c + density * dt,
+        offset=track.offset,
+        seen=track.seen,
+        trust=track.trust,
+        rival=track.rival,
+        rival_var=track.rival_var + dt * RIVAL_DRIFT,
+    )
+
+
+def _updated(track: Track, error: Metres, variance: float, span: Span, settings: TrackSettings) -> Track:
+    """Return a predicted track after an estimate inside its gate."""
+    total = track.place_var + (1.0 - settings.offset) * variance * span.ratio
+    gain, gain_velocity = track.place_var / total, track.cross / total
+    trust = min(track.trust + span.dt, settings.believe)
+    is_sure = trust >= settings.believe
+    return Track(
+        place=track.place + gain * error,
+        velocity=track.velocity + gain_velocity * error,
+        place_var=(1.0 - gain) * track.place_var,
+        cross=(1.0 - gain) * track.cross,
+        velocity_var=track.velocity_var - gain_velocity * track.cross,
+        offset=track.offset + gain * (settings.offset * variance - track.offset),
+        seen=span.end,
+        trust=trust,
+        rival=math.nan if is_sure else track.rival,
+        rival_var=math.nan if is_sure else track.rival_var,
+    )
+
+
+def _doubted(track: Track, place: Metres, variance: float, span: Span, settings: TrackSettings) -> Track:
+    """Return a predicted track after an estimate outside its gate, which founds or supports a rival."""
+    rival, rival_var, trust = place, variance, track.trust - span.dt
+    error = place - track.rival
+    if error * error <= settings.gate**2 * (track.rival_var + variance):
+        gain = track.rival_var / (track.rival_var + variance)
+        rival, rival_var = track.rival + gain * error, (1.0 - gain) * track.rival_var
+    if trust < TIME_TOLERANCE:
+        return _track_from(rival, variance, span, settings)
+    return track._replace(trust=trust, rival=rival, rival_var=rival_var, seen=span.end)
+
+
+class Press(NamedTuple):
+    """A force over time.
+
+    `force` in N, and the offsets of estimates at rest and while sliding, as shares of their standard
+    deviations `resting_std` and `sliding_std` in N, NaN before any; with their covariance, the upper triangle
+    of force, offset at rest, offset sliding. `seen` is the end of the last window with an estimate.
+    """
+
+    force: float
+    resting: float
+    sliding: float
+    covariance: tuple[float, float, float, float, float, float]
+    seen: Seconds
+    resting_std: float = math.nan
+    sliding_std: float = math.nan
+
+    def estimate(self, unit: str) -> Estimate:
+        """Return the force."""
+        return Estimate(value=self.force, std=math.sqrt(self.covariance[0]), unit=unit)
+
+
+def press_after(
+    before: Press | None, force: Estimate, span: Span, settings: ForceSettings, *, slides: bool
+) -> Press | None:
+    """Return the press after a window, None for none."""
+    if before is not None and span.end - before.seen > settings.coast:
+        before = None
+    ratio = span.ratio
+    if force.valid and (before is None or span.share < 1.0):  # while it begins, the newest window is the best
+        covariance = (START_FORCE, 0.0, 0.0, 1.0, settings.common, 1.0)
+        press, ratio = Press(force.value, 0.0, 0.0, covariance, span.end), 1.0
+    elif before is None:
+        return None
+    else:
+        aa, ab, ac, bb, bc, cc = before.covariance
+        press = before._replace(covariance=(aa + settings.change * span.dt, ab, ac, bb, bc, cc))
+    return _pressed(press, force, span.end, ratio, settings, slides=slides) if force.valid else press
+
+
+def _pressed(
+    press: Press, estimate: Estimate, end: Seconds, ratio: float, settings: ForceSettings, *, slides: bool
+) -> Press:
+    """Return a press after an estimate, which is force + standard deviation times offset + noise.
+
+    The standard deviation of an offset stays what the first estimate at rest, or while sliding, says of it:
+    one that followed every window's would let the offset be inferred from how they differ.
+    """
+    variance = max(estimate.std, MIN_STD) ** 2
+    resting_std, sliding_std = press.resting_std, press.sliding_std
+    if slides:
+        if math.isnan(sliding_std):
+            sliding_std = math.sqrt(settings.offset * variance)
+        rest, slide = 0.0, sliding_std
+    else:
+        if math.isnan(resting_std):
+            resting_std = math.sqrt(settings.offset * variance)
+        rest, slide = resting_std, 0.0
+    aa, ab, ac, bb, bc, cc = press.covariance
+    a, b, c = aa + rest * ab + slide * ac, ab + rest * bb + slide * bc, ac + rest * bc + slide * cc
+    noise = (1.0 - settings.offset) * variance * ratio
+    total = a + rest * b + slide * c + noise
+    error = (estimate.value - press.force - rest * press.resting - slide * press.sliding) / total
+    return Press(
+        force=press.force + a * error,
+        resting=press.resting + b * error,
+        sliding=press.sliding + c * error,
+        covariance=(
+            aa - a * a / total,
+            ab - a * b / total,
+            ac - a * c / total,
+            bb - b * b / total,
+            bc - b * c / total,
+            cc - c * c / total,
+        ),
+        seen=end,
+        resting_std=resting_std,
+        sliding_std=sliding_std,
+    )
