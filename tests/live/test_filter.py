@@ -202,6 +202,24 @@ def test_estimates_that_are_no_numbers_are_abstentions() -> None:
     assert not steps[-1][1].estimates["force"].valid
 
 
+def test_a_jump_after_a_pause_is_no_end() -> None:
+    state = FilterState()
+    for k, place in enumerate([0.08, 0.14, 0.08, 0.14]):
+        prediction = Prediction(start=88200 * k, time=2.0 * k, estimates=touch(place))
+        state, _ = step(state, prediction, LENGTH, SETTINGS)
+        prediction = Prediction(start=88200 * k + 441, time=2.0 * k + HOP, estimates=touch(0.22 - place))
+        state, said = step(state, prediction, LENGTH, SETTINGS)
+        assert said.estimates["position"].std > 0.0
+
+
+def test_estimates_without_uncertainty_leave_a_variance() -> None:
+    def of(k: int) -> Estimates:
+        force = None if k % 7 == 0 else (1.0 + 0.1 * (k % 4), 0.3 * (k % 3 > 0))
+        return estimates(contact=0.99, slip=0.9 if k % 20 > 9 else 0.02, force=force)
+
+    assert all(each.std > 0.0 for each in tracked([of(k) for k in range(200)], "force")[1:])
+
+
 def test_an_estimator_without_contact_is_tracked_too() -> None:
     place = estimates(position=(0.05, 1e-3))
     steps = follow([place] * 30 + [estimates(position=None)] * 40 + [estimates(position=(0.15, 1e-3))] * 5)

@@ -23,8 +23,8 @@ from monochord.core.types import Estimate
 from monochord.core.units import Metres, Seconds
 from monochord.live.switches import TIME_TOLERANCE, refuse_time
 
-MIN_STD = 1e-9
-"""Least standard error of an estimate, in its unit, so that none divides by zero."""
+MIN_STD = 1e-6
+"""Least standard error of an estimate, in its unit, so that rounding leaves every variance positive."""
 START_VELOCITY = 0.01
 """Standard deviation of a velocity before any is known, in m/s."""
 STOP: Seconds = 0.03
@@ -175,7 +175,7 @@ def _track_from(place: Metres, variance: float, span: Span, settings: TrackSetti
         velocity_var=START_VELOCITY**2,
         offset=settings.offset * variance,
         seen=span.end,
-        trust=span.dt,
+        trust=min(span.dt, settings.believe),
     )
 
 
