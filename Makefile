@@ -50,12 +50,13 @@ $(DOCS_INSTALLED): pyproject.toml | $(INSTALLED)
 
 install: system $(INSTALLED) ## Set everything up: Debian packages, .venv, Monochord itself
 
-check: install ## Linter, format, types, layers, docstrings, repository rules
+check: install ## Linter, format, types, layers, docstrings, security, repository rules
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 	$(BIN)/interrogate --quiet src
+	$(BIN)/bandit --quiet --recursive --configfile pyproject.toml src
 	$(BIN)/pytest --quiet $(REPOSITORY_RULES)
 
 format: install ## Put the code in the house format and fix what the linter can

@@ -141,7 +141,7 @@ def _force_sensor(folder: Path, rate: Hertz) -> Generator[Instrument]:
     write_script(script, {"wrenches": load}, NetFtSettings(rate=rate))
     command = [sys.executable, "-m", "monochord.lab.net_ft_device", str(script)]
     pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:  # noqa: S603
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:  # noqa: S603  (our own module)  # nosec B603
         if process.stdin is None or process.stdout is None:
             message = "the force sensor has no pipes"
             raise RuntimeError(message)

@@ -182,7 +182,7 @@ class _Subscriber:
             "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
         }
         pipe = subprocess.PIPE
-        self._process = subprocess.Popen(  # noqa: S603
+        self._process = subprocess.Popen(  # noqa: S603  (the Python that the user named)  # nosec B603
             self._command, stdin=pipe, stdout=pipe, text=True, env=environment
         )
         if self._process.stdout is None or self._process.stdout.readline() != "ready\n":
@@ -207,7 +207,7 @@ def _playing(folder: Path, server: str, seconds: Seconds) -> Generator[list[str]
     write_script(script, {"samples": _touched()}, PlayerSettings(server=server, repeat=repeat))
     command = [sys.executable, "-m", "monochord.lab.player", str(script)]
     pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:  # noqa: S603
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:  # noqa: S603  (our own module)  # nosec B603
         if process.stdin is None or process.stdout is None or not (line := process.stdout.readline()):
             raise DeviceError("the player of the benchmark: it did not start")
         try:
@@ -238,7 +238,7 @@ def _browser(binary: str, url: str, folder: Path) -> Generator[None]:
     """Open the page in a Chromium without a window."""
     command = [shutil.which(binary) or binary, *HEADLESS, f"--user-data-dir={folder / 'browser'}", url]
     quiet = subprocess.DEVNULL
-    with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet) as process:  # noqa: S603
+    with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet) as process:  # noqa: S603  (found in PATH)  # nosec B603
         yield
         process.terminate()
 

@@ -27,7 +27,7 @@ def pack(work: Any, job: Any) -> bytes:
 def call(packed: bytes) -> Any:
     """Run a packed job; raises `DeviceError` where this worker lacks its module."""
     try:
-        work, job = pickle.loads(packed)  # noqa: S301  (from the process that started this one)
+        work, job = pickle.loads(packed)  # noqa: S301  (from the process that started this one)  # nosec B301
     except (ImportError, AttributeError) as error:
         raise DeviceError(unreadable(error)) from error
     return work(job)

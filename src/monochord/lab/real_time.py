@@ -198,7 +198,7 @@ def _process(name: str, script: Path, arrays: dict[str, Floats], settings: Any) 
     """Start a part as a process; it ends with the context."""
     write_script(script, arrays, settings)
     command = [sys.executable, "-m", f"monochord.lab.{name}", str(script)]
-    with subprocess.Popen(  # noqa: S603  (our own module)
+    with subprocess.Popen(  # noqa: S603  (our own module)  # nosec B603
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         try:

@@ -290,5 +290,5 @@ def _keep_to(interface: str, domain: int, descriptors: set[int]) -> None:
             if (sock.family, sock.type) != (socket.AF_INET, socket.SOCK_DGRAM):
                 continue
             host, port = sock.getsockname()
-            if host == "0.0.0.0" and first <= port < first + PORTS:  # noqa: S104  (compared, not bound)
+            if host == "0.0.0.0" and first <= port < first + PORTS:  # noqa: S104  (compared, not bound)  # nosec B104
                 sock.setsockopt(socket.SOL_SOCKET, ATTACH_FILTER, filter_)

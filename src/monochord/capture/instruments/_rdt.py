@@ -160,7 +160,7 @@ def read_calibration(text: bytes, device: str) -> CountScale:
             f"{device}: its settings hold a NUL, a document type or XML entities; no Net F/T's do"
         )
     try:
-        elements = ET.fromstring(plain).iter()  # noqa: S314  (no entities)
+        elements = ET.fromstring(plain).iter()  # noqa: S314  (no entities)  # nosec B314
     except (ET.ParseError, ValueError) as error:
         given = f"{device}: its settings are not XML, but begin with {_quoted(plain)}"
         raise DeviceError(f"{given}; is it a Net F/T?") from error

@@ -89,7 +89,7 @@ class Server:
         If the address is taken or is not this machine's.
     """
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 0, token: str = "") -> None:
+    def __init__(self, host: str = "127.0.0.1", port: int = 0, token: str = "") -> None:  # nosec B107
         self._host, self._guard = host, Guard(host=host, token=token)
         self._socket = _bound(host, port)
         self.port: int = self._socket.getsockname()[1]
@@ -128,7 +128,11 @@ class Server:
     @property
     def address(self) -> str:
         """The page's address in a browser, with its token where it has one."""
-        host = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(self._host, self._host)  # noqa: S104
+        everywhere = {
+            "0.0.0.0",  # noqa: S104  (compared, not bound)  # nosec B104
+            "::",
+        }
+        host = socket.gethostname() if self._host in everywhere else self._host
         host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self.port}/" + (f"?token={self._guard.token}" if self._guard.token else "")
 

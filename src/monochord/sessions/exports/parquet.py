@@ -223,7 +223,7 @@ def _refuse_deadly(paths: Sequence[Path]) -> None:
     A process of its own reads them first.
     """
     command = [sys.executable, "-c", READ_METADATA, *map(str, paths)]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603  (this interpreter)  # nosec B603
     if -ended.returncode in (signal.SIGABRT, signal.SIGSEGV):
         given = f"file {paths[int(ended.stdout.split()[-1])]} (its columns are described wrongly)"
         raise InputError(given, "the Parquet file that was exported")
