@@ -1,5 +1,7 @@
 """The learned estimator: contact, slip, position and force by a trained model."""
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,18 +55,50 @@ class ModelEstimator(Estimator):
                 return _Followed(model, own, size)
             except InputError:  # windows too short for a pitch
                 pass
-        state = ModelState()
+        return _Fixed(model)
 
-        def estimate(window: Window) -> Estimates:
-            nonlocal state
-            state, estimates = model.predict(state, window)
-            return estimates
+    def estimate_all(self, prepared: Sequence[Prepared], windows: Sequence[Window]) -> list[Estimates]:
+        """Return the estimates of windows of several strings; the heads are computed for all at once."""
+        streams = [each for each in prepared if isinstance(each, _Stream)]
+        if len(streams) != len(prepared) or len(streams) < 2:
+            return Estimator.estimate_all(self, prepared, windows)
+        before = [stream.before(window) for stream, window in zip(streams, windows, strict=True)]
+        predicted = zip(streams, windows, Model.predict_all(before, windows), strict=True)
+        return [stream.after(window, state, estimates) for stream, window, (state, estimates) in predicted]
 
-        return estimate
+
+class _Stream(ABC):
+    """A model on one stream of windows."""
+
+    def __call__(self, window: Window) -> Estimates:
+        model, state = self.before(window)
+        return self.after(window, *model.predict(state, window))
+
+    @abstractmethod
+    def before(self, window: Window) -> tuple[Model, ModelState]:
+        """Return the model to read a window by, and its state before the window."""
+
+    @abstractmethod
+    def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:
+        """Take the state after a window, and return its estimates."""
 
 
-class _Followed(Watching):
-    """A model on one stream of windows, re-tuned by those that nothing touches."""
+class _Fixed(_Stream):
+    """A model as it is."""
+
+    def __init__(self, model: Model) -> None:
+        self._model, self._state = model, ModelState()
+
+    def before(self, window: Window) -> tuple[Model, ModelState]:  # noqa: ARG002
+        return self._model, self._state
+
+    def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:  # noqa: ARG002
+        self._state = state
+        return estimates
+
+
+class _Followed(_Stream, Watching):
+    """A model that is re-tuned by the windows that nothing touches."""
 
     def __init__(self, model: Model, signal: Signal, size: Samples) -> None:
         self._own = OwnString.of(signal, size, lowest=LOWEST, highest=HIGHEST)
@@ -74,7 +108,7 @@ class _Followed(Watching):
         self._state, self._tuner = ModelState(), TunerState()
         self._has_heard, self._why_not = False, ""
 
-    def __call__(self, window: Window) -> Estimates:
+    def before(self, window: Window) -> tuple[Model, ModelState]:
         if window.start <= self._state.start:
             self._use(self._known, self._own.string)
             self._has_heard = False
@@ -83,7 +117,10 @@ class _Followed(Watching):
         if tuning is not before and tuning is not None:
             self._has_heard = True
             self._follow(tuning)
-        self._state, estimates = self._model.predict(self._state, window)
+        return self._model, self._state
+
+    def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:
+        self._state = state
         why_not = self._why_not if self._has_heard else self._why_elsewhere(window)
         if not why_not:
             return estimates

@@ -17,6 +17,7 @@ import numpy as np
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
 from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
+from monochord.perception.model.network import layered
 
 UNLIKE = "sound unlike what this model learned"
 """The reason where none of those that were learned is likely."""
@@ -61,20 +62,17 @@ class Detector:
             ),
         )
 
-    def step(self, state: KnownState, row: Audio, time: Seconds) -> KnownState:
-        """Return the state after a window of scaled features (d,) that begins at a time."""
-        return step(state, self.logits(row), time, self.record.memory)
+    def step(self, state: KnownState, logits: Floats, time: Seconds) -> KnownState:
+        """Return the state after a window of logits (1 + reasons,) that begins at a time."""
+        return step(state, logits, time, self.record.memory)
 
     def why_unknown(self, state: KnownState) -> str:
         """Return why sound is unlike the training after its last window, empty where it is like it."""
         return "" if state.odds is None else reason(state.odds, self.record)
 
     def logits(self, row: Audio) -> Floats:
-        """Return the outputs (1 + reasons,) for scaled features (d,)."""
-        for weight, bias in self.layers[:-1]:
-            row = np.maximum(weight @ row + bias, np.float32(0.0))
-        weight, bias = self.layers[-1]
-        return (weight @ row + bias).astype(np.float64)
+        """Return the outputs (..., 1 + reasons) for scaled features (..., d)."""
+        return layered(row, self.layers).astype(np.float64)
 
 
 def step(state: KnownState, logits: Floats, time: Seconds, memory: Sequence[Seconds]) -> KnownState:

@@ -1,13 +1,13 @@
 """The model: features, untouched reference, scaling and heads as one frozen object, offline and live."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Estimate, Estimates, Signal, StringParams, Window
+from monochord.core.types import Audio, Estimate, Estimates, Floats, Signal, StringParams, Window
 from monochord.core.units import Samples
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.features import FEATURES
@@ -104,8 +104,8 @@ class Model:
                 given = f"a string of {length:g} m for a model"
                 raise InputError(given, f"{own:g} m, as it was trained", "train one for this sensor")
         if size is not None:
-            self._check_size(size)
-        _ = self._extractors
+            self.check_size(size)
+        _ = self.extractors
 
     def predict(self, state: ModelState, window: Window) -> tuple[ModelState, Estimates]:
         """Return the state after a window, and the estimates for it.
@@ -123,12 +123,7 @@ class Model:
         InputError
             If the window has another length.
         """
-        self._check_size(window.samples.shape[-1])
-        state, outputs, reason = self._read(state, window)
-        if reason:
-            heads = self.definition.heads.items()
-            return state, {name: Estimate.abstain(record.task.unit, reason) for name, record in heads}
-        return state, self._at_own_tension(estimates_of(self.definition, outputs, self.corrections))
+        return Model.predict_all([(self, state)], [window])[0]
 
     def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
         """Return the state after a window, and the output of each head, before calibration and correction.
@@ -137,33 +132,89 @@ class Model:
         outputs and leaves the reference as it is; one of sound unlike that of the training counts as
         touched there.
         """
-        state, outputs, _ = self._read(state, window)
+        ((state, outputs, _),) = Model._read([(self, state)], [window])
         return state, outputs
 
-    def _read(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output], str]:
-        """Return the state after a window, the outputs, and why to abstain from it, empty for no reason."""
-        trained, network = self.definition, self._network
-        state = replace(state if window.start > state.start else ModelState(), start=window.start)
-        why_not = self.why_not(window)
-        if why_not:
-            return state, {}, why_not
-        feature, reference = self._extractors
-        samples = window.samples[None]
-        row, known = feature(samples)[0], context_row(state, trained.widths[1])
-        base, context = network.scaled(row), network.scaled_context(known)
-        rise = network.rises(row, known)
-        outputs = {name: network.output(name, base, context, rise) for name in trained.heads}
+    @staticmethod
+    def predict_all(
+        streams: Sequence[tuple["Model", ModelState]], windows: Sequence[Window]
+    ) -> list[tuple[ModelState, Estimates]]:
+        """Return what `predict` does for a window of each of several streams, with the same bits.
+
+        The heads are computed for all at once, so the models are one that was trained, each as it is or tuned
+        to a string.
+
+        Parameters
+        ----------
+        streams
+            The model of each stream, and its state before the window.
+        windows
+            The window of each, of the length of the training.
+        """
+        results: list[tuple[ModelState, Estimates]] = []
+        for (model, _), (state, outputs, why_not) in zip(streams, Model._read(streams, windows), strict=True):
+            trained = model.definition
+            estimates = (
+                {name: Estimate.abstain(each.task.unit, why_not) for name, each in trained.heads.items()}
+                if why_not
+                else model.at_own_tension(estimates_of(trained, outputs, model.corrections))
+            )
+            results.append((state, estimates))
+        return results
+
+    @staticmethod
+    def _read(
+        streams: Sequence[tuple["Model", ModelState]], windows: Sequence[Window]
+    ) -> list[tuple[ModelState, Mapping[str, Output], str]]:
+        """Return state, outputs, and why to abstain, empty for no reason, for the window of each stream."""
+        results: list[tuple[ModelState, Mapping[str, Output], str]] = []
+        for (model, before), window in zip(streams, windows, strict=True):
+            model.check_size(window.samples.shape[-1])
+            state = replace(before if window.start > before.start else ModelState(), start=window.start)
+            results.append((state, {}, model.why_not(window)))
+        usable = [k for k, (_, _, why_not) in enumerate(results) if not why_not]
+        if not usable:
+            return results
+        first = streams[usable[0]][0]
+        trained, network, detector = first.definition, first.network, first.detector
+        rows = np.stack([streams[k][0].extractors[0](windows[k].samples[np.newaxis])[0] for k in usable])
+        known = np.stack([context_row(results[k][0], trained.widths[1]) for k in usable])
+        base, context = network.scaled(rows), network.scaled_context(known)
+        rise = network.rises(rows, known)
+        outputs = {name: network.outputs(name, base, context, rise) for name in trained.heads}
+        logits = detector.logits(base) if detector else None
+        for at, k in enumerate(usable):
+            own = {name: each[at] for name, each in outputs.items()}
+            odds = None if logits is None else logits[at]
+            results[k] = streams[k][0].after(results[k][0], windows[k], own, (rows[at], known[at]), odds)
+        return results
+
+    def after(
+        self,
+        state: ModelState,
+        window: Window,
+        outputs: dict[str, Output],
+        rows: tuple[Audio, Audio],
+        logits: Floats | None,
+    ) -> tuple[ModelState, Mapping[str, Output], str]:
+        """Return the state after a window, its outputs with variables, and why to abstain from it.
+
+        `rows` are its features and the reference, `logits` those of the detector, where there is one.
+        """
+        trained, (row, known) = self.definition, rows
         for name, pairs in self._variables.items():
             columns = np.concatenate([row, known[:-1], np.zeros(1, np.float32)])  # the last one is for -1
             values = tuple(float(columns[of]) - float(columns[less]) for of, less in pairs)
             outputs[name] = replace(outputs[name], variables=values)
-        time = window.start / window.sample_rate
-        if self._detector is not None:
-            state = replace(state, known=self._detector.step(state.known, base, time))
-            why_not = self._detector.why_unknown(state.known)
+        time, why_not = window.start / window.sample_rate, ""
+        if self.detector is not None and logits is not None:
+            state = replace(state, known=self.detector.step(state.known, logits, time))
+            why_not = self.detector.why_unknown(state.known)
+        reference = self.extractors[1]
         if reference is not None and trained.reference is not None:
             # What is unlike the training is no untouched string, whatever the head of contact says.
             contact = 1.0 if why_not else probability(outputs[trained.gate], trained.heads[trained.gate])
+            samples = window.samples[np.newaxis]
             state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
         return state, outputs, why_not
 
@@ -176,7 +227,7 @@ class Model:
         power = float(np.vdot(samples, samples)) / samples.size
         return "silence" if power < self.definition.quietest**2 else ""
 
-    def _at_own_tension(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+    def at_own_tension(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates with forces as of the string's own tension.
 
         What sounds alike in relative terms is another force there; training does the contrary with labels.
@@ -190,7 +241,8 @@ class Model:
             for name, each in estimates.items()
         }
 
-    def _check_size(self, size: Samples) -> None:
+    def check_size(self, size: Samples) -> None:
+        """Raise `InputError` unless windows have the length of the training, in frames."""
         trained = self.definition
         if size != trained.window:
             remedy = f"set --window {trained.window / trained.sample_rate:g}"
@@ -220,15 +272,17 @@ class Model:
         return {name: self.definition.variables_of(name) for name, record in heads if record.correction}
 
     @cached_property
-    def _network(self) -> Network:
+    def network(self) -> Network:
+        """The heads."""
         return Network.of(self.definition, self.weights)
 
     @cached_property
-    def _detector(self) -> Detector | None:
+    def detector(self) -> Detector | None:
+        """The detector of sound unlike that of the training; None without one."""
         return Detector.of(self.definition, self.weights)
 
     @cached_property
-    def _extractors(self) -> tuple[Extractor, Extractor | None]:
+    def extractors(self) -> tuple[Extractor, Extractor | None]:
         """The features of a window and of the reference, which are checked to be those of the training."""
         trained = self.definition
         signal = Signal(sample_rate=trained.sample_rate, channels=trained.channels, string=trained.string)

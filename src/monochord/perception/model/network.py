@@ -42,7 +42,8 @@ class Output:
 class Network:
     """The scaling and the layers of all heads.
 
-    Each row is computed by itself, never in a batch, so that equal rows give equal bits live and offline.
+    Each row is a product of its own, in a batch too, so that equal rows give equal bits alone and among
+    others, live and offline.
     `linear` holds the linear path of the heads that have one, `columns` the features that a head sees, None
     for all. `rise` names the heads that have the rise of the pitch as an input, of `rise_columns`.
     """
@@ -86,35 +87,50 @@ class Network:
         )
 
     def scaled(self, row: Audio) -> Audio:
-        """Return a window's features (d,) less their mean, in standard deviations, bounded by `clip`."""
+        """Return windows' features (..., d) less their mean, in standard deviations, bounded by `clip`."""
         return scaled(row, *self.scaler, self.clip)
 
     def scaled_context(self, row: Audio) -> Audio:
-        """Return an untouched reference (c,) as `scaled` does; an absent one is zeros."""
+        """Return untouched references (..., c) as `scaled` does; absent ones are zeros."""
         if self.context_scaler is None:
-            return row[:0]
-        result = scaled(row, *self.context_scaler, self.clip)
-        return result if row[-1] else np.zeros_like(result)
+            return row[..., :0]
+        return np.where(row[..., -1:], scaled(row, *self.context_scaler, self.clip), np.float32(0.0))
 
     def rises(self, row: Audio, reference: Audio) -> Audio:
-        """Return the rise of the pitch as inputs, of features (d,) and a reference (c,), neither scaled."""
-        return rises(row, reference, self.rise_columns) if self.rise_columns else row[:0]
+        """Return the rise of the pitch as inputs, of features (..., d) and references (..., c), unscaled."""
+        return rises(row, reference, self.rise_columns) if self.rise_columns else row[..., :0]
 
     def output(self, name: str, base: Audio, context: Audio, rise: Audio = NOTHING) -> Output:
         """Return the output of a head for scaled features (d,), a scaled reference (c,) and the rise."""
+        return self.outputs(name, base[np.newaxis], context[np.newaxis], rise[np.newaxis])[0]
+
+    def outputs(self, name: str, base: Audio, context: Audio, rise: Audio) -> list[Output]:
+        """Return the outputs of a head for rows (n, d), (n, c) and (n, r), as `output` does for each."""
         columns = self.columns[name]
-        inputs = base if columns is None else base[columns]
-        inputs = np.concatenate([inputs, context]) if self.context[name] and context.size else inputs
-        inputs = np.concatenate([inputs, rise]) if name in self.rise else inputs
-        layers, row = self.layers[name], inputs
-        for weight, bias in layers[:-1]:
-            row = np.maximum(weight @ row + bias, np.float32(0.0))
-        weight, bias = layers[-1]
-        value, *spread = (weight @ row + bias).tolist()
-        if name in self.linear:
-            weight, bias = self.linear[name]
-            value += float((weight @ inputs + bias)[0])
-        return Output(value=value, log_spread=spread[0] if spread else 0.0)
+        parts = [base if columns is None else base[:, columns]]
+        parts += [context] if self.context[name] else []
+        parts += [rise] if name in self.rise else []
+        # Rows in one piece: of others the product is summed in another order.
+        inputs = np.ascontiguousarray(np.concatenate(parts, axis=1))
+        values = layered(inputs, self.layers[name]).tolist()
+        straight = layered(inputs, (self.linear[name],))[:, 0].tolist() if name in self.linear else None
+        return [
+            Output(value=value + straight[k] if straight else value, log_spread=spread[0] if spread else 0.0)
+            for k, (value, *spread) in enumerate(values)
+        ]
+
+
+def layered(row: Audio, layers: Layers) -> Audio:
+    """Return what layers, each but the last with a ReLU, make of rows (..., d): one product for each row.
+
+    >>> one = np.ones((1, 2), np.float32), np.zeros(1, np.float32)
+    >>> layered(np.array([[1.0, 2.0], [0.0, -3.0]], np.float32), (one,)).tolist()
+    [[3.0], [-3.0]]
+    """
+    for number, (weight, bias) in enumerate(layers, start=1):
+        row = (weight @ row[..., np.newaxis])[..., 0] + bias
+        row = np.maximum(row, np.float32(0.0)) if number < len(layers) else row
+    return row
 
 
 def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:

@@ -1,0 +1,65 @@
+"""Many strings in one process: estimates a second of each, and the cost of one as their number grows."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
+from monochord.evaluation.strings import strings_cost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Strings(Benchmark):
+    """Rate and processor time of a trained model on several simulated strings of one source.
+
+    The loop runs at the pace of real time; where it is late it skips to the newest window, so that all
+    strings get the same rate, below the one asked for. The cost of an estimate is compared with that of one
+    string alone in the same run. `monochord figure strings` draws it.
+
+    Parameters
+    ----------
+    strings
+        Numbers of strings, the first of which the others are compared with.
+    seconds
+        Sound for each, and time that it takes.
+    hop
+        Distance of window starts in seconds.
+    model
+        Folder or name of the model.
+    """
+
+    strings: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
+    seconds: Seconds = 5.0
+    hop: Seconds = 0.01
+    model: str = "demo"
+
+    def __post_init__(self) -> None:
+        if not self.strings or not all(1 <= each <= 32 for each in self.strings):
+            raise InputError(f"strings {', '.join(map(str, self.strings)) or 'none'}", "numbers from 1 to 32")
+        if not 0.3 <= self.seconds <= 3600.0:
+            raise InputError(f"seconds {self.seconds:g}", "0.3 to 3600 s")
+
+    def run(self) -> Iterator[Row]:
+        """Measure each number of strings in turn."""
+        alone = None
+        for strings in self.strings:
+            seen = strings_cost(strings, seconds=self.seconds, hop=self.hop, model=self.model)
+            alone = alone or seen
+            name, first = f"{strings} strings", f"{alone.strings} strings"
+            yield Row(
+                name=f"{name}, rate of each",
+                value=seen.rate,
+                unit="1/s",
+                baseline="asked for",
+                baseline_value=1.0 / self.hop,
+            )
+            yield Row(
+                name=f"{name}, cost of an estimate",
+                value=1e3 * seen.cost,
+                unit="ms",
+                baseline=first,
+                baseline_value=1e3 * alone.cost,
+            )
+            yield Row(name=f"{name}, latency p99", value=1e3 * seen.latency, unit="ms")
+            yield Row(name=f"{name}, windows skipped", value=100.0 * seen.skipped, unit="%")

@@ -1,0 +1,120 @@
+"""What several strings cost in one process: how many estimates a second each gets, and the time of each."""
+
+import dataclasses
+import math
+import tempfile
+import time
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+
+import numpy as np
+
+from monochord.capture.sources import SOURCES
+from monochord.core.types import Audio
+from monochord.core.units import Seconds
+from monochord.live import LiveSettings, WindowSettings, run
+from monochord.live.settings import MODEL
+from monochord.live.sinks.base import Listener, Moment
+
+TAKE: Seconds = 3.0
+"""Sound of the simulated string, played over and over; each string begins elsewhere in it."""
+OFFSET: Seconds = 0.37
+BUILD = {"world": "plausible", "build": 131, "day": 51}
+"""A build that no bundled model was trained on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StringsCost:
+    """A run with `strings` strings: estimates a second of each, and processor time of each estimate.
+
+    `latency` is the 99th percentile from a window's last sample at hand to its estimate, `skipped` the share
+    of windows that were left out, since the loop was late.
+    """
+
+    strings: int
+    rate: float
+    cost: Seconds
+    latency: Seconds
+    skipped: float
+
+
+def strings_cost(
+    strings: int, *, seconds: Seconds = 5.0, hop: Seconds = 0.01, model: str = "demo"
+) -> StringsCost:
+    """Run a model on several simulated strings at the pace of real time, and return what that costs.
+
+    All of the live loop is counted but sinks: reading, windows, features, heads, estimates over time, events
+    and health. Processor time is that of the whole process, from the first window on.
+
+    Parameters
+    ----------
+    strings
+        Strings, of two channels each.
+    seconds
+        Sound to process, and time that it takes.
+    hop
+        Distance of window starts.
+    model
+        Folder or name of the model.
+    """
+    import soundfile  # noqa: PLC0415
+
+    take, clock = _take(), _Clock()
+    rate = 44100
+    sound = np.concatenate([np.roll(take, -round(k * OFFSET * rate), axis=1) for k in range(strings)])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "strings.wav"
+        soundfile.write(path, sound.T, rate, subtype="FLOAT")
+        played = {"path": str(path), "speed": 1.0, "repeat": 0, "block": 64}
+        settings = LiveSettings.read(
+            {
+                "source": {"name": "wav", **played},
+                "estimator": {"name": MODEL, "path": model},
+                "strings": {f"s{k + 1}": {"sensor": "prototype"} for k in range(strings)},
+                "sinks": {},
+                "window": {"length": WindowSettings().length, "hop": hop},
+                "seconds": seconds,
+            }
+        )
+        summary = run(dataclasses.replace(settings.build(), sinks=(clock,)))
+    total = summary.windows + summary.skipped
+    return StringsCost(
+        strings=strings,
+        rate=clock.rate / strings,
+        cost=clock.cost,
+        latency=summary.stages["latency"].p99,
+        skipped=summary.skipped / max(total, 1),
+    )
+
+
+def _take() -> Audio:
+    """Return the sound (2, n) of a simulated string that is touched now and then."""
+    with SOURCES.build("twin", {"speed": 0.0, **BUILD}).open() as stream:
+        frames = round(TAKE * stream.signal.sample_rate)
+        blocks = [block.samples for block in takewhile(lambda block: block.start < frames, stream)]
+        return np.concatenate(blocks, axis=1)[:, :frames]
+
+
+class _Clock(Listener):
+    """Notes clock and processor time at the first moment and the last."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._first = self._last = (0.0, 0.0)
+
+    def write(self, moment: Moment) -> None:  # noqa: ARG002
+        self._last = time.monotonic(), time.process_time()
+        self._first = self._last if self._count == 0 else self._first
+        self._count += 1
+
+    @property
+    def rate(self) -> float:
+        """Moments a second."""
+        elapsed = self._last[0] - self._first[0]
+        return (self._count - 1) / elapsed if elapsed else math.nan
+
+    @property
+    def cost(self) -> Seconds:
+        """Processor time of a moment."""
+        return (self._last[1] - self._first[1]) / (self._count - 1) if self._count > 1 else math.nan

@@ -1,0 +1,70 @@
+"""What a string costs as one process serves more of them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
+from monochord.evaluation.strings import strings_cost
+from monochord.figures import _style
+from monochord.figures.base import Measured, require_matplotlib
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Strings(Measured):
+    """Processor time of an estimate, and estimates a second of each string, against the number of strings.
+
+    Measured on this machine when it is drawn, as by `monochord bench strings`: leave it alone meanwhile.
+
+    Parameters
+    ----------
+    strings
+        Numbers of strings.
+    seconds
+        Sound for each, and time that it takes.
+    hop
+        Distance of window starts in seconds.
+    model
+        Folder or name of the model.
+    """
+
+    strings: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
+    seconds: Seconds = 5.0
+    hop: Seconds = 0.01
+    model: str = "demo"
+
+    def __post_init__(self) -> None:
+        if not self.strings or not all(1 <= each <= 32 for each in self.strings):
+            raise InputError(f"strings {', '.join(map(str, self.strings)) or 'none'}", "numbers from 1 to 32")
+
+    def numbers(self) -> dict[str, Any]:
+        """Return rate (1/s), cost (s), latency (s) and share of skipped windows for each number."""
+        runs = [
+            asdict(strings_cost(count, seconds=self.seconds, hop=self.hop, model=self.model))
+            for count in self.strings
+        ]
+        return {"hop": self.hop, "model": self.model, "simulated": True, "runs": runs}
+
+    def draw(self) -> Canvas:
+        """Measure, and draw cost and rate side by side."""
+        require_matplotlib()
+        runs: list[dict[str, Any]] = self.numbers()["runs"]
+        counts = [run["strings"] for run in runs]
+        figure = _style.canvas(65.0)
+        left, right = figure.subplots(1, 2)
+        left.plot(counts, [1e3 * run["cost"] for run in runs], "o-", color=_style.SEGMENTS[0], markersize=4)
+        left.set_ylim(bottom=0.0)
+        right.plot(counts, [run["rate"] for run in runs], "o-", color=_style.SEGMENTS[1], markersize=4)
+        right.axhline(1.0 / self.hop, color=_style.PALE, linestyle=_style.THEORY, linewidth=0.8)
+        right.set_ylim(bottom=0.0)
+        for axes in (left, right):
+            axes.set_xscale("log", base=2)
+            axes.set_xticks(counts, [str(count) for count in counts])
+        _style.dress(left, "A", "processor time of an estimate", "strings", "ms")
+        _style.dress(right, "B", "estimates of each string (dashed: asked for)", "strings", "1/s")
+        return figure

@@ -1,0 +1,25 @@
+from monochord.benchmarks.strings import Strings
+from monochord.evaluation.strings import strings_cost
+from monochord.figures.strings import Strings as Figure
+
+
+def test_windows_of_all_strings_are_timed_and_counted() -> None:
+    seen = strings_cost(2, seconds=0.4, hop=0.05)
+    assert seen.strings == 2
+    assert 0.0 < seen.rate < 40.0
+    assert 0.0 < seen.cost < 0.05
+    assert 0.0 <= seen.skipped <= 1.0
+
+
+def test_each_number_of_strings_is_compared_with_the_first() -> None:
+    rows = list(Strings(strings=(1, 3), seconds=0.3, hop=0.05).run())
+    costs = [row for row in rows if row.name.endswith("cost of an estimate")]
+    assert [row.name for row in costs] == ["1 strings, cost of an estimate", "3 strings, cost of an estimate"]
+    assert costs[0].ratio == 1.0
+    assert {row.baseline for row in costs} == {"1 strings"}
+
+
+def test_the_figure_shows_cost_and_rate() -> None:
+    left, right = Figure(strings=(1,), seconds=0.3, hop=0.05).draw().axes
+    assert left.get_ylabel() == "ms"
+    assert right.get_ylabel() == "1/s"
