@@ -1,6 +1,7 @@
 """The command `demo`: the bundled model on the twin, in real time, with its score."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from monochord.cli import run
@@ -67,6 +69,37 @@ def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.Captu
     lines = [message for message in capsys.readouterr().err.splitlines() if message.startswith("monochord: ")]
     assert len(lines) == 1
     assert "a string of 0.195 m for a model: allowed is 0.2 m" in lines[0]
+
+
+@pytest.mark.slow
+@pytest.mark.jack
+@pytest.mark.real_time
+def test_through_a_jack_server_it_is_the_same() -> None:
+    result = result_of("--jack", "--seconds", "6", "--seed", "1")
+    assert (result["simulated"], result["health"]["dropped"]) == (True, 0)
+    # The truth is of the same frames as the sound.
+    assert result["contact_accuracy"] > 0.9
+    assert result["position_windows"] > 50
+    assert result["position_mae"] < 1.5e-3
+
+
+THROUGH_JACK = pytest.param("--jack", marks=[pytest.mark.slow, pytest.mark.jack, pytest.mark.real_time])
+
+
+@pytest.mark.parametrize("option", ["--no-browser", THROUGH_JACK])
+def test_control_c_in_a_terminal_ends_it_with_its_result_and_leaves_nothing_behind(option: str) -> None:
+    command = [sys.executable, "-m", "monochord", "demo", option, "--seconds", "60"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, start_new_session=True) as process:
+        assert process.stdout
+        while "contact" not in process.stdout.readline():  # the address of the page comes first
+            pass
+        os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to every process of the command
+        rest, _ = process.communicate()
+    assert process.returncode == 0
+    assert "position" in rest
+    left = [each for each in psutil.process_iter() if os.getpgid(each.pid) == process.pid]
+    assert not psutil.wait_procs(left, timeout=20.0)[1]
 
 
 def test_a_signal_ends_it_with_its_result() -> None:

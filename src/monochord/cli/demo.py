@@ -15,7 +15,8 @@ from monochord.capture.sources import SOURCES
 from monochord.cli._options import amount, completes
 from monochord.cli._output import echo
 from monochord.core.compilation import compilation_shown
-from monochord.core.errors import InputError, did_you_mean
+from monochord.core.errors import DeviceError, InputError, did_you_mean
+from monochord.core.interruption import interruption
 from monochord.core.ownership import scratch_folder
 from monochord.live import LiveSettings, Scorer, run
 from monochord.live.tuning import tuned
@@ -28,6 +29,8 @@ UNWATCHED = 20.0
 LEARNED, PHYSICS = "model", "closed_form"
 BUNDLED = "demo"
 """Name of the bundled model that the demonstration shows."""
+JACK_PERIOD = 256
+"""Frames a period of a JACK server that is started here."""
 TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 49)
 """The sensor and the builds of it that this model was trained on, by the plan builds."""
 UNSEEN: Mapping[str, Any] = {
@@ -69,6 +72,9 @@ UNSEEN: Mapping[str, Any] = {
     help="Material of what touches it: 'monochord list materials'; repeatable.",
     **completes(material_names),
 )
+@click.option(
+    "--jack", is_flag=True, help="Through a JACK server; one with the dummy driver is started if none runs."
+)
 @click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="PORT", help="Port of the page.")
 @click.option("--no-browser", is_flag=True, help="Open no browser; the page is served all the same.")
 @click.option("--json", "as_json", is_flag=True, help="Print only the result, as one JSON object.")
@@ -85,6 +91,7 @@ def demo(sensor: str, **options: Any) -> None:
     \b
     monochord demo --material allen_key
     monochord demo --estimator closed_form
+    monochord demo --jack
     """  # noqa: D301
     name = options["estimator"].replace("-", "_")
     if name not in (LEARNED, PHYSICS):
@@ -101,6 +108,14 @@ def demo(sensor: str, **options: Any) -> None:
         {"source": source, "estimator": estimator, "sinks": sinks, "seconds": seconds}
     ).build()
     with ExitStack() as stack:
+        if options["jack"]:
+            from monochord.lab.jack_twin import JackTwin  # noqa: PLC0415
+
+            stop = stack.enter_context(interruption())
+            stack.enter_context(stop.at_once())  # an end while all is started ends the server, too
+            server = _jack_server(stack)
+            played = {name: value for name, value in source.items() if name != "name"}
+            setup = dataclasses.replace(setup, source=JackTwin(server=server, twin=played))
         begun = [stack.enter_context(sink.ahead()) for sink in setup.sinks]
         stack.enter_context(nullcontext() if quiet else compilation_shown())
         as_tuned = _write_tuned(source, stack.enter_context(scratch_folder()) / "sensor.toml")
@@ -121,6 +136,18 @@ def _twin(sensor: str, options: dict[str, Any]) -> dict[str, Any]:
     given["materials"] = [*options["material"]]
     chosen = {key: value for key, value in given.items() if value not in (None, [])}
     return {"name": "twin", "sensor": sensor, "seed": options["seed"], **UNSEEN, **chosen}
+
+
+def _jack_server(stack: ExitStack) -> str:
+    """Return the name of the JACK server: the default one, or one of our own while the stack is open."""
+    from monochord.capture.jack.client import JackClient  # noqa: PLC0415  (loads libjack)
+    from monochord.capture.jack.server import JackServer  # noqa: PLC0415
+
+    try:
+        JackClient("monochord-probe").close()
+    except DeviceError:
+        return stack.enter_context(JackServer(period=JACK_PERIOD)).name
+    return ""
 
 
 def _write_tuned(source: dict[str, Any], path: Path) -> str:

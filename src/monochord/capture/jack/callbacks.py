@@ -144,6 +144,37 @@ def play(nframes: Any, arena: Any) -> Any:
     return 0
 
 
+@_callback(types.int32, types.uint32, types.voidptr)
+def relay(nframes: Any, arena: Any) -> Any:
+    """Hand one period of the ring to every port, by the server's clock once all ports are connected.
+
+    Frame 0 is that of the first such period. A frame that was not written in time is silence.
+    """
+    words = _words(arena)
+    frames, capacity = np.int64(nframes), words[at.FRAMES]
+    now = np.int64(_last_frame_time(words[at.CLIENT]))
+    if words[at.SCHEDULED] == 0 and _all_connected(words):
+        words[at.BEGIN] = now
+        words[at.SCHEDULED] = 2
+    begun = words[at.SCHEDULED] == 2
+    before = words[at.READ]
+    position = before + (now - words[at.BEGIN] - before + HALF_SPAN) % (2 * HALF_SPAN) - HALF_SPAN
+    ready = min(max(load_acquire(words, at.WRITTEN) - position, 0), frames) if begun else 0
+    slot = position & (capacity - 1)
+    first = min(ready, capacity - slot)
+    for channel in range(words[at.CHANNELS]):
+        target = _get_buffer(words[at.PORTS + channel], nframes)
+        source = words[at.SELF] + WORD * words[at.SAMPLES_AT] + SAMPLE * channel * capacity
+        _copy(target, source + SAMPLE * slot, SAMPLE * first)
+        _copy(target + SAMPLE * first, source, SAMPLE * (ready - first))
+        _fill(target + SAMPLE * ready, 0, SAMPLE * (frames - ready))
+    if begun:
+        words[at.OVERFLOWED] += frames - ready
+        store_release(words, at.READ, position + frames)
+    _wake(words)
+    return 0
+
+
 @_callback(types.int32, types.voidptr)
 def xrun(arena: Any) -> Any:
     """Count an overrun or underrun that the server reports."""

@@ -1,0 +1,296 @@
+"""The twin played into a JACK server by a process of its own, and the live source that hears it there."""
+
+import multiprocessing
+import re
+import signal
+import threading
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from monochord.capture.jack import arena as at
+from monochord.capture.jack import libjack
+from monochord.capture.jack.arena import Arena
+from monochord.capture.jack.atomics import store
+from monochord.capture.jack.client import JackClient
+from monochord.capture.sources import SOURCES
+from monochord.capture.sources.base import Controls, Setting, Source, Stream
+from monochord.core.errors import DeviceError, MonochordError
+from monochord.core.types import Audio, Block, Contact, Signal, StreamHealth, Truth
+from monochord.core.units import Metres, Newtons, Samples, Seconds
+
+AHEAD: Samples = 2048
+"""Frames that are simulated before they are due: a hand on the string waits for them."""
+RING: Samples = 8192
+WINDOW: Seconds = 0.1
+"""Length of the windows whose truth is told; they end with each block."""
+REMEMBERED = 1024
+"""Windows whose truth is kept until it is asked for."""
+PATIENCE: Seconds = 60.0
+ENDING: Seconds = 10.0
+
+
+class Relay:
+    """A JACK client that plays what is written to it, frame for frame by the server's clock.
+
+    Frame 0 is played once all ports are connected. One that was not written in time is silence, and the next
+    ones are where they would have been: as with a converter, a frame has its time.
+
+    Parameters
+    ----------
+    channels
+        Number of output ports.
+    client_name, server
+        As of `JackClient`.
+    """
+
+    def __init__(self, channels: int, client_name: str, server: str) -> None:
+        self._ring = Arena(channels, RING, periods=0)
+        self._client = JackClient(client_name, server)
+        from monochord.capture.jack import callbacks  # noqa: PLC0415  (compiled by now)
+
+        try:
+            address = callbacks.relay.address
+            self.ports = self._client.start(self._ring, address, libjack.IS_OUTPUT, "out")
+        except BaseException:
+            self.close()
+            raise
+        self._written: Samples = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def sample_rate(self) -> int:
+        """The server's frames a second."""
+        return self._client.sample_rate
+
+    def write(self, samples: Audio) -> bool:
+        """Write frames (channels, n) once they are due soon; return False where the server has gone."""
+        end = self._written + samples.shape[1]
+        while self._ring.count(at.READ) + AHEAD < end:
+            if self._client.gone:
+                return False
+            self._ring.wait(0.1)
+        self._ring.samples[:, np.arange(self._written, end) % RING] = samples
+        self._written = end
+        store(self._ring.words, at.WRITTEN, end)
+        return True
+
+    def close(self) -> None:
+        """Leave the server."""
+        self._client.close()
+        self._ring.close()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello:
+    """What the player says once its ports are there."""
+
+    ports: tuple[str, ...]
+    positions: tuple[Metres, Metres]
+    forces: tuple[Newtons, Newtons]
+    settings: tuple[Setting, ...]
+
+
+def play(options: dict[str, Any], server: str, pipe: Connection) -> None:
+    """Play the twin of these options, until the other end of the pipe is closed or the server goes.
+
+    After a `Hello` it sends, for each block, the start of the window that ends there, its truth, and the
+    settings; it takes what a hand does, as a name of `Controls` and its arguments.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal; whoever started this ends it
+    try:
+        twin = SOURCES.build("twin", {**options, "speed": 1e6})  # the server sets the pace
+        with twin.open() as stream, Relay(stream.signal.channels, "monochord-twin", server) as relay:
+            _play(stream, relay, pipe)
+    except MonochordError as error:
+        with suppress(OSError):
+            pipe.send(error)
+    except (EOFError, OSError):
+        pass  # nobody listens any more
+
+
+def _play(stream: Stream, relay: Relay, pipe: Connection) -> None:
+    rate, controls = stream.signal.sample_rate, stream.controls
+    if relay.sample_rate != rate:
+        raise DeviceError(f"JACK server at {relay.sample_rate} Hz: the twin is at {rate} Hz")
+    assert controls is not None
+    blocks, size = iter(stream), round(WINDOW * rate)
+    next(blocks)  # what loads at first use does so before anything is connected
+    hello = Hello(
+        ports=tuple(relay.ports),
+        positions=controls.positions,
+        forces=controls.forces,
+        settings=controls.settings,
+    )
+    pipe.send(hello)
+    first = None
+    for block in blocks:
+        first = block.start if first is None else first
+        if not relay.write(block.samples):
+            return
+        while pipe.poll():
+            asked = pipe.recv()
+            if asked is None:
+                return
+            name, arguments = asked
+            getattr(controls, name)(*arguments)
+        end = block.start + block.samples.shape[1]
+        if end - size >= first:
+            pipe.send((end - size - first, dict(stream.truth(end - size, end)), controls.settings))
+
+
+class _Led(Controls):
+    """The controls of a twin in another process."""
+
+    def __init__(self, hello: Hello, pipe: Connection) -> None:
+        self._hello, self._pipe, self._lock = hello, pipe, threading.Lock()
+        self.newest = hello.settings
+
+    @property
+    def positions(self) -> tuple[Metres, Metres]:
+        return self._hello.positions
+
+    @property
+    def forces(self) -> tuple[Newtons, Newtons]:
+        return self._hello.forces
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        return self.newest
+
+    def touch(self, contact: Contact) -> None:
+        if not np.isfinite([contact.position, contact.force, contact.slip_velocity]).all():
+            return
+        self._send("touch", contact)
+
+    def release(self) -> None:
+        self._send("release")
+
+    def change(self, name: str, value: str) -> None:
+        if value in {setting.name: setting.choices for setting in self.newest}.get(name, ()):
+            self._send("change", name, value)
+
+    def end(self) -> None:
+        """Have the player end."""
+        with self._lock, suppress(OSError):
+            self._pipe.send(None)
+
+    def _send(self, name: str, *arguments: Any) -> None:
+        with self._lock, suppress(OSError):  # the player has ended, and so will the stream
+            self._pipe.send((name, arguments))
+
+
+class _Played(Stream):
+    """The stream of a JACK source, with the truth and the controls of what plays there."""
+
+    def __init__(self, heard: Stream, hello: Hello, pipe: Connection) -> None:
+        self._heard, self._pipe = heard, pipe
+        self._controls = _Led(hello, pipe)
+        self._truth: dict[Samples, Truth] = {}
+        self._following = threading.Thread(target=self._follow, name="twin-truth", daemon=True)
+        self._following.start()
+
+    def end(self) -> None:
+        """Have the player end, and wait for what it says last."""
+        self._controls.end()
+        self._following.join(ENDING)
+
+    def _follow(self) -> None:
+        with suppress(EOFError, OSError):
+            while True:
+                start, truth, self._controls.newest = self._pipe.recv()
+                self._truth[start] = truth
+                self._truth.pop(next(iter(self._truth)) if len(self._truth) > REMEMBERED else -1, None)
+
+    @property
+    def signal(self) -> Signal:
+        return self._heard.signal
+
+    def __iter__(self) -> Iterator[Block]:
+        return iter(self._heard)
+
+    def close(self) -> None:
+        self._heard.close()
+
+    @property
+    def pending(self) -> Samples:
+        return self._heard.pending
+
+    @property
+    def paced(self) -> bool:
+        return True
+
+    @property
+    def health(self) -> StreamHealth:
+        return self._heard.health
+
+    @property
+    def controls(self) -> Controls:
+        return self._controls
+
+    def truth(self, start: Samples, stop: Samples) -> Truth:  # noqa: ARG002  (all windows are of one length)
+        return self._truth.get(start, {})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JackTwin(Source):
+    """The twin as a JACK client of its own process, captured as a sensor's microphones are.
+
+    Parameters
+    ----------
+    server
+        Name of a running server; empty for the default one.
+    twin
+        Options of the source ``twin``.
+    """
+
+    server: str = ""
+    twin: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+    @contextmanager
+    def open(self) -> Generator[Stream]:
+        """Start the player and connect to it; raises `DeviceError` where there is no server."""
+        context = multiprocessing.get_context("spawn")
+        pipe, theirs = context.Pipe()
+        player = context.Process(target=play, args=(dict(self.twin), self.server, theirs), daemon=True)
+        player.start()
+        theirs.close()
+        try:
+            hello = _answer(pipe)
+            ports = ",".join(re.escape(port) for port in hello.ports)
+            jack = SOURCES.build("jack", {"ports": ports, "server": self.server, "reconnect": False})
+            with jack.open() as heard:
+                played = _Played(heard, hello, pipe)
+                try:
+                    yield played
+                finally:
+                    played.end()
+        finally:
+            pipe.close()
+            player.join(ENDING)
+            if player.is_alive():
+                player.kill()
+                player.join()
+
+
+def _answer(pipe: Connection) -> Hello:
+    """Return what the player says first; raises what it could not start for."""
+    try:
+        told = pipe.recv() if pipe.poll(PATIENCE) else DeviceError("player of the twin: it does not start")
+    except EOFError:
+        told = DeviceError("player of the twin: it ended at once")
+    if isinstance(told, Exception):
+        raise told
+    return told
