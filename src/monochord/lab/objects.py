@@ -1,11 +1,15 @@
 """Objects that are drawn: materials and shapes between and beyond the presets, for many different touches."""
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 
 from monochord.physics.materials import Material
 
 SOFTEST, HARDEST = 3e8, 2.1e11
-"""Young modulus in Pa: from soft plastic to steel; what is softer damps the string until little sounds."""
+"""Young modulus in Pa: from soft plastic to steel."""
+GELS = 5e5
+"""Young modulus in Pa of the softest object that is drawn as a soft one: a gel, softer than a fingertip."""
 SHARPEST, BLUNTEST = 1e-3, 2e-2
 """Radius where it touches, in m."""
 
@@ -23,10 +27,7 @@ def drawn_object(random: np.random.Generator) -> Material:
     >>> thing == drawn_object(np.random.default_rng(1)), thing.name
     (True, 'drawn')
     """
-
-    def between(low: float, high: float) -> float:
-        return float(np.exp(random.uniform(np.log(low), np.log(high))))
-
+    between = _evenly(random)
     young_modulus = between(SOFTEST, HARDEST)
     hardness = np.log(young_modulus / SOFTEST) / np.log(HARDEST / SOFTEST)
     restitution = random.uniform(0.6, 0.8) + 0.15 * hardness
@@ -45,3 +46,47 @@ def drawn_object(random: np.random.Generator) -> Material:
         roughness_length=between(1.5e-5, 3e-4),
         radius=between(SHARPEST, BLUNTEST),
     )
+
+
+def soft_object(random: np.random.Generator) -> Material:
+    """Return a soft object, from gel to soft plastic, drawn likewise; all ranges are assumed.
+
+    It damps the string, the more the softer it is, until little sounds. Rubber-like friction, blunt shapes
+    and rough skins are drawn along.
+
+    Examples
+    --------
+    >>> thing = soft_object(np.random.default_rng(1))
+    >>> thing.young_modulus < SOFTEST, thing.name
+    (True, 'drawn_soft')
+    """
+    between = _evenly(random)
+    young_modulus = between(GELS, SOFTEST)
+    hardness = np.log(young_modulus / GELS) / np.log(SOFTEST / GELS)
+    kinetic = random.uniform(0.3, 1.0)
+    return Material(
+        name="drawn_soft",
+        title="A soft object drawn at random",
+        source="Assumed: drawn from stated ranges, see monochord.lab.objects",
+        young_modulus=young_modulus,
+        poisson_ratio=float(random.uniform(0.05, 0.49)),
+        loss=float(1.5 * (1.0 - random.uniform(0.3, 0.55) - 0.15 * hardness)),
+        friction_static=float(kinetic * random.uniform(1.05, 1.5)),
+        friction_kinetic=float(kinetic),
+        stribeck_speed=between(0.003, 0.03),
+        roughness=between(5e-7, 2e-5),
+        roughness_length=between(2e-5, 5e-4),
+        radius=between(1.5e-3, 1.5e-2),
+    )
+
+
+def _evenly(random: np.random.Generator) -> Callable[[float, float], float]:
+    """Return what draws evenly in the logarithm."""
+    return lambda low, high: float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+DRAWN: Mapping[str, Callable[[np.random.Generator], Material]] = {
+    "drawn": drawn_object,
+    "drawn_soft": soft_object,
+}
+"""What draws an object for each session, by the material that a plan names."""

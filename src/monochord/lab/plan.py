@@ -13,7 +13,7 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.lab.deviation import NONE, Deviation
-from monochord.lab.objects import drawn_object
+from monochord.lab.objects import DRAWN
 from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Key, Sensor, Touch
@@ -25,8 +25,6 @@ MAX_TOUCHES = 1_000_000
 """Touches of a group and radius, which take a month."""
 MAX_OBLIQUE = 2.0
 """Largest share of its depth by which a press goes on across the string."""
-DRAWN = "drawn"
-"""Name of the material that is drawn for each session."""
 DAY: Seconds = 86400.0
 MAX_DELAY: Seconds = 1.0
 """Largest delay of a stream: taps are matched up to so far apart."""
@@ -54,8 +52,8 @@ class Group:
     forces
         Range in N of the force with which the design's string at rest answers: it defines the depths.
     material
-        Material of the object, a preset's name or file; "drawn" for one that is drawn for each session, see
-        `monochord.lab.objects`.
+        Material of the object, a preset's name or file; "drawn" or "drawn_soft" for one that is drawn for
+        each session, see `monochord.lab.objects`.
     radii
         Radii of the object where it touches, in m; by default that of its material.
     second
@@ -257,7 +255,7 @@ class Plan:
         if not names or len(set(names)) < len(names):
             raise InputError(f"groups {', '.join(names) or 'none'}", "one or more, with different names")
         for group in self.groups:
-            if group.material != DRAWN:
+            if group.material not in DRAWN:
                 load_material(group.material)
             if group.music not in ("", "synthetic") and not Path(group.music).is_file():
                 raise InputError(f"group {group.name}: music '{group.music}'", "synthetic, or a sound file")
@@ -311,8 +309,8 @@ class Assignment:
     @property
     def material(self) -> Material:
         """The material of its object."""
-        drawn = self.group.material == DRAWN
-        return drawn_object(self.random("object")) if drawn else load_material(self.group.material)
+        draw = DRAWN.get(self.group.material)
+        return draw(self.random("object")) if draw else load_material(self.group.material)
 
     @property
     def radius(self) -> Metres:
@@ -358,7 +356,7 @@ class Assignment:
         radius = self.radius if self.origin.group.radii else None
         touch = Touch(material=self.material, motion=motion, radius=radius, rolls=False)
         if self.world != "ideal":
-            own = self.name if self.group.material == DRAWN else f"build {self.build}"
+            own = self.name if self.group.material in DRAWN else f"build {self.build}"
             touch = plausible_touch(touch, crc32(f"{self.seed} {own}".encode()), self.plan.effects)
         return self.deviation.of_touch(touch)
 
