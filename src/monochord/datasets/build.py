@@ -1,7 +1,7 @@
 """Sessions into a dataset, one at a time or several side by side."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from glob import glob
 from importlib.metadata import version
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from monochord.core import labels as label_rules
 from monochord.core.errors import InputError
+from monochord.core.jobs import Run, one_by_one
 from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
 from monochord.core.types import Audio, StringParams
@@ -111,16 +112,6 @@ class Taken:
     sums: FileSums | None = None
 
 
-Run: TypeAlias = Callable[[Sequence[Job], Callable[[Job], Taken]], Iterable[tuple[Job, Taken]]]
-"""Runs a function for every session, in whatever order and in however many processes."""
-
-
-def one_by_one(jobs: Sequence[Job], work: Callable[[Job], Taken]) -> Iterator[tuple[Job, Taken]]:
-    """Yield each job with what `work` makes of it, in this process."""
-    for job in jobs:
-        yield job, work(job)
-
-
 def find_sessions(names: Iterable[str]) -> list[Path]:
     """Return the session files that names stand for: files, folders with any below, and patterns.
 
@@ -148,7 +139,7 @@ def build_dataset(
     options: BuildOptions = DEFAULT_OPTIONS,
     progress: Progress = lambda *_: None,
     listen: Listen = no_tension,
-    run: Run = one_by_one,
+    run: Run[Job, Taken] = one_by_one,
 ) -> Dataset:
     """Return the dataset that sessions make, written to the new folder `out`; `store` tells what is in it.
 

@@ -6,7 +6,7 @@ corrected by the same touches, and ridge regression fitted to these touches alon
 off the design is known as it is heard, to all of them.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.jobs import Run, one_by_one
 from monochord.core.ownership import scratch_folder
 from monochord.core.types import Flags
 from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
@@ -75,14 +76,6 @@ class _Rivals:
 
 Outcome: TypeAlias = Curves | InputError
 """Of a group: its curves, or why it has none."""
-Run: TypeAlias = Callable[[Sequence[Group], Callable[[Group], Outcome]], Iterable[tuple[Group, Outcome]]]
-"""Runs a function for every group, in whatever order and in however many processes."""
-
-
-def one_by_one(groups: Sequence[Group], work: Callable[[Group], Outcome]) -> Iterator[tuple[Group, Outcome]]:
-    """Yield each group with what `work` makes of it, in this process."""
-    for group in groups:
-        yield group, work(group)
 
 
 def evaluate_builds(
@@ -92,7 +85,7 @@ def evaluate_builds(
     touches: Sequence[int] = TOUCHES,
     per: Per = "session",
     condition: str = UNSEEN,
-    run: Run = one_by_one,
+    run: Run[Group, Outcome] = one_by_one,
     progress: Progress = lambda *_: None,
     refused: Callable[[str], None] = lambda _: None,
 ) -> list[SummaryRow]:
