@@ -7,6 +7,7 @@ and one that never reads is closed. Nothing is queued but what the system's own 
 
 import asyncio
 import errno
+import ipaddress
 import socket
 import threading
 import time
@@ -92,7 +93,9 @@ class Server:
     def __init__(self, host: str = "127.0.0.1", port: int = 0, token: str = "") -> None:  # nosec B107
         self._host, self._guard = host, Guard(host=host, token=token)
         self._socket = _bound(host, port)
-        self.port: int = self._socket.getsockname()[1]
+        self.port: int
+        bound, self.port = self._socket.getsockname()[:2]
+        self._everywhere = ipaddress.ip_address(bound).is_unspecified
         self._stage = _Stage()
         files_ = {path: _file(name) for path, name in PAGE.items()}
         app = Starlette(
@@ -128,11 +131,7 @@ class Server:
     @property
     def address(self) -> str:
         """The page's address in a browser, with its token where it has one."""
-        everywhere = {
-            "0.0.0.0",  # noqa: S104  (compared, not bound)  # nosec B104
-            "::",
-        }
-        host = socket.gethostname() if self._host in everywhere else self._host
+        host = socket.gethostname() if self._everywhere else self._host
         host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self.port}/" + (f"?token={self._guard.token}" if self._guard.token else "")
 
