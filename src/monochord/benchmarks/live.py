@@ -16,14 +16,19 @@ from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.config import Tree
 from monochord.core.errors import InputError
 from monochord.core.timing import Histogram
+from monochord.core.types import Estimate, Estimates, Prediction
 from monochord.core.units import Seconds
 from monochord.live import LiveRun, LiveSettings, Summary, run
+from monochord.live.filter import FilterSettings, FilterState, step
 from monochord.live.sinks.base import Listener, Moment
 from monochord.physics.strings import load_string
 
 RATE = 44100
 TAKE: Seconds = 10.0  # of audio, played over and over
 AUTOCORRELATION = "FFT autocorrelation of the same window"
+ESTIMATE = "estimate of a window, closed form"
+FILTERED = 6000
+"""Windows of the filter's time: a minute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +37,8 @@ class Live(Benchmark):
 
     Latency is counted from a window's last sample being at hand to its estimate, at the pace of real time;
     the baseline is the FFT autocorrelation of the same windows, timed in the same loop. The two-sided form is
-    timed on the simulated sensor, whose touches come and go. Memory is the resident set after the first
+    timed on the simulated sensor, whose touches come and go. The filter over time is timed on made-up touches
+    with all four quantities. Memory is the resident set after the first
     minute of audio and at the end.
 
     Parameters
@@ -68,6 +74,7 @@ class Live(Benchmark):
             write_take(path, load_string(self.string), TAKE, RATE)
             one_sided = yield from self._latency("latency", self._take(path, 1.0, self.seconds))
             yield from _counted(one_sided)
+            yield from _filter(one_sided)
             both = {"source": {"name": "split_string"}, "estimator": {"name": "closed_form"}}
             yield from self._latency("two-sided latency", both)
             if self.minutes > 0.0:
@@ -180,3 +187,34 @@ def _counted(summary: Summary) -> Iterator[Row]:
     yield _row("windows skipped", summary.skipped, "1")
     yield _row("deadline misses", summary.deadline_misses, "1")
     yield _row("windows with a position", summary.valid / max(summary.windows, 1), "1")
+
+
+def _filter(summary: Summary) -> Iterator[Row]:
+    """Time the filter on made-up touches of 2 s that press and then slide, every 3 s."""
+    state, settings, taken = FilterState(), FilterSettings(), Histogram()
+    for k in range(FILTERED):
+        at = k % 300 / 100.0
+        prediction = Prediction(
+            start=441 * k, time=0.01 * k, estimates=_touch(touched=at < 2.0, slides=at > 1.0)
+        )
+        begin = time.perf_counter()
+        state, _ = step(state, prediction, 0.1, settings)
+        taken.add(time.perf_counter() - begin)
+    seen, beside = taken.percentiles(), summary.stages["estimate"]
+    yield _row("filter p50", 1e3 * seen.p50, "ms", ESTIMATE, 1e3 * beside.p50)
+    yield _row("filter p99", 1e3 * seen.p99, "ms", ESTIMATE, 1e3 * beside.p99)
+
+
+def _touch(*, touched: bool, slides: bool) -> Estimates:
+    if not touched:
+        contact = Estimate(value=0.01, std=0.1, unit="")
+        return {"contact": contact} | {
+            name: Estimate.abstain(unit, "no contact")
+            for name, unit in (("slip", ""), ("position", "m"), ("force", "N"))
+        }
+    return {
+        "contact": Estimate(value=0.99, std=0.1, unit=""),
+        "slip": Estimate(value=0.9 if slides else 0.02, std=0.3, unit=""),
+        "position": Estimate(value=0.08, std=4e-4, unit="m"),
+        "force": Estimate(value=1.0, std=0.3, unit="N"),
+    }
