@@ -4,11 +4,17 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+import urllib.request
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.e2e.browser import Page, chromium, opened
+from websockets.sync.client import connect
+
+from monochord.sessions import read_session
 
 pytestmark = [
     pytest.mark.slow,
@@ -20,11 +26,16 @@ SECONDS = 240
 READY = "window.monochord?.moment ? 1 : 0"
 
 
-@pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    """The page of a demonstration that runs."""
+FIRST_ESTIMATE = 5.0
+"""Seconds from the command to the first estimate at a page, where everything is installed."""
+
+
+@contextmanager
+def demonstration(folder: Path) -> Generator[str]:
+    """The address of the page of a demonstration that runs in a folder."""
     command = [sys.executable, "-m", "monochord", "demo", "--no-browser", "--seconds", str(SECONDS)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, cwd=folder, stdout=pipe, stderr=pipe, text=True) as process:
         assert process.stdout is not None
         line = process.stdout.readline()
         assert line.startswith("page: http://127.0.0.1:"), line
@@ -32,6 +43,17 @@ def address() -> Iterator[str]:
         process.terminate()
         process.communicate(timeout=60)
         assert process.returncode == 0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("page")
+
+
+@pytest.fixture(scope="module")
+def address(folder: Path) -> Iterator[str]:
+    with demonstration(folder) as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +145,37 @@ def test_it_is_touched_with_keys(page: Page) -> None:
     page.wait("monochord.moment.truth.contact === 0")
 
 
+def test_a_session_is_recorded_and_the_sensor_is_tuned(page: Page, folder: Path) -> None:
+    def click(name: str) -> None:
+        page.ask(f"document.getElementById('{name}').click()")
+
+    click("record")
+    page.wait("monochord.moment.tasks.recording?.seconds > 1")
+    assert str(folder) in page.ask("document.getElementById('recorded').textContent")
+    click("record")
+    page.wait("monochord.moment.tasks.saved")
+    (session,) = folder.glob("*.mcap")
+    assert read_session(session).complete
+    click("tune")
+    lines = page.wait("document.getElementById('lines').textContent")
+    (file,) = folder.glob("*.toml")
+    assert str(file) in lines
+    click("cancel")
+    page.wait("document.getElementById('guided').hidden")
+
+
+def test_a_calibration_asks_for_touches_and_takes_one_that_is_held(page: Page) -> None:
+    says = "document.getElementById('says').textContent"
+    page.ask("document.getElementById('calibrate').click()")
+    page.wait(f"{says}.includes('Touch 1 of 6. Press near')")
+    string = String(page)
+    string.mouse("mousePressed", 0.5)
+    page.wait(f"{says}.includes('Touch 2 of 6')")
+    string.mouse("mouseReleased", 0.5)
+    page.ask("document.getElementById('cancel').click()")
+    page.wait("document.getElementById('guided').hidden")
+
+
 def test_a_material_is_chosen(page: Page) -> None:
     page.ask("""(() => {const s = document.querySelector('select[name=material]');
         s.value = 'brass_rod'; s.dispatchEvent(new Event('change'))})()""")
@@ -162,3 +215,20 @@ def test_it_is_drawn_at_the_screens_pace_not_at_that_of_messages(page: Page) -> 
     assert moments > 5
     assert moments <= 70
     assert frames >= moments
+
+
+def test_the_address_answers_first_and_an_estimate_follows_soon(tmp_path: Path) -> None:
+    begin = time.monotonic()
+    with demonstration(tmp_path) as address:
+        with urllib.request.urlopen(address, timeout=30) as answer:  # noqa: S310  (our own)
+            assert answer.status == 200
+        answered = time.monotonic() - begin
+        with connect(address.replace("http", "ws") + "live", open_timeout=30) as client:
+            kinds: list[str] = []
+            while "moment" not in kinds:
+                told = client.recv(60)
+                kinds += [json.loads(told)["type"]] if isinstance(told, str) else []
+        passed = time.monotonic() - begin
+    print(f"address after {answered:.1f} s, first estimate after {passed:.1f} s")  # noqa: T201
+    assert kinds[0] == "waiting"
+    assert passed < FIRST_ESTIMATE

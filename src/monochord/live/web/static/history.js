@@ -4,7 +4,7 @@
 
 import { estimate } from "./state.js";
 
-const SPAN = 20, ROWS = 1000, HEIGHT = 118;
+const SPAN = 20, ROWS = 31 * SPAN, HEIGHT = 118;
 
 const AXES = [
   { title: "Contact and slip, probability", keys: [["contact", "estimate"], ["slip", "hand", true]], range: [-0.05, 1.05], ticks: (v) => `${v}`, splits: [0, 0.5, 1] },

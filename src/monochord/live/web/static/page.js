@@ -14,6 +14,14 @@ const spectra = new Spectra(element("spectra"));
 const history_ = new History(element("history"));
 let run = null, moment = null, fresh = false, colour = colours(), timing = null, frames = 0, before = 0, historyDue = 0;
 
+// What is not on the screen is not drawn.
+const visible = new Set();
+const watch = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
+  if (isIntersecting) visible.add(target.id);
+  else visible.delete(target.id);
+}));
+for (const id of ["string", "spectra", "history"]) watch.observe(element(id));
+
 const connection = new Connection({
   state(state, words) {
     const place = element("connection");
@@ -59,8 +67,8 @@ function frame(now) {
   frames += 1;
   hand.tell(now);
   if (run) {
-    view.draw(run, moment, now, colour);
-    spectra.draw(moment, passed, colour);
+    if (visible.has("string")) view.draw(run, moment, now, colour);
+    if (visible.has("spectra")) spectra.draw(moment, passed, colour);
     if (fresh && moment) {
       fresh = false;
       showNumbers(moment);
@@ -73,7 +81,7 @@ function frame(now) {
       if (moment.settings) showSettings(moment.settings, send);
       if (!view.canvas.classList.contains("touchable")) view.canvas.setAttribute("aria-label", `The string: ${element("spoken").textContent}`);
     }
-    if (now > historyDue) {
+    if (now > historyDue && visible.has("history")) {
       historyDue = now + 60;
       history_.draw();
     }

@@ -73,18 +73,23 @@ export class Spectra {
     if (!view.target) return;
     const ratio = Math.min(devicePixelRatio || 1, 2), { canvas, context: c } = view;
     const width = canvas.clientWidth, height = canvas.clientHeight;
+    view.shown ??= Float32Array.from(view.target);
+    const rise = 1 - Math.exp(-passed / 0.03), fall = 1 - Math.exp(-passed / 0.15);
+    let moved = 0;
+    for (let n = 0; n < view.shown.length; n++) {
+      const step = view.target[n] - view.shown[n];
+      view.shown[n] += step * (step > 0 ? rise : fall);
+      moved = Math.max(moved, Math.abs(step));
+    }
+    const drawn = [width, height, ratio, colour.ink, moment?.time].join(" ");
+    if (moved < 0.5 && drawn === view.drawn) return; // as it is: a lost connection, a silent string
+    view.drawn = drawn;
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(height * ratio);
     }
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, width, height);
-    view.shown ??= Float32Array.from(view.target);
-    const rise = 1 - Math.exp(-passed / 0.03), fall = 1 - Math.exp(-passed / 0.15);
-    for (let n = 0; n < view.shown.length; n++) {
-      const step = view.target[n] - view.shown[n];
-      view.shown[n] += step * (step > 0 ? rise : fall);
-    }
     const inner = width - EDGE.left - EDGE.right, base = height - EDGE.bottom;
     const x = (hertz) => EDGE.left + inner * hertz / this.top;
     const y = (db) => EDGE.top + (base - EDGE.top) * Math.min(Math.max(db / LOW, 0), 1);
