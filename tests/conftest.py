@@ -36,7 +36,7 @@ REAL_TIME = (
     "capture/instruments/test_pose_udp.py", "capture/jack/test_arena.py", "capture/jack/test_client.py",
     "capture/recording/test_loop.py", "capture/recording/test_opening.py",
     "capture/recording/test_pumps.py", "capture/recording/test_view.py", "capture/sources/test_jack.py",
-    "capture/sources/test_soundcard.py", "e2e/test_jack.py", "e2e/test_live_jack.py",
+    "capture/sources/test_soundcard.py", "e2e/faults", "e2e/test_jack.py", "e2e/test_live_jack.py",
     "e2e/test_live_model.py", "e2e/test_record_jack.py", "e2e/test_ros.py", "e2e/test_soak.py",
     "lab/test_net_ft_device.py", "lab/test_player.py", "lab/test_pose_publisher.py", "lab/test_real_time.py",
 )  # fmt: skip

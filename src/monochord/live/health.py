@@ -140,8 +140,8 @@ HUMMING = _finding(
 )
 SWAPPED = _finding(
     "error",
-    "The microphones seem swapped.",
-    "Exchange the two inputs: positions count from microphone 1.",
+    "The microphones seem swapped, or one driver is silent.",
+    "Look whether both drivers run; if so, exchange the inputs: positions count from microphone 1.",
 )
 DEAD = tuple(
     _finding(

@@ -1,0 +1,44 @@
+"""What the sound comes from goes away while it is estimated: it is said at once, and taken up again."""
+
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.e2e.faults.conftest import Live, StartLive, notes, touched
+
+pytestmark = [pytest.mark.jack, pytest.mark.slow]
+HOP = 0.01
+
+
+def ended_well(live: Live) -> None:
+    """End the run; no window is missing, and none without sound has an estimate."""
+    live.end()
+    rows = live.rows()
+    times = [float(row["time"]) for row in rows]
+    assert sum(round((b - a) / HOP) - 1 for a, b in pairwise(times)) <= live.counted("skipped")
+    away = [row for row in rows if "no_sound" in notes(row)]
+    assert away
+    assert not any(row["position"] for row in away)
+    assert live.counted("gaps") == 1
+    assert touched(rows[-1])
+
+
+@pytest.mark.parametrize("gone", ["server", "port"])
+def test_a_server_or_a_port_that_goes_away_is_said_while_it_is_away(
+    jack_server: Any, play: Any, touch: Path, start_live: StartLive, gone: str
+) -> None:
+    player = play(touch)
+    live = start_live()
+    live.wait_for_touch()
+    jack_server.kill() if gone == "server" else player.terminate()
+    live.wait_for_note("no_sound")
+    time.sleep(2.0)
+    if gone == "server":
+        jack_server.restart()
+    play(touch)
+    assert "no_sound" not in notes(live.wait_for_note("reconnected"))
+    live.wait_for_touch()
+    ended_well(live)
+    assert live.counted("reconnects") == 1
