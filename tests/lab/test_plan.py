@@ -68,7 +68,7 @@ def test_a_group_may_deviate_otherwise_than_its_plan() -> None:
 
 def test_the_odd_plan_shares_no_build_with_a_test() -> None:
     builds = {build for group in load_plan("odd").groups for build in group.builds}
-    tests = [group for name in ("builds", "sealed") for group in load_plan(name).groups]
+    tests = [group for name in ("builds", "sealed", "sealed_2") for group in load_plan(name).groups]
     assert not builds & {
         each
         for group in tests
@@ -175,9 +175,10 @@ def test_sessions_of_the_paper_last_about_a_minute() -> None:
     assert 45.0 < min(lengths) <= max(lengths) < 75.0
 
 
-def test_the_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other() -> None:
-    sealed = load_plan("sealed")
-    others = [group for name in plan_names() if name != "sealed" for group in load_plan(name).groups]
+@pytest.mark.parametrize("plan", ["sealed", "sealed_2"])
+def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan: str) -> None:
+    sealed = load_plan(plan)
+    others = [group for name in plan_names() if name != plan for group in load_plan(name).groups]
     builds = {build for group in sealed.groups for build in group.builds}
     days = {day for group in sealed.groups for day in group.days}
     materials = {group.material for group in sealed.groups}
@@ -189,8 +190,9 @@ def test_the_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other() 
     assert len(materials) == 10
 
 
-def test_each_build_of_the_sealed_plan_has_100_touches_to_know_and_100_to_score() -> None:
-    sessions = assignments(load_plan("sealed"))
+@pytest.mark.parametrize("plan", ["sealed", "sealed_2"])
+def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(plan: str) -> None:
+    sessions = assignments(load_plan(plan))
     counts: dict[int | None, int] = {}
     for one in sessions:
         if one.group.name.startswith("hold_"):

@@ -15,7 +15,7 @@ def plan_names() -> list[str]:
     Examples
     --------
     >>> plan_names()
-    ['builds', 'hardware', 'modes', 'odd', 'paper', 'quick', 'sealed', 'small']
+    ['builds', 'hardware', 'modes', 'odd', 'paper', 'quick', 'sealed', 'sealed_2', 'small']
     """
     return PLANS.names()
 
