@@ -46,7 +46,7 @@ class Strings(Benchmark):
         for strings in self.strings:
             seen = strings_cost(strings, seconds=self.seconds, hop=self.hop, model=self.model)
             alone = alone or seen
-            name, first = f"{strings} strings", f"{alone.strings} strings"
+            name, first = f"N = {strings}", f"N = {alone.strings}"
             yield Row(
                 name=f"{name}, rate of each",
                 value=seen.rate,
