@@ -5,13 +5,13 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from monochord.core.dated import dated_path
 from monochord.core.types import Audio, Block, Feed, Flags, Readings, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.live.sinks._record import followed, record
@@ -62,27 +62,17 @@ class Mcap(Sink):
 
     def for_string(self, name: str) -> "Mcap":
         """Record the string into a file of its own."""
-        path = Path(self.path) if self.path else free_name("live", ".mcap")
+        path = Path(self.path) if self.path else dated_path("live", ".mcap")
         return replace(self, path=str(path.with_stem(f"{path.stem}_{name}")))
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:
         """Create the file; raises `InputError` where it exists or cannot be made."""
-        session = _Session(Path(self.path) if self.path else free_name("live", ".mcap"), signal)
+        session = _Session(Path(self.path) if self.path else dated_path("live", ".mcap"), signal)
         try:
             yield session
         finally:
             session.close()
-
-
-def free_name(begin: str, suffix: str = "", folder: Path = Path()) -> Path:
-    """Return a path in a folder that nothing has: ``BEGIN_DATE_TIME`` with the suffix."""
-    stem = f"{begin}_{datetime.now():%Y%m%d_%H%M%S}"  # noqa: DTZ005  (for a person, by the clock on the wall)
-    number, path = 1, folder / f"{stem}{suffix}"
-    while path.exists():
-        number += 1
-        path = folder / f"{stem}_{number}{suffix}"
-    return path
 
 
 class _Session(Writer):

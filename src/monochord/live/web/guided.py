@@ -16,12 +16,12 @@ from statistics import fmean
 from typing import Any, TypeAlias
 
 from monochord.capture.sources import SOURCES
+from monochord.core.dated import dated_path
 from monochord.core.errors import MonochordError
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.live.delivery import reason
 from monochord.live.sinks.base import Moment
-from monochord.live.sinks.mcap import free_name
 from monochord.live.tuning import SECONDS, tuned
 from monochord.live.web.recording import Recording
 
@@ -83,7 +83,7 @@ class Tuning(Guided):
     def result(self) -> list[str]:
         """Write a file as ``monochord tune`` does."""
         source = SOURCES.build("session", {"path": str(self.recording.path)})
-        path = free_name("sensor", ".toml", self._folder)
+        path = dated_path("sensor", ".toml", self._folder)
         told = tuned([source], ["the page's recording"])
         told = replace(told, time=datetime.now(UTC).isoformat(timespec="seconds"))
         path.write_text(told.toml(), encoding="utf-8")
@@ -175,7 +175,7 @@ class Calibration(Guided):
         rows = [",".join(f"{value:.6f}" for value in row) for row in self.rows]
         table.write_text("\n".join(["begin,end,position,force", *rows]), encoding="utf-8")
         from_files(self.recording.path, table, session)
-        out = free_name("calibrated", folder=self._folder)
+        out = dated_path("calibrated", folder=self._folder)
         result = calibrated(self._model, [str(session)], out)
         head = "Errors of touches that were left out, by cross-validation:"
         return [head, *result.lines(), f"Saved as {out}; use it by: monochord live {out}"]
@@ -293,7 +293,7 @@ class Bench:
 
     def _begin(self) -> None:
         self._saved = ""
-        self._recording = Recording(free_name("live", ".mcap", self._folder), self._signal)
+        self._recording = Recording(dated_path("live", ".mcap", self._folder), self._signal)
 
     def _end(self) -> None:
         recording, self._recording = self._recording, None
