@@ -31,10 +31,12 @@ MIN_SHARE = 0.5
 class KnownState:
     """The detector on one stream: averaged log odds (reasons,) of each reason, after the window at `time`.
 
-    `odds` is None before any window.
+    `odds` is None before any window. `weight` (reasons,) is that of the windows so far, of which one that
+    lasted for ever has 1; it is None before the second window.
     """
 
     odds: Floats | None = None
+    weight: Floats | None = None
     time: Seconds = -math.inf
 
 
@@ -79,17 +81,20 @@ def step(state: KnownState, logits: Floats, time: Seconds, memory: Sequence[Seco
     """Return the state after a window of logits (1 + reasons,) that begins at a time.
 
     The log odds are averaged over windows, with weights that fall by e in the time in `memory` (reasons,),
-    whatever the hop.
+    whatever the hop; the first windows of a stream, which may be of drivers that only start, count as the
+    others do.
 
     >>> state = step(KnownState(), np.array([0.0, 2.0, 2.0]), 0.0, (0.5, 0.0))
     >>> step(state, np.array([0.0, 0.0, 0.0]), 0.5, (0.5, 0.0)).odds.round(3).tolist()
-    [0.736, 0.0]
+    [0.538, 0.0]
     """
     odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
-    if state.odds is not None:
-        share = np.exp(-max(time - state.time, 1e-9) / np.maximum(memory, 1e-12))
-        odds = share * state.odds + (1.0 - share) * odds
-    return KnownState(odds=odds, time=time)
+    if state.odds is None:
+        return KnownState(odds=odds, time=time)
+    share = np.exp(-max(time - state.time, 1e-9) / np.maximum(memory, 1e-12))
+    before = share * (1.0 - share if state.weight is None else state.weight)
+    weight = before + 1.0 - share
+    return KnownState(odds=(before * state.odds + (1.0 - share) * odds) / weight, weight=weight, time=time)
 
 
 def score(odds: Floats) -> Floats:

@@ -258,9 +258,9 @@ def _places(dataset: Dataset, rows: Indices) -> dict[str, Any]:
 def _scores(detector: Detector, kind: Kind) -> Floats:
     """Return the scores (n,) of the windows of validation, each session a stream of its own."""
     scores, state, session = np.zeros(len(kind.judged)), KnownState(), -1
-    for number, row in enumerate(kind.judged):
+    for number, logits in enumerate(detector.logits(kind.judged)):
         if kind.session[number] != session:
             state, session = KnownState(), kind.session[number]
-        state = detector.step(state, row, float(kind.time[number]))
+        state = detector.step(state, logits, float(kind.time[number]))
         scores[number] = -np.inf if state.odds is None else score(state.odds)
     return scores
