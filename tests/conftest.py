@@ -30,7 +30,7 @@ settings.register_profile("monochord", deadline=None)
 settings.load_profile("monochord")
 
 REAL_TIME = (
-    "benchmarks/test_live.py", "benchmarks/test_recording.py",
+    "benchmarks/test_live.py", "benchmarks/test_recording.py", "benchmarks/test_strings.py",
     "capture/dds", "capture/instruments/test_arrivals.py", "capture/instruments/test_net_ft.py",
     "capture/instruments/test_opening.py", "capture/instruments/test_pose_dds.py",
     "capture/instruments/test_pose_udp.py", "capture/jack/test_arena.py", "capture/jack/test_client.py",

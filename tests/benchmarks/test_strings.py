@@ -12,7 +12,7 @@ def test_windows_of_all_strings_are_timed_and_counted() -> None:
 
 
 def test_each_number_of_strings_is_compared_with_the_first() -> None:
-    rows = list(Strings(strings=(1, 3), seconds=0.3, hop=0.05).run())
+    rows = list(Strings(strings=(1, 3), seconds=0.8, hop=0.05).run())
     costs = [row for row in rows if row.name.endswith("cost of an estimate")]
     assert [row.name for row in costs] == ["N = 1, cost of an estimate", "N = 3, cost of an estimate"]
     assert costs[0].ratio == 1.0
@@ -20,6 +20,6 @@ def test_each_number_of_strings_is_compared_with_the_first() -> None:
 
 
 def test_the_figure_shows_cost_and_rate() -> None:
-    left, right = Figure(strings=(1,), seconds=0.3, hop=0.05).draw().axes
+    left, right = Figure(strings=(1,), seconds=0.8, hop=0.05).draw().axes
     assert left.get_ylabel() == "ms"
     assert right.get_ylabel() == "1/s"
