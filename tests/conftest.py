@@ -75,7 +75,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """Try a test in real time again, three times at most, where it failed while this machine stood still."""
+    """Try a test in real time again, five times at most, where it failed while this machine stood still."""
     stalls = item.config.stash.get(WATCHING, None)
     if stalls is None or not item.get_closest_marker("real_time"):
         return None

@@ -14,7 +14,7 @@ from pathlib import Path
 PERIOD = 0.002
 STALL = 0.005
 """What a sleep of `PERIOD` may be late, in s. 1 ms is usual on a quiet machine, and a period of JACK."""
-FAILED_ATTEMPTS = 3
+FAILED_ATTEMPTS = 5
 QUIET = 2.0
 """For so many seconds a machine stands still nowhere before a test is tried again, if that comes soon."""
 PATIENCE = 30.0

@@ -64,7 +64,7 @@ def counted(name: str, text: str) -> int:
     return int(match[1])
 
 
-@pytest.mark.parametrize("jack_server", [64, pytest.param(512, marks=pytest.mark.slow)], indirect=True)
+@pytest.mark.parametrize("jack_server", [pytest.param(64, marks=pytest.mark.slow), 512], indirect=True)
 def test_positions_are_those_of_offline_while_the_main_thread_is_busy(
     jack_server: Any, play: Any, note: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
