@@ -77,8 +77,10 @@ def test_the_odd_plan_shares_no_build_with_a_test() -> None:
     }
 
 
-def test_a_drawn_object_is_the_sessions_own() -> None:
-    first, second = assignments(tiny(groups=(Group(name="a", sessions=2, material="drawn"),)))
+@pytest.mark.parametrize(("name", "least", "most"), [("drawn", 3e8, 2.1e11), ("drawn_soft", 5e5, 3e8)])
+def test_a_drawn_object_is_the_sessions_own(name: str, least: float, most: float) -> None:
+    first, second = assignments(tiny(groups=(Group(name="a", sessions=2, material=name),)))
+    assert all(least <= each.material.young_modulus <= most for each in (first, second))
     assert first.material == first.material != second.material
     assert first.radius == first.material.radius != second.radius
 

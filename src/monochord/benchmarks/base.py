@@ -26,6 +26,17 @@ class Row:
         return self.value / self.baseline_value if self.baseline_value else None
 
 
+def row(
+    name: str, value: float, unit: str, baseline: str | None = None, compared: float | None = None
+) -> Row:
+    """Return a row, given in the order in which it is read.
+
+    >>> row("loop p99", 6.0, "ms", "bound", 3.0).ratio
+    2.0
+    """
+    return Row(name=name, value=value, unit=unit, baseline=baseline, baseline_value=compared)
+
+
 class Benchmark(ABC):
     """Options of a benchmark, as a frozen keyword-only dataclass."""
 

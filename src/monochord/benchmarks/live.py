@@ -12,7 +12,7 @@ import numpy as np
 
 from monochord.benchmarks._process import one_core, resident
 from monochord.benchmarks._take import write_take
-from monochord.benchmarks.base import Benchmark, Row
+from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.core.config import Tree
 from monochord.core.errors import InputError
 from monochord.core.timing import Histogram
@@ -86,7 +86,7 @@ class Live(Benchmark):
         seen, beside = summary.stages["latency"], baseline.histogram.percentiles()
         for percentile, label in (("p50", "p50"), ("p95", "p95"), ("p99", "p99"), ("longest", "max")):
             value, compared = (1e3 * getattr(summary, percentile) for summary in (seen, beside))
-            yield _row(f"{name} {label}", value, "ms", AUTOCORRELATION, compared)
+            yield row(f"{name} {label}", value, "ms", AUTOCORRELATION, compared)
         return summary
 
     def _memory(self, path: Path) -> Iterator[Row]:
@@ -94,12 +94,12 @@ class Live(Benchmark):
         seconds = 60.0 * self.minutes
         summary = _whole(run(self._session(self._take(path, self.speed, seconds), seconds, memory)))
         now = resident()
-        yield _row("pace of the memory run", memory.pace, "x real time", "asked for", self.speed)
-        yield _row("windows of the memory run", summary.windows, "1")
-        yield _row("skipped in the memory run", summary.skipped, "1")
+        yield row("pace of the memory run", memory.pace, "x real time", "asked for", self.speed)
+        yield row("windows of the memory run", summary.windows, "1")
+        yield row("skipped in the memory run", summary.skipped, "1")
         settled = f"resident after {memory.settled:g} s of audio"
-        yield _row("resident at the end", now, "MB", settled, memory.megabytes)
-        yield _row("memory growth", now - memory.megabytes, "MB")
+        yield row("resident at the end", now, "MB", settled, memory.megabytes)
+        yield row("memory growth", now - memory.megabytes, "MB")
 
     def _take(self, path: Path, speed: float, seconds: Seconds) -> Tree:
         preset = load_string(self.string)
@@ -165,12 +165,6 @@ class _Memory(Listener):
         return (self._last[0] - self._first[0]) / (self._last[1] - self._first[1])
 
 
-def _row(
-    name: str, value: float, unit: str, baseline: str | None = None, compared: float | None = None
-) -> Row:
-    return Row(name=name, value=value, unit=unit, baseline=baseline, baseline_value=compared)
-
-
 def _whole(summary: Summary) -> Summary:
     """Return the summary of a run that nobody cut off: part of one is no measurement."""
     if summary.interrupted:
@@ -181,12 +175,12 @@ def _whole(summary: Summary) -> Summary:
 def _counted(summary: Summary) -> Iterator[Row]:
     for stage in ("read", "estimate", "sinks"):
         seen = summary.stages[stage]
-        yield _row(f"stage {stage} p50", 1e3 * seen.p50, "ms")
-        yield _row(f"stage {stage} p99", 1e3 * seen.p99, "ms")
-    yield _row("windows", summary.windows, "1")
-    yield _row("windows skipped", summary.skipped, "1")
-    yield _row("deadline misses", summary.deadline_misses, "1")
-    yield _row("windows with a position", summary.valid / max(summary.windows, 1), "1")
+        yield row(f"stage {stage} p50", 1e3 * seen.p50, "ms")
+        yield row(f"stage {stage} p99", 1e3 * seen.p99, "ms")
+    yield row("windows", summary.windows, "1")
+    yield row("windows skipped", summary.skipped, "1")
+    yield row("deadline misses", summary.deadline_misses, "1")
+    yield row("windows with a position", summary.valid / max(summary.windows, 1), "1")
 
 
 def _filter(summary: Summary) -> Iterator[Row]:
@@ -201,8 +195,8 @@ def _filter(summary: Summary) -> Iterator[Row]:
         state, _ = step(state, prediction, 0.1, settings)
         taken.add(time.perf_counter() - begin)
     seen, beside = taken.percentiles(), summary.stages["estimate"]
-    yield _row("filter p50", 1e3 * seen.p50, "ms", ESTIMATE, 1e3 * beside.p50)
-    yield _row("filter p99", 1e3 * seen.p99, "ms", ESTIMATE, 1e3 * beside.p99)
+    yield row("filter p50", 1e3 * seen.p50, "ms", ESTIMATE, 1e3 * beside.p50)
+    yield row("filter p99", 1e3 * seen.p99, "ms", ESTIMATE, 1e3 * beside.p99)
 
 
 def _touch(*, touched: bool, slides: bool) -> Estimates:

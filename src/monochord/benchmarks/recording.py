@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 
 from monochord.benchmarks._process import resident
-from monochord.benchmarks.base import Benchmark, Row
+from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Instrument
 from monochord.capture.recording import Notice, Progress, RecordingJob, RecordingSummary, record
@@ -66,10 +66,10 @@ class Recording(Benchmark):
                 both, summary = self._measured(folder / "both.mcap", {"net_ft": instrument})
         force = summary.instruments["net_ft"]
         yield Row(name="audio alone", value=alone.share, unit="% of a core")
-        yield _beside("audio and force", both.share, "% of a core", "audio alone", alone.share)
-        yield _beside("the same", both.share, "% of a core", "bound", BOUND)
+        yield row("audio and force", both.share, "% of a core", "audio alone", alone.share)
+        yield row("the same", both.share, "% of a core", "bound", BOUND)
         yield Row(name="memory growth", value=both.grown, unit="MB")
-        yield _beside("readings a second", force.rate, "1/s", "due", self.rate)
+        yield row("readings a second", force.rate, "1/s", "due", self.rate)
         yield Row(name="readings missing", value=force.missing, unit="1")
         yield Row(name="frames dropped", value=summary.dropped, unit="1")
         yield Row(name="file", value=1e-6 * summary.size / summary.seconds, unit="MB/s")
@@ -156,7 +156,3 @@ def _write_noise(path: Path) -> None:
 
     noise = np.random.default_rng(0).uniform(-0.3, 0.3, (10 * RATE, 2)).astype(np.float32)
     soundfile.write(path, noise, RATE, subtype="FLOAT")
-
-
-def _beside(name: str, value: float, unit: str, baseline: str, compared: float) -> Row:
-    return Row(name=name, value=value, unit=unit, baseline=baseline, baseline_value=compared)

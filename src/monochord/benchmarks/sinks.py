@@ -18,7 +18,7 @@ from typing import Self
 import numpy as np
 
 from monochord.benchmarks._process import resident
-from monochord.benchmarks.base import Benchmark, Row
+from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.capture.jack.server import JackServer
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio
@@ -108,22 +108,22 @@ class Sinks(Benchmark):
         yield from _windows(summary)
         for percentile in ("p50", "p95", "p99"):
             own, other = (1e3 * getattr(each.stages["latency"], percentile) for each in (summary, alone))
-            yield _row(f"loop {percentile}", own, "ms", "the loop without sinks", other)
-        yield _row("the same p99", 1e3 * summary.stages["latency"].p99, "ms", "bound", 1e3 * LOOP_BOUND)
+            yield row(f"loop {percentile}", own, "ms", "the loop without sinks", other)
+        yield row("the same p99", 1e3 * summary.stages["latency"].p99, "ms", "bound", 1e3 * LOOP_BOUND)
         captured = alone.stages["capture"]
         receiver = "rclpy" if ros else "DDS"
         for share, percentile in ((0.5, "p50"), (0.95, "p95"), (0.99, "p99")):
             value = float(np.quantile(delays, share)) if delays.size else math.nan
             other = 1e3 * (getattr(captured, percentile) + self.period / RATE)
-            yield _row(f"converter to {receiver} {percentile}", value, "ms", "converter to estimate", other)
+            yield row(f"converter to {receiver} {percentile}", value, "ms", "converter to estimate", other)
         if delays.size:
-            yield _row("the same p99", float(np.quantile(delays, 0.99)), "ms", "bound", 1e3 * BOUND)
-        yield _row("wrenches received", float(delays.size), "1", "windows", summary.windows)
+            yield row("the same p99", float(np.quantile(delays, 0.99)), "ms", "bound", 1e3 * BOUND)
+        yield row("wrenches received", float(delays.size), "1", "windows", summary.windows)
         for each in summary.delivered:
-            yield _row(f"left out by {each.sink}", each.left_out, "1", "windows", summary.windows)
+            yield row(f"left out by {each.sink}", each.left_out, "1", "windows", summary.windows)
         grown = 100.0 * (memory.now - memory.megabytes) / memory.megabytes
-        yield _row("memory growth", grown, "%")
-        yield _row("resident at the end", memory.now, "MB", "after a fifth", memory.megabytes)
+        yield row("memory growth", grown, "%")
+        yield row("resident at the end", memory.now, "MB", "after a fifth", memory.megabytes)
 
     def _run(
         self,
@@ -141,17 +141,10 @@ class Sinks(Benchmark):
             "seconds": seconds,
         }
         setup: LiveRun = LiveSettings.read(tree).build()
-        summary = run(replace(setup, sinks=(*setup.sinks, *listeners, _Nobody())))
+        summary = run(replace(setup, sinks=(*setup.sinks, *listeners)))
         if summary.interrupted:
             raise KeyboardInterrupt  # part of a run is no measurement
         return summary
-
-
-class _Nobody(Listener):
-    """Takes every moment and does nothing with it: a run needs a sink."""
-
-    def write(self, moment: Moment) -> None:
-        pass
 
 
 class _Memory(Listener):
@@ -262,12 +255,6 @@ def _free_port() -> int:
 def _windows(summary: Summary) -> Iterator[Row]:
     """Every window is estimated, or counted as skipped."""
     due = summary.windows + summary.skipped
-    yield _row("windows estimated", summary.windows, "1", "due", due)
-    yield _row("windows skipped", summary.skipped, "1")
-    yield _row("frames dropped", summary.health.dropped, "1")
-
-
-def _row(
-    name: str, value: float, unit: str, baseline: str | None = None, compared: float | None = None
-) -> Row:
-    return Row(name=name, value=value, unit=unit, baseline=baseline, baseline_value=compared)
+    yield row("windows estimated", summary.windows, "1", "due", due)
+    yield row("windows skipped", summary.skipped, "1")
+    yield row("frames dropped", summary.health.dropped, "1")

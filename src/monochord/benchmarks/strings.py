@@ -4,9 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from monochord.benchmarks.base import Benchmark, Row
-from monochord.core.errors import InputError
 from monochord.core.units import Seconds
-from monochord.evaluation.strings import strings_cost
+from monochord.evaluation.strings import refuse_options, strings_cost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,10 +34,7 @@ class Strings(Benchmark):
     model: str = "demo"
 
     def __post_init__(self) -> None:
-        if not self.strings or not all(1 <= each <= 32 for each in self.strings):
-            raise InputError(f"strings {', '.join(map(str, self.strings)) or 'none'}", "numbers from 1 to 32")
-        if not 0.3 <= self.seconds <= 3600.0:
-            raise InputError(f"seconds {self.seconds:g}", "0.3 to 3600 s")
+        refuse_options(self.strings, self.seconds)
 
     def run(self) -> Iterator[Row]:
         """Measure each number of strings in turn."""

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from monochord.capture.sources import SOURCES
+from monochord.core.errors import InputError
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
 from monochord.live import LiveSettings, WindowSettings, run
@@ -20,6 +22,8 @@ from monochord.live.sinks.base import Listener, Moment
 TAKE: Seconds = 3.0
 """Sound of the simulated string, played over and over; each string begins elsewhere in it."""
 OFFSET: Seconds = 0.37
+MAX_STRINGS = 32
+"""Of one interface, as the sources have it."""
 BUILD = {"world": "plausible", "build": 131, "day": 51}
 """A build that no bundled model was trained on."""
 
@@ -37,6 +41,15 @@ class StringsCost:
     cost: Seconds
     latency: Seconds
     skipped: float
+
+
+def refuse_options(strings: Sequence[int], seconds: Seconds) -> None:
+    """Raise `InputError` for numbers of strings, or a length of sound, that cannot be measured."""
+    if not strings or not all(1 <= each <= MAX_STRINGS for each in strings):
+        given = ", ".join(map(str, strings)) or "none"
+        raise InputError(f"strings {given}", f"numbers from 1 to {MAX_STRINGS}")
+    if not 0.3 <= seconds <= 3600.0:
+        raise InputError(f"seconds {seconds:g}", "0.3 to 3600 s")
 
 
 def strings_cost(

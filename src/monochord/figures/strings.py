@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from monochord.core.errors import InputError
 from monochord.core.units import Seconds
-from monochord.evaluation.strings import strings_cost
+from monochord.evaluation.strings import refuse_options, strings_cost
 from monochord.figures import _style
 from monochord.figures.base import Measured, require_matplotlib
 
@@ -39,8 +38,7 @@ class Strings(Measured):
     model: str = "demo"
 
     def __post_init__(self) -> None:
-        if not self.strings or not all(1 <= each <= 32 for each in self.strings):
-            raise InputError(f"strings {', '.join(map(str, self.strings)) or 'none'}", "numbers from 1 to 32")
+        refuse_options(self.strings, self.seconds)
 
     def numbers(self) -> dict[str, Any]:
         """Return rate (1/s), cost (s), latency (s) and share of skipped windows for each number."""
