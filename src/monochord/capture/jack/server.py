@@ -31,6 +31,8 @@ class JackServer:
         Frames a period.
     rate
         Sample rate in Hz.
+    real_time
+        Whether it asks for a real-time priority.
 
     Examples
     --------
@@ -40,6 +42,7 @@ class JackServer:
     name: str = field(default_factory=lambda: f"monochord-{os.getpid()}")
     period: Samples = 512
     rate: int = 44100
+    real_time: bool = True
     process: "subprocess.Popen[bytes] | None" = None
 
     def start(self) -> None:
@@ -47,7 +50,8 @@ class JackServer:
         jackd = shutil.which("jackd")
         if not jackd:
             raise DeviceError("jackd: not found; install JACK 2 (Debian: apt install jackd2)")
-        options = ["-n", self.name, "-S", "-R", "-d", "dummy", "-r", str(self.rate), "-p", str(self.period)]
+        pace = ["-S", "-R" if self.real_time else "-r"]
+        options = ["-n", self.name, *pace, "-d", "dummy", "-r", str(self.rate), "-p", str(self.period)]
         quiet = subprocess.DEVNULL
         self.process = subprocess.Popen([jackd, *options], stdin=quiet, stdout=quiet, stderr=quiet)  # noqa: S603  (found in PATH, no shell)  # nosec B603
         deadline = time.monotonic() + START_TIMEOUT
