@@ -22,9 +22,11 @@ added noise only: under noise such a copy cannot be distinguished from another t
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
+from os import cpu_count
 from typing import Any
 
 import numpy as np
@@ -105,26 +107,32 @@ def find_duplicates(track: Track, pairs: Iterable[tuple[int, int]]) -> list[Dupl
     >>> [(d.first, d.second, d.lag) for d in find_duplicates(takes.__getitem__, [(0, 1), (0, 2), (1, 2)])]
     [(0, 2, -4410)]
     """
-    stretches: dict[int, list[_Stretch]] = {}
-    duplicates: list[Duplicate] = []
-    for pair in pairs:
-        for number in pair:
-            if number not in stretches:
-                stretches[number] = list(_stretches(track(number)))
-        for one, other in product(stretches[pair[0]], stretches[pair[1]]):
-            peak, lag = _agreement(one, other)
-            if peak < max(MIN_PEAK, MIN_PEAK_SIGMAS / math.sqrt(min(one.size, other.size) / 2)):
-                continue
-            sounds = track(pair[0]), track(pair[1])
-            first, last = _overlap(*sounds, lag * STEP)
-            if last - first < max(2 * EXCERPT, MIN_OVERLAP * min(each.shape[1] for each in sounds)):
-                continue
-            exact = _exact(*sounds, lag * STEP)
-            share = _share(*sounds, exact)
-            if share >= MIN_LIKE_SHARE:
-                duplicates.append(Duplicate(first=pair[0], second=pair[1], lag=exact, peak=peak, share=share))
-                break
-    return duplicates
+    pairs = list(pairs)
+    numbers = sorted({number for pair in pairs for number in pair})
+    with ThreadPoolExecutor(cpu_count()) as pool:  # transforms leave the interpreter to others
+        cut = pool.map(lambda number: list(_stretches(track(number))), numbers)
+        stretches = dict(zip(numbers, cut, strict=True))
+        found = pool.map(lambda pair: _compared(track, pair, stretches), pairs)
+        return [duplicate for duplicate in found if duplicate]
+
+
+def _compared(
+    track: Track, pair: tuple[int, int], stretches: Mapping[int, Sequence[_Stretch]]
+) -> Duplicate | None:
+    """Return at which lag two sessions hold the same sound; None if they do not."""
+    for one, other in product(stretches[pair[0]], stretches[pair[1]]):
+        peak, lag = _agreement(one, other)
+        if peak < max(MIN_PEAK, MIN_PEAK_SIGMAS / math.sqrt(min(one.size, other.size) / 2)):
+            continue
+        sounds = track(pair[0]), track(pair[1])
+        first, last = _overlap(*sounds, lag * STEP)
+        if last - first < max(2 * EXCERPT, MIN_OVERLAP * min(each.shape[1] for each in sounds)):
+            continue
+        exact = _exact(*sounds, lag * STEP)
+        share = _share(*sounds, exact)
+        if share >= MIN_LIKE_SHARE:
+            return Duplicate(first=pair[0], second=pair[1], lag=exact, peak=peak, share=share)
+    return None
 
 
 def _stretches(samples: Audio) -> Iterator[_Stretch]:

@@ -39,7 +39,7 @@ class Live:
 
     def wait_for(self, condition: Callable[[Row], object]) -> Row:
         """Return the first window from now on for which a condition holds."""
-        wait_for(lambda: self.table.exists() and self.table.stat().st_size)
+        wait_for(lambda: self.runs() and self.table.exists() and self.table.stat().st_size)
         with self.table.open(encoding="utf-8") as file:
             head, text, found = file.readline(), "", list[Row]()
             file.seek(0, SEEK_END)
@@ -47,13 +47,18 @@ class Live:
 
             def look() -> bool:
                 nonlocal text
-                assert self.process.poll() is None, self.process.communicate()
+                self.runs()
                 whole, _, text = (text + file.read()).rpartition("\n")
                 found.extend(filter(condition, read(f"{head}{whole}\n")))
                 return bool(found)
 
             wait_for(look)
         return found[0]
+
+    def runs(self) -> bool:
+        """Fail with what it said where it has ended."""
+        assert self.process.poll() is None, self.process.communicate()
+        return True
 
     def wait_for_touch(self) -> None:
         """Wait until the touch is estimated where it is."""
@@ -101,8 +106,7 @@ def start_live(jack_server: Any, tmp_path: Path) -> Iterator[StartLive]:
     """Return what starts the live command with the bundled model and more options."""
     with ExitStack() as stack:
 
-        def start(*options: str, **more: Any) -> Live:
-            table = tmp_path / "live.csv"
+        def start(*options: str, table: Path = tmp_path / "live.csv", **more: Any) -> Live:
             command = [sys.executable, "-m", "monochord", "live", "demo", "player:", "--source", "jack"]
             command += ["--set", f"source.server={jack_server.name}", "--sink", f"csv={table}", *options]
             pipe = subprocess.PIPE

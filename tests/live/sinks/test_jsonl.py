@@ -1,6 +1,7 @@
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.live.health import Note
 from monochord.live.sinks.base import Moment
 from monochord.live.sinks.jsonl import Jsonl
 
@@ -82,6 +84,14 @@ def test_everything_else_beside_it(tmp_path: Path) -> None:
         5,
         3,
     )
+
+
+def test_what_is_followed_over_time_too(tmp_path: Path) -> None:
+    sound = replace(moment({"position": POSITION}), tracked={"position": POSITION}, decided={"slip": True})
+    note = Note(key="hum", level="error", sentence="Hum.", remedy="Look.", since=0.0)
+    (line,) = lines(tmp_path / "out.jsonl", replace(sound, notes=(note,)))
+    assert (line["tracked_position"], line["tracked_position_std"]) == (0.2275, 2e-4)
+    assert (line["decided_slip"], line["events"], line["notes"]) == (True, [], ["hum"])
 
 
 def test_numbers_survive_exactly(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import TextIO
 
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
-from monochord.live.sinks._record import record
+from monochord.live.sinks._record import followed, record
 from monochord.live.sinks.base import Moment, Sink, Writer
 
 
@@ -29,7 +29,8 @@ class Jsonl(Sink):
         The file to write; ``-`` is standard output.
     everything
         Whether to add the other estimates with their ``_std``, what the source knows to be true as
-        ``true_NAME``, the latency, and the stream's counters.
+        ``true_NAME``, the latency, the stream's counters, and what is followed over time: ``tracked_NAME``
+        with ``_std``, ``decided_NAME``, ``events``, and ``notes`` on the sensor's health by their keys.
     """
 
     path: str = "-"
@@ -78,7 +79,9 @@ class _Lines(Writer):
         self._file, self._everything, self._flush = file, everything, flush
 
     def write(self, moment: Moment) -> None:
-        line = json.dumps(record(moment, everything=self._everything), allow_nan=False)
-        self._file.write(line + "\n")
+        values = record(moment, everything=self._everything)
+        if self._everything:
+            values |= followed(moment)
+        self._file.write(json.dumps(values, allow_nan=False) + "\n")
         if self._flush:
             self._file.flush()

@@ -1,0 +1,79 @@
+"""Sound that goes bad while it is estimated: it is said, nothing wrong is stated for long, and it is taken up again."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pytest
+import soundfile
+from tests.e2e.faults.conftest import POSITION, RATE, Row, StartLive, notes, sounding, touched
+
+import monochord as mc
+
+pytestmark = [pytest.mark.jack, pytest.mark.slow]
+BEGIN, LENGTH, TOTAL = 8 * RATE, 8 * RATE, 30.0
+BY_NAME: Final[dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]]] = {
+    "microphone 2 silent": (lambda x: x * [[1.0], [0.0]], "microphone_2_dead"),
+    "microphones exchanged": (lambda x: x[::-1], "microphones_swapped"),
+    "clipped": (lambda x: np.clip(20.0 * x, -1.0, 1.0), "clipping"),
+    "not numbers": (lambda x: np.full_like(x, np.nan), "not_numbers"),
+    "hum": (lambda x: x + 0.3 * np.sin(2 * np.pi * 50.0 / RATE * np.arange(x.shape[1])), "hum"),
+}
+
+
+def wrong(row: Row) -> bool:
+    """Return whether a place is stated, and is not where the touch is."""
+    return bool(row["position"]) and not touched(row)
+
+
+def recovered(row: Row, key: str) -> bool:
+    """Return whether the touch is estimated and the fault is no longer reported."""
+    return touched(row) and key not in notes(row)
+
+
+@pytest.fixture(scope="session")
+def steady() -> np.ndarray:
+    """A touch that stays, (2, n)."""
+    return sounding(TOTAL, build=1)
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_a_fault_of_the_sound_is_named_and_outlived(
+    play: Any, tmp_path: Path, steady: np.ndarray, start_live: StartLive, name: str
+) -> None:
+    spoil, key = BY_NAME[name]
+    sound = steady.copy()
+    sound[:, BEGIN : BEGIN + LENGTH] = spoil(sound[:, BEGIN : BEGIN + LENGTH])
+    soundfile.write(tmp_path / "fault.wav", sound.T, RATE, subtype="FLOAT")
+    play(tmp_path / "fault.wav")
+    live = start_live()
+    live.wait_for_touch()
+    live.wait_for_note(key)
+    live.wait_for(lambda row: recovered(row, key))
+    live.end()
+    rows = live.rows()
+    noted = [number for number, row in enumerate(rows) if key in notes(row)]
+    print(f"{name}: {sum(map(wrong, rows))} windows wrong, {len(noted)} noted")  # noqa: T201
+    assert sum(map(wrong, rows)) < 250, "2.5 s"
+    settled = rows[noted[0] + 100 : noted[-1] - 100]
+    assert len(settled) > 100
+    assert sum(map(wrong, settled)) <= 0.02 * len(settled)
+
+
+def test_drivers_that_go_off_leave_no_estimate(play: Any, tmp_path: Path, start_live: StartLive) -> None:
+    sensor = mc.VirtualSensor("prototype", build=1)
+    parts = [sensor.advance(1.5)[0]]
+    sensor.press(POSITION, force=1.0)
+    parts += [sensor.advance(6.0)[0]]
+    sensor.drive(False, False)
+    parts += [sensor.advance(12.0)[0]]
+    sensor.drive(True, True)
+    parts += [sensor.advance(10.0)[0]]
+    soundfile.write(tmp_path / "off.wav", np.concatenate(parts, axis=1).T, RATE, subtype="FLOAT")
+    play(tmp_path / "off.wav")
+    live = start_live()
+    live.wait_for_touch()
+    live.wait_for(lambda row: bool({"string_still", "silence"} & set(notes(row))))
+    live.end()
+    assert sum(map(wrong, live.rows())) < 100, "1 s"
