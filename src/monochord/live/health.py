@@ -128,11 +128,6 @@ STILL = _finding(
 ONE_DRIVER = _finding(
     "error", "One driver seems silent.", "Check the battery, the switch and the height of each driver."
 )
-TOO_STRONG = _finding(
-    "error",
-    "The drivers seem far too strong.",
-    "Turn the drivers down, or take them further from the string, until its swing is too small to see.",
-)
 CLIPPING = _finding(
     "warning",
     "The sound is clipped.",
@@ -191,7 +186,6 @@ REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
         "two things seem to touch": ("two_touches", TWO_TOUCHES),
         "something very soft seems to touch": ("soft_touch", SOFT_TOUCH),
         "one driver seems silent": ("driver_silent", ONE_DRIVER),
-        "the drivers seem far too strong": ("drivers_strong", TOO_STRONG),
         "sound unlike what this model learned": ("sound_unlike", UNKNOWN_SOUND),
         "the string's pitch is not known yet": ("pitch_unknown", PITCH),
         "silence": ("string_still", STILL),

@@ -1,4 +1,4 @@
-"""Sound that goes bad while it is estimated: it is said, little is stated wrongly, and it is taken up again."""
+"""Sound that goes bad while it is estimated: it is named, hardly misread, and taken up again."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -143,7 +143,6 @@ class KnownSettings:
             "two_touches_*": "two things seem to touch",
             "foam_*": "something very soft seems to touch",
             "driver_*_dead_*": "one driver seems silent",
-            "loud_*": "the drivers seem far too strong",
         }
     )
     touches: tuple[str, ...] = ("two_touches_*", "foam_*")
