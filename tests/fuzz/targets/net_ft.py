@@ -60,10 +60,12 @@ def device(  # noqa: C901  (two servers)
         threads = [threading.Thread(target=each, daemon=True) for each in (serve, stream)]
         for thread in threads:
             thread.start()
-        yield web.getsockname()[1], feed.getsockname()[1]
-        ended.set()
-        for thread in threads:
-            thread.join()
+        try:
+            yield web.getsockname()[1], feed.getsockname()[1]
+        finally:
+            ended.set()
+            for thread in threads:
+                thread.join()
 
 
 class Fuzz(Target):
