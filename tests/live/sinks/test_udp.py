@@ -60,12 +60,12 @@ def test_a_receiver_gets_what_jsonl_writes_with_a_count_and_a_stamp(
         assert datagram.pop("sequence") == sequence
         assert abs(datagram.pop("stamp") - time.time()) < 60.0
         if everything:
-            assert datagram.pop("tracked_position") == 0.1203
-            assert datagram.pop("tracked_position_std") is None
-            assert datagram.pop("decided_contact") is True
-            (event,) = datagram.pop("events")
+            assert datagram["tracked_position"] == 0.1203
+            assert datagram["tracked_position_std"] is None
+            assert datagram["decided_contact"] is True
+            (event,) = datagram["events"]
             assert event == {"name": "slip", "on": False, "time": 0.1, "delay": 0.01, "confidence": 0.9}
-            assert datagram.pop("notes") == ["hum"]
+            assert datagram["notes"] == ["hum"]
         assert datagram == line
 
 
