@@ -24,8 +24,8 @@ class Udp(Sink):
     Every object has ``sequence``, which counts datagrams from 0 so that a receiver notices what was lost;
     ``stamp``, when the window's last sample was at the converter (at hand, where the source does not know) in
     seconds since the Unix epoch; then what `jsonl` writes, the estimates followed over time, ``events`` and
-    ``notes`` on the sensor's health among it. Nobody need receive it: a datagram that nobody takes is gone, and one that the system does not send, as with a network that is
-    down, is counted as left out.
+    ``notes`` on the sensor's health among it. Nobody need receive it: a datagram that nobody takes is gone,
+    and one that the system does not send, as with a network that is down, is counted as left out.
 
     Parameters
     ----------
