@@ -31,7 +31,7 @@ BUNDLED = "demo"
 """Name of the bundled model that the demonstration shows."""
 JACK_PERIOD = 256
 """Frames a period of a JACK server that is started here."""
-TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 49)
+TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 73)
 """The sensor and the builds of it that this model was trained on, by the plan builds."""
 UNSEEN: Mapping[str, Any] = {
     "world": "plausible",
