@@ -6,9 +6,11 @@ from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.lab.deviation import Deviation
 from monochord.lab.hardware import FIRST_BUILD
+from monochord.lab.offline import describe
 from monochord.lab.plan import Delays, Group, Plan, assignments
 from monochord.lab.plans import load_plan, plan_names
 from monochord.lab.schedule import schedule
+from monochord.physics.sensors import load_sensor
 from monochord.physics.twin.world import only
 
 GRID = Group(name="a", grid=(5, 4), sessions=3, radii=(0.002, 0.004), days=(1, 2), forces=(0.1, 2.0))
@@ -66,9 +68,22 @@ def test_a_group_may_deviate_otherwise_than_its_plan() -> None:
     assert second.sensor().drivers[1].limit == 0.0 < first.sensor().drivers[1].limit
 
 
+def test_a_drawn_design_is_a_sessions_own_and_described() -> None:
+    first, second = assignments(tiny(groups=(Group(name="a", design="drawn", sessions=2, grid=(2, 1)),)))
+    plain = load_sensor("prototype")
+    assert first.design() == first.design() != second.design() != plain
+    assert first.design().string == plain.string == first.sensor().string
+    assert describe(first).sensor == to_tree(first.design())
+    for one in (first, second):
+        low, high = one.design().drivers
+        assert max(low.sense, low.drive) < 0.5 * plain.string.length < min(high.sense, high.drive)
+
+
 def test_the_odd_plan_shares_no_build_with_a_test() -> None:
     builds = {build for group in load_plan("odd").groups for build in group.builds}
-    tests = [group for name in ("builds", "sealed", "sealed_2") for group in load_plan(name).groups]
+    tests = [
+        group for name in ("builds", "sealed", "sealed_2", "sealed_3") for group in load_plan(name).groups
+    ]
     assert not builds & {
         each
         for group in tests
@@ -177,14 +192,14 @@ def test_sessions_of_the_paper_last_about_a_minute() -> None:
     assert 45.0 < min(lengths) <= max(lengths) < 75.0
 
 
-@pytest.mark.parametrize("plan", ["sealed", "sealed_2"])
+@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3"])
 def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan: str) -> None:
     sealed = load_plan(plan)
     others = [group for name in plan_names() if name != plan for group in load_plan(name).groups]
     builds = {build for group in sealed.groups for build in group.builds}
     days = {day for group in sealed.groups for day in group.days}
     materials = {group.material for group in sealed.groups}
-    assert len(builds) == 20
+    assert len({build for group in sealed.groups if not group.design for build in group.builds}) == 20
     assert not builds & {build for group in others for build in group.builds}
     assert max(builds) < FIRST_BUILD  # those of the hardware suite begin there
     assert not days & {day for group in others for day in group.days}
@@ -192,7 +207,7 @@ def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan
     assert len(materials) == 10
 
 
-@pytest.mark.parametrize("plan", ["sealed", "sealed_2"])
+@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3"])
 def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(plan: str) -> None:
     sessions = assignments(load_plan(plan))
     counts: dict[int | None, int] = {}

@@ -27,7 +27,7 @@ def drawn_object(random: np.random.Generator) -> Material:
     >>> thing == drawn_object(np.random.default_rng(1)), thing.name
     (True, 'drawn')
     """
-    between = _evenly(random)
+    between = evenly(random)
     young_modulus = between(SOFTEST, HARDEST)
     hardness = np.log(young_modulus / SOFTEST) / np.log(HARDEST / SOFTEST)
     restitution = random.uniform(0.6, 0.8) + 0.15 * hardness
@@ -60,7 +60,7 @@ def soft_object(random: np.random.Generator) -> Material:
     >>> thing.young_modulus < SOFTEST, thing.name
     (True, 'drawn_soft')
     """
-    between = _evenly(random)
+    between = evenly(random)
     young_modulus = between(GELS, SOFTEST)
     hardness = np.log(young_modulus / GELS) / np.log(SOFTEST / GELS)
     kinetic = random.uniform(0.3, 1.0)
@@ -80,7 +80,7 @@ def soft_object(random: np.random.Generator) -> Material:
     )
 
 
-def _evenly(random: np.random.Generator) -> Callable[[float, float], float]:
+def evenly(random: np.random.Generator) -> Callable[[float, float], float]:
     """Return what draws evenly in the logarithm."""
     return lambda low, high: float(np.exp(random.uniform(np.log(low), np.log(high))))
 

@@ -12,6 +12,7 @@ from msgspec import Meta
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
+from monochord.lab.designs import drawn_design
 from monochord.lab.deviation import NONE, Deviation
 from monochord.lab.objects import DRAWN
 from monochord.physics.materials import Material, load_material
@@ -56,6 +57,9 @@ class Group:
         each session, see `monochord.lab.objects`.
     radii
         Radii of the object where it touches, in m; by default that of its material.
+    design
+        "drawn" for a design that is drawn for each session, see `monochord.lab.designs`; by default the
+        plan's sensor.
     second
         Distance in m at which a second object of the same kind touches the string at the same time, towards
         the further end; 0 for none. There is no one position then, and no label of it.
@@ -104,6 +108,7 @@ class Group:
     forces: tuple[Newtons, Newtons] = (0.1, 2.0)
     material: str = "plastic"
     radii: tuple[Metres, ...] = ()
+    design: Literal["", "drawn"] = ""
     second: Annotated[Metres, Meta(ge=0.0, le=1.0)] = 0.0
     oblique: tuple[float, float] = (0.0, 0.0)
     world: World | None = None
@@ -335,7 +340,8 @@ class Assignment:
 
     def design(self) -> Sensor:
         """Return the sensor as designed."""
-        return load_sensor(self.plan.sensor)
+        sensor = load_sensor(self.plan.sensor)
+        return drawn_design(sensor, self.random("design")) if self.group.design else sensor
 
     @property
     def deviation(self) -> Deviation:
