@@ -7,7 +7,7 @@ as much as any other, and all of them as much as the ordinary windows.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Floats, Indices, Signal
+from monochord.core.types import Audio, Flags, Floats, Indices, Signal
 from monochord.datasets.faults import Fault
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.heads.base import CONTACT
@@ -140,9 +140,11 @@ def _faults(
 ) -> list[Kind]:
     """Return windows of training and validation as faulty microphones would have recorded them."""
     rate, kinds = data.dataset.manifest.sample_rate, list[Kind]()
+    spared = _named(data.dataset, options.spared)
+    whole = [each.rows[~spared[each.rows]] for each in examples]
+    rows = whole[0][::FAULT_SHARE], whole[1]
     for name, reason in options.faults.items():
         noise = Noise(augmentation=Fault(kind=name, seed=seed, sample_rate=rate), copy=0)
-        rows = examples[0].rows[::FAULT_SHARE], examples[1].rows
         parts = [scale(data.feature.of(each, noise, progress)) for each in rows]
         places = _places(data.dataset, rows[1])
         kinds.append(Kind(name=name, reason=reason, learned=parts[0], judged=parts[1], **places))
@@ -195,11 +197,17 @@ def _unlike(
 
 def _rows_of(dataset: Dataset, pattern: str, *, only_touched: bool) -> Indices:
     """Return the windows (n,) of sessions whose names fit a pattern."""
-    fits = np.array([fnmatchcase(part.name.rpartition("/")[2], pattern) for part in dataset.manifest.parts])
-    counts = fits[dataset.session] & dataset.usable
+    counts = _named(dataset, (pattern,)) & dataset.usable
     contact = dataset.label(CONTACT)
     counts &= (contact == 1.0) if only_touched else np.isfinite(contact)
     return np.flatnonzero(counts)
+
+
+def _named(dataset: Dataset, patterns: Sequence[str]) -> Flags:
+    """Return which windows (n,) are of sessions whose names fit one of the patterns."""
+    names = [part.name.rpartition("/")[2] for part in dataset.manifest.parts]
+    fits = np.array([any(fnmatchcase(name, pattern) for pattern in patterns) for name in names])
+    return fits[dataset.session]
 
 
 def _fitted(

@@ -123,6 +123,9 @@ class KnownSettings:
         Patterns of sessions that are as any other until something touches.
     faults
         Reason to abstain for each of `monochord.datasets.faults.FAULTS` that is made of training windows.
+    spared
+        Patterns of the names of training sessions that no fault is made of: those of other designs, which
+        with their microphones exchanged are one more such design, and no fault.
     memory, touch_memory
         Times in s over which what windows say is averaged, of a fault, which lasts, and of a touch; 0 for
         each window by itself.
@@ -155,6 +158,7 @@ class KnownSettings:
             "hum": "hum louder than the string",
         }
     )
+    spared: tuple[str, ...] = ()
     memory: Seconds = 2.0
     touch_memory: Seconds = 0.2
     share: float = 0.01
