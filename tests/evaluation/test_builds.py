@@ -23,7 +23,7 @@ from monochord.evaluation.summary_page import builds_page
 from monochord.perception.model import load, save
 from monochord.perception.training.correct import known_errors, with_prior, with_variables
 from monochord.perception.training.examples import touches_of
-from monochord.perception.training.train import outputs_of
+from monochord.perception.training.train import read_in_turn
 from monochord.sessions import Description, SessionClock, SessionWriter
 
 pytest.importorskip("torch")
@@ -38,7 +38,9 @@ def correctable(lesson_run: Path, learnable: Path, tmp_path: Path) -> Path:
     model, dataset = load(home), open_dataset(learnable)
     model = replace(model, definition=with_variables(model.definition, {"position": (), "force": ()}))
     parts = Split.read(learnable / "split.json").parts
-    outputs = outputs_of(model, dataset, np.sort(np.concatenate([parts["validation"], parts["test"]])))
+    outputs = read_in_turn(
+        model, dataset, np.sort(np.concatenate([parts["validation"], parts["test"]]))
+    ).outputs
     force = dataset.label("force") + np.where(dataset.session % 2 == 0, BIAS, -BIAS)
     dataset = replace(dataset, labels={**dataset.labels, "force": force})
     for name in ("position", "force"):

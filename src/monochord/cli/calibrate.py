@@ -39,7 +39,8 @@ def calibrate(
 
     A few touches at different places and forces are enough: record them, or import a sound file and a table
     of what a ruler and a kitchen scale showed (monochord sessions import). What the model was adapted to
-    before stays known. Every error below is of touches that were left out.
+    before stays known. The sensor is taken to be in order: what it sounds like is no fault from then on.
+    Every error below is of touches that were left out.
 
     \b
     monochord calibrate demo --sessions touches.mcap --out mine
@@ -61,6 +62,7 @@ def _tree(result: Adaptation, out: Path) -> dict[str, Any]:
         "path": str(out),
         "simulated": result.model.definition.simulated,
         "heads": {name: dataclasses.asdict(head) for name, head in result.heads.items()},
+        "mistaken": result.mistaken,
         "next_touch": dataclasses.asdict(result.next_touch) if result.next_touch else None,
         "weights": result.model.definition.weights,
     }

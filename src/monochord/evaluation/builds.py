@@ -32,9 +32,9 @@ from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import Model, save
 from monochord.perception.model import load as load_model
 from monochord.perception.training.adapt import REMEDY, adapt
-from monochord.perception.training.correct import Outputs
+from monochord.perception.training.correct import Replayed
 from monochord.perception.training.examples import stream_of, touches_of
-from monochord.perception.training.train import outputs_of
+from monochord.perception.training.train import read_in_turn
 from monochord.perception.tuning.sessions import heard_tension, own_strings
 from monochord.sessions import read_session
 
@@ -203,11 +203,12 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Outco
         counts = [count for count in touches if not count or len(numbers) >= count + MIN_LEFT]
         known = {count: touch < numbers[count] if count else np.zeros(len(dataset), bool) for count in counts}
         others = [replace(whole, rows=np.flatnonzero(~known[count])) for count in counts]
-        outputs = outputs_of(rivals.model, dataset, stream_of(dataset, whole.rows)) if any(counts) else {}
+        rows = stream_of(dataset, whole.rows) if any(counts) else whole.rows[:0]
+        heard = read_in_turn(rivals.model, dataset, rows)
         estimators: list[Estimator] = []
         for count in counts:
             folder = scratch / f"model_{count}"
-            save(_adapted(rivals.model, dataset, known[count], outputs), folder)
+            save(_adapted(rivals.model, dataset, known[count], heard), folder)
             estimators.append(ESTIMATORS.build("model", {"path": str(folder)}))
         replayed: list[list[Results]] = [[] for _ in counts]
         by_session = [{each.sessions[0]: each for each in _by_string(every)} for every in others]
@@ -231,13 +232,13 @@ def _labelled(dataset: Dataset) -> Flags:
     return touched & (np.isfinite(dataset.label("position")) | np.isfinite(dataset.label("force")))
 
 
-def _adapted(model: Model, dataset: Dataset, known: Flags, outputs: Outputs) -> Model:
+def _adapted(model: Model, dataset: Dataset, known: Flags, replayed: Replayed) -> Model:
     """Return a model adapted to the known windows (n,), if any can be used; no other label can be seen."""
     if not known.any():
         return model
     seen = {name: valid & known for name, valid in dataset.valid.items()}
     try:
-        return adapt(model, replace(dataset, valid=seen), outputs=outputs).model
+        return adapt(model, replace(dataset, valid=seen), replayed=replayed).model
     except InputError:  # none of these touches was heard
         return model
 

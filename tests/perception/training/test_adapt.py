@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +15,11 @@ from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.model import Model, load, save
-from monochord.perception.training.adapt import adapt
+from monochord.perception.training.adapt import accustomed, adapt
 from monochord.perception.training.correct import with_prior, with_variables
 from monochord.perception.training.examples import touches_of
-from monochord.perception.training.train import outputs_of
+from monochord.perception.training.settings import TrainingSettings
+from monochord.perception.training.train import read_in_turn, train
 from monochord.perception.tuning.sessions import force_scale
 from monochord.physics.sensors import load_sensor
 from monochord.sessions import Description, SessionClock, SessionWriter
@@ -36,7 +38,7 @@ def correctable(lesson_run: Path, learnable: Path) -> Model:
     rows = np.sort(
         np.concatenate([Split.read(learnable / "split.json").parts[name] for name in ("validation", "test")])
     )
-    outputs = outputs_of(model, dataset, rows)
+    outputs = read_in_turn(model, dataset, rows).outputs
     force = dataset.label("force") + np.where(dataset.session % 2 == 0, BIAS, -BIAS)  # as of other builds
     dataset = replace(dataset, labels={**dataset.labels, "force": force})
     for name in ("position", "force"):
@@ -103,6 +105,51 @@ def test_a_head_that_known_touches_do_not_help_is_left_as_it_was(
         assert before is not None
         assert after is not None
         assert np.array_equal(before.mean, after.mean) != changed
+
+
+def test_positions_from_the_other_end_are_refused(correctable: Model, foreign: Dataset) -> None:
+    design = load_sensor("prototype").string
+    model = replace(correctable, definition=replace(correctable.definition, string=design))
+    position = design.length - foreign.label("position")
+    mirrored = replace(foreign, labels={**foreign.labels, "position": position})
+    with pytest.raises(InputError, match=r"if they are from the other end.*exchange the microphones"):
+        adapt(model, mirrored)
+
+
+def test_a_head_without_corrections_says_how_good_it_is(correctable: Model, foreign: Dataset) -> None:
+    heads = correctable.definition.heads
+    alone = replace(
+        correctable.definition, heads={**heads, "position": replace(heads["position"], correction=None)}
+    )
+    weights = {k: v for k, v in correctable.weights.items() if not k.startswith("position.correction")}
+    result = adapt(replace(correctable, definition=alone, weights=weights), foreign, touches=8)
+    assert not result.heads["position"].corrected
+    assert "it has no correction to learn" in "\n".join(result.lines())
+    assert result.heads["position"].touches == 8
+    assert result.heads["position"].before == result.heads["position"].after
+    assert result.heads["force"].corrected
+
+
+def test_what_a_sensor_in_order_sounds_like_is_no_fault_from_then_on(
+    lesson: dict[str, Any], tmp_path: Path
+) -> None:
+    settings = {**lesson, "optimiser": {"epochs": 2}, "known": {"on": True, "epochs": 2}}
+    train(TrainingSettings.read(settings), tmp_path / "run")
+    model = load(tmp_path / "run")
+    assert model.detector is not None
+    record = model.detector.record
+    swapped = record.reasons.index("the microphones seem swapped")
+    odds = np.full((100, len(record.reasons)), -8.0)
+    odds[:30, swapped] = record.limit + 1.0
+    odds[30:, swapped] = record.limit - 0.5
+    same, none = accustomed(model, list(np.full_like(odds, -8.0)))
+    assert not none
+    np.testing.assert_array_equal(same.weights["known.1.bias"], model.weights["known.1.bias"])
+    result, mistaken = accustomed(model, list(odds))
+    assert mistaken == {"the microphones seem swapped": 0.3}
+    lowered = model.weights["known.1.bias"] - result.weights["known.1.bias"]
+    assert np.flatnonzero(lowered).tolist() == [1 + swapped]
+    assert lowered[1 + swapped] == pytest.approx(1.0 + np.log(len(record.reasons)), abs=1e-5)
 
 
 def test_models_without_corrections_and_too_few_touches_are_refused(

@@ -18,7 +18,7 @@ from monochord.perception.model.network import quantity
 from monochord.perception.training.examples import examples_of, stream_of, training_data
 from monochord.perception.training.rows import Rows
 from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.training.train import as_of_the_design, outputs_of
+from monochord.perception.training.train import as_of_the_design, read_in_turn
 from monochord.perception.tuning.sessions import force_scales, heard_tension, own_strings
 from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
 
@@ -115,7 +115,7 @@ def test_a_model_is_calibrated_on_each_own_string(dataset: Dataset) -> None:
     """Read by the design's pitch, strings that are 5 % lower would have places tens of millimetres off."""
     model = load("demo")
     rows = np.flatnonzero((dataset.label("contact") == 1.0) & (dataset.label("settled") == 1.0))
-    outputs = outputs_of(model, dataset, stream_of(dataset, np.arange(len(dataset))))
+    outputs = read_in_turn(model, dataset, stream_of(dataset, np.arange(len(dataset)))).outputs
     record = model.definition.heads["position"]
     places = np.array([quantity(outputs[row]["position"], record)[0] for row in rows.tolist()])
     assert np.abs(places - dataset.label("position")[rows]).max() < 5e-3

@@ -19,7 +19,13 @@ from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
 from monochord.perception.model import ModelState, load
 from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.training.train import probability_scores, quantity_scores, replay, train, window_of
+from monochord.perception.training.train import (
+    probability_scores,
+    quantity_scores,
+    read_in_turn,
+    train,
+    window_of,
+)
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")
@@ -121,8 +127,8 @@ def test_a_session_is_a_stream_of_its_own(lesson: dict[str, Any], tmp_path: Path
     train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 2}}), tmp_path / "run")
     dataset, model = open_dataset(Path(lesson["dataset"])), load(tmp_path / "run")
     rows = np.arange(len(dataset))
-    both = dict(replay(model, dataset, rows[dataset.session < 2]))
-    alone = dict(replay(model, dataset, rows[dataset.session == 1]))
+    both = read_in_turn(model, dataset, rows[dataset.session < 2]).outputs
+    alone = read_in_turn(model, dataset, rows[dataset.session == 1]).outputs
     assert {row: both[row] for row in alone} == alone
     assert len(both) == (dataset.session < 2).sum()
 

@@ -1,7 +1,8 @@
 """Adapting a model to a build and its object by a few touches of known position and force."""
 
-import dataclasses
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,14 +12,24 @@ from monochord.core.units import Metres, Newtons
 from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
 from monochord.perception.model.correction import Correction
+from monochord.perception.model.definition import KNOWN, Definition, HeadRecord
+from monochord.perception.model.known import MAX_ODDS, reason
 from monochord.perception.model.model import Model
-from monochord.perception.training.correct import KnownErrors, Outputs, known_errors, with_correction
+from monochord.perception.training.correct import KnownErrors, Replayed, known_errors, with_correction
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.rows import Progress
-from monochord.perception.training.train import as_of_the_design, outputs_of
+from monochord.perception.training.train import as_of_the_design, read_in_turn
 
 MAX_FOLDS = 10
 """Folds of the cross-validation; with as many touches or fewer each touch is left out by itself."""
+ACCUSTOMED_SHARE = 0.01
+"""Share of the windows of a sensor in order that may still reach the limit of the detector."""
+WORTH_TELLING = 0.01
+"""Least share of windows taken for a fault that a person is told of."""
+MAX_ODD_ERROR: Metres = 0.005
+"""Median error of position above which the labels may be from the string's other end."""
+OTHER_END = 0.2
+"""Largest share of that error that is left from the other end, where they are from there."""
 REMEDY = "train one with corrections, as the preset builds does"
 
 
@@ -28,7 +39,8 @@ class HeadAdaptation:
 
     `before` and `after` are mean absolute errors, the latter of touches left out. `std` is the median
     standard error stated for these, `coverage` the share of windows within one, `within_two` within two. A
-    head whose touches did not help, as where modes are misread, is left as it was: `used` is false.
+    head whose touches did not help, as where modes are misread, is left as it was: `used` is false. So it is
+    for one without corrections, of which the touches say only how good it is: `corrected` is false.
     """
 
     unit: str
@@ -40,16 +52,19 @@ class HeadAdaptation:
     coverage: float
     within_two: float
     used: bool
+    corrected: bool = True
 
     def line(self, name: str) -> str:
         """Return it as a person reads it, for the head of this name."""
         factor, unit = (1e3, "mm") if self.unit == "m" else (1.0, self.unit)
         before, after, std = (f"{factor * value:.3g} {unit}" for value in (self.before, self.after, self.std))
-        line = (
-            f"  {name:<10} mean error {before} before, {after} with {self.touches} touches "
+        stated = (
             f"({self.windows} windows), stated +-{std} (median), which covers {100 * self.coverage:.0f} %, "
             f"twice that {100 * self.within_two:.0f} %"
         )
+        if not self.corrected:
+            return f"  {name:<10} mean error {before} {stated}; it has no correction to learn"
+        line = f"  {name:<10} mean error {before} before, {after} with {self.touches} touches {stated}"
         return line if self.used else f"{line}; left as it was, since they did not help"
 
 
@@ -64,15 +79,24 @@ class Suggestion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Adaptation:
-    """A model adapted to known touches, what that did for each head, and which touch would help most next."""
+    """A model adapted to known touches, what that did for each head, and which touch would help most next.
+
+    `mistaken` are the shares of windows that the model took for faults, by reason, and no longer does.
+    """
 
     model: Model
     heads: dict[str, HeadAdaptation]
     next_touch: Suggestion | None
+    mistaken: dict[str, float]
 
     def lines(self) -> list[str]:
         """Return the errors of touches that were left out, and the touch to make next, for a person."""
         lines = [head.line(name) for name, head in self.heads.items()]
+        lines += [
+            f'  {100 * share:.0f} % of windows were taken for "{why}", and are not any more; was it so?'
+            for why, share in self.mistaken.items()
+            if share >= WORTH_TELLING
+        ]
         touch = self.next_touch
         if touch is not None:
             place = f"{1e3 * touch.position:.0f} mm with {touch.force:.1f} N"
@@ -86,12 +110,14 @@ def adapt(
     dataset: Dataset,
     *,
     touches: int | None = None,
-    outputs: Outputs | None = None,
+    replayed: Replayed | None = None,
     progress: Progress = lambda *_: None,
 ) -> Adaptation:
     """Return a model adapted to the sensor and the object of a dataset's sessions.
 
     As in training, features are relative to each session's own string, and forces as of the design's tension.
+    The sensor is taken to be in order: what it sounds like here is no fault from then on, whatever the
+    detector of unlike sound took it for.
 
     Parameters
     ----------
@@ -101,59 +127,103 @@ def adapt(
         Windows with labels, of one build and one object.
     touches
         How many touches to use, the first in time; all by default.
-    outputs
-        Those of the model for the dataset's windows, where they are known already; see `train.outputs_of`.
+    replayed
+        What the model makes of the dataset's windows, where it is known already; see `train.read_in_turn`.
     progress
         Called with the progress.
 
     Raises
     ------
     InputError
-        If the model has no corrections, or the dataset fewer touches than `touches`, or none.
+        If the model has no corrections, the dataset fewer touches than `touches`, or none, or its positions
+        are from the string's other end.
     """
-    corrected = {name: own for name in model.definition.heads if (own := model.correction(name))}
-    if not corrected:
+    if not model.corrections:
         raise InputError("a model without corrections", "a model that can be adapted", REMEDY)
     dataset = as_of_the_design(model, dataset)
-    if outputs is None:
-        outputs = outputs_of(model, dataset, stream_of(dataset, np.arange(len(dataset))), progress)
-    touch = touches_of(dataset)
+    rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
+    if replayed is None:
+        replayed = read_in_turn(model, dataset, rows, progress)
+    labelled = np.any([np.isfinite(dataset.label(name)) for name in model.corrections], axis=0)
+    known_touches = np.unique(touch[rows][labelled[rows]])[:touches]
+    rows = rows[touch[rows] <= known_touches.max(initial=0)]
+    model, mistaken = accustomed(model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds])
+    if mistaken:  # these windows were no reference of the untouched string, as they will be
+        replayed = read_in_turn(model, dataset, rows, progress)
     heads: dict[str, HeadAdaptation] = {}
     known: dict[str, Correction] = {}
     spreads: dict[str, float] = {}
-    for name, correction in corrected.items():
-        errors = known_errors(model.definition, name, dataset, outputs)
+    for name, record in model.definition.heads.items():
+        if record.task.is_probability:
+            continue
+        correction = model.correction(name)
+        errors = known_errors(model.definition, name, dataset, replayed.outputs)
         own = touch[errors.rows]
         numbers = np.unique(own)
-        if len(numbers) < (touches or 1):
+        if len(numbers) < (touches or 1) and correction is not None:
             given = f"{len(numbers)} touches with a label of {name}"
             raise InputError(given, f"{touches or 1} or more", "record more touches")
         used = np.isin(own, numbers[:touches])
         errors, own = _part(errors, used), own[used]
+        if record.task.label == "position":
+            _refuse_other_end(model.definition, record, errors)
+        if correction is None:
+            if own.size:
+                heads[name] = _adaptation(record, errors.error, errors.error, errors.std, own)
+            continue
         terms = correction.terms(errors.variables)
-        heads[name] = _judged(model, name, correction, errors, terms, own)
-        if heads[name].used:
-            known[name] = correction.given(terms, errors.error, errors.std, own)
-        else:
-            known[name] = correction
+        heads[name] = _judged(record, correction, errors, terms, own)
+        known[name] = (
+            correction.given(terms, errors.error, errors.std, own) if heads[name].used else correction
+        )
         spreads[name] = float(np.median(errors.std))
-        record = model.definition.heads[name].correction
+        before = record.correction
         model = with_correction(
             model,
             name,
             known[name],
-            touches=(record.touches if record else 0) + heads[name].used * heads[name].touches,
-            sessions=record.sessions if record else 0,
+            touches=(before.touches if before else 0) + heads[name].used * heads[name].touches,
+            sessions=before.sessions if before else 0,
             kept=model.weights[f"{name}.correction.touches"],
         )
     sessions = {part.name: part.checksum for part in dataset.manifest.parts}
-    definition = dataclasses.replace(
+    definition = replace(
         model.definition,
         sessions={**model.definition.sessions, **sessions},
         simulated=model.definition.simulated or dataset.manifest.simulated,
     )
-    model = dataclasses.replace(model, definition=definition)
-    return Adaptation(model=model, heads=heads, next_touch=_suggestion(model, known, spreads))
+    model = replace(model, definition=definition)
+    next_touch = _suggestion(model, known, spreads)
+    return Adaptation(model=model, heads=heads, next_touch=next_touch, mistaken=mistaken)
+
+
+def accustomed(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, float]]:
+    """Return a model that takes the sound of a sensor for none that is unlike, and what it took it for.
+
+    Parameters
+    ----------
+    model
+        With or without a detector of unlike sound.
+    odds
+        Log odds (reasons,) of the detector after each window of a sensor that is in order.
+
+    Returns
+    -------
+    The model, and the share of these windows that it abstained from, by the reason that it gave. Log odds of
+    a reason are lowered until hardly a window of the sensor reaches the limit, and by no more than a window
+    can say.
+    """
+    detector = model.detector
+    if detector is None or not odds:
+        return model, {}
+    record, every = detector.record, np.stack(odds)
+    reasons = Counter(why for each in every if (why := reason(each, record)))
+    high = np.quantile(every, 1.0 - ACCUSTOMED_SHARE, axis=0)
+    lowered = np.clip(high - (record.limit - np.log(len(record.reasons))), 0.0, MAX_ODDS)
+    name = f"{KNOWN}.{len(record.hidden)}.bias"
+    bias = model.weights[name] - np.concatenate([[0.0], lowered])
+    model = replace(model, weights={**model.weights, name: bias.astype(np.float32)})
+    return model, {why: count / len(every) for why, count in reasons.most_common()}
 
 
 def _part(errors: KnownErrors, used: np.ndarray) -> KnownErrors:
@@ -166,10 +236,9 @@ def _part(errors: KnownErrors, used: np.ndarray) -> KnownErrors:
 
 
 def _judged(
-    model: Model, name: str, correction: Correction, errors: KnownErrors, terms: Floats, touch: Indices
+    record: HeadRecord, correction: Correction, errors: KnownErrors, terms: Floats, touch: Indices
 ) -> HeadAdaptation:
     """Return the errors of a head before, and of each touch after correction by the others."""
-    record = model.definition.heads[name]
     numbers = np.unique(touch)
     folds = np.array_split(numbers, min(MAX_FOLDS, len(numbers)))
     left, std = np.empty(len(touch)), np.empty(len(touch))
@@ -179,20 +248,41 @@ def _judged(
         expected, uncertain = others.error(terms[out])
         left[out] = errors.error[out] - expected
         std[out] = np.sqrt(correction.noise * errors.std[out] ** 2 + uncertain**2)
-    zeros = np.zeros(len(left))
-    before = record.scale * float(np.mean(np.abs(errors.error - correction.error(terms)[0])))
-    after = record.scale * float(np.mean(np.abs(left)))
+    return _adaptation(record, errors.error - correction.error(terms)[0], left, std, touch)
+
+
+def _adaptation(
+    record: HeadRecord, before: Floats, after: Floats, std: Floats, touch: Indices
+) -> HeadAdaptation:
+    """Return what errors (n,) of windows before and after correction say, in units of the head's scale."""
+    means = [record.scale * float(np.mean(np.abs(error))) for error in (before, after)]
+    zeros = np.zeros(len(after))
     return HeadAdaptation(
         unit=record.task.unit,
-        touches=len(numbers),
+        touches=len(np.unique(touch)),
         windows=len(touch),
-        before=before,
-        after=after,
+        before=means[0],
+        after=means[1],
         std=record.scale * float(np.median(std)),
-        coverage=coverage(zeros, left, std, 1.0),
-        within_two=coverage(zeros, left, std, 2.0),
-        used=after < before,
+        coverage=coverage(zeros, after, std, 1.0),
+        within_two=coverage(zeros, after, std, 2.0),
+        used=means[1] < means[0],
+        corrected=record.correction is not None,
     )
+
+
+def _refuse_other_end(definition: Definition, record: HeadRecord, errors: KnownErrors) -> None:
+    """Refuse positions that are right from the string's other end, and wrong from pickup 1."""
+    if definition.string is None or not errors.error.size:
+        return
+    estimate = record.offset + record.scale * errors.variables[:, 0]
+    label = estimate + record.scale * errors.error
+    own, other = (
+        float(np.median(np.abs(estimate - each))) for each in (label, definition.string.length - label)
+    )
+    if own > MAX_ODD_ERROR and other < OTHER_END * own:
+        given = f"positions {1e3 * own:.0f} mm off, and {1e3 * other:.1f} mm if they are from the other end"
+        raise InputError(given, "metres from pickup 1", "exchange the microphones' cables, or measure so")
 
 
 def _suggestion(model: Model, known: dict[str, Correction], spreads: dict[str, float]) -> Suggestion | None:

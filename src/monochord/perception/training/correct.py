@@ -18,6 +18,18 @@ Outputs = Mapping[int, Mapping[str, Output]]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Replayed:
+    """What a model made of the windows of a dataset, each by its row, read one by one as live.
+
+    `outputs` are those of every head, `odds` the log odds (reasons,) of the detector of unlike sound, as it
+    averages them; none in a model without a detector. Windows that cannot be used have neither.
+    """
+
+    outputs: Outputs
+    odds: Mapping[int, Floats]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class KnownErrors:
     """Errors of a head on windows (n,), label less estimate, in units of its scale.
 

@@ -1,7 +1,7 @@
 """A training run from settings to a model, readable top to bottom."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from monochord.perception.model.network import Output, probability, quantity
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
-from monochord.perception.training.correct import counting, with_prior, with_variables
+from monochord.perception.training.correct import Replayed, counting, with_prior, with_variables
 from monochord.perception.training.examples import (
     chosen,
     examples_of,
@@ -156,9 +156,9 @@ def calibrated(
     """
     gate = model.definition.gate
     dataset, touch = as_of_the_design(model, dataset), touches_of(dataset)
-    outputs = outputs_of(model, dataset, rows, progress)
+    outputs = read_in_turn(model, dataset, rows, progress).outputs
     model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch))
-    outputs = outputs_of(model, dataset, rows, progress)
+    outputs = read_in_turn(model, dataset, rows, progress).outputs
     scores: dict[str, HeadScores] = {}
     for name in model.definition.heads:
         if name != gate:
@@ -167,23 +167,6 @@ def calibrated(
             model = with_prior(model, name, dataset, outputs, touch)
         scores[name] = _score(model, name, dataset, outputs)
     return model, scores
-
-
-def replay(model: Model, dataset: Dataset, rows: Indices) -> Iterator[tuple[int, Mapping[str, Output]]]:
-    """Yield each row with the outputs of every head for its window; nothing for one that cannot be used.
-
-    `rows` (n,) are in the order of their sessions and of time; each session is a stream of its own, and
-    features are relative to its own string.
-    """
-    design = model.definition.string
-    strings = own_strings(dataset, design) if design is not None else {}
-    own, state, session = model, ModelState(), -1
-    for row in rows.tolist():
-        if dataset.session[row] != session:
-            state, session = ModelState(), int(dataset.session[row])
-            own = model.tuned(strings[session]) if session in strings else model
-        state, outputs = own.outputs(state, window_of(dataset, row))
-        yield row, outputs
 
 
 def as_of_the_design(model: Model, dataset: Dataset) -> Dataset:
@@ -243,17 +226,31 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def outputs_of(
+def read_in_turn(
     model: Model, dataset: Dataset, rows: Indices, progress: Progress = lambda *_: None
-) -> dict[int, Mapping[str, Output]]:
-    """Return the outputs of every head for the windows (n,) that can be used, by row; see `replay`."""
-    result: dict[int, Mapping[str, Output]] = {}
-    for done, (row, outputs) in enumerate(replay(model, dataset, rows), start=1):
+) -> Replayed:
+    """Return what a model makes of the windows (n,) that can be used, by row.
+
+    `rows` are in the order of their sessions and of time; each session is a stream of its own, and features
+    are relative to its own string.
+    """
+    design = model.definition.string
+    strings = own_strings(dataset, design) if design is not None else {}
+    own, state, session = model, ModelState(), -1
+    every: dict[int, Mapping[str, Output]] = {}
+    odds: dict[int, Floats] = {}
+    for done, row in enumerate(rows.tolist(), start=1):
+        if dataset.session[row] != session:
+            state, session = ModelState(), int(dataset.session[row])
+            own = model.tuned(strings[session]) if session in strings else model
+        state, outputs = own.outputs(state, window_of(dataset, row))
         if outputs:
-            result[row] = outputs
+            every[row] = outputs
+            if state.known.odds is not None:
+                odds[row] = state.known.odds
         if done % 256 == 0 or done == len(rows):
             progress("validation, window by window", done, len(rows))
-    return result
+    return Replayed(outputs=every, odds=odds)
 
 
 def _with(model: Model, name: str, calibration: Calibration) -> Model:
