@@ -146,6 +146,7 @@ class Delivery:
         for name, each in own.items():
             self._outlets.append(kind(each, self._strings[name], string=name))
         if not own:
+            sink = sink.for_strings(self._strings) if self._strings else sink
             self._outlets.append(kind(sink, self._signal, strings=max(len(self._strings), 1)))
 
     def _close(self) -> None:

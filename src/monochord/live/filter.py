@@ -35,7 +35,7 @@ class FilterSettings:
         default_factory=lambda: SwitchSettings(on=0.6, off=0.4, average=0.01, dwell=0.01)
     )
     slip: SwitchSettings = field(
-        default_factory=lambda: SwitchSettings(on=0.35, off=0.25, average=0.05, dwell=0.02)
+        default_factory=lambda: SwitchSettings(on=0.15, off=0.1, average=0.01, dwell=0.1)
     )
     position: TrackSettings = field(default_factory=TrackSettings)
     force: ForceSettings = field(default_factory=ForceSettings)

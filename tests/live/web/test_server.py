@@ -2,12 +2,14 @@
 
 import http.client
 import json
+import re
 import socket
 import struct
 import threading
 import time
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,6 +21,7 @@ from websockets.sync.client import ClientConnection, connect
 from monochord.capture.sources.base import Controls, Setting
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
+from monochord.live.delivery import Delivery
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
@@ -88,8 +91,8 @@ class Keep(Controls):
 class Run:
     """A run that hands over a hundred moments a second, from a thread of its own."""
 
-    def __init__(self, writer: Writer) -> None:
-        self._writer, self._ended = writer, threading.Event()
+    def __init__(self, writer: Writer, string: str = "") -> None:
+        self._writer, self._string, self._ended = writer, string, threading.Event()
         self.longest = 0.0
         self.written = 0
         self._thread = threading.Thread(target=self._write)
@@ -105,7 +108,7 @@ class Run:
     def _write(self) -> None:
         while not self._ended.wait(0.01):
             begin = time.perf_counter()
-            self._writer.write(moment(self.written))
+            self._writer.write(replace(moment(self.written), string=self._string))
             self.longest = max(self.longest, time.perf_counter() - begin)
             self.written += 1
 
@@ -342,6 +345,45 @@ def test_a_tuning_that_hears_no_string_says_so(tmp_path: Path) -> None:
         client.send('{"do":"cancel"}')
         told(client, lambda tasks: not tasks["lines"])
     assert not [*tmp_path.iterdir()]
+
+
+def test_a_page_chooses_among_strings_for_itself() -> None:
+    with (
+        Server(port=free(), first="ring") as server,
+        server.show(SIGNAL, LENGTH, None, string="thumb") as thumb,
+        server.show(replace(SIGNAL, channels=1), 2 * LENGTH, None, string="ring") as ring,
+        Run(thumb, "thumb"),
+        Run(ring, "ring"),
+        live(server) as client,
+        live(server) as other,
+    ):
+        assert messages_of(client, "hello")[0]["length"] == 2 * LENGTH
+        told = messages_of(client, "moment", 10)[-1]
+        assert told["string"] == "ring"
+        assert [each["name"] for each in told["strings"]] == ["thumb", "ring"]
+        assert {"contact", "position", "force", "note"} <= told["strings"][0].keys()
+        assert told["strings"][0]["note"] == "warning"
+        client.send(json.dumps({"do": "show", "string": "nobody"}))
+        client.send(json.dumps({"do": "show", "string": "thumb"}))
+        assert messages_of(client, "hello")[0]["length"] == LENGTH
+        assert {each["string"] for each in messages_of(client, "moment", 10)} == {"thumb"}
+        assert {each["string"] for each in messages_of(other, "moment", 10)} == {"ring"}
+        assert server.counts["ignored"] == 1
+
+
+def test_the_sink_shows_every_string_of_a_run(capsys: pytest.CaptureFixture[str]) -> None:
+    sink = SINKS.build("web", {"string": "ring"})
+    strings = {"thumb": SIGNAL, "ring": replace(SIGNAL, channels=1)}
+    with Delivery([sink], SIGNAL, paced=True, strings=strings) as delivery:
+        (port,) = re.findall(r"127.0.0.1:(\d+)/", capsys.readouterr().out)
+        with connect(f"ws://127.0.0.1:{port}/live", open_timeout=30, close_timeout=0.5) as client:
+            assert messages_of(client, "hello")[0]["channels"] == 1
+            for number in range(300):
+                for name in strings:
+                    delivery.hand_over(replace(moment(number), string=name))
+                time.sleep(0.002)
+            told = messages_of(client, "moment", 3)[-1]
+            assert (told["string"], len(told["strings"])) == ("ring", 2)
 
 
 def test_without_controls_a_touch_is_ignored() -> None:

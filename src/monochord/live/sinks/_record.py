@@ -12,34 +12,18 @@ NANO = 1_000_000_000
 
 
 def record(moment: Moment, *, everything: bool) -> dict[str, Any]:
-    """Return position and frequency; with `everything` also the others, truth, latency and counters.
+    """Return position and frequency, and with `everything` the rest of what is known of a window.
 
-    The name of one of several strings comes first. What is no finite number is None, as JSON has neither NaN
-    nor infinity.
+    That is the other estimates, truth, latency, counters, and what is followed over time: ``tracked_NAME``
+    with its ``_std``, ``decided_NAME`` true or false, ``events`` of this window as objects, and the stable
+    keys of ``notes``. The name of one of several strings comes first. What is no finite number is None, as
+    JSON has neither NaN nor infinity.
     """
     values = {"string": moment.string} if moment.string else {}
     values |= _position(moment.prediction)
     if everything:
-        values |= _others(moment.prediction) | _context(moment)
+        values |= _others(moment.prediction) | _context(moment) | _followed(moment)
     return {name: _finite(value) for name, value in values.items()}
-
-
-def followed(moment: Moment) -> dict[str, Any]:
-    """Return what is followed over time: tracked estimates, decisions, events and notes.
-
-    ``tracked_NAME`` with its ``_std``, ``decided_NAME`` true or false, ``events`` of this window as objects,
-    and the stable keys of ``notes``.
-    """
-    values: dict[str, Any] = {}
-    for name, estimate in moment.tracked.items():
-        values |= {f"tracked_{name}": _finite(estimate.value), f"tracked_{name}_std": _finite(estimate.std)}
-    values |= {f"decided_{name}": decision for name, decision in moment.decided.items()}
-    events = [
-        {"name": event.name, "on": event.on, "time": event.time, "delay": event.delay}
-        | {"confidence": _finite(event.confidence)}
-        for event in moment.events
-    ]
-    return values | {"events": events, "notes": [note.key for note in moment.notes]}
 
 
 def unix_nanoseconds(moment: Moment) -> int:
@@ -83,7 +67,20 @@ def _context(moment: Moment) -> dict[str, Any]:
     }
 
 
+def _followed(moment: Moment) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for name, estimate in moment.tracked.items():
+        values |= {f"tracked_{name}": estimate.value, f"tracked_{name}_std": estimate.std}
+    values |= {f"decided_{name}": decision for name, decision in moment.decided.items()}
+    events = [
+        {"name": event.name, "on": event.on, "time": event.time, "delay": event.delay}
+        | {"confidence": _finite(event.confidence)}
+        for event in moment.events
+    ]
+    return values | {"events": events, "notes": [note.key for note in moment.notes]}
+
+
 def _finite(value: Any) -> Any:
-    if isinstance(value, (bool, str, int)):
+    if isinstance(value, (bool, str, int, list)):
         return value
     return float(value) if math.isfinite(value) else None

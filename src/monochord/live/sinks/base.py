@@ -103,6 +103,10 @@ class Sink(ABC):
         """Return this sink for one of several strings; one that returns itself takes those of all."""
         return self
 
+    def for_strings(self, strings: Mapping[str, Signal]) -> "Sink":  # noqa: ARG002
+        """Return this sink for several strings, whose signals these are by their names."""
+        return self
+
     def for_model(self, model: str) -> "Sink":  # noqa: ARG002
         """Return this sink for a run in which a trained model, of this folder or name, answers."""
         return self

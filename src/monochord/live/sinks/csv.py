@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
-from monochord.live.sinks._record import NANO, followed, record, unix_nanoseconds
+from monochord.live.sinks._record import NANO, record, unix_nanoseconds
 from monochord.live.sinks.base import Moment, Sink, Writer
 
 TRUE = ("true_contact", "true_slip", "true_position", "true_force")
@@ -29,9 +29,9 @@ class Csv(Sink):
     The first line names the columns: ``time``, the window's start in seconds since the stream began;
     ``stamp``, when its last sample was at the converter (at hand, where the source does not know) in seconds
     since the Unix epoch, to the nanosecond; then what `jsonl` writes, a reason ``NAME_why_not`` for each
-    estimate, and what `udp` adds to that, the window's ``events`` as JSON. What is not known is an empty
-    cell. A value that the first window did not have a column for stands in the last column, ``more``, as
-    JSON. Every row is with the system at once: a program that is killed loses none that it wrote.
+    estimate, and the window's ``events`` as JSON. What is not known is an empty cell. A value that the first
+    window did not have a column for stands in the last column, ``more``, as JSON. Every row is with the
+    system at once: a program that is killed loses none that it wrote.
 
     Parameters
     ----------
@@ -72,9 +72,8 @@ def _cells(moment: Moment) -> dict[str, Any]:
     values = record(moment, everything=True)
     del values["why_not"]  # of the position, which has its own below
     reasons = {f"{name}_why_not": each.why_not for name, each in moment.prediction.estimates.items()}
-    over_time = followed(moment)
-    events, notes = over_time.pop("events"), " ".join(over_time.pop("notes"))
+    events, notes = values.pop("events"), " ".join(values.pop("notes"))
     shown = {"events": json.dumps(events) if events else None, "notes": notes or None}
     stamp = f"{seconds}.{nanoseconds:09}"
-    cells = {"time": values.pop("time"), "stamp": stamp, **values, **reasons, **over_time, **shown}
+    cells = {"time": values.pop("time"), "stamp": stamp, **values, **reasons, **shown}
     return {name: int(cell) if isinstance(cell, bool) else cell for name, cell in cells.items()}

@@ -11,7 +11,7 @@ from typing import TextIO
 
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
-from monochord.live.sinks._record import followed, record
+from monochord.live.sinks._record import record
 from monochord.live.sinks.base import Moment, Sink, Writer
 
 
@@ -80,8 +80,6 @@ class _Lines(Writer):
 
     def write(self, moment: Moment) -> None:
         values = record(moment, everything=self._everything)
-        if self._everything:
-            values |= followed(moment)
         self._file.write(json.dumps(values, allow_nan=False) + "\n")
         if self._flush:
             self._file.flush()

@@ -7,14 +7,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from monochord.core.dated import dated_path
 from monochord.core.types import Audio, Block, Feed, Flags, Readings, Signal
 from monochord.core.units import Samples, Seconds
-from monochord.live.sinks._record import followed, record
+from monochord.live.sinks._record import record
 from monochord.live.sinks.base import Moment, Sink, Writer
 from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter
 
@@ -204,11 +203,10 @@ class _Session(Writer):
 
 def _values(moment: Moment) -> dict[str, float]:
     """Return all numbers of a moment by name, NaN where one is not known."""
-    both: dict[str, Any] = record(moment, everything=True) | followed(moment)
     skipped = ("string", "time", "valid", "why_not", "dropped", "gaps", "xruns", "skipped", "events", "notes")
     return {
         name: math.nan if value is None else float(value)
-        for name, value in both.items()
+        for name, value in record(moment, everything=True).items()
         if name not in skipped
     }
 

@@ -10,7 +10,7 @@ from monochord.capture.address import is_port, resolved
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.core.units import Seconds
-from monochord.live.sinks._record import NANO, followed, record, unix_nanoseconds
+from monochord.live.sinks._record import NANO, record, unix_nanoseconds
 from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Sink, Writer
 
 RESOLVING: Seconds = 5.0
@@ -72,8 +72,7 @@ class _Datagrams(Writer):
         about = {"sequence": self._count, "stamp": unix_nanoseconds(moment) / NANO}
         self._count += 1
         values = about | record(moment, everything=self._everything)
-        text = json.dumps(values | followed(moment) if self._everything else values, allow_nan=False)
         try:
-            self._socket.sendto(text.encode(), self._address)
+            self._socket.sendto(json.dumps(values, allow_nan=False).encode(), self._address)
         except OSError as error:
             raise NotDeliveredError from error

@@ -4,8 +4,8 @@ import os
 import secrets
 import sys
 import webbrowser
-from collections.abc import Generator
-from contextlib import contextmanager
+from collections.abc import Generator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -52,7 +52,7 @@ class Web(Sink):
     stderr
         Whether to print the address on standard error, which leaves standard output to data.
     string
-        Of several strings, the one that the page shows; empty for the first.
+        Of several strings, the one that a page shows until another is chosen there; empty for the first.
     model
         The trained model that a calibration adapts: by default the one that answers, if any does.
     """
@@ -78,26 +78,36 @@ class Web(Sink):
         """Let the page calibrate the model."""
         return self if self.model else replace(self, model=model)
 
+    def for_strings(self, strings: Mapping[str, Signal]) -> Sink:
+        """Let the page choose among strings."""
+        return _Page(options=self, strings=strings)
+
     def for_controls(self, controls: Controls) -> Sink:
         """Let the page touch the string."""
-        return _Page(self, controls=controls)
+        return _Page(options=self, controls=controls)
 
     @contextmanager
     def ahead(self) -> Generator[Sink]:
         """Serve the page and print its address; raises `DeviceError` for an address that is taken."""
+        with self.served() as server:
+            yield _Page(options=self, server=server)
+
+    @contextmanager
+    def open(self, signal: Signal) -> Generator[Writer]:
+        """Serve the page, print its address and show the run."""
+        with _Page(options=self).open(signal) as writer:
+            yield writer
+
+    @contextmanager
+    def served(self) -> Generator["Server"]:
+        """Run the server, whose address is printed."""
         with self._server() as server:
             opened = self.browser and _has_display() and webbrowser.open(server.address)
             hint = "" if opened or not self.browser else "  (open it in a browser)"
             file = sys.stderr if self.stderr else sys.stdout
             file.write(f"page: {server.address}{hint}\n")
             file.flush()
-            yield _Page(self, server)
-
-    @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:
-        """Serve the page, print its address and show the run."""
-        with _Page(self).open(signal) as writer:
-            yield writer
+            yield server
 
     def _server(self) -> "Server":
         from monochord.live.web.server import Server  # noqa: PLC0415  (loads a web server)
@@ -108,44 +118,53 @@ class Web(Sink):
         host = host.strip("[]") or "127.0.0.1"
         address = host if ":" in host else resolved(host, RESOLVING)
         token = self.token or ("" if is_loopback(address) else secrets.token_urlsafe(16))
-        return Server(address, int(port), token)
+        return Server(address, int(port), token, first=self.string)
 
 
+@dataclass(frozen=True, kw_only=True)
 class _Page(Sink):
     """The page of a run, on a server that runs already or on one of its own."""
 
-    def __init__(
-        self, options: Web, server: "Server | None" = None, controls: Controls | None = None
-    ) -> None:
-        self._options, self._running, self._controls = options, server, controls
+    options: Web
+    server: "Server | None" = None
+    controls: Controls | None = None
+    strings: Mapping[str, Signal] | None = None
 
     def for_controls(self, controls: Controls) -> Sink:
-        return _Page(self._options, self._running, controls)
+        return replace(self, controls=controls)
+
+    def for_strings(self, strings: Mapping[str, Signal]) -> Sink:
+        return replace(self, strings=strings)
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:
-        if self._running is None:
-            with self._options.ahead() as served:
-                page = served if self._controls is None else served.for_controls(self._controls)
-                with page.open(signal) as writer:
-                    yield writer
-            return
-        length = self._options.length or (signal.string.length if signal.string else DEFAULT_LENGTH)
-        folder, model = Path(self._options.folder), self._options.model
-        with self._running.show(signal, length, self._controls, folder=folder, model=model) as writer:
-            yield _OneString(writer, self._options.string)
+        options = self.options
+        with ExitStack() as stack:
+            server = self.server or stack.enter_context(options.served())
+            views = {
+                name: stack.enter_context(
+                    server.show(
+                        own,
+                        options.length or (own.string.length if own.string else DEFAULT_LENGTH),
+                        self.controls,
+                        string=name,
+                        folder=Path(options.folder),
+                        model=options.model,
+                    )
+                )
+                for name, own in (self.strings or {"": signal}).items()
+            }
+            yield _Views(views)
 
 
-class _OneString(Writer):
-    """Shows the moments of one string: of that one by its name, or of the first."""
+class _Views(Writer):
+    """Shows each moment where those of its string are shown."""
 
-    def __init__(self, writer: Writer, name: str) -> None:
-        self._writer, self._name = writer, name
+    def __init__(self, views: Mapping[str, Writer]) -> None:
+        self._views = views
 
     def write(self, moment: Moment) -> None:
-        self._name = self._name or moment.string
-        if moment.string == self._name:
-            self._writer.write(moment)
+        self._views[moment.string].write(moment)
 
 
 def _has_display() -> bool:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 import msgspec
@@ -49,6 +49,12 @@ class Change(msgspec.Struct, tag_field="do", tag="change", forbid_unknown_fields
     value: str
 
 
+class Show(msgspec.Struct, tag_field="do", tag="show", forbid_unknown_fields=True):
+    """Show another string, by its name."""
+
+    string: str
+
+
 class Record(msgspec.Struct, tag_field="do", tag="record", forbid_unknown_fields=True):
     """Begin a recording, or end it."""
 
@@ -76,30 +82,37 @@ class Cancel(msgspec.Struct, tag_field="do", tag="cancel", forbid_unknown_fields
     """End a guided step."""
 
 
-_decoder = msgspec.json.Decoder(Touch | Release | Change | Record | Tune | Calibrate | Hold | Cancel)
+_decoder = msgspec.json.Decoder(Show | Touch | Release | Change | Record | Tune | Calibrate | Hold | Cancel)
 
 
-def carry_out(text: str | bytes, controls: Controls | None, bench: Bench | None) -> str | None:
+def carry_out(
+    text: str | bytes, controls: Controls | None, bench: Bench | None, show: Callable[[str], bool]
+) -> str | None:
     """Do what a page asks, and return what that was, None where it could not be done.
 
     A page of a source without controls, a message that is none, numbers that are none: nothing is done then.
+    `show` shows another string, and returns whether there is one of that name.
     """
     try:
         wish = _decoder.decode(text)
+        if isinstance(wish, Show):
+            return "show" if show(wish.string) else None
         if isinstance(wish, Record | Tune | Calibrate | Hold | Cancel):
             return "task" if bench is not None and _begun(wish, bench) else None
-        if controls is None:
-            return None
-        if isinstance(wish, Touch):
-            contact = Contact(position=wish.position, force=wish.force, slip_velocity=wish.across)
-            controls.touch(contact)
-            return "touch"
-        if isinstance(wish, Release):
-            controls.release()
-            return "release"
-        controls.change(wish.name, wish.value)
+        return None if controls is None else _handled(wish, controls)
     except (msgspec.DecodeError, InputError, ValueError, RecursionError):
         return None
+
+
+def _handled(wish: Touch | Release | Change, controls: Controls) -> str:
+    if isinstance(wish, Touch):
+        contact = Contact(position=wish.position, force=wish.force, slip_velocity=wish.across)
+        controls.touch(contact)
+        return "touch"
+    if isinstance(wish, Release):
+        controls.release()
+        return "release"
+    controls.change(wish.name, wish.value)
     return "change"
 
 
@@ -148,6 +161,7 @@ def state(moment: Moment) -> dict[str, Any]:
     health = moment.health
     return {
         "type": "moment",
+        "string": moment.string,
         "time": moment.prediction.time,
         "window": _estimates(moment.prediction.estimates),
         "tracked": _estimates(moment.tracked),
@@ -168,6 +182,14 @@ def state(moment: Moment) -> dict[str, Any]:
             "skipped": moment.skipped,
         },
     }
+
+
+def brief(moment: Moment) -> dict[str, Any]:
+    """Return what is shown of a string beside others: its name, touch, and how bad its worst note is."""
+    row_, touched = row(moment), moment.decided.get("contact")
+    levels_ = {note.level for note in moment.notes}
+    worst = next((level for level in ("error", "warning") if level in levels_), None)
+    return {"name": moment.string, "contact": touched, "position": row_[3], "force": row_[5], "note": worst}
 
 
 def event(event: Event, count: int) -> dict[str, Any]:

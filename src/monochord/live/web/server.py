@@ -67,7 +67,8 @@ PAGE = {
         f"/static/{name}": name
         for name in (
             "page.css", "page.js", "state.js", "string.js", "spectrum.js", "history.js", "numbers.js",
-            "touch.js", "tasks.js", "icon.svg", "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css",
+            "touch.js", "tasks.js", "strings.js", "icon.svg", "uplot/uPlot.iife.min.js",
+            "uplot/uPlot.min.css",
         )
     },
 }  # fmt: skip
@@ -83,6 +84,8 @@ class Server:
         Address to listen at; port 0 is the first free one of `PORTS`.
     token
         What a caller must know; nothing where it is empty.
+    first
+        Of several strings, the one that a page shows until it asks for another; empty for the first shown.
 
     Raises
     ------
@@ -90,13 +93,20 @@ class Server:
         If the address is taken or is not this machine's.
     """
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 0, token: str = "") -> None:  # nosec B107
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        token: str = "",  # nosec B107
+        *,
+        first: str = "",
+    ) -> None:
         self._host, self._guard = host, Guard(host=host, token=token)
         self._socket = _bound(host, port)
         self.port: int
         bound, self.port = self._socket.getsockname()[:2]
         self._everywhere = ipaddress.ip_address(bound).is_unspecified
-        self._stage = _Stage()
+        self._stage = _Stage(first=first)
         files_ = {path: _file(name) for path, name in PAGE.items()}
         app = Starlette(
             routes=[
@@ -153,12 +163,16 @@ class Server:
         length: Metres,
         controls: Controls | None,
         *,
+        string: str = "",
         folder: Path = Path(),
         model: str = "",
     ) -> Generator[Writer]:
-        """Show a run: the writer takes its moments; see `Bench` for `folder` and `model`."""
+        """Show a run, or one of its strings by its name: the writer takes its moments.
+
+        See `Bench` for `folder` and `model`.
+        """
         bench = Bench(signal, length, folder, model)
-        self._stage.view = view = _View(signal, length, controls, bench)
+        self._stage.views[string] = view = _View(signal, length, controls, bench)
         try:
             yield view
         finally:
@@ -203,42 +217,37 @@ class Server:
 
 @dataclass(eq=False, slots=True)
 class _Stage:
-    """What all clients share, in the server's thread alone but for `view` and `closing`."""
+    """What all clients share, in the server's thread alone but for `views`, by string, and `closing`."""
 
-    view: "_View | None" = None
+    first: str = ""
+    views: "dict[str, _View]" = field(default_factory=dict)
     closing: bool = False
     loop: asyncio.AbstractEventLoop | None = None
     clients: "set[_Client]" = field(default_factory=set)
     served: int = 0
     sent: int = 0
     ignored: int = 0
-    number: int = 0
-    text: str = ""
-    spectrum: bytes = b""
-    spectrum_number: int = 0
+
+    def view(self, string: str) -> "_View | None":
+        """Return the view of a string, that of the first for a name that there is not, None before any."""
+        views = self.views
+        return views.get(string) or views.get(self.first) or next(iter(tuple(views.values())), None)
 
     async def keep_pace(self) -> None:
         """Encode the newest moment, and wake the clients, as often as may be."""
-        shown: Moment | None = None
-        spectrum_due = 0.0
         while not self.closing:
             await asyncio.sleep(max(1.0 / RATE, len(self.clients) / TOTAL_RATE))
-            view = self.view
-            moment = None if view is None else view.newest
-            if view is None or moment is None or moment is shown:
+            views = tuple(self.views.values())
+            fresh = [view for view in views if view.remember()]
+            if not (fresh and self.clients):
                 continue
-            shown = moment
-            view.remember(moment)
-            if not self.clients:
-                continue
-            extra = {"clients": len(self.clients), "ignored": self.ignored}
-            self.text = messages.packed(view.state(moment) | {"server": extra})
-            now = time.monotonic()
-            if now >= spectrum_due:
-                spectrum_due = now + 0.9 / SPECTRUM_RATE
-                self.spectrum = messages.spectrum(moment.window.samples, moment.window.sample_rate)
-                self.spectrum_number += 1
-            self.number += 1
+            extra: dict[str, Any] = {"server": {"clients": len(self.clients), "ignored": self.ignored}}
+            if len(views) > 1:
+                extra["strings"] = [messages.brief(view.newest) for view in views if view.newest]
+            watched = {self.view(client.string) for client in self.clients}
+            for view in fresh:
+                if view in watched:
+                    view.encode(extra)
             for client in self.clients:
                 client.wake.set()
 
@@ -250,13 +259,14 @@ class _Client:
         self._socket = connection
         self.wake = asyncio.Event()
         self.wake.set()
+        self.string = ""
         self._holds = False
         self._heard: Seconds = 0.0
 
     async def send(self, stage: _Stage) -> None:
         """Send what is newest, whenever there is something new."""
         view: _View | None = None
-        spectrum_number, number = stage.spectrum_number, stage.number
+        spectrum_number = number = 0
         try:
             await self._text(messages.waiting())
             while True:
@@ -265,17 +275,20 @@ class _Client:
                 self.wake.clear()
                 if self._holds and time.monotonic() > self._heard + HOLD:
                     self.let_go(stage)
-                if stage.view is not None and stage.view is not view:
-                    view = stage.view
-                    await self._text(messages.packed(view.hello()))
-                if stage.number != number:
-                    number = stage.number
-                    await self._text(stage.text)
+                newest = stage.view(self.string)
+                if newest is None:
+                    continue
+                if newest is not view:
+                    view, number, spectrum_number = newest, newest.number, newest.spectrum_number
+                    await self._text(messages.packed(newest.hello()))
+                if newest.number != number:
+                    number = newest.number
+                    await self._text(newest.text)
                     stage.sent += 1
-                if stage.spectrum_number != spectrum_number:
-                    spectrum_number = stage.spectrum_number
+                if newest.spectrum_number != spectrum_number:
+                    spectrum_number = newest.spectrum_number
                     async with asyncio.timeout(PATIENCE):
-                        await self._socket.send_bytes(stage.spectrum)
+                        await self._socket.send_bytes(newest.spectrum)
                     stage.sent += 1
         except TimeoutError:
             with suppress(RuntimeError, TimeoutError):
@@ -291,18 +304,29 @@ class _Client:
             if message["type"] == "websocket.disconnect":
                 return
             content = message.get("text") or message.get("bytes") or b""
-            view = stage.view
-            done = messages.carry_out(content, view and view.controls, view and view.bench)
+            view = stage.view(self.string)
+            controls, bench = (None, None) if view is None else (view.controls, view.bench)
+            done = messages.carry_out(content, controls, bench, lambda name: self.show(stage, name))
             if done is None:
                 stage.ignored += 1
             self._holds = done == "touch" or (self._holds and done != "release")
             self._heard = time.monotonic()
             await asyncio.sleep(MIN_PAUSE)
 
+    def show(self, stage: _Stage, string: str) -> bool:
+        """Show another string from now on; return whether there is one of that name."""
+        if string not in stage.views:
+            return False
+        self.let_go(stage)
+        self.string = string
+        self.wake.set()
+        return True
+
     def let_go(self, stage: _Stage) -> None:
         """Lift the object that this page holds."""
-        if self._holds and stage.view is not None and stage.view.controls is not None:
-            stage.view.controls.release()
+        view = stage.view(self.string)
+        if self._holds and view is not None and view.controls is not None:
+            view.controls.release()
         self._holds = False
 
     async def _text(self, text: str) -> None:
@@ -316,11 +340,15 @@ class _View(Writer):
     def __init__(self, signal: Signal, length: Metres, controls: Controls | None, bench: Bench) -> None:
         self._signal, self._length, self.controls, self.bench = signal, length, controls, bench
         self.newest: Moment | None = None
+        self.text, self.number = "", 0
+        self.spectrum, self.spectrum_number = b"", 0
+        self._remembered: Moment | None = None
+        self._spectrum_due: Seconds = 0.0
         self._latency = Histogram()
         self._counts = [0] * (len(EDGES) + 1)
         self._history: deque[list[float | None]] = deque(maxlen=round(HISTORY * RATE))
         self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
-        self._number = 0
+        self._event = 0
         self._timing: dict[str, Any] | None = None
         self._timing_due: Seconds = 0.0
         self._simulated = controls is not None
@@ -331,23 +359,39 @@ class _View(Writer):
         self._counts[bisect_right(EDGES, latency)] += 1
         self._simulated = self._simulated or bool(moment.truth)
         for event in moment.events:
-            self._number += 1
-            self._events.append(messages.event(event, self._number))
+            self._event += 1
+            self._events.append(messages.event(event, self._event))
         self.newest = moment
         self.bench.take(moment)
 
-    def remember(self, moment: Moment) -> None:
-        """Add a moment to the history."""
+    def remember(self) -> bool:
+        """Add the newest moment to the history; return whether there is a new one."""
+        moment = self.newest
+        if moment is None or moment is self._remembered:
+            return False
+        self._remembered = moment
         self._history.append(messages.row(moment))
+        return True
+
+    def encode(self, extra: dict[str, Any]) -> None:
+        """Encode the newest moment, with what is told beside it, and at times its spectrum."""
+        moment, now = self.newest, time.monotonic()
+        if moment is None:
+            return
+        self.text = messages.packed(self._state(moment, now) | extra)
+        self.number += 1
+        if now >= self._spectrum_due:
+            self._spectrum_due = now + 0.9 / SPECTRUM_RATE
+            self.spectrum = messages.spectrum(moment.window.samples, moment.window.sample_rate)
+            self.spectrum_number += 1
 
     def hello(self) -> dict[str, Any]:
         """Return what a page that opens needs."""
         about = messages.hello(self._signal, self._length, self._simulated, self.controls)
         return about | {"history": list(self._history), "events": list(self._events)}
 
-    def state(self, moment: Moment) -> dict[str, Any]:
+    def _state(self, moment: Moment, now: Seconds) -> dict[str, Any]:
         """Return what is new, with the timing twice a second."""
-        now = time.monotonic()
         told = messages.state(moment) | {"events": list(self._events), "simulated": self._simulated}
         told["tasks"] = self.bench.state()
         if self.controls is not None:

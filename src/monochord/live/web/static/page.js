@@ -5,6 +5,7 @@ import { facts, showEvents, showNotes, showNumbers, showStream, speak } from "./
 import { Spectra } from "./spectrum.js";
 import { Connection } from "./state.js";
 import { StringView } from "./string.js";
+import { Strings } from "./strings.js";
 import { Tasks } from "./tasks.js";
 import { Hand, showSettings } from "./touch.js";
 
@@ -32,6 +33,8 @@ const connection = new Connection({
   },
   hello(message) {
     run = message;
+    moment = null; // the one before may be of another string
+    fresh = false;
     element("waiting").hidden = true;
     element("tasks").hidden = false;
     simulated(message.simulated);
@@ -54,6 +57,7 @@ const connection = new Connection({
 
 function send(message) { connection.send(message); }
 const hand = new Hand(view, send), tasks = new Tasks(send);
+const strings = new Strings(element("strings"), (name) => send({ do: "show", string: name }));
 
 function simulated(is) {
   if (run) run.simulated = is;
@@ -76,6 +80,7 @@ function frame(now) {
       showEvents(moment.events);
       showStream(moment);
       tasks.show(moment);
+      strings.show(moment.strings, moment.string);
       spectra.levels(moment);
       speak(moment);
       if (moment.settings) showSettings(moment.settings, send);
