@@ -40,9 +40,8 @@ def main() -> None:
             position = estimates["position"]
             if position.valid and dataset.label("contact")[row] == 1.0:
                 errors.append(position.value - float(dataset.label("position")[row]))
-        print(
-            f"test: {1e3 * np.mean(np.abs(errors)):.1f} mm mean error in {len(errors)} windows with a touch"
-        )
+        size = 1e3 * np.abs(errors)  # a misread place, of which a small training has some, is far off
+        print(f"test: {np.median(size):.1f} mm median error in {len(errors)} windows with a touch")
 
 
 if __name__ == "__main__":

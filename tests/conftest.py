@@ -37,7 +37,8 @@ REAL_TIME = (
     "capture/recording/test_loop.py", "capture/recording/test_opening.py",
     "capture/recording/test_pumps.py", "capture/recording/test_view.py", "capture/sources/test_jack.py",
     "capture/sources/test_soundcard.py", "e2e/faults", "e2e/test_jack.py", "e2e/test_live_jack.py",
-    "e2e/test_live_model.py", "e2e/test_record_jack.py", "e2e/test_ros.py", "e2e/test_soak.py",
+    "e2e/test_live_model.py", "e2e/test_own_sensor.py", "e2e/test_record_jack.py", "e2e/test_ros.py",
+    "e2e/test_soak.py",
     "lab/test_net_ft_device.py", "lab/test_player.py", "lab/test_pose_publisher.py", "lab/test_real_time.py",
 )  # fmt: skip
 """Files and folders whose tests compare with the clock or need every frame of a real JACK server.
