@@ -2,6 +2,7 @@
 
 import dataclasses
 import gc
+import sys
 import time
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack, contextmanager
@@ -255,10 +256,10 @@ class _Feed:
 
 
 def _sawtooth(signal: Signal, size: Samples) -> Window:
-    """Return a window with twelve periods of a sawtooth."""
+    """Return a window with twelve periods of a sawtooth, later than any: the next begins a stream."""
     wave = 0.2 * (np.arange(size) * 12.0 / size % 1.0 - 0.5)
     samples = np.tile(wave.astype(np.float32), (signal.channels, 1))
-    return Window(samples=samples, start=0, sample_rate=signal.sample_rate)
+    return Window(samples=samples, start=sys.maxsize, sample_rate=signal.sample_rate)
 
 
 def _strings(signal: Signal, setup: LiveRun) -> tuple[Signal, tuple[LiveString, ...]]:
