@@ -231,8 +231,9 @@ def strongest_lines(
     for c in range(channels):
         for k in range(first, last):
             peak = power[c, k]
-            below, above = max(power[c, k - 2], power[c, k - 1]), max(power[c, k + 1], power[c, k + 2])
-            if below >= peak or peak < above or peak <= height[c, LINES - 1]:
+            if peak <= height[c, LINES - 1] or power[c, k - 1] >= peak or peak < power[c, k + 1]:
+                continue
+            if power[c, k - 2] >= peak or peak < power[c, k + 2]:
                 continue
             rank = LINES - 1
             while rank > 0 and height[c, rank - 1] < peak:
