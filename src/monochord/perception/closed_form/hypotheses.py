@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from monochord.core.types import Flags, Floats
 from monochord.core.units import Hertz, Metres
+from monochord.perception.closed_form.prominence import prominences
 
 MAX_MODE_1, MAX_MODE_2 = 6, 8
 """Highest modes that driver 1, tuned low, and driver 2, tuned high, lock to."""
@@ -44,8 +44,6 @@ POSITION, OPEN, MODE_1, MODE_2, LINE_1, LINE_2, WEAKNESS_1, WEAKNESS_2 = range(8
 """Columns of an array of hypotheses; lines are ranks by strength, from 0, and weakness is in decades."""
 PARTIALS = 10
 """Partials of each segment whose level and prominence are measures."""
-FLOOR_BINS, FLOOR_DECADES, MAX_DECADES = 24, 0.7, 4.0
-"""Bins over which a median is the floor; decades above it that noise reaches, and that count at most."""
 MAX_PEAKS, MIN_PROMINENCE = 64, 0.8
 """Peaks of both microphones that stand out most, and decades by which one stands out at least."""
 HIGHEST_PEAK: Hertz = 20000.0
@@ -186,7 +184,7 @@ def measure_hypotheses(
     """
     measures = np.zeros((found.shape[0], MEASURES))
     lines = weighted_lines(frequency, height, power, spacing)
-    prominence = _prominences(power, height)
+    prominence = prominences(power, height)
     peaks = _prominent_peaks(power, prominence, spacing, string)
     is_tone = np.zeros(peaks.shape[0], np.bool_)
     pair = -1
@@ -335,74 +333,6 @@ def _is_tone(frequency: Hertz, sustained: tuple[Hertz, Hertz], spacing: Hertz) -
         if abs(rest + q * sustained[1]) < spacing:
             return True
     return False
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _prominences(power: Floats, height: Floats) -> Floats:
-    """Return by how many decades each bin (2, bins) stands out of the floor, a median beside it."""
-    bins = power.shape[1]
-    blocks = bins // FLOOR_BINS
-    prominence = np.zeros(power.shape)
-    for c in range(2):
-        least = 1.0e-12 * height[c, 0]
-        floor = _floor(power[c], least)
-        for b in range(blocks):
-            lowest = min(floor[max(b - 1, 0)], floor[b], floor[min(b + 1, blocks - 1)])
-            quiet = 0.999 * 10.0 ** (lowest + FLOOR_DECADES) - least
-            for k in range(b * FLOOR_BINS, (b + 1) * FLOOR_BINS if b < blocks - 1 else bins):
-                if power[c, k] < quiet:  # as most bins, whose logarithms are of no use
-                    continue
-                place = min(max(k / FLOOR_BINS - 0.5, 0.0), blocks - 1.001)
-                q = int(place)
-                level = floor[q] + (place - q) * (floor[q + 1] - floor[q])
-                above = np.log10(power[c, k] + least) - level - FLOOR_DECADES
-                prominence[c, k] = min(max(above, 0.0), MAX_DECADES)
-    return prominence
-
-
-def _median_network(size: int) -> NDArray[np.int64]:
-    """Return the pairs (n, 2) that Batcher's odd-even mergesort (1968) compares, as far as medians need them.
-
-    `size` is even. After them the values at size / 2 - 1 and size / 2 are those in the middle.
-    """
-    pairs: list[tuple[int, int]] = []
-    merged = 1
-    while merged < size:
-        apart = merged
-        while apart:
-            for first in range(apart % merged, size - apart, 2 * apart):
-                for low in range(first, min(first + apart, size - apart)):
-                    if low // (2 * merged) == (low + apart) // (2 * merged):
-                        pairs.append((low, low + apart))
-            apart //= 2
-        merged *= 2
-    needed, kept = {size // 2 - 1, size // 2}, list[tuple[int, int]]()
-    for pair in reversed(pairs):
-        if needed & {*pair}:
-            needed |= {*pair}
-            kept.append(pair)
-    return np.array(kept[::-1])
-
-
-_NETWORK = _median_network(FLOOR_BINS)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _floor(power: Floats, least: float) -> Floats:
-    """Return the median (blocks,) of log10 of each block's power, to which `least` is added.
-
-    All blocks are sorted at once, by a network: no branch depends on a value, and one instruction takes several.
-    """
-    blocks = power.size // FLOOR_BINS
-    ranked = np.ascontiguousarray(power[: blocks * FLOOR_BINS].reshape(blocks, FLOOR_BINS).T)
-    for pair in range(_NETWORK.shape[0]):
-        lower, upper = ranked[_NETWORK[pair, 0]], ranked[_NETWORK[pair, 1]]
-        for b in range(blocks):
-            one, other = lower[b], upper[b]
-            lower[b] = one if one < other else other
-            upper[b] = other if one < other else one
-    below, above = ranked[FLOOR_BINS // 2 - 1], ranked[FLOOR_BINS // 2]
-    return 0.5 * (np.log10(below + least) + np.log10(above + least))
 
 
 @numba.njit(cache=True, error_model="numpy")

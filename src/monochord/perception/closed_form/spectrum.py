@@ -10,6 +10,8 @@ Auger and Flandrin (1995), Improving the readability of time-frequency and time-
 reassignment method, IEEE Trans. Signal Process. 43, 1068.
 """
 
+import itertools
+from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import pi
@@ -38,6 +40,8 @@ LINES = 8
 """Lines of each microphone, the strongest first."""
 MAX_SAMPLE = 1.0e3
 """Largest sample in full scale; larger ones are clipped to it."""
+REMEMBERED, KEY = 32, 16
+"""Windows whose spectra are remembered, and their samples of each channel by which they are looked up."""
 
 
 class Spectrum(NamedTuple):
@@ -54,12 +58,17 @@ class Spectrum(NamedTuple):
     reading: ModeReading
 
 
+_NUMBERS = itertools.count()
+_LAST: OrderedDict[tuple[int, bytes], tuple[Audio, Spectrum]] = OrderedDict()
+"""The last windows of all analysers, by the analyser's number and their first samples."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpectrumAnalyser:
     """Analyses windows of one size; `SpectrumAnalyser.of` makes it and refuses unsuitable signals.
 
-    There is one of each kind, and it remembers its last window: features, the reference and the watch over
-    the tuning look at the same one in turn.
+    There is one of each kind. Its last windows are remembered: features, the reference and the watch over the
+    tuning look at the same one in turn, those of several strings after each other.
 
     Examples
     --------
@@ -78,7 +87,7 @@ class SpectrumAnalyser:
     sample_rate: int
     size: Samples
     model: StringModel
-    last: list[tuple[Audio, Spectrum]] = field(default_factory=list[tuple[Audio, Spectrum]], compare=False)
+    number: int = field(default_factory=lambda: next(_NUMBERS), compare=False)
 
     @property
     def bin_spacing(self) -> Hertz:
@@ -127,13 +136,18 @@ class SpectrumAnalyser:
 
     def analyse(self, window: Audio) -> Spectrum:
         """Return the spectra of a window (2, size) and the modes read from them."""
-        if self.last and np.array_equal(self.last[0][0], window):
-            return self.last[0][1]
+        key = (self.number, window[:, :KEY].tobytes())
+        last = _LAST.get(key)
+        if last is not None and np.array_equal(last[0], window):
+            return last[1]
         lowest = LOWEST_LINE * self.nominal
         samples, transform, power, peaks = spectrum_of(window, self.bin_spacing, lowest, HIGHEST_LINE)
         reading = modes.read_modes(*peaks, power, self.bin_spacing, self.model, mode_ranking())
         spectrum = Spectrum(samples, transform, power, peaks, reading)
-        self.last[:] = [(window.copy(), spectrum)]
+        _LAST.pop(key, None)
+        _LAST[key] = window.copy(), spectrum
+        while len(_LAST) > REMEMBERED:
+            _LAST.popitem(last=False)
         return spectrum
 
     def read_at_any_tuning(self, spectrum: Spectrum, slack: float) -> ModeReading:
@@ -145,7 +159,7 @@ class SpectrumAnalyser:
         """Return the analyser of the same wire under another tension."""
         nominal, stiffness = open_frequency(string), _bending(string) / string.tension
         model = self.model._replace(nominal=nominal, stiffness=stiffness)
-        return replace(self, string=string, model=model, last=[])
+        return replace(self, string=string, model=model, number=next(_NUMBERS))
 
     def partials(self, fundamental: Hertz, segment: Metres, count: int) -> Floats:
         """Return the first partials in Hz of a segment, given its length in m and flexible fundamental."""
