@@ -11,6 +11,13 @@ def test_windows_of_all_strings_are_timed_and_counted() -> None:
     assert 0.0 <= seen.skipped <= 1.0
 
 
+def test_processes_share_the_strings() -> None:
+    seen = strings_cost(3, seconds=0.4, hop=0.05, processes=2)
+    assert seen.strings == 3
+    assert 0.0 < seen.rate < 40.0
+    assert 0.0 < seen.cost < 0.05
+
+
 def test_each_number_of_strings_is_compared_with_the_first() -> None:
     rows = list(Strings(strings=(1, 3), seconds=0.8, hop=0.05).run())
     costs = [row for row in rows if row.name.endswith("cost of an estimate")]

@@ -1,4 +1,4 @@
-"""Many strings in one process: estimates a second of each, and the cost of one as their number grows."""
+"""Many strings: estimates a second of each, and the cost of one as their number grows."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,21 +26,26 @@ class Strings(Benchmark):
         Distance of window starts in seconds.
     model
         Folder or name of the model.
+    processes
+        Processes that share the strings, as so many `monochord live` do.
     """
 
     strings: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
     seconds: Seconds = 5.0
     hop: Seconds = 0.01
     model: str = "demo"
+    processes: int = 1
 
     def __post_init__(self) -> None:
-        refuse_options(self.strings, self.seconds)
+        refuse_options(self.strings, self.seconds, self.processes)
 
     def run(self) -> Iterator[Row]:
         """Measure each number of strings in turn."""
         alone = None
         for strings in self.strings:
-            seen = strings_cost(strings, seconds=self.seconds, hop=self.hop, model=self.model)
+            seen = strings_cost(
+                strings, seconds=self.seconds, hop=self.hop, model=self.model, processes=self.processes
+            )
             alone = alone or seen
             name, first = f"N = {strings}", f"N = {alone.strings}"
             yield Row(

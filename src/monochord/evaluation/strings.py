@@ -1,13 +1,16 @@
-"""What several strings cost in one process: how many estimates a second each gets, and the time of each."""
+"""What several strings cost: how many estimates a second each gets, and the time of each."""
 
 import dataclasses
 import math
+import multiprocessing
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -43,17 +46,19 @@ class StringsCost:
     skipped: float
 
 
-def refuse_options(strings: Sequence[int], seconds: Seconds) -> None:
-    """Raise `InputError` for numbers of strings, or a length of sound, that cannot be measured."""
+def refuse_options(strings: Sequence[int], seconds: Seconds, processes: int = 1) -> None:
+    """Raise `InputError` for strings, processes or a length of sound that cannot be measured."""
     if not strings or not all(1 <= each <= MAX_STRINGS for each in strings):
         given = ", ".join(map(str, strings)) or "none"
         raise InputError(f"strings {given}", f"numbers from 1 to {MAX_STRINGS}")
     if not 0.3 <= seconds <= 3600.0:
         raise InputError(f"seconds {seconds:g}", "0.3 to 3600 s")
+    if not 1 <= processes <= MAX_STRINGS:
+        raise InputError(f"processes {processes}", f"1 to {MAX_STRINGS}")
 
 
 def strings_cost(
-    strings: int, *, seconds: Seconds = 5.0, hop: Seconds = 0.01, model: str = "demo"
+    strings: int, *, seconds: Seconds = 5.0, hop: Seconds = 0.01, model: str = "demo", processes: int = 1
 ) -> StringsCost:
     """Run a model on several simulated strings at the pace of real time, and return what that costs.
 
@@ -70,7 +75,12 @@ def strings_cost(
         Distance of window starts.
     model
         Folder or name of the model.
+    processes
+        Processes that share the strings and run at the same time. The rate is then that of the slowest, and
+        so is the latency; cost and skipped windows are of all.
     """
+    if processes > 1:
+        return _shared(strings, processes, {"seconds": seconds, "hop": hop, "model": model})
     import soundfile  # noqa: PLC0415
 
     take, clock = _take(), _Clock()
@@ -98,6 +108,22 @@ def strings_cost(
         cost=clock.cost,
         latency=summary.stages["latency"].p99,
         skipped=summary.skipped / max(total, 1),
+    )
+
+
+def _shared(strings: int, processes: int, options: Mapping[str, Any]) -> StringsCost:
+    """Return what several strings cost that are shared by processes."""
+    each = [strings // processes + (number < strings % processes) for number in range(processes)]
+    each = [count for count in each if count]
+    with ProcessPoolExecutor(len(each), multiprocessing.get_context("spawn")) as pool:
+        started = [pool.submit(strings_cost, count, **options) for count in each]
+        seen = [run.result() for run in started]
+    return StringsCost(
+        strings=strings,
+        rate=min(run.rate for run in seen),
+        cost=float(np.average([run.cost for run in seen], weights=each)),
+        latency=max(run.latency for run in seen),
+        skipped=float(np.average([run.skipped for run in seen], weights=each)),
     )
 
 

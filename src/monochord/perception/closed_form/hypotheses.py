@@ -187,6 +187,8 @@ def measure_hypotheses(
     prominence = prominences(power, height)
     peaks = _prominent_peaks(power, prominence, spacing, string)
     is_tone = np.zeros(peaks.shape[0], np.bool_)
+    lowest = (1.0 - MAX_FALL - string.slack) * string.nominal
+    partials = np.zeros((3, int(HIGHEST_PEAK / lowest) + 3))
     pair = -1
     for k in range(found.shape[0]):
         i, j = int(found[k, LINE_1]), int(found[k, LINE_2])
@@ -197,15 +199,24 @@ def measure_hypotheses(
                 is_tone[q] = _is_tone(peaks[q, FREQUENCY], sustained, spacing)
         row = measures[k]
         _measure_tuning(row, found[k], string)
-        _measure_lines(row, found[k], lines, sustained, spacing, string)
-        _measure_peaks(row, found[k], peaks, is_tone, spacing, string)
+        _fill_partials(partials, found[k], string)
+        _measure_lines(row, found[k], lines, sustained, spacing, partials, string.length)
+        _measure_peaks(row, found[k], peaks, is_tone, spacing, partials, string.length)
         for segment in range(2):
             first = COMMON_MEASURES + segment * SEGMENT_MEASURES
             share = share_1(power, sustained[segment], spacing)
             row[first + _LINE_SHARE] = share if segment == 0 else 1.0 - share
-            partials = row[first + len(OF_A_SEGMENT) : first + SEGMENT_MEASURES]
+            levels = row[first + len(OF_A_SEGMENT) : first + SEGMENT_MEASURES]
             _measure_partials(
-                partials, found[k], segment, sustained[segment], height, power, prominence, spacing, string
+                levels,
+                int(found[k, MODE_1 + segment]),
+                segment,
+                sustained[segment],
+                height,
+                power,
+                prominence,
+                spacing,
+                partials[segment],
             )
     return measures
 
@@ -224,16 +235,26 @@ def _measure_tuning(row: Floats, found: Floats, string: StringModel) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _fill_partials(partials: Floats, found: Floats, string: StringModel) -> None:
+    """Fill in the stiff partials of both segments and of the whole string, each from column 1 on, in Hz."""
+    x, own = found[POSITION], found[OPEN]
+    for row, side in enumerate((x, string.length - x, string.length)):
+        for n in range(1, min(int(HIGHEST_PEAK * side / (own * string.length)) + 3, partials.shape[1])):
+            partials[row, n] = stiff_partial(float(n), own, side, string)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _measure_lines(
     row: Floats,
     found: Floats,
     lines: Floats,
     sustained: tuple[Hertz, Hertz],
     spacing: Hertz,
-    string: StringModel,
+    partials: Floats,
+    length: Metres,
 ) -> None:
     """Of the strongest lines: whose stiff partial each is, or multiple of a sustained line."""
-    length, x, own = string.length, found[POSITION], found[OPEN]
+    x, own = found[POSITION], found[OPEN]
     total = lines[:, WEIGHT].sum()
     for q in range(lines.shape[0]):
         f, weight, share = lines[q, FREQUENCY], lines[q, WEIGHT] / total, lines[q, SHARE_1]
@@ -242,7 +263,7 @@ def _measure_lines(
         for segment in range(2):
             side = x if segment == 0 else length - x
             n = max(np.rint(f * side / (own * length)), 1.0)
-            miss = min(abs(f - stiff_partial(n, own, side, string)), abs(f - n * sustained[segment]))
+            miss = min(abs(f - partials[segment, int(n)]), abs(f - n * sustained[segment]))
             if miss < tolerance:
                 own_share = np.log(2.0 * max(share if segment == 0 else 1.0 - share, MIN_SHARE))
                 score = own_share - 0.6 * np.log(n)  # which of two segments: the louder, the lower
@@ -263,10 +284,16 @@ def _measure_lines(
 
 @numba.njit(cache=True, error_model="numpy")
 def _measure_peaks(
-    row: Floats, found: Floats, peaks: Floats, is_tone: Flags, spacing: Hertz, string: StringModel
+    row: Floats,
+    found: Floats,
+    peaks: Floats,
+    is_tone: Flags,
+    spacing: Hertz,
+    partials: Floats,
+    length: Metres,
 ) -> None:
     """Of all peaks, strong and weak: whether one is distortion, of a segment, or of the whole string."""
-    length, x, own = string.length, found[POSITION], found[OPEN]
+    x, own = found[POSITION], found[OPEN]
     total = peaks[:, WEIGHT].sum() + 1.0e-9
     for q in range(peaks.shape[0]):
         f, weight = peaks[q, FREQUENCY], peaks[q, WEIGHT] / total
@@ -279,7 +306,7 @@ def _measure_peaks(
             side = x if segment == 0 else length - x
             n = max(np.rint(f * side / (own * length)), 1.0)
             share = peaks[q, SHARE_1] if segment == 0 else 1.0 - peaks[q, SHARE_1]
-            if abs(f - stiff_partial(n, own, side, string)) < tolerance and share > louder:
+            if abs(f - partials[segment, int(n)]) < tolerance and share > louder:
                 of, louder = segment, share
         if of >= 0:
             first = COMMON_MEASURES + of * SEGMENT_MEASURES
@@ -287,28 +314,30 @@ def _measure_peaks(
             row[first + _PEAKS_SHARE] += weight * louder
             continue
         row[_LEFT] += weight
-        if abs(f - stiff_partial(max(np.rint(f / own), 1.0), own, length, string)) < tolerance:
+        if abs(f - partials[2, int(max(np.rint(f / own), 1.0))]) < tolerance:
             row[_WHOLE] += weight
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _measure_partials(
     row: Floats,
-    found: Floats,
+    mode: int,
     segment: int,
     sustained: Hertz,
     height: Floats,
     power: Floats,
     prominence: Floats,
     spacing: Hertz,
-    string: StringModel,
+    partials: Floats,
 ) -> None:
-    """Level at the own and at the other microphone, and prominence, of a segment's first partials."""
-    own, mode = found[OPEN], int(found[MODE_1 + segment])
-    side = found[POSITION] if segment == 0 else string.length - found[POSITION]
+    """Level at the own and at the other microphone, and prominence, of a segment's first partials.
+
+    `partials` are the stiff ones, from 1 on; where `mode`, which is sustained, divides their number they are
+    multiples of the line.
+    """
     last = power.shape[1] - 2
-    for n in range(1, PARTIALS + 1):
-        f = sustained * n / mode if n % mode == 0 else stiff_partial(float(n), own, side, string)
+    for n in range(1, min(PARTIALS + 1, partials.size)):
+        f = sustained * n / mode if n % mode == 0 else partials[n]
         k = f / spacing
         if k >= last - 6 or f >= HIGHEST_PEAK:
             break

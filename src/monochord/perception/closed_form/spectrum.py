@@ -10,9 +10,8 @@ Auger and Flandrin (1995), Improving the readability of time-frequency and time-
 reassignment method, IEEE Trans. Signal Process. 43, 1068.
 """
 
-import itertools
 from collections import OrderedDict
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
 from typing import NamedTuple
@@ -58,9 +57,8 @@ class Spectrum(NamedTuple):
     reading: ModeReading
 
 
-_NUMBERS = itertools.count()
-_LAST: OrderedDict[tuple[int, bytes], tuple[Audio, Spectrum]] = OrderedDict()
-"""The last windows of all analysers, by the analyser's number and their first samples."""
+_LAST: OrderedDict[tuple[StringModel, int, bytes], tuple[Audio, Spectrum]] = OrderedDict()
+"""The last windows of all analysers, by string, sample rate and first samples, and their spectra."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +85,6 @@ class SpectrumAnalyser:
     sample_rate: int
     size: Samples
     model: StringModel
-    number: int = field(default_factory=lambda: next(_NUMBERS), compare=False)
 
     @property
     def bin_spacing(self) -> Hertz:
@@ -136,7 +133,7 @@ class SpectrumAnalyser:
 
     def analyse(self, window: Audio) -> Spectrum:
         """Return the spectra of a window (2, size) and the modes read from them."""
-        key = (self.number, window[:, :KEY].tobytes())
+        key = (self.model, self.sample_rate, window[:, :KEY].tobytes())
         last = _LAST.get(key)
         if last is not None and np.array_equal(last[0], window):
             return last[1]
@@ -159,7 +156,7 @@ class SpectrumAnalyser:
         """Return the analyser of the same wire under another tension."""
         nominal, stiffness = open_frequency(string), _bending(string) / string.tension
         model = self.model._replace(nominal=nominal, stiffness=stiffness)
-        return replace(self, string=string, model=model, number=next(_NUMBERS))
+        return replace(self, string=string, model=model)
 
     def partials(self, fundamental: Hertz, segment: Metres, count: int) -> Floats:
         """Return the first partials in Hz of a segment, given its length in m and flexible fundamental."""

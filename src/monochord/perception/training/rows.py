@@ -1,5 +1,7 @@
 """Rows of a feature for windows of a dataset, computed once and cached on disk.
 
+Other processes help, each from elsewhere in the order: what one has put into the cache no other computes.
+
 The cache key is the feature's name and options, the window, the dataset's checksum, the noise that was added,
 the rows that were requested, and a fingerprint: the feature of three probe windows. So a feature whose code
 changed is computed again, and so is a damaged file: behind the array is its SHA-256.
@@ -27,6 +29,7 @@ from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.probe import probed
+from monochord.perception.training.helpers import helped
 from monochord.perception.tuning.sessions import own_strings
 
 Progress: TypeAlias = Callable[[str, int, int], None]
@@ -96,11 +99,17 @@ class Rows:
         """
         place = self.folder / self._key(rows, noise)
         what = self.name if noise is None else f"{self.name}, with noise {noise.copy}"
+        count = -(-len(rows) // CHUNK)
+
+        def chunk(number: int) -> Audio:
+            some = rows[number * CHUNK : (number + 1) * CHUNK]
+            return self._chunk(place / f"{number:04d}.npy", some, noise)
+
         parts: list[Audio] = []
-        for number, first in enumerate(range(0, len(rows), CHUNK)):
-            progress(what, first, len(rows))
-            chunk = rows[first : first + CHUNK]
-            parts.append(self._chunk(place / f"{number:04d}.npy", chunk, noise))
+        with helped(chunk, count if count > 1 and not (place / f"{count - 1:04d}.npy").exists() else 0):
+            for number in range(count):
+                progress(what, number * CHUNK, len(rows))
+                parts.append(chunk(number))
         progress(what, len(rows), len(rows))
         return np.concatenate([np.zeros((0, len(self.extractor.columns)), np.float32), *parts])
 
