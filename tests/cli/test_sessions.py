@@ -9,7 +9,8 @@ import soundfile
 
 from monochord.cli import run
 from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
-from monochord.sessions import Description, SessionClock, SessionWriter, read_session
+from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
+from monochord.sessions import TUNING, Description, SessionClock, SessionWriter, read_session
 
 RATE = 44100
 FEEDS = (
@@ -188,6 +189,20 @@ def test_a_users_own_files_become_a_session(tmp_path: Path, capsys: Capture) -> 
     assert "windows with a position" in capsys.readouterr().out
 
 
+def test_a_users_own_files_are_of_the_sensor_as_tuned(tmp_path: Path) -> None:
+    sensor = tmp_path / "sensor.toml"
+    sensor.write_text(sensor_toml("prototype", SensorTuning(open_frequency=990.0)))
+    soundfile.write(tmp_path / "take.wav", np.zeros((RATE, 2)), RATE)
+    out = tmp_path / "take.mcap"
+    assert (
+        run(["sessions", "import", str(tmp_path / "take.wav"), "--out", str(out), "--sensor", str(sensor)])
+        == 0
+    )
+    description = read_session(out).description
+    assert description.string == load_sensor(str(sensor)).string
+    assert json.loads(description.more[TUNING])["open_frequency"] == 990.0
+
+
 def test_what_cannot_be_done_is_one_line(tmp_path: Path, capsys: Capture) -> None:
     path = str(write(tmp_path / "a.mcap"))
     (tmp_path / "folder").mkdir()
@@ -208,6 +223,16 @@ def test_what_cannot_be_done_is_one_line(tmp_path: Path, capsys: Capture) -> Non
         ("import", str(tmp_path / "a.wav"), "--out", str(tmp_path / "b.mcap")): "wav or flac sound",
         ("import", str(tmp_path / "a.wav"), "--out", str(tmp_path / "b.wav")): "a name that ends in .mcap",
         ("import", str(tmp_path / "folder"), "a.csv", "--out", str(tmp_path / "b.mcap")): "a folder alone",
+        (
+            "import",
+            str(tmp_path / "a.wav"),
+            "--out",
+            str(tmp_path / "b.mcap"),
+            "--sensor",
+            "long",
+            "--string",
+            "appendix",
+        ): "a sensor has its own string",
         ("imprt",): "No such command 'imprt'",
         ("check",): "Missing argument 'FILES...'",
     }

@@ -11,7 +11,8 @@ from typing import Any
 import click
 
 from monochord.capture.recording.from_files import from_files
-from monochord.cli._options import radius, refuse_unwritable, set_option
+from monochord.capture.recording.settings import of_sensor
+from monochord.cli._options import radius, refuse_unwritable, sensor_option, set_option
 from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
 from monochord.core.config import Tree, override, to_tree
@@ -153,6 +154,7 @@ def export(
 @click.option("--material", metavar="TEXT", help="What that is made of.")
 @click.option("--radius", type=radius, metavar="M", help="Its radius where it touches.")
 @click.option("--string", metavar="PRESET", help="A string of the catalogue, or FILE.toml.")
+@sensor_option
 @click.option("--notes", metavar="TEXT", help="Notes.")
 @json_object
 def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said: str | float | None) -> None:
@@ -163,7 +165,7 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
     slip (0 or 1) or others. With begin and end in place of time, a row is a touch.
 
     \b
-    monochord sessions import take.wav take.csv --out take.mcap --object "Allen key"
+    monochord sessions import take.wav take.csv --out take.mcap --sensor sensor.toml --object "Allen key"
     monochord sessions import recorded.mcap touches.csv --out touches.mcap
     monochord sessions import exported/take --out take.mcap
     """  # noqa: D301
@@ -175,7 +177,12 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
             raise InputError(given, "a folder alone", "the folder describes itself")
         EXPORTS.build(form_of(what)).read(what, out)
     else:
-        if "string" in described:
+        if "string" in described and "sensor" in described:
+            raise InputError("--string with --sensor", "one of them", "a sensor has its own string")
+        if "sensor" in described:
+            described |= of_sensor(str(described["sensor"]))
+            described["string"] = to_tree(described["string"])
+        elif "string" in described:
             described["string"] = to_tree(load_string(str(described["string"])).string)
         from_files(what, labels, out, described=described)
     facts = facts_of(read_session(out))

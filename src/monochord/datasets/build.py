@@ -40,8 +40,10 @@ FULL_SCALE = 1.0 - 2.0**-15
 Labelling: TypeAlias = Literal["", "recorded", "measured"]
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with the name of each session, how many are done, and how many there are."""
-Listen: TypeAlias = Callable[[Audio, int, StringParams], Newtons | None]
-"""Returns the tension that sound (channels, n) at a rate tells of a string of this design, if it does."""
+Listen: TypeAlias = Callable[[Audio, int, StringParams | None], Newtons | None]
+"""Returns the tension that sound (channels, n) at a rate tells of a string of this design, if it does.
+
+None is of a session that names no string."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +84,7 @@ class BuildOptions:
 DEFAULT_OPTIONS = BuildOptions()
 
 
-def no_tension(_samples: Audio, _sample_rate: int, _string: StringParams) -> None:
+def no_tension(_samples: Audio, _sample_rate: int, _string: StringParams | None) -> None:
     """Listen to nothing: a session that was recorded without a tuning has none."""
 
 
@@ -348,9 +350,7 @@ def _form_of(name: str, taken: Taken, before: tuple[int, int] | None) -> tuple[i
 def _tension_of(session: SessionReader, listen: Listen) -> tuple[Newtons | None, str | None]:
     """Return the tension of a session's string at rest, and where it is known from."""
     description = session.description
-    if description.string is None:
-        return None, None
-    if TUNING in description.more:
+    if description.string is not None and TUNING in description.more:
         return description.string.tension, "recorded"
     heard = listen(session.audio.samples, description.sample_rate, description.string)
     return heard, None if heard is None else "heard"

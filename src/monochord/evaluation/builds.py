@@ -35,7 +35,7 @@ from monochord.perception.training.adapt import REMEDY, adapt
 from monochord.perception.training.correct import Replayed
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.train import read_in_turn
-from monochord.perception.tuning.sessions import heard_tension, own_strings
+from monochord.perception.tuning.sessions import heard_by, own_strings
 from monochord.sessions import read_session
 
 TOUCHES = (0, 1, 5, 10, 25, 50, 100)
@@ -193,7 +193,8 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Outco
     with scratch_folder() as scratch:
         options = BuildOptions(window=window, hop=hop)
         try:
-            dataset = build_dataset(group.files, scratch / "dataset", options, listen=heard_tension)
+            listen = heard_by(definition.string)
+            dataset = build_dataset(group.files, scratch / "dataset", options, listen=listen)
         except InputError as error:
             return error
         whole = Selection(dataset=dataset, rows=np.arange(len(dataset)), string=definition.string)

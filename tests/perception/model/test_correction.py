@@ -60,6 +60,46 @@ def test_errors_of_new_groups_lie_within_what_is_stated_and_known_touches_narrow
     assert np.mean(size) < {0: 0.45, 1: 0.40, 3: 0.32, 8: 0.16}[known]
 
 
+@pytest.mark.parametrize("larger", [1.0, 4.0])
+def test_errors_beyond_any_group_of_the_prior_are_learned_and_stated(
+    unknown: Correction, larger: float
+) -> None:
+    variables, error, group, touch = groups(100, 4)
+    error = larger * error
+    off: dict[bool, list[Floats]] = {True: [], False: []}
+    size: dict[bool, list[float]] = {True: [], False: []}
+    for each in range(100):
+        rows = np.flatnonzero(group == each)
+        used, rest = rows[:24], rows[24:]
+        known = unknown.terms(variables[used]), error[used], np.full(used.size, NOISE), touch[used]
+        for fitted in (True, False):
+            own = (unknown.fitted(*known) if fitted else unknown).given(*known)
+            expected, std = stated(own, variables[rest])
+            off[fitted].append(np.abs(error[rest] - expected) / std)
+            size[fitted].append(float(np.abs(error[rest] - expected).mean()))
+    within, as_before = (float(np.mean(np.concatenate(off[fitted]) < 1.0)) for fitted in (True, False))
+    if larger == 1.0:  # a group of the prior: nothing changes
+        assert within == pytest.approx(as_before, abs=0.05)
+        assert np.mean(size[True]) < 1.02 * np.mean(size[False])
+    else:  # noise is 4 times larger, too, and eight touches cannot tell all of that from six weights
+        assert as_before < 0.25
+        assert 0.5 < within < 0.8
+        assert np.mean(size[True]) < 0.95 * np.mean(size[False])
+
+
+def test_one_misread_touch_widens_little_and_moves_nothing(unknown: Correction) -> None:
+    variables, error, _, touch = groups(1, 2)
+    terms, std = unknown.terms(variables), np.full(error.size, NOISE)
+    before = unknown.fitted(terms, error, std, touch)
+    without = before.given(terms, error, std, touch)
+    error[:3] += 100.0 * NOISE
+    after = unknown.fitted(terms, error, std, touch)
+    assert after.covariance[0, 0] <= 4.0 * before.covariance[0, 0]
+    at = unknown.terms(np.zeros((1, 2)))
+    off = after.given(terms, error, std, touch).error(at)[0] - without.error(at)[0]
+    assert abs(float(off[0])) < NOISE
+
+
 def test_a_misread_touch_has_little_weight(unknown: Correction) -> None:
     variables, error, _, touch = groups(1, 2)
     terms, std = unknown.terms(variables), np.full(error.size, NOISE)

@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import soundfile
 from tests.lab.tiny import session, tiny
 
+from monochord.capture.recording.from_files import from_files
 from monochord.core.types import Signal
 from monochord.datasets.build import build_dataset
 from monochord.datasets.store import Dataset
@@ -19,7 +21,7 @@ from monochord.perception.training.examples import examples_of, stream_of, train
 from monochord.perception.training.rows import Rows
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import as_of_the_design, read_in_turn
-from monochord.perception.tuning.sessions import force_scales, heard_tension, own_strings
+from monochord.perception.tuning.sessions import force_scales, heard_by, heard_tension, own_strings
 from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
 
 DESIGN = load_sensor("prototype").string
@@ -57,6 +59,20 @@ def test_each_session_has_its_tension(dataset: Dataset) -> None:
     assert first.tension == pytest.approx(DESIGN.tension, rel=0.01)
     for part in (second, third):
         assert part.tension == pytest.approx(OWN**2 * DESIGN.tension, rel=0.01)
+
+
+def test_sound_of_a_string_that_is_not_named_is_of_the_models_design(
+    dataset: Dataset, tmp_path: Path
+) -> None:
+    number = 2
+    sound = np.ascontiguousarray(dataset.audio(number))
+    soundfile.write(tmp_path / "take.wav", sound.T, 44100, subtype="FLOAT")
+    (tmp_path / "take.csv").write_text("time,contact\n0,0\n")
+    from_files(tmp_path / "take.wav", tmp_path / "take.csv", tmp_path / "take.mcap")
+    for listen, tuned in ((heard_tension, None), (heard_by(DESIGN), "heard")):
+        (part,) = build_dataset([tmp_path / "take.mcap"], tmp_path / f"{tuned}", listen=listen).manifest.parts
+        assert part.tuned == tuned
+    assert part.tension == pytest.approx(OWN**2 * DESIGN.tension, rel=0.01)
 
 
 def test_those_that_are_off_are_relative_to_their_own(dataset: Dataset) -> None:

@@ -60,15 +60,12 @@ class About:
 
     def describe(self, name: str, signal: Signal, feeds: tuple[Feed, ...]) -> Description:
         """Return the description of a session called `name`; raises `InputError` for an unknown sensor."""
-        sensor = load_sensor(self.sensor) if self.sensor else None
-        tuning = sensor_tuning(self.sensor)
+        known: dict[str, Any] = of_sensor(self.sensor) if self.sensor else {"string": signal.string}
         return Description(
             name=name,
             sample_rate=signal.sample_rate,
             channels=signal.channels,
             simulated=self.simulated or signal.string is not None,
-            sensor=to_tree(sensor) if sensor else {},
-            string=sensor.string if sensor else signal.string,
             object=self.object,
             material=self.material,
             radius=self.radius,
@@ -77,8 +74,21 @@ class About:
             plan=self.plan,
             notes=self.note,
             feeds=feeds,
-            more={TUNING: json.dumps(to_tree(tuning), sort_keys=True)} if tuning else {},
+            **known,
         )
+
+
+def of_sensor(name: str) -> dict[str, Any]:
+    """Return the options of `Description` that tell of a sensor: a preset, or a file of one as tuned.
+
+    Raises
+    ------
+    InputError
+        For an unknown sensor, or a file that is none.
+    """
+    sensor, tuning = load_sensor(name), sensor_tuning(name)
+    more = {TUNING: json.dumps(to_tree(tuning), sort_keys=True)} if tuning else {}
+    return {"sensor": to_tree(sensor), "string": sensor.string, "more": more}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,7 +22,7 @@ Stat. Assoc. 84, 881; Bishop (2006), Pattern Recognition and Machine Learning, s
 """
 
 from dataclasses import dataclass, replace
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,10 @@ MIN_SHARE = 0.01
 """Smallest factor of the covariance in such a round."""
 ROBUST_ROUNDS = 4
 """Rounds in which errors that are far off lose weight."""
+WIDER = (1.0, 4.0, 16.0, 64.0)
+"""Factors of the covariance for a sensor whose errors are larger than any build's of the training."""
+NOISIER = (1.0, 2.0, 4.0, 8.0, 16.0)
+"""Factors of the noise for one whose touches scatter more."""
 
 Indices = NDArray[np.int64]
 
@@ -108,6 +112,38 @@ class Correction:
             estimate = replace(self, mean=mean, covariance=covariance)
             trust = estimate.trust(terms, error, std)
         return estimate
+
+    def fitted(self, terms: Floats, error: Floats, std: Floats, touch: Indices) -> "Correction":
+        """Return the correction with covariance and noise as the known errors of a sensor have them.
+
+        The prior is of the builds of the training. On a sensor of another design errors are larger than on
+        any of these, and too little of them would be learned from a few touches. So covariance and noise are
+        multiplied by those factors, of `WIDER` and `NOISIER`, under which these errors are most probable
+        (type II maximum likelihood; MacKay 1992, Bayesian interpolation). Neither becomes smaller.
+
+        Parameters
+        ----------
+        terms, error, std, touch
+            As of `given`.
+        """
+        trust = self.given(terms, error, std, touch).trust(terms, error, std)
+        numbers = np.unique(touch)
+        average = trust * (numbers[:, np.newaxis] == touch)
+        average /= average.sum(axis=1, keepdims=True)
+        known = average @ terms, average @ error, (average @ std**-2) ** -0.5, numbers
+
+        def scaled(wider: float, noisier: float) -> "Correction":
+            return replace(self, covariance=wider * self.covariance, noise=noisier * self.noise)
+
+        return max((scaled(*by) for by in product(WIDER, NOISIER)), key=lambda each: each.evidence(*known))
+
+    def evidence(self, terms: Floats, error: Floats, std: Floats, touch: Indices) -> float:
+        """Return the log probability of errors, arguments as of `given`, up to a constant."""
+        trust = self.given(terms, error, std, touch).trust(terms, error, std)
+        trust = np.minimum(trust / np.median(trust), 1.0)  # of one that is further off than most
+        covariance = np.diag(self.noise * std**2 / trust) + terms @ self.covariance @ terms.T
+        off = error - terms @ self.mean
+        return float(-0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1]))
 
     def trust(self, terms: Floats, error: Floats, std: Floats) -> Floats:
         """Return the weight (n,) that Student's t gives each error: little to one that is far off."""

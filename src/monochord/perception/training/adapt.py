@@ -173,9 +173,7 @@ def adapt(
             continue
         terms = correction.terms(errors.variables)
         heads[name] = _judged(record, correction, errors, terms, own)
-        known[name] = (
-            correction.given(terms, errors.error, errors.std, own) if heads[name].used else correction
-        )
+        known[name] = _learned(correction, terms, errors, own) if heads[name].used else correction
         spreads[name] = float(np.median(errors.std))
         before = record.correction
         model = with_correction(
@@ -235,6 +233,14 @@ def _part(errors: KnownErrors, used: np.ndarray) -> KnownErrors:
     )
 
 
+def _learned(correction: Correction, terms: Floats, errors: KnownErrors, touch: Indices) -> Correction:
+    """Return a correction once the errors of some windows are known; without any, as it is."""
+    if not touch.size:
+        return correction
+    fitted = correction.fitted(terms, errors.error, errors.std, touch)
+    return fitted.given(terms, errors.error, errors.std, touch)
+
+
 def _judged(
     record: HeadRecord, correction: Correction, errors: KnownErrors, terms: Floats, touch: Indices
 ) -> HeadAdaptation:
@@ -244,10 +250,10 @@ def _judged(
     left, std = np.empty(len(touch)), np.empty(len(touch))
     for fold in folds:
         out = np.isin(touch, fold)
-        others = correction.given(terms[~out], errors.error[~out], errors.std[~out], touch[~out])
+        others = _learned(correction, terms[~out], _part(errors, ~out), touch[~out])
         expected, uncertain = others.error(terms[out])
         left[out] = errors.error[out] - expected
-        std[out] = np.sqrt(correction.noise * errors.std[out] ** 2 + uncertain**2)
+        std[out] = np.sqrt(others.noise * errors.std[out] ** 2 + uncertain**2)
     return _adaptation(record, errors.error - correction.error(terms)[0], left, std, touch)
 
 
@@ -294,7 +300,8 @@ def _suggestion(model: Model, known: dict[str, Correction], spreads: dict[str, f
         places, terms = kept[:, :2], correction.terms(kept[:, 2:])
         shared = terms @ correction.covariance @ terms.T
         variance = np.diag(shared)
-        lowered = (shared**2 / (correction.noise * spreads[name] ** 2 + variance)).mean(axis=1)
+        # A touch lowers the variance at another by the square of what they share over its own.
+        lowered = (shared**2 / (correction.noise * spreads[name] ** 2 + variance)).mean(axis=0)
         gains[name] = lowered / (correction.noise * spreads[name] ** 2 + variance.mean())
     total = np.mean(list(gains.values()), axis=0)
     best = int(total.argmax())

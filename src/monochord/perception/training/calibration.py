@@ -10,7 +10,7 @@ from monochord.datasets.build import BuildOptions, Labelling, build_dataset, fin
 from monochord.perception.model import load, save
 from monochord.perception.training.adapt import Adaptation, adapt
 from monochord.perception.training.rows import Progress
-from monochord.perception.tuning.sessions import heard_tension
+from monochord.perception.tuning.sessions import heard_by
 
 
 def calibrated(
@@ -55,7 +55,7 @@ def calibrated(
     options = BuildOptions(window=trained.window / rate, hop=trained.hop / rate, labels=labels, force=force)
     with tempfile.TemporaryDirectory() as folder:
         dataset = build_dataset(
-            find_sessions(sessions), Path(folder) / "dataset", options, listen=heard_tension
+            find_sessions(sessions), Path(folder) / "dataset", options, listen=heard_by(trained.string)
         )
         result = adapt(given, dataset, touches=touches, progress=progress)
     return dataclasses.replace(result, model=save(result.model, out))

@@ -1,6 +1,6 @@
 """The strings of a dataset's sessions, each as it is tuned: what features and forces are relative to."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,7 @@ Beyond, features are of the string as heard, offline and live. Within, modes are
 pitch (docs/design/0031-models-follow-the-pitch.md), and a model need not change with every drift."""
 
 
-def heard_tension(samples: Audio, sample_rate: int, string: StringParams) -> Newtons | None:
+def heard_tension(samples: Audio, sample_rate: int, string: StringParams | None) -> Newtons | None:
     """Return the tension in N of a session's string by its untouched beginning, None where it does not tell.
 
     Parameters
@@ -35,8 +35,10 @@ def heard_tension(samples: Audio, sample_rate: int, string: StringParams) -> New
     sample_rate
         In Hz.
     string
-        The string as designed.
+        The string as designed; None of a session that does not name it.
     """
+    if string is None:
+        return None
     size = round(WINDOW * sample_rate)
     try:
         tuner = Tuner.of(Signal(sample_rate=sample_rate, channels=len(samples), string=string), size)
@@ -47,6 +49,11 @@ def heard_tension(samples: Audio, sample_rate: int, string: StringParams) -> New
         piece = np.ascontiguousarray(samples[:, start : start + size])
         state = tuner.step(state, Window(samples=piece, start=start, sample_rate=sample_rate))
     return None if state.tuning is None else state.tuning.tension(string)[0]
+
+
+def heard_by(design: StringParams | None) -> Callable[[Audio, int, StringParams | None], Newtons | None]:
+    """Return `heard_tension` for sessions that may name no string: those are then of this design."""
+    return lambda samples, rate, string: heard_tension(samples, rate, string or design)
 
 
 def own_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, StringParams]:
