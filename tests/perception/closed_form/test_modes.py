@@ -8,6 +8,7 @@ import pytest
 from monochord.core.types import Audio, Floats, Signal, StringParams
 from monochord.perception.closed_form.hypotheses import MODE_1, MODE_2, find_hypotheses, measure_hypotheses
 from monochord.perception.closed_form.modes import ModeReading
+from monochord.perception.closed_form.prominence import prominences
 from monochord.perception.closed_form.ranking import mode_ranking, probabilities
 from monochord.perception.closed_form.spectrum import SpectrumAnalyser
 from monochord.perception.closed_form.two_segments import MIN_LEAD
@@ -43,9 +44,9 @@ def measured(window: Audio) -> tuple[Floats, Floats]:
     analyser = analyser_of()
     spectrum = analyser.analyse(window)
     found = find_hypotheses(*spectrum.peaks, analyser.model)
-    power, spacing = spectrum.power, analyser.bin_spacing
+    power, above = spectrum.power, prominences(spectrum.power, spectrum.peaks[1])
     return found[:, [MODE_1, MODE_2]], measure_hypotheses(
-        found, *spectrum.peaks, power, spacing, analyser.model
+        found, *spectrum.peaks, power, above, analyser.bin_spacing, analyser.model
     )
 
 

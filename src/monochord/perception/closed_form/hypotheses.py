@@ -17,7 +17,6 @@ import numpy as np
 
 from monochord.core.types import Flags, Floats
 from monochord.core.units import Hertz, Metres
-from monochord.perception.closed_form.prominence import prominences
 
 MAX_MODE_1, MAX_MODE_2 = 6, 8
 """Highest modes that driver 1, tuned low, and driver 2, tuned high, lock to."""
@@ -165,7 +164,13 @@ def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: StringModel) -> t
 
 @numba.njit(cache=True, error_model="numpy")
 def measure_hypotheses(
-    found: Floats, frequency: Floats, height: Floats, power: Floats, spacing: Hertz, string: StringModel
+    found: Floats,
+    frequency: Floats,
+    height: Floats,
+    power: Floats,
+    prominence: Floats,
+    spacing: Hertz,
+    string: StringModel,
 ) -> Floats:
     """Return the measures (n, `MEASURES`) of hypotheses.
 
@@ -177,6 +182,8 @@ def measure_hypotheses(
         Strongest lines (2, lines) in Hz and in power.
     power
         Power spectra (2, bins).
+    prominence
+        Decades (2, bins) by which each bin stands out of the floor, as `prominence.prominences` returns them.
     spacing
         Distance of two bins in Hz.
     string
@@ -184,7 +191,6 @@ def measure_hypotheses(
     """
     measures = np.zeros((found.shape[0], MEASURES))
     lines = weighted_lines(frequency, height, power, spacing)
-    prominence = prominences(power, height)
     peaks = _prominent_peaks(power, prominence, spacing, string)
     is_tone = np.zeros(peaks.shape[0], np.bool_)
     lowest = (1.0 - MAX_FALL - string.slack) * string.nominal

@@ -20,7 +20,7 @@ import numpy as np
 
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres
-from monochord.perception.closed_form import hypotheses, ranking
+from monochord.perception.closed_form import hypotheses, prominence, ranking
 from monochord.perception.closed_form.hypotheses import (
     FREQUENCY,
     LINE_1,
@@ -123,7 +123,6 @@ NO_READING = ModeReading(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0
 """Of a window without a line."""
 
 
-@numba.njit(cache=True, error_model="numpy")
 def read_modes(
     frequency: Floats, height: Floats, power: Floats, spacing: Hertz, string: StringModel, network: Ranking
 ) -> ModeReading:
@@ -146,33 +145,32 @@ def read_modes(
     if not len(lines):
         return NO_READING
     rest_score, rest = _untouched(lines, string)
+    nothing = NO_READING._replace(
+        untouched_score=rest_score, untouched_frequency=rest, lines=float(len(lines))
+    )
     found = hypotheses.find_hypotheses(frequency, height, string)
     if not len(found):
-        count = float(len(lines))
-        return ModeReading(
-            0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, rest_score, rest, 0.0, 0.0, 0.0, 0.0, 0.0, count
-        )
-    measures = hypotheses.measure_hypotheses(found, frequency, height, power, spacing, string)
+        return nothing
+    above = prominence.prominences(power, height)
+    measures = hypotheses.measure_hypotheses(found, frequency, height, power, above, spacing, string)
     probability = ranking.probabilities(measures, network)
     place, lead, rival = most_probable(found[:, POSITION] / string.length, probability)
     best, score, unexplained = _best_of_place(lines, found, place, frequency, spacing, string)
-    line_1, line_2 = frequency[0, int(found[best, LINE_1])], frequency[1, int(found[best, LINE_2])]
-    return ModeReading(
-        position=found[best, POSITION],
-        open_frequency=found[best, OPEN],
-        mode_1=found[best, MODE_1],
-        mode_2=found[best, MODE_2],
+    row: list[float] = found[best].tolist()
+    line_1, line_2 = float(frequency[0, int(row[LINE_1])]), float(frequency[1, int(row[LINE_2])])
+    return nothing._replace(
+        position=row[POSITION],
+        open_frequency=row[OPEN],
+        mode_1=row[MODE_1],
+        mode_2=row[MODE_2],
         score=score,
         lead=lead,
-        rival_position=found[rival, POSITION] if rival >= 0 else 0.0,
-        untouched_score=rest_score,
-        untouched_frequency=rest,
+        rival_position=float(found[rival, POSITION]) if rival >= 0 else 0.0,
         line_1=line_1,
         line_2=line_2,
         share_1=hypotheses.share_1(power, line_1, spacing),
         share_2=hypotheses.share_1(power, line_2, spacing),
         unexplained=unexplained,
-        lines=float(len(lines)),
     )
 
 

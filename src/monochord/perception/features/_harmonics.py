@@ -34,6 +34,8 @@ STRETCHES = 10
 """Stretches of a window whose levels measure how steady it is."""
 CHANNEL_QUANTITIES = 10
 """Quantities of a channel as a whole."""
+ROW = 249
+"""Columns of both microphones, of their difference, and of their likeness."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -141,3 +143,42 @@ def _mean_log(power: Floats) -> float:
             total += np.log10(product)
             product = 1.0
     return (total + np.log10(product)) / power.size if power.size else np.log10(MIN_POWER)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def of_microphones(each: Floats, whole: Floats, place: float) -> tuple[Floats, Floats]:
+    """Return the columns of both microphones, of their difference and of their likeness, and the timbre.
+
+    Parameters
+    ----------
+    each
+        Quantities of the harmonics of three series at both microphones, as of `measure_harmonics`.
+    whole
+        Quantities of both channels, as of `measure_channels`.
+    place
+        Position over the string's length, 0 of no touch.
+    """
+    sides = (place, 1.0 - place)
+    octaves = [-np.log2(side) if place > 0.0 else 0.0 for side in sides]
+    columns, at = np.empty(ROW), 0
+    timbre = np.empty((2, HARMONICS))
+    for c in range(2):
+        for series in (c, 2):
+            for n in range(HARMONICS):
+                columns[at : at + LIKENESS] = each[c, series, n, :LIKENESS]
+                at += LIKENESS
+        columns[at : at + CHANNEL_QUANTITIES] = whole[c]
+        columns[at + CHANNEL_QUANTITIES] = octaves[c]
+        at += CHANNEL_QUANTITIES + 1
+        timbre[c] = each[c, c, :, LEVEL] - each[c, c, :, LEVEL].max()
+    for quantity, count in ((LEVEL, 3), (SIDE, 3), (GROWTH, 2)):
+        for series in range(count):
+            columns[at : at + HARMONICS] = each[0, series, :, quantity] - each[1, series, :, quantity]
+            at += HARMONICS
+    columns[at : at + CHANNEL_QUANTITIES] = whole[0] - whole[1]
+    columns[at + CHANNEL_QUANTITIES] = octaves[0] - octaves[1]
+    at += CHANNEL_QUANTITIES + 1
+    for series in range(3):
+        columns[at : at + HARMONICS] = each[0, series, :, LIKENESS]
+        at += HARMONICS
+    return columns, timbre

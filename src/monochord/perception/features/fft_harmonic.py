@@ -2,14 +2,11 @@
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal
 from monochord.core.units import Samples
-from monochord.perception.closed_form.hypotheses import StringModel, stiff_partial
-from monochord.perception.closed_form.modes import ModeReading
 from monochord.perception.closed_form.spectrum import Spectrum, SpectrumAnalyser
 from monochord.perception.features._combination_tones import COLUMNS as TONES
 from monochord.perception.features._combination_tones import (
@@ -22,19 +19,13 @@ from monochord.perception.features._combination_tones import (
 from monochord.perception.features._gaps import COLUMNS as GAPS
 from monochord.perception.features._gaps import measure_gaps
 from monochord.perception.features._harmonics import (
-    CHANNEL_QUANTITIES,
-    GROWTH,
     HARMONICS,
-    LEVEL,
-    LIKENESS,
-    SIDE,
     measure_channels,
     measure_harmonics,
+    of_microphones,
 )
 from monochord.perception.features.base import Extractor, Feature, SupportsCompliance
 
-COLUMNS_OF_MICROPHONES = 249
-"""Columns of both microphones, of their difference, and of their likeness."""
 POINTS = 24
 """Points along the string that encode the position by its distance from each."""
 HARMONIC_COLUMNS = ("level", "offset", "side", "growth")
@@ -177,15 +168,16 @@ class _Extractor(Extractor):
     def _row(self, spectrum: Spectrum) -> Floats:
         analyser, reading = self._analyser, spectrum.reading
         spacing = analyser.bin_spacing
-        partials = _expected(reading, analyser.model)
-        each = measure_harmonics(spectrum.transform, spectrum.power, partials, spacing)
+        each = measure_harmonics(spectrum.transform, spectrum.power, self._partials(spectrum), spacing)
         whole = measure_channels(spectrum.samples, spectrum.power, spacing)
-        columns, timbre = _of_microphones(each, whole, reading.position / analyser.length)
+        place = reading.position / analyser.length
+        columns, timbre = of_microphones(each, whole, place)
+        points = np.arange(POINTS) / (POINTS - 1.0)
         return np.concatenate(
             (
                 columns,
                 self._timbre_and_tones(timbre, spectrum),
-                _near(reading.position / analyser.length),
+                np.maximum(1.0 - (POINTS - 1.0) * np.abs(place - points), 0.0) * reading.touched,
                 self._of_reading(spectrum),
                 self._of_gaps(spectrum),
             )
@@ -193,6 +185,21 @@ class _Extractor(Extractor):
 
     def _timbre_and_tones(self, timbre: Floats, spectrum: Spectrum) -> Floats:  # noqa: ARG002
         return timbre.ravel()
+
+    def _partials(self, spectrum: Spectrum) -> Floats:
+        """Return the expected harmonics of the three series, (3, `HARMONICS`) in Hz."""
+        analyser, reading = self._analyser, spectrum.reading
+        partials = np.zeros((3, HARMONICS))
+        if reading.touched:
+            first = (reading.position, reading.line_1, int(reading.mode_1))
+            second = (analyser.length - reading.position, reading.line_2, int(reading.mode_2))
+            for row, (side, line, mode) in zip(partials, (first, second), strict=False):
+                row[:] = analyser.partials(reading.open_frequency * analyser.length / side, side, HARMONICS)
+                multiples = row[mode - 1 :: mode]
+                multiples[:] = line * np.arange(1.0, multiples.size + 1.0)
+        rest = reading.untouched_frequency or analyser.nominal
+        partials[2] = analyser.partials(rest, analyser.length, HARMONICS)
+        return partials
 
     def _of_gaps(self, spectrum: Spectrum) -> Floats:
         if not self._options.gaps:
@@ -214,75 +221,6 @@ class _Extractor(Extractor):
             reading.share_1,
             reading.share_2,
         )
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _expected(reading: ModeReading, string: StringModel) -> Floats:
-    """Return the expected harmonics of the three series, (3, `HARMONICS`) in Hz."""
-    partials = np.zeros((3, HARMONICS))
-    if reading.position > 0.0:
-        lines, modes = (reading.line_1, reading.line_2), (reading.mode_1, reading.mode_2)
-        for segment in range(2):
-            side = reading.position if segment == 0 else string.length - reading.position
-            mode = int(modes[segment])
-            for n in range(1, HARMONICS + 1):
-                partials[segment, n - 1] = (
-                    lines[segment] * (n // mode)
-                    if n % mode == 0
-                    else stiff_partial(float(n), reading.open_frequency, side, string)
-                )
-    rest = reading.untouched_frequency if reading.untouched_frequency > 0.0 else string.nominal
-    for n in range(1, HARMONICS + 1):
-        partials[2, n - 1] = stiff_partial(float(n), rest, string.length, string)
-    return partials
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _of_microphones(each: Floats, whole: Floats, place: float) -> tuple[Floats, Floats]:
-    """Return the columns of both microphones, of their difference and of their likeness, and the timbre.
-
-    Parameters
-    ----------
-    each
-        Quantities of the harmonics of three series at both microphones, as of `measure_harmonics`.
-    whole
-        Quantities of both channels, as of `measure_channels`.
-    place
-        Position over the string's length, 0 of no touch.
-    """
-    sides = (place, 1.0 - place)
-    octaves = [-np.log2(side) if place > 0.0 else 0.0 for side in sides]
-    columns, at = np.empty(COLUMNS_OF_MICROPHONES), 0
-    timbre = np.empty((2, HARMONICS))
-    for c in range(2):
-        for series in (c, 2):
-            for n in range(HARMONICS):
-                columns[at : at + LIKENESS] = each[c, series, n, :LIKENESS]
-                at += LIKENESS
-        columns[at : at + CHANNEL_QUANTITIES] = whole[c]
-        columns[at + CHANNEL_QUANTITIES] = octaves[c]
-        at += CHANNEL_QUANTITIES + 1
-        timbre[c] = each[c, c, :, LEVEL] - each[c, c, :, LEVEL].max()
-    for quantity, count in ((LEVEL, 3), (SIDE, 3), (GROWTH, 2)):
-        for series in range(count):
-            columns[at : at + HARMONICS] = each[0, series, :, quantity] - each[1, series, :, quantity]
-            at += HARMONICS
-    columns[at : at + CHANNEL_QUANTITIES] = whole[0] - whole[1]
-    columns[at + CHANNEL_QUANTITIES] = octaves[0] - octaves[1]
-    at += CHANNEL_QUANTITIES + 1
-    for series in range(3):
-        columns[at : at + HARMONICS] = each[0, series, :, LIKENESS]
-        at += HARMONICS
-    return columns, timbre
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _near(place: float) -> Floats:
-    """Return how near a position over the length is to each of `POINTS` along the string; 0 of no touch."""
-    near = np.zeros(POINTS)
-    for point in range(POINTS if place > 0.0 else 0):
-        near[point] = max(1.0 - (POINTS - 1.0) * abs(place - point / (POINTS - 1.0)), 0.0)
-    return near
 
 
 class _TonesExtractor(_Extractor, SupportsCompliance):

@@ -40,6 +40,7 @@ from monochord.perception.closed_form.hypotheses import (
     measure_hypotheses,
 )
 from monochord.perception.closed_form.modes import most_probable
+from monochord.perception.closed_form.prominence import prominences
 from monochord.perception.closed_form.ranking import FILE, MAX_DEVIATION, Ranking, probabilities
 from monochord.perception.closed_form.spectrum import SpectrumAnalyser
 from monochord.perception.training._torch import torch_library
@@ -149,8 +150,8 @@ def _example(analyser: SpectrumAnalyser, window: Audio, truth: float) -> Iterato
     spectrum, string = analyser.analyse(window), analyser.model
     found = find_hypotheses(*spectrum.peaks, string)
     if len(found):
-        power = spectrum.power
-        measures = measure_hypotheses(found, *spectrum.peaks, power, analyser.bin_spacing, string)
+        power, above = spectrum.power, prominences(spectrum.power, spectrum.peaks[1])
+        measures = measure_hypotheses(found, *spectrum.peaks, power, above, analyser.bin_spacing, string)
         yield measures, found[:, POSITION] / string.length, truth
 
 

@@ -29,7 +29,7 @@ from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.probe import probed
-from monochord.perception.training.helpers import helped
+from monochord.perception.training.shared_work import helped
 from monochord.perception.tuning.sessions import own_strings
 
 Progress: TypeAlias = Callable[[str, int, int], None]

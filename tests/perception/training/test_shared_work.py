@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from monochord.perception.training.helpers import helped
+from monochord.perception.training.shared_work import helped
 
 PIECES = 6
 
