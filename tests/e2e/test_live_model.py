@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import soundfile
 
@@ -33,7 +34,7 @@ def test_it_says_over_jack_what_it_says_of_the_file(
     assert len(lines) > 10
     # A busy machine skips windows, or a short hop does, the first ones too. They are in no reference then; of
     # the file the same ones are read.
-    sound = soundfile.read(recording, dtype="float32", always_2d=True)[0].T
+    sound = soundfile.read(recording, always_2d=True)[0].T.astype(np.float32)
     estimate = ModelEstimator(path=tmp_path / "run").prepare(Signal(sample_rate=RATE, channels=2), SIZE)
     for line in lines:
         start = round(line["time"] * RATE)

@@ -24,7 +24,8 @@ from monochord.live.sinks.base import Listener, Moment
 
 TAKE: Seconds = 3.0
 """Sound of the simulated string, played over and over; each string begins elsewhere in it."""
-OFFSET: Seconds = 0.37
+OFFSET: Seconds = 0.3731
+"""No multiple of a hop: no two strings ever have the same window, which is analysed once."""
 MAX_STRINGS = 32
 """Of one interface, as the sources have it."""
 BUILD = {"world": "plausible", "build": 131, "day": 51}
