@@ -118,8 +118,9 @@ class Correction:
 
         The prior is of the builds of the training. On a sensor of another design errors are larger than on
         any of these, and too little of them would be learned from a few touches. So covariance and noise are
-        multiplied by those factors, of `WIDER` and `NOISIER`, under which these errors are most probable
-        (type II maximum likelihood; MacKay 1992, Bayesian interpolation). Neither becomes smaller.
+        multiplied by the factors, of `WIDER` and `NOISIER`, that are most probable given these errors (MacKay
+        1992, Bayesian interpolation); beforehand one of 4 is a quarter as probable as 1, which it takes
+        evidence to outweigh.
 
         Parameters
         ----------
@@ -132,10 +133,13 @@ class Correction:
         average /= average.sum(axis=1, keepdims=True)
         known = average @ terms, average @ error, (average @ std**-2) ** -0.5, numbers
 
-        def scaled(wider: float, noisier: float) -> "Correction":
-            return replace(self, covariance=wider * self.covariance, noise=noisier * self.noise)
+        def scaled(by: tuple[float, float]) -> "Correction":
+            return replace(self, covariance=by[0] * self.covariance, noise=by[1] * self.noise)
 
-        return max((scaled(*by) for by in product(WIDER, NOISIER)), key=lambda each: each.evidence(*known))
+        def probability(by: tuple[float, float]) -> float:
+            return scaled(by).evidence(*known) - float(np.log(by).sum())
+
+        return scaled(max(product(WIDER, NOISIER), key=probability))
 
     def evidence(self, terms: Floats, error: Floats, std: Floats, touch: Indices) -> float:
         """Return the log probability of errors, arguments as of `given`, up to a constant."""
