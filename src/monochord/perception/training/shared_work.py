@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from multiprocessing.context import ForkProcess
+from multiprocessing.process import BaseProcess
 
 
 @contextmanager
@@ -28,14 +28,13 @@ def helped(work: Callable[[int], object], count: int) -> Generator[None]:
     """
     is_alone = sys.platform != "linux" or multiprocessing.parent_process() is not None
     helpers = 0 if is_alone else min(len(os.sched_getaffinity(0)), count) - 1
-    started: list[ForkProcess] = []
+    started: list[BaseProcess] = []
     try:
         for number in range(helpers):
             arguments = work, _order(count, number, helpers), os.getpid()
-            started.append(
-                multiprocessing.get_context("fork").Process(target=_help, args=arguments, daemon=True)
-            )
-            started[-1].start()
+            process = multiprocessing.get_context("fork").Process(target=_help, args=arguments, daemon=True)
+            process.start()
+            started.append(process)
         yield
     finally:
         for process in started:
