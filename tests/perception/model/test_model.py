@@ -210,11 +210,18 @@ def test_the_rise_of_the_pitch_is_an_input_beside_the_columns(drawn: Model) -> N
     assert not network.rises(base, context).any()
 
 
-def test_training_sees_the_rise_that_the_model_sees(drawn: Model) -> None:
+@pytest.mark.parametrize("names", [(), ("open", "mic 2 p*")])
+def test_training_sees_the_rise_and_the_reference_that_the_model_sees(
+    drawn: Model, names: tuple[str, ...]
+) -> None:
     torch = pytest.importorskip("torch")
     from monochord.perception.training.network import TrainingTensors, initial
 
     definition = rising(drawn.definition)
+    record = definition.heads["force"]
+    record = dataclasses.replace(record, task=dataclasses.replace(record.task, reference=names))
+    definition = dataclasses.replace(definition, heads={**definition.heads, "force": record})
+    assert len(definition.reference_of("force")) == (3 if names else 11)
     rng = np.random.default_rng(3)
     base, context = rng.normal(size=(1, 6, 50)), rng.normal(size=(1, 6, 11))
     context[..., -1] = [1.0, 1.0, 1.0, 1.0, 1.0, 0.0]
@@ -243,6 +250,41 @@ def test_training_sees_the_rise_that_the_model_sees(drawn: Model) -> None:
             "force", network.scaled(row), network.scaled_context(known), network.rises(row, known)
         )
         assert own.value == pytest.approx(float(output[number, 0]), rel=1e-4, abs=1e-4)
+
+
+def test_columns_of_the_reference_that_are_no_inputs_do_not_matter(drawn: Model) -> None:
+    reference = drawn.definition.reference
+    assert reference is not None
+    task = dataclasses.replace(drawn.definition.heads["force"].task, reference=reference.feature.columns[:2])
+    heads = {
+        **drawn.definition.heads,
+        "force": dataclasses.replace(drawn.definition.heads["force"], task=task),
+    }
+    definition = dataclasses.replace(drawn.definition, heads=heads)
+    rng = np.random.default_rng(5)
+    weights = {
+        name: drawn.weights[name]
+        if name in drawn.weights and drawn.weights[name].shape == shape
+        else rng.normal(size=shape).astype(np.float32)
+        for name, shape in definition.shapes().items()
+    }
+    network, (base, context) = Network.of(definition, weights), rows()
+    context[-1] = 1.0
+    before = network.output("force", base, context)
+    context[2:-1] += 3.0
+    assert network.output("force", base, context) == before
+    context[1] += 3.0
+    assert network.output("force", base, context) != before
+
+
+def test_a_pattern_of_the_reference_that_fits_no_column_is_refused(drawn: Model) -> None:
+    task = dataclasses.replace(drawn.definition.heads["force"].task, reference=("nothing *",))
+    heads = {
+        **drawn.definition.heads,
+        "force": dataclasses.replace(drawn.definition.heads["force"], task=task),
+    }
+    with pytest.raises(InputError, match=r"columns 'nothing \*' for the head 'force'"):
+        dataclasses.replace(drawn.definition, heads=heads).shapes()
 
 
 def test_a_rise_without_its_columns_is_refused(drawn: Model) -> None:

@@ -171,6 +171,43 @@ def test_a_head_learns_from_the_columns_that_are_its_inputs(
     assert least < state.score["force"] / usual_size < most
 
 
+def test_blur_and_left_out_units_are_of_training_alone_and_keep_outputs_in_the_mean() -> None:
+    task = dataclasses.replace(TASKS["force"], blur=0.01, drop=0.25)
+    definition = plan().definition
+    weights = initial(definition, 0)
+    weights["force.2.weight"].data += torch.randn(2, 16, generator=torch.Generator().manual_seed(1))
+    rows = torch.randn(1, 5, generator=torch.Generator().manual_seed(2))
+    plain = forward("force", task, weights, rows).detach()
+    usual = forward("force", TASKS["force"], weights, rows, torch.Generator()).detach()
+    assert torch.equal(plain, usual)
+    generator = torch.Generator().manual_seed(3)
+    drawn = forward("force", task, weights, rows.expand(20000, 5), generator).detach()
+    assert drawn.std(0).min() > 0.05 * plain.abs().max()
+    one_layer = dataclasses.replace(task, hidden=(16,), blur=0.0)
+    single = {"force.0.weight": weights["force.0.weight"], "force.0.bias": weights["force.0.bias"]}
+    single |= {"force.1.weight": weights["force.2.weight"], "force.1.bias": weights["force.2.bias"]}
+    mean = forward("force", one_layer, single, rows.expand(20000, 5), generator).detach().mean(0)
+    whole = forward("force", one_layer, single, rows).detach()[0]
+    np.testing.assert_allclose(mean.numpy(), whole.numpy(), atol=0.03 * float(whole.abs().max()))
+
+
+def test_a_blurred_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path) -> None:
+    usual = plan(epochs=6)
+    heads = {
+        **usual.definition.heads,
+        "force": HeadRecord(task=dataclasses.replace(TASKS["force"], blur=0.3, drop=0.2), scale=0.5),
+    }
+    setup = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
+    train, validation = examples(0), examples(1)
+    whole, _ = fit(setup, SCALER, train, validation, tmp_path / "whole")
+    other, _ = fit(usual, SCALER, train, validation, tmp_path / "other")
+    with pytest.raises(KilledError):
+        fit(setup, SCALER, train, validation, tmp_path / "cut", after(3))
+    cut, _ = fit(setup, SCALER, train, validation, tmp_path / "cut")
+    assert cut.history == whole.history
+    assert whole.history[-1]["force"] != other.history[-1]["force"]
+
+
 def test_weights_decay_in_heads_with_hidden_layers_alone(tmp_path: Path) -> None:
     free, decayed = (
         fit(plan(epochs=3, decay=decay), SCALER, examples(0), examples(1), tmp_path / name)[0].weights

@@ -34,6 +34,8 @@ class Task:
         Whether the untouched reference is an input beside the window's own feature.
     columns
         Names of the feature's columns that are its inputs, with * for any letters; all if empty.
+    reference
+        Names of the reference's columns that are its inputs, likewise.
     hidden
         Units of each hidden layer, ReLU; none for a linear head.
     linear
@@ -45,6 +47,10 @@ class Task:
         Largest standard error that is stated; with a larger one it abstains.
     rise
         Whether the rise of the pitch is an input beside the columns; see `monochord.perception.model.rise`.
+    blur
+        Standard deviation of normal noise that training adds to the scaled inputs.
+    drop
+        Share of the hidden units that are left out at each step of the training.
     """
 
     label: str
@@ -53,11 +59,14 @@ class Task:
     touched: bool = True
     context: bool = True
     columns: tuple[str, ...] = ()
+    reference: tuple[str, ...] = ()
     hidden: tuple[int, ...] = ()
     linear: bool = False
     weight: float = 1.0
     limit: float = math.inf
     rise: bool = False
+    blur: float = 0.0
+    drop: float = 0.0
 
     def __post_init__(self) -> None:
         if not all(1 <= units <= MAX_UNITS for units in self.hidden):
@@ -69,6 +78,11 @@ class Task:
             raise InputError("a linear path with the logistic loss", "one with a quantity")
         if not self.limit > 0.0:
             raise InputError(f"limit {self.limit:g} of a standard error", "a number above 0")
+        if not (0.0 <= self.blur < math.inf and 0.0 <= self.drop < 1.0):
+            given = f"blur {self.blur:g} and drop {self.drop:g} of a head"
+            raise InputError(given, "a blur of 0 or more, and a share from 0 on and below 1")
+        if self.linear and (self.blur or self.drop):
+            raise InputError("blur or drop beside a linear path", "hidden layers alone", "set linear = false")
 
     @property
     def is_probability(self) -> bool:

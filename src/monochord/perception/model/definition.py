@@ -147,8 +147,9 @@ class HeadRecord:
         if not (isfinite(self.offset) and all(0.0 < scale < inf for scale in scales)):
             given = f"offset {self.offset:g}, scale {self.scale:g} or factor {self.calibration.factor:g}"
             raise InputError(given, "finite numbers, scale and factor above 0")
-        if len(self.task.hidden) > MAX_LAYERS or len(self.task.columns) > MAX_PATTERNS:
-            given = f"{len(self.task.hidden)} hidden layers and {len(self.task.columns)} patterns of columns"
+        patterns = max(len(self.task.columns), len(self.task.reference))
+        if len(self.task.hidden) > MAX_LAYERS or patterns > MAX_PATTERNS:
+            given = f"{len(self.task.hidden)} hidden layers and {patterns} patterns of columns"
             raise InputError(given, f"{MAX_LAYERS} and {MAX_PATTERNS} at most")
 
 
@@ -222,17 +223,20 @@ class Definition:
         InputError
             If a pattern of the head's columns fits none.
         """
-        columns, patterns = self.feature.columns, self.heads[name].task.columns
-        for pattern in patterns:
-            if not any(fnmatchcase(column, pattern) for column in columns):
-                given = f"columns '{pattern}' for the head '{name}'"
-                such = f"such as '{columns[0]}'" if columns else "which has none here"
-                raise InputError(given, f"those of {self.feature.name}, {such}")
-        return tuple(
-            index
-            for index, column in enumerate(columns)
-            if not patterns or any(fnmatchcase(column, pattern) for pattern in patterns)
-        )
+        return _fitting(self.feature, self.heads[name].task.columns, name)
+
+    def reference_of(self, name: str) -> tuple[int, ...]:
+        """Return the indices of the reference's columns that a head sees, with its mark; empty for none.
+
+        Raises
+        ------
+        InputError
+            If a pattern of the head's columns of the reference fits none.
+        """
+        task = self.heads[name].task
+        if self.reference is None or not task.context:
+            return ()
+        return (*_fitting(self.reference.feature, task.reference, name), self.widths[1] - 1)
 
     def variables_of(self, name: str) -> tuple[tuple[int, int], ...]:
         """Return the columns of each variable of a head's correction: of what, and less what, -1 for nothing.
@@ -283,8 +287,7 @@ class Definition:
         """Return how many inputs a head has: columns of the feature and of the reference, and the rise."""
         task = self.heads[name].task
         rises = rise.COUNT if task.rise and self.rise_columns else 0
-        beside = (self.widths[1] if task.context else 0) + rises
-        return len(self.columns_of(name)) + beside
+        return len(self.columns_of(name)) + len(self.reference_of(name)) + rises
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the names and shapes of all weights.
@@ -326,3 +329,18 @@ class Definition:
                 shapes[f"{name}.correction.covariance"] = (terms, terms)
                 shapes[f"{name}.correction.touches"] = (TOUCHES_KEPT, 2 + count)
         return shapes
+
+
+def _fitting(feature: FeatureRecord, patterns: tuple[str, ...], head: str) -> tuple[int, ...]:
+    """Return the indices of the columns of a feature that fit one of the patterns, all for no pattern."""
+    columns = feature.columns
+    for pattern in patterns:
+        if not any(fnmatchcase(column, pattern) for column in columns):
+            given = f"columns '{pattern}' for the head '{head}'"
+            such = f"such as '{columns[0]}'" if columns else "which has none here"
+            raise InputError(given, f"those of {feature.name}, {such}")
+    return tuple(
+        index
+        for index, column in enumerate(columns)
+        if not patterns or any(fnmatchcase(column, pattern) for pattern in patterns)
+    )

@@ -44,8 +44,9 @@ class Network:
 
     Each row is a product of its own, in a batch too, so that equal rows give equal bits alone and among
     others, live and offline.
-    `linear` holds the linear path of the heads that have one, `columns` the features that a head sees, None
-    for all. `rise` names the heads that have the rise of the pitch as an input, of `rise_columns`.
+    `linear` holds the linear path of the heads that have one, `columns` the features that a head sees and
+    `reference` the reference's, None for all; `context` says whether it sees that. `rise` names the heads
+    that have the rise of the pitch as an input, of `rise_columns`.
     """
 
     scaler: tuple[Audio, Audio]
@@ -55,6 +56,7 @@ class Network:
     linear: Mapping[str, tuple[Audio, Audio]]
     context: Mapping[str, bool]
     columns: Mapping[str, Indices | None]
+    reference: Mapping[str, Indices | None]
     rise: frozenset[str]
     rise_columns: tuple[int, ...]
 
@@ -82,6 +84,10 @@ class Network:
                 name: np.array(definition.columns_of(name)) if record.task.columns else None
                 for name, record in heads.items()
             },
+            reference={
+                name: np.array(definition.reference_of(name)) if record.task.reference else None
+                for name, record in heads.items()
+            },
             rise=frozenset(name for name, record in heads.items() if record.task.rise),
             rise_columns=definition.rise_columns,
         )
@@ -106,9 +112,10 @@ class Network:
 
     def outputs(self, name: str, base: Audio, context: Audio, rise: Audio) -> list[Output]:
         """Return the outputs of a head for rows (n, d), (n, c) and (n, r), as `output` does for each."""
-        columns = self.columns[name]
+        columns, reference = self.columns[name], self.reference[name]
         parts = [base if columns is None else base[:, columns]]
-        parts += [context] if self.context[name] else []
+        if self.context[name]:
+            parts.append(context if reference is None else context[:, reference])
         parts += [rise] if name in self.rise else []
         # Rows in one piece: of others the product is summed in another order.
         inputs = np.ascontiguousarray(np.concatenate(parts, axis=1))

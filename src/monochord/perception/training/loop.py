@@ -121,7 +121,7 @@ def _fit(
         total = 0.0
         for first in range(0, learned.count, options.batch):
             batch = order[first : first + options.batch]
-            loss = learned.loss(tasks, weights, batch, copies[batch], shown[batch])
+            loss = learned.loss(tasks, weights, batch, copies[batch], shown[batch], generator)
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()

@@ -38,6 +38,10 @@ class TrainingTensors:
             name: torch.tensor(definition.columns_of(name)) if record.task.columns else None
             for name, record in definition.heads.items()
         }
+        self.reference = {
+            name: torch.tensor(definition.reference_of(name)) if record.task.reference else None
+            for name, record in definition.heads.items()
+        }
         self.tasks = {name: record.task for name, record in definition.heads.items()}
         self.copies, self.count = examples.base.shape[:2]
         self.labels: dict[str, Any] = {}
@@ -92,18 +96,27 @@ class TrainingTensors:
                 parts.append((base @ matrix[:, :width].T)[at, fold] + bias)
             context = torch.zeros(self.copies, self.count)
             for copy in range(self.copies):
-                beside = self._beside(self.tasks[name], copy, slice(None))
+                beside = self._beside(name, self.tasks[name], copy, slice(None))
                 if beside is not None:
                     context[copy] = (beside @ matrix[:, width:].T)[at, fold]
             self._linear[name] = torch.stack(parts), context
             self._residual[name] = path.residual
 
     def loss(
-        self, tasks: Mapping[str, Task], weights: Mapping[str, Any], batch: Any, copies: Any, shown: Any
+        self,
+        tasks: Mapping[str, Task],
+        weights: Mapping[str, Any],
+        batch: Any,
+        copies: Any,
+        shown: Any,
+        generator: Any,
     ) -> Any:
-        """Return the joint loss of windows, of the copies named, with the reference where `shown`."""
+        """Return the joint loss of windows, of the copies named, with the reference where `shown`.
+
+        Noise on inputs and the hidden units that are left out are drawn from the generator.
+        """
         outputs = {
-            name: forward(name, task, weights, self._inputs(name, task, copies, batch, shown))
+            name: forward(name, task, weights, self._inputs(name, task, copies, batch, shown), generator)
             for name, task in tasks.items()
         }
         targets = {name: self._target(name, copies, batch, shown) for name in tasks}
@@ -126,16 +139,20 @@ class TrainingTensors:
     def _inputs(self, name: str, task: Task, copies: Any, batch: Any, shown: Any) -> Any:
         base, columns = self.base[copies, batch], self.columns[name]
         row = base if columns is None else base[:, columns]
-        beside = self._beside(task, copies, batch)
+        beside = self._beside(name, task, copies, batch)
         if beside is not None:
             row = torch_library().cat([row, beside if shown is None else beside * shown[:, None]], dim=1)
         return row
 
-    def _beside(self, task: Task, copies: Any, batch: Any) -> Any:
+    def _beside(self, name: str, task: Task, copies: Any, batch: Any) -> Any:
         """Return what a head sees beside the columns: reference and rise over it; None for neither."""
-        parts = [self.context] if task.context and self.context is not None else []
-        parts += [self.rise] if task.rise else []
-        return torch_library().cat([part[copies, batch] for part in parts], dim=1) if parts else None
+        parts: list[Any] = []
+        if task.context and self.context is not None:
+            context, columns = self.context[copies, batch], self.reference[name]
+            parts.append(context if columns is None else context[:, columns])
+        if task.rise:
+            parts.append(self.rise[copies, batch])
+        return torch_library().cat(parts, dim=1) if parts else None
 
 
 def initial(definition: Definition, seed: int) -> dict[str, Any]:
@@ -161,13 +178,24 @@ def initial(definition: Definition, seed: int) -> dict[str, Any]:
     return weights
 
 
-def forward(name: str, task: Task, weights: Mapping[str, Any], rows: Any) -> Any:
-    """Return the outputs (n, outputs) of a head's layers for rows (n, inputs)."""
-    functional = torch_library().nn.functional
+def forward(name: str, task: Task, weights: Mapping[str, Any], rows: Any, generator: Any = None) -> Any:
+    """Return the outputs (n, outputs) of a head's layers for rows (n, inputs).
+
+    With a generator, as in training, the inputs are blurred and hidden units left out as the task says.
+    Noise on the inputs is a penalty on how steeply outputs depend on them (Bishop, Training with noise is
+    equivalent to Tikhonov regularization, 1995); leaving out units, Srivastava et al., Dropout (2014).
+    """
+    torch = torch_library()
+    functional = torch.nn.functional
+    if generator is not None and task.blur:
+        rows = rows + task.blur * torch.randn(rows.shape, generator=generator)
     for number in range(len(task.hidden)):
         rows = functional.relu(
             functional.linear(rows, weights[f"{name}.{number}.weight"], weights[f"{name}.{number}.bias"])
         )
+        if generator is not None and task.drop:
+            kept = torch.rand(rows.shape, generator=generator) >= task.drop
+            rows = rows * kept / (1.0 - task.drop)
     last = len(task.hidden)
     return functional.linear(rows, weights[f"{name}.{last}.weight"], weights[f"{name}.{last}.bias"])
 
