@@ -49,6 +49,8 @@ WIDER = (1.0, 4.0, 16.0, 64.0)
 """Factors of the covariance for a sensor whose errors are larger than any build's of the training."""
 NOISIER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Factors of the noise for one whose touches scatter more."""
+CAUTION = 0.75
+"""A factor a of these is a^-0.75 times as probable beforehand as 1."""
 
 Indices = NDArray[np.int64]
 
@@ -119,8 +121,8 @@ class Correction:
         The prior is of the builds of the training. On a sensor of another design errors are larger than on
         any of these, and too little of them would be learned from a few touches. So covariance and noise are
         multiplied by the factors, of `WIDER` and `NOISIER`, that are most probable given these errors (MacKay
-        1992, Bayesian interpolation); beforehand one of 4 is a quarter as probable as 1, which it takes
-        evidence to outweigh.
+        1992, Bayesian interpolation); beforehand one of 4 is a third as probable as 1 (`CAUTION`),
+        which it takes evidence to outweigh.
 
         Parameters
         ----------
@@ -137,7 +139,7 @@ class Correction:
             return replace(self, covariance=by[0] * self.covariance, noise=by[1] * self.noise)
 
         def probability(by: tuple[float, float]) -> float:
-            return scaled(by).evidence(*known) - float(np.log(by).sum())
+            return scaled(by).evidence(*known) - CAUTION * float(np.log(by).sum())
 
         return scaled(max(product(WIDER, NOISIER), key=probability))
 
