@@ -64,6 +64,13 @@ class Detector:
             ),
         )
 
+    def arrays(self) -> dict[str, Audio]:
+        """Return the arrays of its layers, by the names that they have in a model."""
+        arrays: dict[str, Audio] = {}
+        for number, (weight, bias) in enumerate(self.layers):
+            arrays |= {f"{KNOWN}.{number}.weight": weight, f"{KNOWN}.{number}.bias": bias}
+        return arrays
+
     def step(self, state: KnownState, logits: Floats, time: Seconds) -> KnownState:
         """Return the state after a window of logits (1 + reasons,) that begins at a time."""
         return step(state, logits, time, self.record.memory)

@@ -21,7 +21,7 @@ from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.heads.base import CONTACT
 from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
 from monochord.perception.model.known import Detector, KnownState, score
-from monochord.perception.model.network import scaled
+from monochord.perception.model.network import Layers, mean_of, scaled
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.examples import Examples, TrainingData
 from monochord.perception.training.rows import Noise, Progress, Rows
@@ -31,6 +31,8 @@ ORDINARY = "ordinary"
 """Key of the share of ordinary windows in `KnownRecord.measured`."""
 FAULT_SHARE = 4
 """One window of so many is also learned from with each fault."""
+FURTHER = 1_000_003
+"""Between the seeds of two members."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,17 +112,17 @@ def with_detector(
     threads = torch.get_num_threads()
     torch.set_num_threads(settings.optimiser.threads)
     try:
-        weights = _fitted(definition, options, settings.seed, ordinary, kinds)
+        seeds = [settings.seed + FURTHER * number for number in range(options.members)]
+        members = [_fitted(definition, options, seed, ordinary, kinds) for seed in seeds]
     finally:
         torch.set_num_threads(threads)
-    detector = Detector.of(definition, weights)
-    assert detector is not None
+    record = dataclasses.replace(record, hidden=tuple(options.members * units for units in options.hidden))
+    detector = Detector(record=record, layers=mean_of(members))
     scores = {kind.name: _scores(detector, kind) for kind in (ordinary, *kinds)}
     limit = float(np.quantile(scores[ORDINARY], 1.0 - options.share, method="higher"))
     measured = {name: float(np.mean(each > limit)) for name, each in scores.items() if each.size}
-    return dataclasses.replace(
-        definition, known=dataclasses.replace(record, limit=limit, measured=measured)
-    ), weights
+    record = dataclasses.replace(record, limit=limit, measured=measured)
+    return dataclasses.replace(definition, known=record), detector.arrays()
 
 
 def _begins(data: TrainingData, part: Indices) -> Indices:
@@ -212,8 +214,8 @@ def _named(dataset: Dataset, patterns: Sequence[str]) -> Flags:
 
 def _fitted(
     definition: Definition, options: KnownSettings, seed: int, ordinary: Kind, kinds: list[Kind]
-) -> dict[str, Audio]:
-    """Return the arrays of the detector's layers, trained on the kinds' windows."""
+) -> Layers:
+    """Return the detector's layers, trained on the kinds' windows."""
     torch = torch_library()
     assert definition.known is not None
     numbers = {reason: 1 + number for number, reason in enumerate(definition.known.reasons)}
@@ -255,7 +257,10 @@ def _fitted(
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
-    return {name: tensor.detach().numpy().copy() for name, tensor in arrays.items()}
+    trained = {name: tensor.detach().numpy().copy() for name, tensor in arrays.items()}
+    return tuple(
+        (trained[f"{KNOWN}.{number}.weight"], trained[f"{KNOWN}.{number}.bias"]) for number in range(last + 1)
+    )
 
 
 def _places(dataset: Dataset, rows: Indices) -> dict[str, Any]:

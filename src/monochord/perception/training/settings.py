@@ -20,6 +20,8 @@ from monochord.perception.heads.base import Head, Task
 from monochord.perception.model.definition import FeatureRecord, Reference
 
 DEFAULT_HEADS = ("contact", "slip", "position", "force")
+MAX_MEMBERS = 16
+"""Networks of a detector, at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +134,9 @@ class KnownSettings:
     share
         Share of the windows of validation that may be taken for unlike.
     hidden
-        Units of the hidden layers.
+        Units of the hidden layers of a member.
+    members
+        Networks that are trained, each from a start of its own. The detector gives the mean of their outputs.
     drop
         Share of the hidden units that are left out at each step of the training.
     rate, decay, batch, epochs
@@ -163,6 +167,7 @@ class KnownSettings:
     touch_memory: Seconds = 0.2
     share: float = 0.01
     hidden: tuple[int, ...] = (64,)
+    members: int = 1
     rate: float = 2e-3
     decay: float = 1e-2
     drop: float = 0.3
@@ -174,6 +179,8 @@ class KnownSettings:
             raise InputError(f"known.share {self.share:g}", "a share above 0 and below 0.5")
         if not 0.0 <= self.drop < 1.0:
             raise InputError(f"known.drop {self.drop:g}", "a share from 0 on and below 1")
+        if not 1 <= self.members <= MAX_MEMBERS:
+            raise InputError(f"known.members {self.members}", f"1 to {MAX_MEMBERS}")
         if self.batch < 1 or self.epochs < 1 or not 0.0 < self.rate < 1.0 or not 0.0 <= self.decay < 1.0:
             given = (
                 f"known.batch {self.batch}, epochs {self.epochs}, rate {self.rate:g}, decay {self.decay:g}"
