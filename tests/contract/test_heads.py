@@ -67,3 +67,10 @@ def test_a_quantity_may_have_one_standard_error_for_all(name: str) -> None:
 def test_a_linear_path_of_a_probability_is_refused() -> None:
     with pytest.raises(InputError, match="a linear path with the logistic loss"):
         Task(label="slip", loss="logistic", linear=True)
+
+
+@pytest.mark.parametrize("option", ["blur", "drop"])
+def test_inputs_that_a_linear_path_sees_are_not_blurred(option: str) -> None:
+    assert HEADS.build("force", {option: 0.1, "linear": False}).task().linear is False
+    with pytest.raises(InputError, match="blur or drop beside a linear path: .* set linear = false"):
+        HEADS.build("force", {option: 0.1, "linear": True}).task()
