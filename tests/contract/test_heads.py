@@ -72,5 +72,5 @@ def test_a_linear_path_of_a_probability_is_refused() -> None:
 @pytest.mark.parametrize("option", ["blur", "drop"])
 def test_inputs_that_a_linear_path_sees_are_not_blurred(option: str) -> None:
     assert HEADS.build("force", {option: 0.1, "linear": False}).task().linear is False
-    with pytest.raises(InputError, match="blur or drop beside a linear path: .* set linear = false"):
+    with pytest.raises(InputError, match=r"blur or drop beside a linear path: .* set linear = false"):
         HEADS.build("force", {option: 0.1, "linear": True}).task()

@@ -82,7 +82,9 @@ def test_a_drawn_design_is_a_sessions_own_and_described() -> None:
 def test_the_odd_plan_shares_no_build_with_a_test() -> None:
     builds = {build for group in load_plan("odd").groups for build in group.builds}
     tests = [
-        group for name in ("builds", "sealed", "sealed_2", "sealed_3", "sealed_4") for group in load_plan(name).groups
+        group
+        for name in ("builds", "sealed", "sealed_2", "sealed_3", "sealed_4")
+        for group in load_plan(name).groups
     ]
     assert not builds & {
         each

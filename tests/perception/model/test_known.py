@@ -11,7 +11,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Window
 from monochord.perception.model import Definition, Model, ModelState, load, save
 from monochord.perception.model.definition import KNOWN, KnownRecord
-from monochord.perception.model.known import UNLIKE, KnownState, step
+from monochord.perception.model.known import UNLIKE, Detector, KnownState, step
 
 Sound = Callable[..., Window]
 REASONS = ("microphone 2 is silent", "two things seem to touch")
@@ -106,6 +106,28 @@ def test_a_saved_detector_comes_back(drawn: Model, tmp_path: Path) -> None:
     assert again.definition == model.definition
     assert again.definition.known == KnownRecord(hidden=(4,), reasons=REASONS, memory=MEMORY, limit=1.5)
     np.testing.assert_array_equal(again.weights[f"{KNOWN}.1.bias"], [0.0, 4.0, 0.0])
+
+
+def test_a_detector_sees_its_columns_alone(drawn: Model) -> None:
+    seen = drawn.definition.feature.columns[3:5]
+    record = KnownRecord(hidden=(), columns=seen, reasons=REASONS, memory=MEMORY)
+    definition = dataclasses.replace(drawn.definition, known=record)
+    random = np.random.default_rng(0)
+    weights = {
+        name: random.normal(size=shape).astype(np.float32)
+        for name, shape in definition.shapes().items()
+        if name.startswith(f"{KNOWN}.")
+    }
+    detector = Detector.of(definition, weights)
+    assert detector is not None
+    assert detector.layers[0][0].shape == (3, 2)
+    rows = np.tile(random.normal(size=24).astype(np.float32), (24, 1))
+    rows[np.arange(24), np.arange(24)] += 1.0
+    differs = (detector.logits(rows) != detector.logits(rows[0])).any(axis=1)
+    assert np.flatnonzero(differs).tolist() == [3, 4]
+    np.testing.assert_array_equal(detector.logits(rows)[3], detector.logits(rows[3]))
+    with pytest.raises(InputError, match="columns 'other' for the detector of unlike sound"):
+        dataclasses.replace(definition, known=dataclasses.replace(record, columns=("other",))).shapes()
 
 
 def test_a_head_cannot_have_the_name_of_the_detector(drawn: Model) -> None:

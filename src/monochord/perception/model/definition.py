@@ -106,12 +106,14 @@ class KnownRecord:
     """The detector of sound unlike that of the training; see `monochord.perception.model.known`.
 
     It has `hidden` layers and an output for sound like that of the training, then one for each of `reasons`.
+    It sees the feature's `columns`, names or patterns as of a head, all for none.
     The log odds of each are averaged over its time in `memory`, and a window is abstained from where the
     score that follows is above `limit`. `measured` holds the shares of windows that are so in validation: of
     ordinary ones, and of each kind that was shown.
     """
 
     hidden: tuple[int, ...] = (64,)
+    columns: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
     memory: tuple[Seconds, ...] = ()
     limit: float = 0.0
@@ -124,6 +126,10 @@ class KnownRecord:
         if len(self.hidden) > MAX_LAYERS or not 1 <= len(self.reasons) <= MAX_PATTERNS:
             given = f"{len(self.hidden)} hidden layers and {len(self.reasons)} reasons of a detector"
             raise InputError(given, f"{MAX_LAYERS} at most, and 1 to {MAX_PATTERNS}")
+        if len(self.columns) > MAX_PATTERNS:
+            raise InputError(
+                f"{len(self.columns)} patterns of columns of a detector", f"{MAX_PATTERNS} at most"
+            )
         if not isfinite(self.limit):
             raise InputError(f"limit {self.limit:g} of a detector", "a finite number")
 
@@ -223,7 +229,20 @@ class Definition:
         InputError
             If a pattern of the head's columns fits none.
         """
-        return _fitting(self.feature, self.heads[name].task.columns, name)
+        return _fitting(self.feature, self.heads[name].task.columns, f"the head '{name}'")
+
+    @property
+    def known_columns(self) -> tuple[int, ...]:
+        """The indices of the feature's columns that the detector of unlike sound sees.
+
+        Raises
+        ------
+        InputError
+            If a pattern of its columns fits none.
+        """
+        return (
+            _fitting(self.feature, self.known.columns, "the detector of unlike sound") if self.known else ()
+        )
 
     def reference_of(self, name: str) -> tuple[int, ...]:
         """Return the indices of the reference's columns that a head sees, with its mark; empty for none.
@@ -236,7 +255,7 @@ class Definition:
         task = self.heads[name].task
         if self.reference is None or not task.context:
             return ()
-        return (*_fitting(self.reference.feature, task.reference, name), self.widths[1] - 1)
+        return (*_fitting(self.reference.feature, task.reference, f"the head '{name}'"), self.widths[1] - 1)
 
     def variables_of(self, name: str) -> tuple[tuple[int, int], ...]:
         """Return the columns of each variable of a head's correction: of what, and less what, -1 for nothing.
@@ -310,7 +329,7 @@ class Definition:
                 "context.probe": (3, context - 1),
             }
         if self.known:
-            units = (base, *self.known.hidden, 1 + len(self.known.reasons))
+            units = (len(self.known_columns), *self.known.hidden, 1 + len(self.known.reasons))
             for number, (inputs, outputs) in enumerate(pairwise(units)):
                 shapes[f"{KNOWN}.{number}.weight"] = (outputs, inputs)
                 shapes[f"{KNOWN}.{number}.bias"] = (outputs,)
@@ -331,12 +350,12 @@ class Definition:
         return shapes
 
 
-def _fitting(feature: FeatureRecord, patterns: tuple[str, ...], head: str) -> tuple[int, ...]:
+def _fitting(feature: FeatureRecord, patterns: tuple[str, ...], whose: str) -> tuple[int, ...]:
     """Return the indices of the columns of a feature that fit one of the patterns, all for no pattern."""
     columns = feature.columns
     for pattern in patterns:
         if not any(fnmatchcase(column, pattern) for column in columns):
-            given = f"columns '{pattern}' for the head '{head}'"
+            given = f"columns '{pattern}' for {whose}"
             such = f"such as '{columns[0]}'" if columns else "which has none here"
             raise InputError(given, f"those of {feature.name}, {such}")
     return tuple(

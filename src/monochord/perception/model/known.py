@@ -17,7 +17,7 @@ import numpy as np
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
 from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
-from monochord.perception.model.network import layered
+from monochord.perception.model.network import Indices, Layers, layered
 
 UNLIKE = "sound unlike what this model learned"
 """The reason where none of those that were learned is likely."""
@@ -45,10 +45,11 @@ FRESH = KnownState()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detector:
-    """The layers of the detector, as in a head, and its record."""
+    """The layers of the detector, as in a head, its record, and the indices of the columns that it sees."""
 
     record: KnownRecord
-    layers: tuple[tuple[Audio, Audio], ...]
+    columns: Indices
+    layers: Layers
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Detector | None":
@@ -58,6 +59,7 @@ class Detector:
         count = len(definition.known.hidden) + 1
         return cls(
             record=definition.known,
+            columns=np.array(definition.known_columns),
             layers=tuple(
                 (weights[f"{KNOWN}.{number}.weight"], weights[f"{KNOWN}.{number}.bias"])
                 for number in range(count)
@@ -81,7 +83,7 @@ class Detector:
 
     def logits(self, row: Audio) -> Floats:
         """Return the outputs (..., 1 + reasons) for scaled features (..., d)."""
-        return layered(row, self.layers).astype(np.float64)
+        return layered(np.take(row, self.columns, axis=-1), self.layers).astype(np.float64)
 
 
 def step(state: KnownState, logits: Floats, time: Seconds, memory: Sequence[Seconds]) -> KnownState:

@@ -106,7 +106,7 @@ def with_detector(
     reasons = tuple(dict.fromkeys(kind.reason for kind in kinds))
     brief = {options.reasons[pattern] for pattern in options.touches if pattern in options.reasons}
     memory = tuple(options.touch_memory if each in brief else options.memory for each in reasons)
-    record = KnownRecord(hidden=options.hidden, reasons=reasons, memory=memory)
+    record = KnownRecord(hidden=options.hidden, columns=options.columns, reasons=reasons, memory=memory)
     definition = dataclasses.replace(definition, known=record)
     torch = torch_library()
     threads = torch.get_num_threads()
@@ -117,7 +117,7 @@ def with_detector(
     finally:
         torch.set_num_threads(threads)
     record = dataclasses.replace(record, hidden=tuple(options.members * units for units in options.hidden))
-    detector = Detector(record=record, layers=mean_of(members))
+    detector = Detector(record=record, columns=np.array(definition.known_columns), layers=mean_of(members))
     scores = {kind.name: _scores(detector, kind) for kind in (ordinary, *kinds)}
     limit = float(np.quantile(scores[ORDINARY], 1.0 - options.share, method="higher"))
     measured = {name: float(np.mean(each > limit)) for name, each in scores.items() if each.size}
@@ -221,7 +221,7 @@ def _fitted(
     numbers = {reason: 1 + number for number, reason in enumerate(definition.known.reasons)}
     parts = [(ordinary.learned, 0, 0.5)]
     parts += [(kind.learned, numbers[kind.reason], 0.5 / len(kinds)) for kind in kinds]
-    rows = torch.from_numpy(np.concatenate([part for part, _, _ in parts]))
+    rows = torch.from_numpy(np.concatenate([part[:, definition.known_columns] for part, _, _ in parts]))
     target = torch.from_numpy(np.concatenate([np.full(len(part), label) for part, label, _ in parts]))
     each: list[Audio] = [
         np.full(len(part), share / max(len(part), 1), np.float32) for part, _, share in parts

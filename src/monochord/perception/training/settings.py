@@ -133,6 +133,8 @@ class KnownSettings:
         each window by itself.
     share
         Share of the windows of validation that may be taken for unlike.
+    columns
+        Names of the feature's columns that it sees, with * for any letters; all if empty.
     hidden
         Units of the hidden layers of a member.
     members
@@ -166,6 +168,7 @@ class KnownSettings:
     memory: Seconds = 2.0
     touch_memory: Seconds = 0.2
     share: float = 0.01
+    columns: tuple[str, ...] = ()
     hidden: tuple[int, ...] = (64,)
     members: int = 1
     rate: float = 2e-3
