@@ -75,10 +75,35 @@ def test_what_windows_say_is_averaged_over_time_whatever_the_hop() -> None:
     assert forgetful.odds[0] == 6.0
 
 
-def test_the_first_window_of_a_stream_says_no_more_than_others() -> None:
-    state = step(KnownState(), np.array([0.0, 6.0]), 0.0, (2.0,))
+def test_what_touched_windows_tell_stays_as_it_is_until_the_next_touch() -> None:
+    record = KnownRecord(reasons=REASONS, memory=(2.0, 2.0), touched=REASONS[1:])
+    detector = Detector(record=record, columns=np.arange(1), layers=())
+    said, state = np.array([0.0, -6.0, 6.0]), KnownState()
+    for k in range(10):
+        state = detector.step(state, said, 0.1 * k, touched=False)
+    assert state.odds is not None
+    assert state.odds == pytest.approx([-6.0, -10.0])
+    averaged = list[float]()
+    for k in range(10, 40):
+        touched = k % 2 == 0
+        state = detector.step(
+            state, said if touched else np.array([0.0, 6.0, -6.0]), 0.1 * k, touched=touched
+        )
+        assert state.odds is not None
+        averaged.append(state.odds[1])
+    assert averaged == pytest.approx([6.0] * 30)
+    with pytest.raises(InputError, match="did you mean 'two things seem to touch'"):
+        dataclasses.replace(record, touched=("two things seems to touch",))
+
+
+@pytest.mark.parametrize("untouched", [0, 1, 3])
+def test_the_first_window_that_counts_says_no_more_than_others(untouched: int) -> None:
+    counts, state = np.array([True]), KnownState()
+    for k in range(-untouched, 0):
+        state = step(state, np.zeros(2), 0.01 * k, (2.0,), ~counts)
+    state = step(state, np.array([0.0, 6.0]), 0.0, (2.0,), counts)
     for k in range(1, 10):
-        state = step(state, np.array([0.0, -6.0]), 0.01 * k, (2.0,))
+        state = step(state, np.array([0.0, -6.0]), 0.01 * k, (2.0,), counts)
     assert state.odds is not None
     assert state.odds[0] == pytest.approx(-6.0 * 8.0 / 10.0, abs=0.05)
 

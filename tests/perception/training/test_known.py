@@ -52,19 +52,6 @@ def test_faults_are_flagged_and_ordinary_windows_are_not(lesson: dict[str, Any],
     assert measured["ordinary"] <= 0.01
 
 
-def test_members_differ_and_the_detector_is_their_mean(lesson: dict[str, Any], tmp_path: Path) -> None:
-    known = {"on": True, "members": 2, "hidden": [6, 4], "epochs": 2}
-    train(TrainingSettings.read({**lesson, "optimiser": SHORT, "known": known}), tmp_path / "run")
-    detector = load(tmp_path / "run").detector
-    assert detector is not None
-    assert detector.record.hidden == (12, 8)
-    inner, outer = detector.layers[1][0], detector.layers[2][0]
-    assert not inner[:4, 6:].any()
-    assert not inner[4:, :6].any()
-    assert not np.array_equal(inner[:4, :6], inner[4:, 6:])
-    assert not np.array_equal(outer[:, :4], outer[:, 4:])
-
-
 def test_other_sessions_are_learned_and_nothing_else_changes(lesson: dict[str, Any], tmp_path: Path) -> None:
     known = {"on": True, "dataset": lesson["dataset"], "reasons": {"sung_1*": "another string"}, "epochs": 2}
     plain, with_it = tmp_path / "plain", tmp_path / "known"
@@ -87,7 +74,7 @@ def test_a_dataset_without_the_reasons_is_refused(lesson: dict[str, Any], tmp_pa
 
 @pytest.mark.parametrize(
     "known",
-    [{"share": 0.7}, {"epochs": 0}, {"members": 0}, {"faults": {"mice": "x"}}, {"on": True, "faults": {}}],
+    [{"share": 0.7}, {"epochs": 0}, {"faults": {"mice": "x"}}, {"on": True, "faults": {}}],
 )
 def test_settings_that_cannot_be(lesson: dict[str, Any], known: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="known"):

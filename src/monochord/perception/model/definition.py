@@ -108,14 +108,16 @@ class KnownRecord:
     It has `hidden` layers and an output for sound like that of the training, then one for each of `reasons`.
     It sees the feature's `columns`, names or patterns as of a head, all for none.
     The log odds of each are averaged over its time in `memory`, and a window is abstained from where the
-    score that follows is above `limit`. `measured` holds the shares of windows that are so in validation: of
-    ordinary ones, and of each kind that was shown.
+    score that follows is above `limit`. Reasons in `touched` are heard in touched windows alone: no other
+    counts in their average, which so stays until the next touch. `measured` holds the shares of windows that
+    are so in validation: of ordinary ones, and of each kind that was shown.
     """
 
     hidden: tuple[int, ...] = (64,)
     columns: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
     memory: tuple[Seconds, ...] = ()
+    touched: tuple[str, ...] = ()
     limit: float = 0.0
     measured: dict[str, float] = field(default_factory=dict[str, float])
 
@@ -126,6 +128,10 @@ class KnownRecord:
         if len(self.hidden) > MAX_LAYERS or not 1 <= len(self.reasons) <= MAX_PATTERNS:
             given = f"{len(self.hidden)} hidden layers and {len(self.reasons)} reasons of a detector"
             raise InputError(given, f"{MAX_LAYERS} at most, and 1 to {MAX_PATTERNS}")
+        for reason in self.touched:
+            if reason not in self.reasons:
+                given = f"reason '{reason}' of a detector, heard in touched windows"
+                raise InputError(given, ", ".join(self.reasons), did_you_mean(reason, self.reasons))
         if len(self.columns) > MAX_PATTERNS:
             raise InputError(
                 f"{len(self.columns)} patterns of columns of a detector", f"{MAX_PATTERNS} at most"

@@ -5,7 +5,8 @@ does. So a small network learns ordinary windows against windows of faults and o
 trained on (outlier exposure; Hendrycks, Mazeika and Dietterich, Deep anomaly detection with outlier exposure,
 2019). It sees a window's features alone, not the reference of the untouched string, which the same fault may
 have spoiled. One window tells little of some faults: what windows say is averaged, over seconds for a fault,
-which lasts, and for less than a touch for one.
+which lasts, and for less than a touch for one. A silent driver is heard while something touches: its segment
+hardly rings then, where an untouched string of another design may sound the same.
 """
 
 import math
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.core.types import Audio, Floats
+from monochord.core.types import Audio, Flags, Floats
 from monochord.core.units import Seconds
 from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
 from monochord.perception.model.network import Indices, Layers, layered
@@ -31,8 +32,9 @@ MIN_SHARE = 0.5
 class KnownState:
     """The detector on one stream: averaged log odds (reasons,) of each reason, after the window at `time`.
 
-    `odds` is None before any window. `weight` (reasons,) is that of the windows so far, of which one that
-    lasted for ever has 1; it is None before the second window.
+    Both are None before any window. `weight` (reasons,) is that of the windows so far that count for the
+    reason, of which one that lasted for ever has 1; it is NaN where that is the first window of the stream
+    alone, since how far windows are apart shows in the second.
     """
 
     odds: Floats | None = None
@@ -66,16 +68,13 @@ class Detector:
             ),
         )
 
-    def arrays(self) -> dict[str, Audio]:
-        """Return the arrays of its layers, by the names that they have in a model."""
-        arrays: dict[str, Audio] = {}
-        for number, (weight, bias) in enumerate(self.layers):
-            arrays |= {f"{KNOWN}.{number}.weight": weight, f"{KNOWN}.{number}.bias": bias}
-        return arrays
+    def step(self, state: KnownState, logits: Floats, time: Seconds, *, touched: bool) -> KnownState:
+        """Return the state after a window of logits (1 + reasons,) that begins at a time.
 
-    def step(self, state: KnownState, logits: Floats, time: Seconds) -> KnownState:
-        """Return the state after a window of logits (1 + reasons,) that begins at a time."""
-        return step(state, logits, time, self.record.memory)
+        `touched` says whether something touches there.
+        """
+        counts = np.array([touched or reason not in self.record.touched for reason in self.record.reasons])
+        return step(state, logits, time, self.record.memory, counts)
 
     def why_unknown(self, state: KnownState) -> str:
         """Return why sound is unlike the training after its last window, empty where it is like it."""
@@ -86,24 +85,34 @@ class Detector:
         return layered(np.take(row, self.columns, axis=-1), self.layers).astype(np.float64)
 
 
-def step(state: KnownState, logits: Floats, time: Seconds, memory: Sequence[Seconds]) -> KnownState:
+def step(
+    state: KnownState, logits: Floats, time: Seconds, memory: Sequence[Seconds], counts: Flags | None = None
+) -> KnownState:
     """Return the state after a window of logits (1 + reasons,) that begins at a time.
 
     The log odds are averaged over windows, with weights that fall by e in the time in `memory` (reasons,),
     whatever the hop; the first windows of a stream, which may be of drivers that only start, count as the
-    others do.
+    others do. The average of a reason for which the window does not count (reasons,) stays as it is.
 
     >>> state = step(KnownState(), np.array([0.0, 2.0, 2.0]), 0.0, (0.5, 0.0))
     >>> step(state, np.array([0.0, 0.0, 0.0]), 0.5, (0.5, 0.0)).odds.round(3).tolist()
     [0.538, 0.0]
+    >>> step(state, np.zeros(3), 0.5, (0.5, 0.0), np.array([True, False])).odds.round(3).tolist()
+    [0.538, 2.0]
     """
     odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
-    if state.odds is None:
-        return KnownState(odds=odds, time=time)
+    counts = np.ones(odds.shape, bool) if counts is None else counts
+    if state.odds is None or state.weight is None:
+        return KnownState(
+            odds=np.where(counts, odds, -MAX_ODDS), weight=np.where(counts, np.nan, 0.0), time=time
+        )
     share = np.exp(-max(time - state.time, 1e-9) / np.maximum(memory, 1e-12))
-    before = share * (1.0 - share if state.weight is None else state.weight)
+    before = share * np.where(np.isnan(state.weight), 1.0 - share, state.weight)
     weight = before + 1.0 - share
-    return KnownState(odds=(before * state.odds + (1.0 - share) * odds) / weight, weight=weight, time=time)
+    averaged = (before * state.odds + (1.0 - share) * odds) / weight
+    return KnownState(
+        odds=np.where(counts, averaged, state.odds), weight=np.where(counts, weight, state.weight), time=time
+    )
 
 
 def score(odds: Floats) -> Floats:

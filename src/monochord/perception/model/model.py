@@ -9,6 +9,7 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimate, Estimates, Floats, Signal, StringParams, Window
 from monochord.core.units import Samples
+from monochord.metrics import DECISION
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
@@ -208,7 +209,8 @@ class Model:
             outputs[name] = replace(outputs[name], variables=values)
         time, why_not = window.start / window.sample_rate, ""
         if self.detector is not None and logits is not None:
-            state = replace(state, known=self.detector.step(state.known, logits, time))
+            touches = probability(outputs[trained.gate], trained.heads[trained.gate]) > DECISION
+            state = replace(state, known=self.detector.step(state.known, logits, time, touched=touches))
             why_not = self.detector.why_unknown(state.known)
         reference = self.extractors[1]
         if reference is not None and trained.reference is not None:

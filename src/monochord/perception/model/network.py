@@ -1,12 +1,11 @@
 """The heads as arithmetic in NumPy: from a row of features to outputs, and from these to estimates."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from monochord.core.types import Audio, Estimate
 from monochord.metrics import DECISION
@@ -141,29 +140,6 @@ def layered(row: Audio, layers: Layers) -> Audio:
         row = product + bias
         row = np.maximum(row, np.float32(0.0)) if number < len(layers) else row
     return row
-
-
-def mean_of(members: Sequence[Layers]) -> Layers:
-    """Return the layers of one network whose outputs are the mean of its members', of as many layers each.
-
-    >>> one, three = (np.full((1, 2), value, np.float32) for value in (1.0, 3.0))
-    >>> out, none = np.ones((1, 1), np.float32), np.zeros(1, np.float32)
-    >>> both = mean_of([((one, none), (out, none)), ((three, none), (out, none))])
-    >>> both[0][0].shape, layered(np.array([1.0, 2.0], np.float32), both).tolist()
-    ((2, 2), [6.0])
-    """
-    layers = list(zip(*members, strict=True))
-    joined: list[tuple[Audio, Audio]] = []
-    for number, layer in enumerate(layers, start=1):
-        weights, biases = ([each[part] for each in layer] for part in (0, 1))
-        weight, bias = np.concatenate(weights), np.concatenate(biases)
-        if 1 < number < len(layers):
-            weight = np.asarray(block_diag(*weights), np.float32)
-        elif number == len(layers):
-            weight = np.hstack(weights) if number > 1 else np.sum(weights, axis=0)
-            weight, bias = weight / len(members), np.mean(biases, axis=0)
-        joined.append((weight.astype(np.float32), bias.astype(np.float32)))
-    return tuple(joined)
 
 
 def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:

@@ -21,7 +21,7 @@ from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.heads.base import CONTACT
 from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
 from monochord.perception.model.known import Detector, KnownState, score
-from monochord.perception.model.network import Layers, mean_of, scaled
+from monochord.perception.model.network import scaled
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.examples import Examples, TrainingData
 from monochord.perception.training.rows import Noise, Progress, Rows
@@ -31,13 +31,14 @@ ORDINARY = "ordinary"
 """Key of the share of ordinary windows in `KnownRecord.measured`."""
 FAULT_SHARE = 4
 """One window of so many is also learned from with each fault."""
-FURTHER = 1_000_003
-"""Between the seeds of two members."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """Windows of one kind: scaled features (n, d), those of validation with session and time, the reason."""
+    """Windows of one kind and the reason: scaled features (n, d).
+
+    Those of validation have their session, their time, and whether something touches.
+    """
 
     name: str
     reason: str
@@ -45,6 +46,7 @@ class Kind:
     judged: Audio
     session: Indices
     time: Floats
+    touched: Flags
 
 
 def with_detector(
@@ -104,25 +106,32 @@ def with_detector(
         *_unlike(options, settings, data, judged, scale, progress),
     ]
     reasons = tuple(dict.fromkeys(kind.reason for kind in kinds))
-    brief = {options.reasons[pattern] for pattern in options.touches if pattern in options.reasons}
-    memory = tuple(options.touch_memory if each in brief else options.memory for each in reasons)
-    record = KnownRecord(hidden=options.hidden, columns=options.columns, reasons=reasons, memory=memory)
+    brief, touching = (
+        {options.reasons[pattern] for pattern in patterns if pattern in options.reasons}
+        for patterns in (options.brief, options.touches)
+    )
+    record = KnownRecord(
+        hidden=options.hidden,
+        columns=options.columns,
+        reasons=reasons,
+        memory=tuple(options.touch_memory if each in brief else options.memory for each in reasons),
+        touched=tuple(each for each in reasons if each in touching - brief),
+    )
     definition = dataclasses.replace(definition, known=record)
     torch = torch_library()
     threads = torch.get_num_threads()
     torch.set_num_threads(settings.optimiser.threads)
     try:
-        seeds = [settings.seed + FURTHER * number for number in range(options.members)]
-        members = [_fitted(definition, options, seed, ordinary, kinds) for seed in seeds]
+        weights = _fitted(definition, options, settings.seed, ordinary, kinds)
     finally:
         torch.set_num_threads(threads)
-    record = dataclasses.replace(record, hidden=tuple(options.members * units for units in options.hidden))
-    detector = Detector(record=record, columns=np.array(definition.known_columns), layers=mean_of(members))
+    detector = Detector.of(definition, weights)
+    assert detector is not None
     scores = {kind.name: _scores(detector, kind) for kind in (ordinary, *kinds)}
     limit = float(np.quantile(scores[ORDINARY], 1.0 - options.share, method="higher"))
     measured = {name: float(np.mean(each > limit)) for name, each in scores.items() if each.size}
     record = dataclasses.replace(record, limit=limit, measured=measured)
-    return dataclasses.replace(definition, known=record), detector.arrays()
+    return dataclasses.replace(definition, known=record), weights
 
 
 def _begins(data: TrainingData, part: Indices) -> Indices:
@@ -214,8 +223,8 @@ def _named(dataset: Dataset, patterns: Sequence[str]) -> Flags:
 
 def _fitted(
     definition: Definition, options: KnownSettings, seed: int, ordinary: Kind, kinds: list[Kind]
-) -> Layers:
-    """Return the detector's layers, trained on the kinds' windows."""
+) -> dict[str, Audio]:
+    """Return the arrays of the detector's layers, trained on the kinds' windows."""
     torch = torch_library()
     assert definition.known is not None
     numbers = {reason: 1 + number for number, reason in enumerate(definition.known.reasons)}
@@ -257,15 +266,16 @@ def _fitted(
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
-    trained = {name: tensor.detach().numpy().copy() for name, tensor in arrays.items()}
-    return tuple(
-        (trained[f"{KNOWN}.{number}.weight"], trained[f"{KNOWN}.{number}.bias"]) for number in range(last + 1)
-    )
+    return {name: tensor.detach().numpy().copy() for name, tensor in arrays.items()}
 
 
 def _places(dataset: Dataset, rows: Indices) -> dict[str, Any]:
-    """Return the sessions and the times of windows (n,)."""
-    return {"session": dataset.session[rows], "time": dataset.start[rows] / dataset.manifest.sample_rate}
+    """Return of windows (n,) their sessions, their times, and whether something touches."""
+    return {
+        "session": dataset.session[rows],
+        "time": dataset.start[rows] / dataset.manifest.sample_rate,
+        "touched": dataset.label(CONTACT)[rows] == 1.0,
+    }
 
 
 def _scores(detector: Detector, kind: Kind) -> Floats:
@@ -274,6 +284,7 @@ def _scores(detector: Detector, kind: Kind) -> Floats:
     for number, logits in enumerate(detector.logits(kind.judged)):
         if kind.session[number] != session:
             state, session = KnownState(), kind.session[number]
-        state = detector.step(state, logits, float(kind.time[number]))
+        time, touched = float(kind.time[number]), bool(kind.touched[number])
+        state = detector.step(state, logits, time, touched=touched)
         scores[number] = -np.inf if state.odds is None else score(state.odds)
     return scores

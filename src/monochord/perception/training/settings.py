@@ -20,8 +20,6 @@ from monochord.perception.heads.base import Head, Task
 from monochord.perception.model.definition import FeatureRecord, Reference
 
 DEFAULT_HEADS = ("contact", "slip", "position", "force")
-MAX_MEMBERS = 16
-"""Networks of a detector, at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,22 +121,22 @@ class KnownSettings:
         left out. In those of a pattern in `touches` only touched windows are unlike the training.
     touches
         Patterns of sessions that are as any other until something touches.
+    brief
+        Those of them that are as any other again when the touch has ended.
     faults
         Reason to abstain for each of `monochord.datasets.faults.FAULTS` that is made of training windows.
     spared
         Patterns of the names of training sessions that no fault is made of: those of other designs, which
         with their microphones exchanged are one more such design, and no fault.
     memory, touch_memory
-        Times in s over which what windows say is averaged, of a fault, which lasts, and of a touch; 0 for
-        each window by itself.
+        Times in s over which what windows say is averaged, of a fault, which lasts, and of what is brief; 0
+        for each window by itself.
     share
         Share of the windows of validation that may be taken for unlike.
     columns
         Names of the feature's columns that it sees, with * for any letters; all if empty.
     hidden
-        Units of the hidden layers of a member.
-    members
-        Networks that are trained, each from a start of its own. The detector gives the mean of their outputs.
+        Units of the hidden layers.
     drop
         Share of the hidden units that are left out at each step of the training.
     rate, decay, batch, epochs
@@ -154,7 +152,8 @@ class KnownSettings:
             "driver_*_dead_*": "one driver seems silent",
         }
     )
-    touches: tuple[str, ...] = ("two_touches_*", "foam_*")
+    touches: tuple[str, ...] = ("two_touches_*", "foam_*", "driver_*_dead_*")
+    brief: tuple[str, ...] = ("two_touches_*", "foam_*")
     faults: dict[str, str] = field(
         default_factory=lambda: {
             "microphone 1 dead": "microphone 1 is silent",
@@ -170,7 +169,6 @@ class KnownSettings:
     share: float = 0.01
     columns: tuple[str, ...] = ()
     hidden: tuple[int, ...] = (64,)
-    members: int = 1
     rate: float = 2e-3
     decay: float = 1e-2
     drop: float = 0.3
@@ -182,8 +180,6 @@ class KnownSettings:
             raise InputError(f"known.share {self.share:g}", "a share above 0 and below 0.5")
         if not 0.0 <= self.drop < 1.0:
             raise InputError(f"known.drop {self.drop:g}", "a share from 0 on and below 1")
-        if not 1 <= self.members <= MAX_MEMBERS:
-            raise InputError(f"known.members {self.members}", f"1 to {MAX_MEMBERS}")
         if self.batch < 1 or self.epochs < 1 or not 0.0 < self.rate < 1.0 or not 0.0 <= self.decay < 1.0:
             given = (
                 f"known.batch {self.batch}, epochs {self.epochs}, rate {self.rate:g}, decay {self.decay:g}"
