@@ -79,3 +79,25 @@ def test_drivers_that_go_off_leave_no_estimate(play: Any, tmp_path: Path, start_
     live.wait_for(lambda row: bool({"string_still", "silence"} & set(notes(row))))
     live.end()
     assert sum(map(wrong, live.rows())) < 100, "1 s"
+
+
+@pytest.mark.parametrize("dead", [1, 2])
+def test_a_driver_that_goes_off_is_named_and_outlived(
+    play: Any, tmp_path: Path, start_live: StartLive, dead: int
+) -> None:
+    sensor = mc.VirtualSensor("prototype", build=1)
+    parts = [sensor.advance(1.5)[0]]
+    sensor.press(POSITION, force=1.0)
+    parts += [sensor.advance(6.0)[0]]
+    sensor.drive(dead != 1, dead != 2)
+    parts += [sensor.advance(8.0)[0]]
+    sensor.drive(True, True)
+    parts += [sensor.advance(14.0)[0]]
+    soundfile.write(tmp_path / "off.wav", np.concatenate(parts, axis=1).T, RATE, subtype="FLOAT")
+    play(tmp_path / "off.wav")
+    live = start_live()
+    live.wait_for_touch()
+    live.wait_for_note("driver_silent")
+    live.wait_for(lambda row: recovered(row, "driver_silent"))
+    live.end()
+    assert sum(map(wrong, live.rows())) < 100, "1 s"

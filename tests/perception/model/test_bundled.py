@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import monochord as mc
 from monochord.core.config import load_toml
 from monochord.core.errors import InputError
 from monochord.core.types import Signal, Window
@@ -53,6 +54,10 @@ def test_it_is_what_its_configuration_asks_for(name: str) -> None:
     for field in ("below", "keep", "every", "settle", "guard"):
         assert getattr(definition.reference, field) == getattr(rule, field), AGAIN
     assert built(definition.reference.feature) == built(rule.feature), AGAIN
+    assert definition.known is not None
+    known = settings.known
+    assert (definition.known.hidden, definition.known.columns) == (known.hidden, known.columns), AGAIN
+    assert definition.known.touched == (known.reasons["driver_*_dead_*"],), AGAIN
 
 
 @pytest.mark.parametrize("name", bundled_names())
@@ -83,3 +88,23 @@ def test_an_unknown_name_is_refused_with_the_names() -> None:
     line = r"model demmo \(not there\): allowed is a folder .*, or demo; did you mean 'demo'"
     with pytest.raises(InputError, match=line):
         load("demmo")
+
+
+@pytest.mark.parametrize("dead", [1, 2])
+def test_a_silent_driver_is_named_when_something_touches_and_remembered(dead: int) -> None:
+    sensor, model, state = mc.VirtualSensor("prototype", build=3), load("demo"), ModelState()
+    parts = [sensor.advance(2.0)[0]]
+    sensor.drive(dead != 1, dead != 2)
+    for place in (0.07, 0.12):
+        sensor.press(place, force=1.0)
+        parts.append(sensor.advance(1.0)[0])
+        sensor.release()
+        parts.append(sensor.advance(0.5)[0])
+    sound = np.concatenate(parts, axis=1).astype(np.float32)
+    reasons: dict[float, str] = {}
+    for start in range(0, sound.shape[1] - 4410, 2205):
+        samples = np.ascontiguousarray(sound[:, start : start + 4410])
+        state, estimates = model.predict(state, Window(samples=samples, start=start, sample_rate=44100))
+        reasons[start / 44100] = estimates["contact"].why_not
+    assert not any(reason for time, reason in reasons.items() if time < 1.9)
+    assert {reason for time, reason in reasons.items() if time > 2.4} == {"one driver seems silent"}
