@@ -109,7 +109,14 @@ RUNS: dict[str, tuple[Damage, str]] = {
     "another sum": (changed_text(weights="0" * 64), "allowed is 000000000000..., as model.json says"),
     "no numbers": (not_numbers, "force.0.bias is not finite"),
     "fewer columns": (columns(lambda names: names[:-1]), "scaler.mean is float32 (384,): allowed is"),
-    "another column": (columns(lambda names: ["mic hue", *names[1:]]), "'mic hue' where there is"),
+    "another column": (
+        columns(lambda names: ["mic 1 own 1 hue", *names[1:]]),
+        "'mic 1 own 1 hue' where there is",
+    ),
+    "a column that the detector does not see": (
+        columns(lambda names: ["mic hue", *names[1:]]),
+        "known.0.weight is float32 (128, 316): allowed is finite float32 (128, 315)",
+    ),
     "another feature": (
         changed_text(feature={"name": "fft", "options": {}, "columns": []}),
         "fft, which has none",

@@ -5,7 +5,7 @@ import os
 import socket
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
@@ -139,10 +139,17 @@ def _on_this_machine(
             with shielded():
                 cluster = stack.enter_context(_local_cluster(workers, scratch))
                 client = stack.enter_context(Client(cluster, set_as_default=False))
+                stack.callback(_whole_again, client, workers)
             yield from _results(client, jobs, work)
         finally:
             with shielded():
                 stack.close()
+
+
+def _whole_again(client: Any, workers: int) -> None:
+    """Wait for a worker that was killed and is being started again, since a cluster cannot end it so."""
+    with suppress(TimeoutError):
+        client.wait_for_workers(workers, timeout=ANSWER_TIMEOUT)
 
 
 def _local_cluster(workers: int, scratch: Path) -> Any:
