@@ -63,16 +63,21 @@ def test_a_fault_of_the_sound_is_named_and_outlived(
     assert sum(map(wrong, rows)) < 250, "2.5 s"
 
 
-def test_drivers_that_go_off_leave_no_estimate(play: Any, tmp_path: Path, start_live: StartLive) -> None:
+def driven(first: bool, second: bool, off: float, on: float, file: Path) -> None:  # noqa: FBT001
+    """Write the sound of a touch, with the drivers so for `off` seconds, then both on for `on` seconds."""
     sensor = mc.VirtualSensor("prototype", build=1)
     parts = [sensor.advance(1.5)[0]]
     sensor.press(POSITION, force=1.0)
     parts += [sensor.advance(6.0)[0]]
-    sensor.drive(False, False)
-    parts += [sensor.advance(12.0)[0]]
+    sensor.drive(first, second)
+    parts += [sensor.advance(off)[0]]
     sensor.drive(True, True)
-    parts += [sensor.advance(10.0)[0]]
-    soundfile.write(tmp_path / "off.wav", np.concatenate(parts, axis=1).T, RATE, subtype="FLOAT")
+    parts += [sensor.advance(on)[0]]
+    soundfile.write(file, np.concatenate(parts, axis=1).T, RATE, subtype="FLOAT")
+
+
+def test_drivers_that_go_off_leave_no_estimate(play: Any, tmp_path: Path, start_live: StartLive) -> None:
+    driven(False, False, 12.0, 10.0, tmp_path / "off.wav")
     play(tmp_path / "off.wav")
     live = start_live()
     live.wait_for_touch()
@@ -85,15 +90,7 @@ def test_drivers_that_go_off_leave_no_estimate(play: Any, tmp_path: Path, start_
 def test_a_driver_that_goes_off_is_named_and_outlived(
     play: Any, tmp_path: Path, start_live: StartLive, dead: int
 ) -> None:
-    sensor = mc.VirtualSensor("prototype", build=1)
-    parts = [sensor.advance(1.5)[0]]
-    sensor.press(POSITION, force=1.0)
-    parts += [sensor.advance(6.0)[0]]
-    sensor.drive(dead != 1, dead != 2)
-    parts += [sensor.advance(8.0)[0]]
-    sensor.drive(True, True)
-    parts += [sensor.advance(14.0)[0]]
-    soundfile.write(tmp_path / "off.wav", np.concatenate(parts, axis=1).T, RATE, subtype="FLOAT")
+    driven(dead != 1, dead != 2, 8.0, 14.0, tmp_path / "off.wav")
     play(tmp_path / "off.wav")
     live = start_live()
     live.wait_for_touch()

@@ -54,12 +54,14 @@ def test_faults_are_flagged_and_ordinary_windows_are_not(lesson: dict[str, Any],
 
 def test_other_sessions_are_learned_and_nothing_else_changes(lesson: dict[str, Any], tmp_path: Path) -> None:
     known = {"on": True, "dataset": lesson["dataset"], "reasons": {"sung_1*": "another string"}, "epochs": 2}
+    known["touches"] = ["sung_1*"]
     plain, with_it = tmp_path / "plain", tmp_path / "known"
     train(TrainingSettings.read({**lesson, "optimiser": SHORT}), plain)
     train(TrainingSettings.read({**lesson, "optimiser": SHORT, "known": known}), with_it)
     one, other = load(plain), load(with_it)
     assert other.definition.known is not None
     assert "another string" in other.definition.known.reasons
+    assert other.definition.known.touched == ("another string",)
     assert {name for name in other.weights if name.startswith(KNOWN)} == set(other.weights) - set(one.weights)
     for name, array in one.weights.items():
         np.testing.assert_array_equal(array, other.weights[name])

@@ -208,14 +208,15 @@ class Model:
             values = tuple(float(columns[of]) - float(columns[less]) for of, less in pairs)
             outputs[name] = replace(outputs[name], variables=values)
         time, why_not = window.start / window.sample_rate, ""
+        contact = probability(outputs[trained.gate], trained.heads[trained.gate])
         if self.detector is not None and logits is not None:
-            touches = probability(outputs[trained.gate], trained.heads[trained.gate]) > DECISION
-            state = replace(state, known=self.detector.step(state.known, logits, time, touched=touches))
+            known_state = self.detector.step(state.known, logits, time, touched=contact > DECISION)
+            state = replace(state, known=known_state)
             why_not = self.detector.why_unknown(state.known)
         reference = self.extractors[1]
         if reference is not None and trained.reference is not None:
             # What is unlike the training is no untouched string, whatever the head of contact says.
-            contact = 1.0 if why_not else probability(outputs[trained.gate], trained.heads[trained.gate])
+            contact = 1.0 if why_not else contact
             samples = window.samples[np.newaxis]
             state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
         return state, outputs, why_not
