@@ -5,7 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.types import Floats
-from monochord.core.units import Hertz
+from monochord.core.units import Hertz, Metres
+from monochord.perception.closed_form.hypotheses import StringModel
 
 HARMONICS = 8
 """Harmonics of a series."""
@@ -36,6 +37,39 @@ CHANNEL_QUANTITIES = 10
 """Quantities of a channel as a whole."""
 ROW = 249
 """Columns of both microphones, of their difference, and of their likeness."""
+
+
+@numba.njit(cache=True, error_model="numpy")
+def expected_harmonics(
+    segments: tuple[tuple[Metres, Hertz, float], tuple[Metres, Hertz, float]],
+    own: Hertz,
+    rest: Hertz,
+    string: StringModel,
+) -> Floats:
+    """Return the expected harmonics of both segments and of the untouched string, (3, `HARMONICS`) in Hz.
+
+    They are the stiff partials, and in a segment the multiples of its sustained line where a mode is one.
+
+    Parameters
+    ----------
+    segments
+        Length of each segment, 0 of no touch, the line that is sustained there, and that line's mode.
+    own, rest
+        Open frequency as the touch has it, and that of the untouched string.
+    string
+        The string.
+    """
+    partials = np.zeros((3, HARMONICS))
+    for n in range(1, HARMONICS + 1):
+        for s in range(2):
+            side, line, mode = segments[s]
+            if side > 0.0 and n % int(mode) == 0:
+                partials[s, n - 1] = line * (n // int(mode))
+            elif side > 0.0:
+                stretch = np.sqrt(1.0 + string.stiffness * (n / side) ** 2)
+                partials[s, n - 1] = n * (own * string.length / side) * stretch
+        partials[2, n - 1] = n * rest * np.sqrt(1.0 + string.stiffness * (n / string.length) ** 2)
+    return partials
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -113,8 +147,10 @@ def measure_channels(samples: Floats, power: Floats, spacing: Hertz) -> Floats:
     for c in range(samples.shape[0]):
         squares = np.full(STRETCHES, MIN_POWER)
         for p in range(STRETCHES):
+            total = 0.0
             for i in range(p * length, (p + 1) * length):
-                squares[p] += samples[c, i] ** 2 / length
+                total += samples[c, i] * samples[c, i]
+            squares[p] += total / length
         measured[c, 0] = np.log10(squares.mean())
         for b in range(2):
             measured[c, 1 + b] = np.log10(MIN_POWER + _within(power[c], RUMBLE_BANDS[b], spacing).sum() / 1.5)
@@ -135,11 +171,11 @@ def _within(power: Floats, band: Floats, spacing: Hertz) -> Floats:
 
 @numba.njit(cache=True, error_model="numpy")
 def _mean_log(power: Floats) -> float:
-    """Return the mean log10 of powers; four are multiplied before a logarithm is taken, which is slow."""
+    """Return the mean log10 of powers; sixteen are multiplied before a logarithm is taken, which is slow."""
     total, product = 0.0, 1.0
     for k in range(power.size):
-        product *= power[k] + MIN_POWER
-        if k % 4 == 3:
+        product *= power[k] + MIN_POWER  # of sixteen it is between 1e-208 and 1e92
+        if k % 16 == 15:
             total += np.log10(product)
             product = 1.0
     return (total + np.log10(product)) / power.size if power.size else np.log10(MIN_POWER)

@@ -20,6 +20,7 @@ from monochord.perception.features._gaps import COLUMNS as GAPS
 from monochord.perception.features._gaps import measure_gaps
 from monochord.perception.features._harmonics import (
     HARMONICS,
+    expected_harmonics,
     measure_channels,
     measure_harmonics,
     of_microphones,
@@ -167,17 +168,20 @@ class _Extractor(Extractor):
 
     def _row(self, spectrum: Spectrum) -> Floats:
         analyser, reading = self._analyser, spectrum.reading
-        spacing = analyser.bin_spacing
+        spacing, place = analyser.bin_spacing, reading.position / analyser.length
         each = measure_harmonics(spectrum.transform, spectrum.power, self._partials(spectrum), spacing)
         whole = measure_channels(spectrum.samples, spectrum.power, spacing)
-        place = reading.position / analyser.length
         columns, timbre = of_microphones(each, whole, place)
-        points = np.arange(POINTS) / (POINTS - 1.0)
+        near = np.zeros(POINTS)
+        if reading.touched:
+            at = place * (POINTS - 1)
+            point = min(int(at), POINTS - 2)
+            near[point], near[point + 1] = point + 1 - at, at - point
         return np.concatenate(
             (
                 columns,
                 self._timbre_and_tones(timbre, spectrum),
-                np.maximum(1.0 - (POINTS - 1.0) * np.abs(place - points), 0.0) * reading.touched,
+                near,
                 self._of_reading(spectrum),
                 self._of_gaps(spectrum),
             )
@@ -189,17 +193,13 @@ class _Extractor(Extractor):
     def _partials(self, spectrum: Spectrum) -> Floats:
         """Return the expected harmonics of the three series, (3, `HARMONICS`) in Hz."""
         analyser, reading = self._analyser, spectrum.reading
-        partials = np.zeros((3, HARMONICS))
-        if reading.touched:
-            first = (reading.position, reading.line_1, int(reading.mode_1))
-            second = (analyser.length - reading.position, reading.line_2, int(reading.mode_2))
-            for row, (side, line, mode) in zip(partials, (first, second), strict=False):
-                row[:] = analyser.partials(reading.open_frequency * analyser.length / side, side, HARMONICS)
-                multiples = row[mode - 1 :: mode]
-                multiples[:] = line * np.arange(1.0, multiples.size + 1.0)
+        far = analyser.length - reading.position if reading.touched else 0.0
+        segments = (
+            (reading.position, reading.line_1, reading.mode_1),
+            (far, reading.line_2, reading.mode_2),
+        )
         rest = reading.untouched_frequency or analyser.nominal
-        partials[2] = analyser.partials(rest, analyser.length, HARMONICS)
-        return partials
+        return expected_harmonics(segments, reading.open_frequency, rest, analyser.model)
 
     def _of_gaps(self, spectrum: Spectrum) -> Floats:
         if not self._options.gaps:
