@@ -87,7 +87,7 @@ ros: $(ROS)/.installed ## A ROS 2 client library in .venv-ros (240 MB), for the 
 $(ROS)/.installed: | system
 	@echo "installing rclpy into $(ROS)"; $(PYTHON) -m venv $(ROS)
 	@$(ROS)/bin/python -m pip --disable-pip-version-check --quiet install \
-	  ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp ros-geometry-msgs && touch $@ || \
+	  ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp ros-geometry-msgs ros-diagnostic-msgs && touch $@ || \
 	  echo "rclpy could not be installed; the tests that talk to ROS 2 are skipped"
 
 docs: system $(DOCS_INSTALLED) ## The documentation, into docs/_build/html

@@ -11,6 +11,7 @@ from typing import Any
 
 def main() -> None:
     import rclpy  # pyright: ignore[reportMissingImports]
+    from diagnostic_msgs.msg import DiagnosticArray  # pyright: ignore[reportMissingImports]
     from geometry_msgs.msg import PointStamped, WrenchStamped  # pyright: ignore[reportMissingImports]
     from rclpy.node import Node  # pyright: ignore[reportMissingImports]
     from std_msgs.msg import Bool  # pyright: ignore[reportMissingImports]
@@ -18,7 +19,9 @@ def main() -> None:
     count = int(sys.argv[1])
     rclpy.init()
     node = Node("subscriber")
-    received: dict[str, list[Any]] = {name: [] for name in ("touch", "wrench", "contact", "slip")}
+    received: dict[str, list[Any]] = {
+        name: [] for name in ("touch", "wrench", "contact", "slip", "diagnostics")
+    }
     delays: list[float] = []
 
     def stamped(name: str, value: Any) -> Any:
@@ -34,6 +37,12 @@ def main() -> None:
     node.create_subscription(WrenchStamped, "/sensor/wrench", wrench, 10)
     for name in ("contact", "slip"):
         node.create_subscription(Bool, f"/sensor/{name}", lambda m, to=received[name]: to.append(m.data), 10)
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda m: received["diagnostics"].append([m.status[0].message, m.status[0].hardware_id]),
+        10,
+    )
     print("ready", flush=True)  # noqa: T201
     end = time.monotonic() + 60.0
     while time.monotonic() < end and len(received["wrench"]) < count:

@@ -94,11 +94,13 @@ def test_rclpy_subscribes_to_a_live_sensor() -> None:
     assert np.median([force for _, force in received["wrench"][-200:]]) == pytest.approx(1.0, abs=0.7)
     assert np.mean(received["contact"][-200:]) > 0.9
     assert np.mean(received["slip"][-200:]) < 0.5
+    assert received["diagnostics"][-1] == ["OK", "sensor"]
     print("delay of 50, 95, 99 % of messages in ms", 1e3 * np.quantile(delays, [0.5, 0.95, 0.99]))  # noqa: T201
     assert np.median(delays) < 0.1
     assert heard["topics"]["/sensor/estimates"] == ["monochord_msgs/msg/Touch"]
+    assert heard["topics"]["/sensor/events"] == ["monochord_msgs/msg/Event"]
     assert heard["topics"]["/diagnostics"] == ["diagnostic_msgs/msg/DiagnosticArray"]
-    assert len(heard["hashes"]) == 5
+    assert len(heard["hashes"]) == 6
     for name, seen in heard["hashes"].items():
         assert TYPE_HASHES[name].removeprefix("RIHS01_") in seen.lower()
 

@@ -28,6 +28,11 @@ class Event:
     adc_time: Seconds | None = None
 
     @property
+    def kind(self) -> str:
+        """What happened in a word: ``contact_begins``, ``slip_ends`` and so on."""
+        return f"{self.name}_{'begins' if self.on else 'ends'}"
+
+    @property
     def decided(self) -> Seconds:
         """End of the window after which it was decided, in seconds since the stream began."""
         return self.time + self.delay

@@ -8,7 +8,7 @@ from monochord.sessions.codec import typestore
 STORE = typestore()
 KINDS = (
     ros.PoseStamped, ros.WrenchStamped, ros.TFMessage, ros.PointStamped, ros.Bool, ros.DiagnosticArray,
-    ros.Touch,
+    ros.Touch, ros.Event,
 )  # fmt: skip
 HEADER = ros.header(1_500_000_000, "string")
 POSE = ros.PoseStamped(

@@ -1,5 +1,6 @@
 """What the sink publishes, as readers of another participant take it, and as rosbags decodes the bytes."""
 
+import json
 import math
 import os
 import signal
@@ -18,6 +19,7 @@ from monochord.capture.dds import messages as ros
 from monochord.capture.dds.participant import Participant
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Moment
@@ -124,6 +126,17 @@ def test_a_diagnosis_has_the_worst_note_and_the_counters() -> None:
     assert values["driver"] == "A driver is silent. Turn it on."
     assert (values["gaps"], values["dropped"], values["skipped"]) == ("1", "64", "3")
     assert values["latency median in ms"] == "2.00"
+
+
+def test_an_event_is_stamped_by_its_onset() -> None:
+    onset = Event(name="contact", on=True, time=0.09, delay=0.02, confidence=0.97)
+    messages = published(moment(TOUCHED, events=(onset,), adc_time=time.monotonic() - 0.1))
+    (event,), (touch,) = messages["events"], messages["estimates"]
+    assert event.kind == "contact_begins"
+    assert json.loads(event.data) == {"delay": 0.02, "confidence": 0.97}
+    stamps = [ros.nanoseconds(message.header.stamp) for message in (event, touch)]
+    assert stamps[1] - stamps[0] == pytest.approx(0.02e9, abs=10)  # the window ends at 0.11 s
+    assert decode("monochord_msgs/msg/Event", event.serialize()).kind == "contact_begins"
 
 
 def test_rosbags_decodes_the_message_of_all() -> None:

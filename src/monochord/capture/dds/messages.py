@@ -32,6 +32,7 @@ TYPE_HASHES = MappingProxyType(
         "diagnostic_msgs/msg/DiagnosticArray": (
             "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"
         ),
+        "monochord_msgs/msg/Event": "RIHS01_9b8cf54af5d83ef54b860f77751929b18c423d863598f15b33ad94d895780b57",
         "monochord_msgs/msg/Touch": "RIHS01_7c015ad0689250638198f4669677c7e9eb5b4350e93327715a790f02db70c561",
         "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     }
@@ -225,6 +226,17 @@ class Touch(IdlStruct, typename="monochord_msgs.msg.dds_.Touch_"):
     slides: int8
     tracked_position: Estimate
     tracked_force: Estimate
+
+
+@final
+@dataclass
+class Event(IdlStruct, typename="monochord_msgs.msg.dds_.Event_"):
+    """Something that happened; `data` is a JSON object."""
+
+    header: Header
+    kind: str
+    text: str
+    data: str
 
 
 def header(nanoseconds: int, frame: str) -> Header:

@@ -25,6 +25,10 @@ ATTACH_FILTER = 26  # SO_ATTACH_FILTER of asm-generic/socket.h, which Python doe
 MAX_SAMPLE_SIZE = "1 MiB"
 """Larger messages are not assembled, so that none fills the memory."""
 
+FAST_DDS = "1.15"
+"""Vendor whose descriptions of types are ignored: of a sequence they leave out flags that the standard asks for
+(DDS-XTypes 1.3, 7.3.4), and a writer of such messages would wait for a valid description for ever."""
+
 OnMessage = Callable[[Any, Seconds], None]
 """Called with a message and its monotonic time of arrival, in a thread of DDS."""
 
@@ -242,13 +246,14 @@ def _configured(interface: str) -> Generator[bool]:
     )
     multicast = "<AllowMulticast>false</AllowMulticast>" if alone else ""
     card = f'<Interfaces><NetworkInterface name="{interface}"/></Interfaces>' if interface else ""
+    others = f"<Compatibility><IgnoreTypeInformation>{FAST_DDS}</IgnoreTypeInformation></Compatibility>"
     bounds = f"<Internal><MaxSampleSize>{MAX_SAMPLE_SIZE}</MaxSampleSize></Internal>"
     with _CONFIGURING:
         if os.environ.get(URI):
             yield False
             return
         os.environ[URI] = (
-            f"<CycloneDDS><Domain><General>{card}{multicast}</General>{discovery}{bounds}</Domain></CycloneDDS>"
+            f"<CycloneDDS><Domain><General>{card}{multicast}</General>{discovery}{others}{bounds}</Domain></CycloneDDS>"
         )
         try:
             yield True

@@ -164,9 +164,8 @@ class _Session(Writer):
     def _events(self, moment: Moment, end: Seconds) -> None:
         ahead = end - moment.prediction.time - moment.window.duration
         for event in moment.events:
-            kind = f"{event.name}_{'begins' if event.on else 'ends'}"
             more = {"delay": event.delay, "confidence": event.confidence}
-            self._writer.event(ahead + event.time, kind, "", **_finite(more))
+            self._writer.event(ahead + event.time, event.kind, "", **_finite(more))
         for name, estimate in moment.prediction.estimates.items():
             if self._reasons.get(name, "") != estimate.why_not:
                 self._reasons[name] = estimate.why_not

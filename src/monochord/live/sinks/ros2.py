@@ -1,5 +1,6 @@
 """ROS 2 topics over DDS, without ROS."""
 
+import json
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -8,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from monochord.core.types import Estimate, Signal
 from monochord.core.units import Seconds
-from monochord.live.sinks._record import unix_nanoseconds
+from monochord.live.events import Event
+from monochord.live.sinks._record import NANO, unix_nanoseconds
 from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Sink, Writer
 
 if TYPE_CHECKING:
@@ -24,24 +26,27 @@ TOPICS = {
     "contact": "Bool",
     "slip": "Bool",
     "estimates": "Touch",
+    "events": "Event",
 }
 """Messages by topic, below the namespace."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ros2(Sink):
-    """Publish topics of ROS 2, a message a window; needs the extra ``ros``, but no ROS.
+    """Publish topics of ROS 2, one message a window; needs the extra ``ros``, but no ROS.
 
     Below the namespace: ``contact`` and ``slip``, ``std_msgs/Bool``; ``touch``,
     ``geometry_msgs/PointStamped``, whose x is the position from pickup 1 along the string in m; ``wrench``,
     ``geometry_msgs/WrenchStamped``, whose force z is the normal force on what touches in N, 0 where nothing
     does; and ``estimates``, ``monochord_msgs/Touch``, all of it with standard errors, validity and reasons. A
-    standard topic is silent for a window of which the sensor does not know that quantity. Once a second
+    standard topic is silent for a window of which the sensor does not know that quantity. ``events``,
+    ``monochord_msgs/Event``, has a message when a touch or its sliding begins or ends, whose stamp is that
+    onset's, and whose data are the delay of the decision in s and its confidence. Once a second
     ``/diagnostics``, ``diagnostic_msgs/DiagnosticArray``, has the notes on the sensor's health, latencies and
     counters.
 
-    The stamp of every header is the time at which the window's last sample was at the converter (at hand,
-    where the source does not know), on the system's clock. Publishing is reliable and keeps the last 10
+    The stamp of every other header is the time at which the window's last sample was at the converter (at
+    hand, where the source does not know), on the system's clock. Publishing is reliable and keeps the last 10
     messages; a subscriber that stalls or goes away delays nothing. No node appears in ``ros2 node list``, the
     topics do in ``ros2 topic list``.
 
@@ -106,12 +111,17 @@ class _Topics(Writer):
     def write(self, moment: Moment) -> None:
         from cyclonedds.core import DDSException  # noqa: PLC0415
 
+        from monochord.capture.dds import messages as ros  # noqa: PLC0415
+
         self._windows += 1
         self._latencies.append(moment.prediction.latency)
         stamp = unix_nanoseconds(moment)
         try:
             for topic, message in self._messages(moment, stamp).items():
                 self._writers[topic].write(message, stamp)
+            for event in moment.events:
+                message = self._event(event, moment, stamp)
+                self._writers["events"].write(message, ros.nanoseconds(message.header.stamp))
             if time.monotonic() >= self._next:
                 self._next = time.monotonic() + DIAGNOSIS
                 self._diagnostics.write(self._diagnosis(moment, stamp), stamp)
@@ -140,6 +150,18 @@ class _Topics(Writer):
             wrench = ros.Wrench(force=ros.Vector3(0.0, 0.0, newtons), torque=nothing)
             messages["wrench"] = ros.WrenchStamped(header=header, wrench=wrench)
         return messages
+
+    def _event(self, event: Event, moment: Moment, stamp: int) -> Any:
+        """Return the message of an event, stamped by how long before the window's end its onset was."""
+        from monochord.capture.dds import messages as ros  # noqa: PLC0415
+
+        before = moment.prediction.time + moment.window.duration - event.time
+        return ros.Event(
+            header=ros.header(stamp - round(before * NANO), self._options.frame),
+            kind=event.kind,
+            text="",
+            data=json.dumps({"delay": event.delay, "confidence": event.confidence}),
+        )
 
     def _diagnosis(self, moment: Moment, stamp: int) -> Any:
         from monochord.capture.dds import messages as ros  # noqa: PLC0415
