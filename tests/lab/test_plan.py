@@ -4,6 +4,7 @@ from tests.lab.tiny import session, tiny
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.figures.following import Following
 from monochord.lab.deviation import Deviation
 from monochord.lab.hardware import FIRST_BUILD
 from monochord.lab.offline import describe
@@ -66,6 +67,15 @@ def test_a_group_may_deviate_otherwise_than_its_plan() -> None:
     assert [one.level for one in first.sensor().drivers] == [2.0, 2.0]
     assert [one.level for one in second.sensor().drivers] == [1.0, 1.0]
     assert second.sensor().drivers[1].limit == 0.0 < first.sensor().drivers[1].limit
+
+
+def test_a_group_says_whether_its_objects_roll_whatever_motions_it_repeats() -> None:
+    groups = (Group(name="a", protocol="slide", rolls=True), Group(name="b", like="a"))
+    rolling, sliding = assignments(tiny(groups=groups, world="plausible"))
+    motion = schedule(rolling).motion.keys
+    assert motion == schedule(sliding).motion.keys
+    assert rolling.touch(motion).rolls
+    assert not sliding.touch(motion).rolls
 
 
 def test_a_drawn_design_is_a_sessions_own_and_described() -> None:
@@ -207,6 +217,28 @@ def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan
     assert not days & {day for group in others for day in group.days}
     assert materials & {group.material for group in others} == {"plastic", "metal_tube", "wood", "allen_key"}
     assert len(materials) == 10
+
+
+def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object_with_training() -> None:
+    touches = load_plan("touches")
+    others = [group for name in plan_names() if name != "touches" for group in load_plan(name).groups]
+    builds = {build for group in touches.groups for build in group.builds}
+    days = {day for group in touches.groups for day in group.days}
+    assert len(builds) == 6
+    assert not builds & {build for group in others for build in group.builds}
+    assert not builds & {*Following().builds}
+    assert max(builds) < FIRST_BUILD
+    assert not days & {day for group in others for day in group.days}
+    trained = [
+        group
+        for name in ("builds", "designs", "modes", "odd")
+        for group in load_plan(name).groups
+        if not group.name.startswith("test")
+    ]
+    assert not {group.material for group in touches.groups} & {group.material for group in trained}
+    held = [one for one in assignments(touches) if one.group.protocol == "hold" and not one.group.like]
+    assert sorted(one.build or 0 for one in held) == sorted(builds)
+    assert {len(one.cells()) for one in held} == {600}
 
 
 @pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4"])

@@ -38,6 +38,17 @@ def test_slides_go_across_in_one_touch_and_along_in_the_next() -> None:
     assert moved[0, 1] * moved[1, 1] < 0.0
 
 
+def test_what_rolls_moves_along_the_string_alone() -> None:
+    group = Group(name="roll", protocol="slide", grid=(2, 1), strokes=2, rolls=True)
+    path = schedule(session("roll_000", tiny(groups=(group,)))).motion
+    slides = [phase for phase in path.phases if phase.kind == "slide"]
+    ends = path.path(np.array([[phase.start, phase.stop] for phase in slides]).ravel()).reshape(-1, 2, 3)
+    moved = ends[:, 1] - ends[:, 0]
+    assert len(moved) == 4
+    assert (np.abs(moved[:, 0]) > 5e-4).all()
+    assert np.abs(moved[:, 1]).max() < 1e-12
+
+
 def test_slides_along_stay_on_the_range() -> None:
     fast = Group(name="fast", protocol="slide", grid=(6, 1), hold=3.0, speeds=(0.03, 0.03))
     path = schedule(session("fast_000", tiny(groups=(fast,)))).motion

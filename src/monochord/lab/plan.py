@@ -63,6 +63,9 @@ class Group:
     second
         Distance in m at which a second object of the same kind touches the string at the same time, towards
         the further end; 0 for none. There is no one position then, and no label of it.
+    rolls
+        Whether objects roll where they move along the string; the strokes of "slide" are then all along it.
+        By default they slide.
     oblique
         Range of how far a press goes on across the string, as a share of its depth: it loads the touch
         sideways.
@@ -87,7 +90,7 @@ class Group:
         Range in m of the height of "hover" above the string at rest.
     like
         Name of a group whose motions are repeated, `sessions` of them in total, evenly chosen; its grid and
-        protocol then apply.
+        protocol then apply, and its strokes' direction. Whether its own objects roll, a group says itself.
     music
         Ambient sound while the drivers are on: "synthetic" for the loop of `monochord.dsp.music`, or a sound
         file. It pauses for the taps.
@@ -110,6 +113,7 @@ class Group:
     radii: tuple[Metres, ...] = ()
     design: Literal["", "drawn"] = ""
     second: Annotated[Metres, Meta(ge=0.0, le=1.0)] = 0.0
+    rolls: bool = False
     oblique: tuple[float, float] = (0.0, 0.0)
     world: World | None = None
     deviation: Deviation | None = None
@@ -360,7 +364,7 @@ class Assignment:
         In a plausible world one gripper holds all objects of a build, save drawn ones, each with its own.
         """
         radius = self.radius if self.origin.group.radii else None
-        touch = Touch(material=self.material, motion=motion, radius=radius, rolls=False)
+        touch = Touch(material=self.material, motion=motion, radius=radius, rolls=self.group.rolls)
         if self.world != "ideal":
             own = self.name if self.group.material in DRAWN else f"build {self.build}"
             touch = plausible_touch(touch, crc32(f"{self.seed} {own}".encode()), self.plan.effects)

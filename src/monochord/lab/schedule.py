@@ -119,7 +119,10 @@ def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
 def _strokes(
     session: Assignment, design: StringParams, place: Metres, drawn: Floats, number: int
 ) -> Iterator[Move]:
-    """Slide back and forth, along the string in every second touch and across it in the others."""
+    """Move back and forth: along the string in every second touch and across it in the others.
+
+    What rolls moves along the string alone: across it, it would slide.
+    """
     group = session.origin.group
     low, high = group.places or session.design().range
     forces, speeds = group.forces, group.speeds
@@ -129,7 +132,7 @@ def _strokes(
             yield Stay(seconds=TURN, kind="hold")
         speed = speeds[0] + (i + speed_share) / len(drawn) * (speeds[1] - speeds[0])
         distance = speed * group.hold
-        if number % 2 == 0:
+        if number % 2 == 0 and not group.rolls:
             yield Slide(across=distance if i % 2 == 0 else -distance, speed=speed)
             continue
         space = high - place, place - low
