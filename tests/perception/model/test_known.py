@@ -12,6 +12,7 @@ from monochord.core.types import Window
 from monochord.perception.model import Definition, Model, ModelState, load, save
 from monochord.perception.model.definition import KNOWN, KnownRecord
 from monochord.perception.model.known import UNLIKE, Detector, KnownState, step
+from monochord.perception.model.network import Layers
 
 Sound = Callable[..., Window]
 REASONS = ("microphone 2 is silent", "two things seem to touch")
@@ -77,7 +78,8 @@ def test_what_windows_say_is_averaged_over_time_whatever_the_hop() -> None:
 
 def test_what_touched_windows_tell_stays_as_it_is_until_the_next_touch() -> None:
     record = KnownRecord(reasons=REASONS, memory=(2.0, 2.0), touched=REASONS[1:])
-    detector = Detector(record=record, columns=np.arange(1), layers=())
+    nothing = Layers.of([0], [(np.zeros((3, 1), np.float32), np.zeros(3, np.float32))])
+    detector = Detector(record=record, layers=nothing)
     said, state = np.array([0.0, -6.0, 6.0]), KnownState()
     for k in range(10):
         state = detector.step(state, said, 0.1 * k, touched=False)
@@ -145,12 +147,13 @@ def test_a_detector_sees_its_columns_alone(drawn: Model) -> None:
     }
     detector = Detector.of(definition, weights)
     assert detector is not None
-    assert detector.layers[0][0].shape == (3, 2)
-    rows = np.tile(random.normal(size=24).astype(np.float32), (24, 1))
+    assert detector.layers.units.tolist() == [2, 3]
+    row = random.normal(size=(1, 24)).astype(np.float32)
+    rows = np.repeat(row, 24, axis=0)
     rows[np.arange(24), np.arange(24)] += 1.0
-    differs = (detector.logits(rows) != detector.logits(rows[0])).any(axis=1)
+    differs = (detector.logits(rows) != detector.logits(row)).any(axis=1)
     assert np.flatnonzero(differs).tolist() == [3, 4]
-    np.testing.assert_array_equal(detector.logits(rows)[3], detector.logits(rows[3]))
+    np.testing.assert_array_equal(detector.logits(rows)[3:4], detector.logits(rows[3:4]))
     with pytest.raises(InputError, match="columns 'other' for the detector of unlike sound"):
         dataclasses.replace(definition, known=dataclasses.replace(record, columns=("other",))).shapes()
 

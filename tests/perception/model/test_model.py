@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Estimates, Signal, Window
 from monochord.perception.model import Definition, Model, ModelState
 from monochord.perception.model.definition import Calibration
-from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
+from monochord.perception.model.network import Layers, Network, Output, estimates_of, probability, quantity
 from monochord.perception.model.rise import rises
 from monochord.perception.training.examples import Examples
 from monochord.physics.strings import load_string
@@ -145,6 +146,32 @@ def test_outputs_are_what_torch_computes(drawn: Model) -> None:
             row[:1] += layer("linear", inputs)
         result = [output.value, output.log_spread][: len(row)]
         np.testing.assert_allclose(result, row.numpy(), rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("hidden", [(), (7,), (70, 45)])
+def test_layers_compute_matrix_products_with_equal_bits_for_equal_rows(hidden: tuple[int, ...]) -> None:
+    rng, units = np.random.default_rng(4), (3, *hidden, 2)
+    layers = [
+        (rng.normal(size=(after, before)).astype(np.float32), rng.normal(size=after).astype(np.float32))
+        for before, after in pairwise(units)
+    ]
+    network, rows = Layers.of([4, 0, 1], layers), rng.normal(size=(9, 6)).astype(np.float32)
+    values = rows[:, [4, 0, 1]].astype(float)
+    for number, (weight, bias) in enumerate(layers):
+        values = np.maximum(values, 0.0 if number else -np.inf) @ weight.T + bias
+    outputs = network.outputs(rows)
+    np.testing.assert_allclose(outputs, values, rtol=1e-4, atol=1e-5)
+    for number in range(9):
+        np.testing.assert_array_equal(network.outputs(rows[[number]]), outputs[[number]])
+    with pytest.raises(IndexError, match="columns that the rows lack"):
+        network.outputs(rows[:, :4])
+
+
+def test_what_is_not_a_number_stays_that(drawn: Model) -> None:
+    network = Network.of(drawn.definition, drawn.weights)
+    row, reference = (np.full(width, np.nan, np.float32) for width in drawn.definition.widths)
+    inputs = network.inputs(row[np.newaxis], reference[np.newaxis])
+    assert all(math.isnan(network.outputs(name, inputs)[0].value) for name in drawn.definition.heads)
 
 
 def test_scaling_is_bounded_and_an_absent_reference_is_zeros(drawn: Model) -> None:

@@ -23,6 +23,8 @@ from monochord.perception.model.known import FRESH, KnownState
 NEVER: Seconds = float("-inf")
 TIME_TOLERANCE: Seconds = 1e-6
 """Times that differ by less are the same."""
+PRESENT: Audio = np.ones(1, np.float32)
+"""Last column of a reference that there is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,8 +95,6 @@ def context_row(state: ModelState, width: int) -> Audio:
     >>> context_row(ModelState(), 3).tolist()
     [0.0, 0.0, 0.0]
     """
-    row = np.zeros(width, np.float32)
-    if state.median is not None:
-        row[:-1] = state.median
-        row[-1] = 1.0
-    return row
+    if state.median is None:
+        return np.zeros(width, np.float32)
+    return np.concatenate((state.median, PRESENT))

@@ -22,12 +22,12 @@ Stat. Assoc. 84, 881; Bishop (2006), Pattern Recognition and Machine Learning, s
 """
 
 from dataclasses import dataclass, replace
-from itertools import combinations_with_replacement, product
+from itertools import product
 
+import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from monochord.core.types import Floats
+from monochord.core.types import Floats, Indices
 from monochord.metrics import normal_coverage
 
 MAX_VARIABLE = 4.0
@@ -51,8 +51,6 @@ NOISIER = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Factors of the noise for one whose touches scatter more."""
 CAUTION = 0.75
 """A factor a of these is a^-0.75 times as probable beforehand as 1."""
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,16 +81,12 @@ class Correction:
 
     def terms(self, variables: Floats) -> Floats:
         """Return the polynomials (..., k) of variables (..., v)."""
-        scaled = np.clip((variables - self.centre) / self.scale, -MAX_VARIABLE, MAX_VARIABLE)
-        pairs = combinations_with_replacement(range(scaled.shape[-1]), 2)
-        products = [scaled[..., a] * scaled[..., b] for a, b in pairs]
-        return np.concatenate(
-            [np.ones((*scaled.shape[:-1], 1)), scaled, np.stack(products, axis=-1)], axis=-1
-        )
+        terms = _terms(variables.reshape(-1, self.centre.size), self.centre, self.scale)
+        return terms.reshape(*variables.shape[:-1], terms.shape[1])
 
     def error(self, terms: Floats) -> tuple[Floats, Floats]:
         """Return the expected error (...,) at terms (..., k), and its standard error without noise."""
-        variance = np.einsum("...i,ij,...j->...", terms, self.covariance, terms)
+        variance = np.einsum("...i,...i", terms @ self.covariance, terms)
         return terms @ self.mean, np.sqrt(np.maximum(variance, 0.0))
 
     def given(self, terms: Floats, error: Floats, std: Floats, touch: Indices) -> "Correction":
@@ -217,6 +211,23 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
         sizes = [_quantile(left, weight, normal_coverage(sigmas)) / sigmas**2 for sigmas in (1.0, 2.0)]
         estimate = replace(estimate, noise=estimate.noise * max(float(np.sqrt(np.prod(sizes))), MIN_VARIANCE))
     return estimate
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _terms(variables: Floats, centre: Floats, scale: Floats) -> Floats:
+    count = 1 + centre.size
+    terms = np.empty((variables.shape[0], count * (count + 1) // 2))
+    factors = np.ones(count)
+    for row in range(variables.shape[0]):
+        for v in range(centre.size):
+            scaled = (variables[row, v] - centre[v]) / scale[v]
+            factors[1 + v] = min(max(scaled, -MAX_VARIABLE), MAX_VARIABLE)
+        at = 0
+        for one in range(count):
+            for other in range(one, count):
+                terms[row, at] = factors[one] * factors[other]
+                at += 1
+    return terms
 
 
 def _by_others(unknown: Correction, terms: Floats, error: Floats, std: Floats, touch: Indices) -> Floats:

@@ -12,13 +12,15 @@ hardly rings then, where an untouched string of another design may sound the sam
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
+import numba
 import numpy as np
 
 from monochord.core.types import Audio, Flags, Floats
 from monochord.core.units import Seconds
 from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
-from monochord.perception.model.network import Indices, Layers, layered
+from monochord.perception.model.network import Layers
 
 UNLIKE = "sound unlike what this model learned"
 """The reason where none of those that were learned is likely."""
@@ -45,12 +47,11 @@ class KnownState:
 FRESH = KnownState()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Detector:
-    """The layers of the detector, as in a head, its record, and the indices of the columns that it sees."""
+    """The layers of the detector, as in a head, and its record."""
 
     record: KnownRecord
-    columns: Indices
     layers: Layers
 
     @classmethod
@@ -58,31 +59,30 @@ class Detector:
         """Return the detector of a model, None where it has none."""
         if definition.known is None:
             return None
-        count = len(definition.known.hidden) + 1
-        return cls(
-            record=definition.known,
-            columns=np.array(definition.known_columns),
-            layers=tuple(
-                (weights[f"{KNOWN}.{number}.weight"], weights[f"{KNOWN}.{number}.bias"])
-                for number in range(count)
-            ),
-        )
+        numbers = range(len(definition.known.hidden) + 1)
+        layers = [(weights[f"{KNOWN}.{n}.weight"], weights[f"{KNOWN}.{n}.bias"]) for n in numbers]
+        return cls(record=definition.known, layers=Layers.of(definition.known_columns, layers))
 
     def step(self, state: KnownState, logits: Floats, time: Seconds, *, touched: bool) -> KnownState:
         """Return the state after a window of logits (1 + reasons,) that begins at a time.
 
         `touched` says whether something touches there.
         """
-        counts = np.array([touched or reason not in self.record.touched for reason in self.record.reasons])
-        return step(state, logits, time, self.record.memory, counts)
+        return step(state, logits, time, self.record.memory, self._counts[touched])
 
     def why_unknown(self, state: KnownState) -> str:
         """Return why sound is unlike the training after its last window, empty where it is like it."""
         return "" if state.odds is None else reason(state.odds, self.record)
 
-    def logits(self, row: Audio) -> Floats:
-        """Return the outputs (..., 1 + reasons) for scaled features (..., d)."""
-        return layered(np.take(row, self.columns, axis=-1), self.layers).astype(np.float64)
+    def logits(self, rows: Audio) -> Floats:
+        """Return the outputs (n, 1 + reasons) for scaled features (n, d), or more columns after them."""
+        return self.layers.outputs(rows).astype(np.float64)
+
+    @cached_property
+    def _counts(self) -> tuple[Flags, Flags]:
+        """The reasons (reasons,) that a window counts for, of an untouched one and of a touched one."""
+        always = np.array([reason not in self.record.touched for reason in self.record.reasons])
+        return always, np.ones_like(always)
 
 
 def step(
@@ -100,19 +100,31 @@ def step(
     >>> step(state, np.zeros(3), 0.5, (0.5, 0.0), np.array([True, False])).odds.round(3).tolist()
     [0.538, 2.0]
     """
-    odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
-    counts = np.ones(odds.shape, bool) if counts is None else counts
+    counts = np.ones(len(memory), bool) if counts is None else counts
     if state.odds is None or state.weight is None:
+        odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
         return KnownState(
             odds=np.where(counts, odds, -MAX_ODDS), weight=np.where(counts, np.nan, 0.0), time=time
         )
-    share = np.exp(-max(time - state.time, 1e-9) / np.maximum(memory, 1e-12))
-    before = share * np.where(np.isnan(state.weight), 1.0 - share, state.weight)
-    weight = before + 1.0 - share
-    averaged = (before * state.odds + (1.0 - share) * odds) / weight
-    return KnownState(
-        odds=np.where(counts, averaged, state.odds), weight=np.where(counts, weight, state.weight), time=time
-    )
+    elapsed = max(time - state.time, 1e-9)
+    odds, weight = _averaged(state.odds, state.weight, logits, elapsed, np.array(memory), counts)
+    return KnownState(odds=odds, weight=weight, time=time)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _averaged(
+    odds: Floats, weight: Floats, logits: Floats, elapsed: Seconds, memory: Floats, counts: Flags
+) -> tuple[Floats, Floats]:
+    """Return the averaged log odds and their weights once one more window counts."""
+    odds, weight = odds.copy(), weight.copy()
+    for k in range(odds.size):
+        if counts[k]:
+            own = min(max(logits[1 + k] - logits[0], -MAX_ODDS), MAX_ODDS)
+            share = np.exp(-elapsed / max(memory[k], 1e-12))
+            before = share * (1.0 - share if np.isnan(weight[k]) else weight[k])
+            weight[k] = before + 1.0 - share
+            odds[k] = (before * odds[k] + (1.0 - share) * own) / weight[k]
+    return odds, weight
 
 
 def score(odds: Floats) -> Floats:

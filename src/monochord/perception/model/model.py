@@ -180,10 +180,9 @@ class Model:
         trained, network, detector = first.definition, first.network, first.detector
         rows = np.stack([streams[k][0].extractors[0](windows[k].samples[np.newaxis])[0] for k in usable])
         known = np.stack([context_row(results[k][0], trained.widths[1]) for k in usable])
-        base, context = network.scaled(rows), network.scaled_context(known)
-        rise = network.rises(rows, known)
-        outputs = {name: network.outputs(name, base, context, rise) for name in trained.heads}
-        logits = detector.logits(base) if detector else None
+        inputs = network.inputs(rows, known)
+        outputs = {name: network.outputs(name, inputs) for name in trained.heads}
+        logits = detector.logits(inputs) if detector else None
         for at, k in enumerate(usable):
             own = {name: each[at] for name, each in outputs.items()}
             odds = None if logits is None else logits[at]

@@ -1,21 +1,20 @@
-"""The heads as arithmetic in NumPy: from a row of features to outputs, and from these to estimates."""
+"""The heads as arithmetic: from a row of features to outputs, and from these to estimates."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from monochord.core.types import Audio, Estimate
+from monochord.core.types import Audio, Estimate, Indices
 from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, HeadRecord
+from monochord.perception.model.rise import COUNT as RISES
 from monochord.perception.model.rise import rises
 
-Indices = NDArray[np.int64]
-Layers = tuple[tuple[Audio, Audio], ...]
 NO_CONTACT, UNCERTAIN = "no contact", "too uncertain"
 """Why a head abstains."""
 MAX_LOGIT = 700.0
@@ -39,34 +38,94 @@ class Output:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Network:
-    """The scaling and the layers of all heads.
+class Layers:
+    """The layers of a network, each but the last with a ReLU.
 
-    Each row is a product of its own, in a batch too, so that equal rows give equal bits alone and among
-    others, live and offline.
-    `linear` holds the linear path of the heads that have one, `columns` the features that a head sees and
-    `reference` the reference's, None for all; `context` says whether it sees that. `rise` names the heads
-    that have the rise of the pitch as an input, of `rise_columns`.
+    `columns` (inputs,) are those of a row that the first layer sees, and `units` (layers + 1,) the inputs and
+    the outputs of each layer. `weights` holds the matrix (inputs, outputs) and the bias of each in one piece,
+    so that the kernel is compiled once for any number of layers.
+    """
+
+    columns: Indices
+    units: Indices
+    weights: Audio
+
+    @classmethod
+    def of(cls, columns: Sequence[int], layers: Sequence[tuple[Audio, Audio]]) -> "Layers":
+        """Return layers, each of a matrix (outputs, inputs) and a bias (outputs,)."""
+        return cls(
+            columns=np.array(columns, np.int64),
+            units=np.array([len(columns), *(len(bias) for _, bias in layers)]),
+            weights=np.concatenate([part for weight, bias in layers for part in (weight.T.ravel(), bias)]),
+        )
+
+    def outputs(self, rows: Audio) -> Audio:
+        """Return the outputs (n, outputs) for rows (n, d): equal rows give equal bits, alone or among others.
+
+        >>> layers = Layers.of([0, 2], [(np.ones((1, 2), np.float32), np.zeros(1, np.float32))])
+        >>> layers.outputs(np.array([[1.0, 9.0, 2.0], [0.0, 9.0, -3.0]], np.float32)).tolist()
+        [[3.0], [-3.0]]
+        """
+        return _outputs(rows, self.columns, self.units, self.weights)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _outputs(rows: Audio, columns: Indices, units: Indices, weights: Audio) -> Audio:
+    if columns.max() >= rows.shape[1]:
+        raise IndexError("a network sees columns that the rows lack")
+    values, at = rows, 0
+    for layer in range(units.size - 1):
+        inputs, outputs = units[layer], units[layer + 1]
+        sums = np.zeros((rows.shape[0], outputs), np.float32)
+        # Inputs outside, outputs inside: each weight is read once for all rows, and the compiler sums several
+        # outputs at once without a change of the order in which any of them is summed.
+        for i in range(inputs):
+            weight, at = weights[at : at + outputs], at + outputs
+            for k in range(rows.shape[0]):
+                value = values[k, columns[i] if layer == 0 else i]
+                if layer > 0 and value <= 0.0:  # the ReLU of the layer before
+                    continue
+                for o in range(outputs):
+                    sums[k, o] += value * weight[o]
+        bias, at = weights[at : at + outputs], at + outputs
+        for k in range(rows.shape[0]):
+            for o in range(outputs):
+                sums[k, o] += bias[o]
+        values = sums
+    return values
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Network:
+    """The scaling and the layers of all heads; `linear` holds the linear path of those that have one.
+
+    Layers see columns of `inputs`. The rise of the pitch is computed from `rise_columns`, empty for none.
     """
 
     scaler: tuple[Audio, Audio]
     context_scaler: tuple[Audio, Audio] | None
     clip: float
     layers: Mapping[str, Layers]
-    linear: Mapping[str, tuple[Audio, Audio]]
-    context: Mapping[str, bool]
-    columns: Mapping[str, Indices | None]
-    reference: Mapping[str, Indices | None]
-    rise: frozenset[str]
+    linear: Mapping[str, Layers]
     rise_columns: tuple[int, ...]
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
         """Build it from a definition and weights of its shapes."""
         heads = definition.heads
+        base, context = definition.widths
 
-        def layer(name: str) -> tuple[Audio, Audio]:
-            return weights[f"{name}.weight"], weights[f"{name}.bias"]
+        def layers(name: str, *parts: str) -> Layers:
+            rise = range(RISES if heads[name].task.rise and definition.rise_columns else 0)
+            columns = [
+                *definition.columns_of(name),
+                *(base + column for column in definition.reference_of(name)),
+                *(base + context + column for column in rise),
+            ]
+            return Layers.of(
+                columns,
+                [(weights[f"{name}.{part}.weight"], weights[f"{name}.{part}.bias"]) for part in parts],
+            )
 
         return cls(
             scaler=(weights["scaler.mean"], weights["scaler.scale"]),
@@ -75,20 +134,10 @@ class Network:
             else None,
             clip=definition.clip,
             layers={
-                name: tuple(layer(f"{name}.{number}") for number in range(len(record.task.hidden) + 1))
+                name: layers(name, *map(str, range(len(record.task.hidden) + 1)))
                 for name, record in heads.items()
             },
-            linear={name: layer(f"{name}.linear") for name, record in heads.items() if record.task.linear},
-            context={name: record.task.context for name, record in heads.items()},
-            columns={
-                name: np.array(definition.columns_of(name)) if record.task.columns else None
-                for name, record in heads.items()
-            },
-            reference={
-                name: np.array(definition.reference_of(name)) if record.task.reference else None
-                for name, record in heads.items()
-            },
-            rise=frozenset(name for name, record in heads.items() if record.task.rise),
+            linear={name: layers(name, "linear") for name, record in heads.items() if record.task.linear},
             rise_columns=definition.rise_columns,
         )
 
@@ -100,46 +149,29 @@ class Network:
         """Return untouched references (..., c) as `scaled` does; absent ones are zeros."""
         if self.context_scaler is None:
             return row[..., :0]
-        return np.where(row[..., -1:], scaled(row, *self.context_scaler, self.clip), np.float32(0.0))
+        return scaled(row, *self.context_scaler, self.clip) * row[..., -1:]
 
     def rises(self, row: Audio, reference: Audio) -> Audio:
         """Return the rise of the pitch as inputs, of features (..., d) and references (..., c), unscaled."""
         return rises(row, reference, self.rise_columns) if self.rise_columns else row[..., :0]
 
+    def inputs(self, row: Audio, reference: Audio) -> Audio:
+        """Return what heads see (..., d + c + r) of unscaled features (..., d) and references (..., c)."""
+        parts = self.scaled(row), self.scaled_context(reference), self.rises(row, reference)
+        return np.concatenate(parts, axis=-1)
+
     def output(self, name: str, base: Audio, context: Audio, rise: Audio = NOTHING) -> Output:
         """Return the output of a head for scaled features (d,), a scaled reference (c,) and the rise."""
-        return self.outputs(name, base[np.newaxis], context[np.newaxis], rise[np.newaxis])[0]
+        return self.outputs(name, np.concatenate([base, context, rise])[np.newaxis])[0]
 
-    def outputs(self, name: str, base: Audio, context: Audio, rise: Audio) -> list[Output]:
-        """Return the outputs of a head for rows (n, d), (n, c) and (n, r), as `output` does for each."""
-        columns, reference = self.columns[name], self.reference[name]
-        parts = [base if columns is None else base[:, columns]]
-        if self.context[name]:
-            parts.append(context if reference is None else context[:, reference])
-        parts += [rise] if name in self.rise else []
-        # Rows in one piece: of others the product is summed in another order.
-        inputs = np.ascontiguousarray(np.concatenate(parts, axis=1))
-        row = inputs if len(inputs) > 1 else inputs[0]  # a vector alone costs NumPy a third less
-        values = np.atleast_2d(layered(row, self.layers[name])).tolist()
-        linear = layered(row, (self.linear[name],)).ravel().tolist() if name in self.linear else None
+    def outputs(self, name: str, inputs: Audio) -> list[Output]:
+        """Return the outputs of a head for each row of `inputs` (n, d + c + r)."""
+        values = self.layers[name].outputs(inputs).tolist()
+        linear = self.linear[name].outputs(inputs).tolist() if name in self.linear else [[0.0]] * len(values)
         return [
-            Output(value=value + linear[k] if linear else value, log_spread=spread[0] if spread else 0.0)
-            for k, (value, *spread) in enumerate(values)
+            Output(value=value + added, log_spread=spread[0] if spread else 0.0)
+            for (value, *spread), (added,) in zip(values, linear, strict=True)
         ]
-
-
-def layered(row: Audio, layers: Layers) -> Audio:
-    """Return what layers, each but the last with a ReLU, make of rows (..., d): one product for each row.
-
-    >>> one = np.ones((1, 2), np.float32), np.zeros(1, np.float32)
-    >>> layered(np.array([[1.0, 2.0], [0.0, -3.0]], np.float32), (one,)).tolist()
-    [[3.0], [-3.0]]
-    """
-    for number, (weight, bias) in enumerate(layers, start=1):
-        product = weight @ row if row.ndim == 1 else (weight @ row[..., np.newaxis])[..., 0]
-        row = product + bias
-        row = np.maximum(row, np.float32(0.0)) if number < len(layers) else row
-    return row
 
 
 def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
@@ -149,7 +181,17 @@ def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
     >>> scaled(np.array([[5.0], [100.0]], np.float32), one, two, 8.0).tolist()
     [[2.0], [8.0]]
     """
-    return np.clip((row - mean) / scale, -clip, clip)
+    return _scaled(row.reshape(-1, row.shape[-1]), mean, scale, clip).reshape(row.shape)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _scaled(rows: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
+    values = np.empty_like(rows)
+    for k in range(rows.shape[0]):
+        for i in range(rows.shape[1]):
+            # NumPy's minimum and maximum keep what is not a number.
+            values[k, i] = np.minimum(np.maximum((rows[k, i] - mean[i]) / scale[i], -clip), clip)
+    return values
 
 
 def probability(output: Output, record: HeadRecord) -> float:

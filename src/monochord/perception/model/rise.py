@@ -6,6 +6,7 @@ compliant lowers it, at a light touch by many times more, which a logarithm keep
 in the columns of a feature, and layers that have to find both out of them find less.
 """
 
+import numba
 import numpy as np
 
 from monochord.core.types import Audio
@@ -33,10 +34,21 @@ def rises(row: Audio, reference: Audio, columns: tuple[int, ...]) -> Audio:
     >>> rises(row, reference, (0, 1, 2, 0)).round(2).tolist()
     [1.44..., 0.0, 2.0, 0.0, 1.0]
     """
+    rows, references = row.reshape(-1, row.shape[-1]), reference.reshape(-1, reference.shape[-1])
+    return _rises(rows, references, columns).reshape(*row.shape[:-1], COUNT)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _rises(rows: Audio, references: Audio, columns: tuple[int, ...]) -> Audio:
     pitch, rest, at, untouched = columns
-    place = np.clip(row[..., at], np.float32(NEAREST_END), np.float32(1.0 - NEAREST_END))
-    depth = np.float32(4.0) * place * (np.float32(1.0) - place)
-    both = np.stack([row[..., pitch], row[..., rest]], axis=-1) - reference[..., untouched, None]
-    roots = np.sign(both) * np.sqrt(np.abs(both) / depth[..., None])
-    inputs = np.concatenate([np.arcsinh(both / np.float32(KNEE)), roots, depth[..., None]], axis=-1)
-    return (inputs * (reference[..., -1:] > 0.0)).astype(np.float32)
+    inputs = np.zeros((rows.shape[0], COUNT), np.float32)
+    for k in range(rows.shape[0]):
+        if references[k, -1] > 0.0:
+            place = min(max(rows[k, at], NEAREST_END), 1.0 - NEAREST_END)
+            depth = 4.0 * place * (1.0 - place)
+            for which, column in enumerate((pitch, rest)):
+                rise = rows[k, column] - references[k, untouched]
+                inputs[k, which] = np.arcsinh(rise / KNEE)
+                inputs[k, 2 + which] = np.sign(rise) * np.sqrt(abs(rise) / depth)
+            inputs[k, 4] = depth
+    return inputs
