@@ -39,7 +39,7 @@ class Live(Benchmark):
     the baseline is the FFT autocorrelation of the same windows, timed in the same loop. The two-sided form is
     timed on the simulated sensor, whose touches come and go. The filter over time is timed on made-up touches
     with all four quantities. Memory is the resident set after the first
-    minute of audio and at the end.
+    minute of audio and at the end. With a trained model and every sink it is `monochord bench sinks`.
 
     Parameters
     ----------
