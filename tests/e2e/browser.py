@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -79,6 +79,17 @@ class Page:
             "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1
         )
 
+    def touch(self, kind: str, points: Sequence[tuple[float, float]]) -> None:
+        """Touch the screen at points: as touchStart, touchMove or, without points, touchEnd."""
+        self.call("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y} for x, y in points])
+
+    def accessible(self) -> list[dict[str, str]]:
+        """Return role, name, description and properties of each node that a screen reader finds."""
+        self.call("Accessibility.enable")
+        nodes = self.call("Accessibility.getFullAXTree")["nodes"]
+        self.call("Accessibility.disable")
+        return [_told(node) for node in nodes if not node["ignored"]]
+
     def size(self, width: int, height: int, *, scale: float = 1.0, mobile: bool = False) -> None:
         self.call(
             "Emulation.setDeviceMetricsOverride",
@@ -92,6 +103,12 @@ class Page:
     def picture(self, path: Path, *, whole: bool = False) -> None:
         told = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
         path.write_bytes(base64.b64decode(told["data"]))
+
+
+def _told(node: dict[str, Any]) -> dict[str, str]:
+    own = {name: node[name] for name in ("role", "name", "description", "value") if name in node}
+    values = own | {each["name"]: each["value"] for each in node.get("properties", [])}
+    return {name: str(value.get("value", "")) for name, value in values.items()}
 
 
 @contextmanager

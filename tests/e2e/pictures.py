@@ -25,8 +25,8 @@ def main() -> None:
     """Take a picture in light, of the whole page in dark, and on a phone."""
     with (
         tempfile.TemporaryDirectory() as folder,
-        demonstration(Path(folder)) as address,
-        opened(address) as page,
+        demonstration(Path(folder)) as started,
+        opened(started.address) as page,
     ):
         page.size(1200, 1060)
         page.scheme("light")

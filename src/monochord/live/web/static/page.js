@@ -13,7 +13,8 @@ const element = (id) => document.getElementById(id);
 const view = new StringView(element("string"));
 const spectra = new Spectra(element("spectra"));
 const history_ = new History(element("history"));
-let run = null, moment = null, fresh = false, colour = colours(), timing = null, frames = 0, before = 0, historyDue = 0;
+let run = null, moment = null, fresh = false, colour = colours(), timing = null, before = 0, historyDue = 0;
+const counts = { frames: 0, received: 0, drawn: 0 }; // animation frames; moments that came, and that were shown
 
 // What is not on the screen is not drawn.
 const visible = new Set();
@@ -29,6 +30,7 @@ const connection = new Connection({
     if (place.dataset.state === state) return;
     place.dataset.state = state;
     place.lastElementChild.textContent = words;
+    document.body.dataset.connection = state;
     if (state === "lost") hand.lift();
   },
   hello(message) {
@@ -48,6 +50,7 @@ const connection = new Connection({
   moment(message) {
     moment = message;
     fresh = true;
+    counts.received += 1;
     if (run && message.simulated && !run.simulated) simulated(true);
     if (message.timing) timing = message.timing;
     history_.add(message);
@@ -68,13 +71,14 @@ function simulated(is) {
 function frame(now) {
   const passed = Math.min((now - before) / 1000, 0.1);
   before = now;
-  frames += 1;
+  counts.frames += 1;
   hand.tell(now);
   if (run) {
     if (visible.has("string")) view.draw(run, moment, now, colour);
     if (visible.has("spectra")) spectra.draw(moment, passed, colour);
     if (fresh && moment) {
       fresh = false;
+      counts.drawn += 1;
       showNumbers(moment);
       showNotes(moment);
       showEvents(moment.events);
@@ -149,5 +153,5 @@ element("theme").addEventListener("click", () => {
 });
 
 // What a test or a curious person may ask of the page in the console.
-window.monochord = { get moment() { return moment; }, get frames() { return frames; }, get run() { return run; }, view, send };
+window.monochord = { get moment() { return moment; }, get run() { return run; }, counts, view, send };
 requestAnimationFrame(frame);

@@ -59,7 +59,10 @@ export class Spectra {
       view.bar.style.transform = `scaleX(${share(rms)})`;
       view.peak.style.left = `calc(${100 * share(peak)}% - 2px)`;
       const text = rms === null ? "no sound" : peak > -0.1 ? `${signed(rms)} dB, clips` : `${signed(rms)} dB`;
-      if (view.level.textContent !== text) view.level.textContent = text;
+      if (view.level.textContent !== text) {
+        view.level.textContent = text;
+        view.meter.setAttribute("aria-valuetext", text);
+      }
       view.meter.setAttribute("aria-valuenow", rms === null ? String(LEVEL_FLOOR) : rms.toFixed(0));
     });
   }

@@ -1,12 +1,21 @@
 // The connection to the server, and what it said last. Drawing asks here, 60 times a second, whatever comes in.
 
 const RETRY = [250, 500, 1000, 2000, 4000]; // ms until the next attempt
+const SILENCE = 3000; // ms without a moment after which those that are shown are old
 
 export class Connection {
   constructor(listeners) {
     this.listeners = listeners; // {state, hello, moment, spectrum}
     this.attempt = 0;
+    this.heard = null; // when the newest moment came, on this connection
+    setInterval(() => this.listen(), 500);
     this.open();
+  }
+
+  // A connection may be open while nothing comes: a run that computes or is stopped, a network that is gone.
+  listen() {
+    if (this.heard === null || performance.now() - this.heard < SILENCE) return;
+    this.listeners.state("silent", "nothing new for some seconds");
   }
 
   open() {
@@ -17,6 +26,7 @@ export class Connection {
     socket.onopen = () => this.listeners.state("waiting", "waiting for the first sound");
     socket.onmessage = (event) => this.take(event.data);
     socket.onclose = () => {
+      this.heard = null;
       const pause = RETRY[Math.min(this.attempt++, RETRY.length - 1)];
       this.listeners.state("lost", "not connected, trying again");
       setTimeout(() => this.open(), pause);
@@ -30,6 +40,7 @@ export class Connection {
       this.attempt = 0;
       this.listeners.hello(message);
     } else if (message.type === "moment") {
+      this.heard = performance.now();
       this.listeners.state("live", "live");
       this.listeners.moment(message);
     }

@@ -190,7 +190,9 @@ export class StringView {
     c.lineWidth = 2;
     c.stroke();
     c.setLineDash([]);
-    this.text(`${this.hand.force.toFixed(1)} N${this.hand.across ? " ↕" : ""}`, x + (x > this.width - 80 ? -26 : 26), y + 4, colour.hand, x > this.width - 80 ? "right" : "left", 600);
+    const left = x > this.width - 80, side = left ? -1 : 1, below = y + 26 < this.height - 74; // else the truth is there
+    const words = `${this.hand.force.toFixed(1)} N${this.hand.across ? " ↕" : ""}`;
+    this.text(words, x + side * (below ? 17 : 26), y + (below ? 26 : 4), colour.hand, left ? "right" : "left", 600);
   }
 
   ruler(run, colour) {

@@ -35,6 +35,7 @@ export class Hand {
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "slider");
     canvas.setAttribute("aria-label", "Touch the string");
+    canvas.setAttribute("aria-describedby", "keys");
     canvas.setAttribute("aria-valuemin", "0");
     canvas.setAttribute("aria-valuemax", String(Math.round(1e3 * run.length)));
     this.keyed.position ??= 0.4 * run.length;
