@@ -16,13 +16,20 @@ from monochord.perception.training.calibration import calibrated
 @click.command()
 @click.argument("model")
 @click.option("--sessions", multiple=True, required=True, metavar="FILES", help="Known touches; repeatable.")
-@click.option("--touches", type=click.IntRange(min=1), metavar="N", help="Use the first N.  [default: all]")
+@click.option(
+    "--touches",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Use the first N; 0 changes nothing and judges by all.  [default: all]",
+)
 @click.option(
     "--labels",
     type=click.Choice(["recorded", "measured"]),
     help="From the session, or from force and pose.  [default: recorded where there are any]",
 )
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of the new model.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Folder of the new model; not needed for 0 touches."
+)
 @click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def calibrate(
@@ -31,7 +38,7 @@ def calibrate(
     sessions: tuple[str, ...],
     touches: int | None,
     labels: Labelling | None,
-    out: Path,
+    out: Path | None,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -40,11 +47,13 @@ def calibrate(
     A few touches at different places and forces are enough: record them, or import a sound file and a table
     of what a ruler and a kitchen scale showed (monochord sessions import). What the model was adapted to
     before stays known. The sensor is taken to be in order: what it sounds like is no fault from then on.
-    Every error below is of touches that were left out.
+    Every error is of touches that were left out. With 0 touches the model stays as it is, and all of them say
+    how good it is.
 
     \b
     monochord calibrate demo --sessions touches.mcap --out mine
     monochord live mine
+    monochord calibrate mine --sessions more.mcap --touches 0
     """  # noqa: D301
     with progress_bar() as progress:
         result = calibrated(
@@ -54,15 +63,17 @@ def calibrate(
         echo(json.dumps(_tree(result, out)))
         return
     kind = ", simulated" if result.model.definition.simulated else ""
-    echo(f"{out}{kind}: errors of touches that were left out, by cross-validation", *result.lines())
+    how = "errors of touches that were left out, by cross-validation" if result.learned else "as it is"
+    echo(f"{out or model}{kind}: {how}", *result.lines())
 
 
-def _tree(result: Adaptation, out: Path) -> dict[str, Any]:
+def _tree(result: Adaptation, out: Path | None) -> dict[str, Any]:
     return {
-        "path": str(out),
+        "path": str(out) if out else None,
         "simulated": result.model.definition.simulated,
         "heads": {name: dataclasses.asdict(head) for name, head in result.heads.items()},
         "mistaken": result.mistaken,
+        "trust": dataclasses.asdict(result.trust),
         "next_touch": dataclasses.asdict(result.next_touch) if result.next_touch else None,
         "weights": result.model.definition.weights,
     }

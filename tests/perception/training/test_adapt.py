@@ -1,5 +1,6 @@
 """Adaptation of a trained model to a build whose labels follow another law, by a few known touches."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.model import Model, load, save
-from monochord.perception.training.adapt import accustomed, adapt
+from monochord.perception.training.adapt import Trust, accustomed, adapt, judge
 from monochord.perception.training.correct import with_prior, with_variables
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.settings import TrainingSettings
@@ -174,6 +175,76 @@ def test_the_command_writes_a_model_that_live_takes(
     assert load(out).definition.heads["force"].correction
     assert run(line) == 2
     assert "exists" in capsys.readouterr().err
+
+
+def test_a_model_that_is_judged_stays_as_it_is(correctable: Model, foreign: Dataset) -> None:
+    result, adapted = judge(correctable, foreign), adapt(correctable, foreign)
+    assert result.model is correctable
+    assert not result.learned
+    for name, head in result.heads.items():
+        assert head.touches == 12
+        assert head.before == head.after == head.expected == pytest.approx(adapted.heads[name].before)
+        assert not head.used
+        assert not head.learned
+    assert result.heads["force"].before > 0.8 * BIAS
+    assert "on 12 touches" in result.lines()[0]
+    nothing = {name: np.zeros(len(foreign), bool) for name in ("position", "force")}
+    with pytest.raises(InputError, match="0 touches with a label of position or force: allowed is 1 or more"):
+        judge(correctable, replace(foreign, valid={**foreign.valid, **nothing}))
+
+
+def test_a_model_without_corrections_can_be_judged(lesson_run: Path, foreign: Dataset) -> None:
+    result = judge(load(lesson_run), foreign)
+    assert result.heads["force"].before > 0.8 * BIAS
+    assert result.next_touch is None
+
+
+def test_the_report_ends_with_what_a_model_may_be_trusted_with(correctable: Model, foreign: Dataset) -> None:
+    result = adapt(correctable, foreign, touches=8)
+    known = np.isin(touches_of(foreign), np.unique(touches_of(foreign)[foreign.label("contact") == 1.0])[:8])
+    for name, span in (("position", result.trust.position), ("force", result.trust.force)):
+        values = foreign.label(name)[known]
+        assert span == (pytest.approx(np.nanmin(values)), pytest.approx(np.nanmax(values)))
+    assert result.trust.touches == 8
+    assert result.trust.errors["force"] == result.heads["force"].after
+    assert result.lines()[-1] == result.trust.line()
+
+
+def test_what_is_trusted_is_one_sentence() -> None:
+    trust = Trust(
+        touches=10, position=(0.052, 0.148), force=(0.2, 1.8), errors={"force": 0.151}, sliding=False
+    )
+    assert trust.line() == (
+        "trust it at 52 to 148 mm and 0.2 to 1.8 N, where the 10 known touches lie: expect a mean error of "
+        "0.15 N of force there; not covered: other positions, forces, objects or mounts, and sliding"
+    )
+    weighed = replace(trust, touches=1, position=None, sliding=True).line()
+    assert weighed.startswith("trust it at 0.2 to 1.8 N, where the 1 known touch lies")
+    assert weighed.endswith("not covered: other positions, forces, objects or mounts")
+
+
+def test_the_command_judges_a_model_by_all_touches_and_writes_none(
+    correctable: Model, foreign_session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given, out = tmp_path / "given", tmp_path / "out"
+    save(correctable, given)
+    line = ["calibrate", str(given), "--sessions", str(foreign_session), "--touches", "0"]
+    before = {file.name: file.read_bytes() for file in given.iterdir()}
+    assert run(line) == 0
+    printed = capsys.readouterr().out
+    assert "as it is" in printed
+    assert "on 12 touches" in printed
+    assert printed.splitlines()[-1].startswith("trust it at")
+    assert run([*line, "--json"]) == 0
+    tree = json.loads(capsys.readouterr().out)
+    assert tree["path"] is None
+    assert tree["heads"]["force"]["learned"] is False
+    assert tree["trust"]["touches"] == 12
+    assert run([*line, "--out", str(out)]) == 0
+    assert load(out).definition == load(given).definition
+    assert {file.name: file.read_bytes() for file in given.iterdir()} == before
+    assert run([*line[:-1], "3"]) == 2
+    assert "no --out" in capsys.readouterr().err
 
 
 def test_forces_of_a_string_tuned_otherwise_are_known_as_of_the_design(

@@ -1,13 +1,13 @@
 """Adapting a model to a build and its object by a few touches of known position and force."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Floats, Indices
+from monochord.core.types import Flags, Floats, Indices
 from monochord.core.units import Metres, Newtons
 from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
@@ -40,7 +40,8 @@ class HeadAdaptation:
     `before` and `after` are mean absolute errors, the latter of touches left out. `std` is the median
     standard error stated for these, `coverage` the share of windows within one, `within_two` within two. A
     head whose touches did not help, as where modes are misread, is left as it was: `used` is false. So it is
-    for one without corrections, of which the touches say only how good it is: `corrected` is false.
+    for one without corrections, of which the touches say only how good it is: `corrected` is false. Where no
+    touch was to be learned from, all of them only judge: `learned` is false.
     """
 
     unit: str
@@ -53,6 +54,12 @@ class HeadAdaptation:
     within_two: float
     used: bool
     corrected: bool = True
+    learned: bool = True
+
+    @property
+    def expected(self) -> float:
+        """The error to expect of the model as it is now, in the label's unit."""
+        return self.after if self.used else self.before
 
     def line(self, name: str) -> str:
         """Return it as a person reads it, for the head of this name."""
@@ -62,6 +69,8 @@ class HeadAdaptation:
             f"({self.windows} windows), stated +-{std} (median), which covers {100 * self.coverage:.0f} %, "
             f"twice that {100 * self.within_two:.0f} %"
         )
+        if not self.learned:
+            return f"  {name:<10} mean error {before} on {self.touches} touches {stated}"
         if not self.corrected:
             return f"  {name:<10} mean error {before} {stated}; it has no correction to learn"
         line = f"  {name:<10} mean error {before} before, {after} with {self.touches} touches {stated}"
@@ -78,22 +87,63 @@ class Suggestion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Trust:
+    """Where known touches lie, and the error to expect there: what a model may be trusted with.
+
+    `position` in m and `force` in N are the least and greatest of the touches' means, None where none is
+    known. `errors` are the mean absolute errors by head, in SI units. `sliding` is whether a touch slid.
+    """
+
+    touches: int
+    position: tuple[Metres, Metres] | None
+    force: tuple[Newtons, Newtons] | None
+    errors: dict[str, float]
+    sliding: bool
+
+    def line(self) -> str:
+        """Return it as one sentence."""
+        spans = [
+            f"{factor * span[0]:.3g} to {factor * span[1]:.3g} {unit}"
+            for span, factor, unit in ((self.position, 1e3, "mm"), (self.force, 1.0, "N"))
+            if span is not None
+        ]
+        factors = {"position": (1e3, "mm"), "force": (1.0, "N")}
+        errors = [
+            f"{factors[name][0] * error:.2g} {factors[name][1]} of {name}"
+            for name, error in self.errors.items()
+            if name in factors
+        ]
+        which = "1 known touch lies" if self.touches == 1 else f"{self.touches} known touches lie"
+        return (
+            f"trust it at {' and '.join(spans)}, where the {which}: expect a mean error of "
+            f"{' and '.join(errors)} there; not covered: other positions, forces, objects or mounts"
+            + ("" if self.sliding else ", and sliding")
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Adaptation:
     """A model adapted to known touches, what that did for each head, and which touch would help most next.
 
-    `mistaken` are the shares of windows that the model took for faults, by reason, and no longer does.
+    `mistaken` are the shares of windows that the model took for faults, by reason, and no longer does, unless
+    it was only judged: `learned` is false then, and the model as it was. `trust` is where the touches lie.
     """
 
     model: Model
     heads: dict[str, HeadAdaptation]
     next_touch: Suggestion | None
     mistaken: dict[str, float]
+    trust: Trust
+    learned: bool = True
 
     def lines(self) -> list[str]:
         """Return the errors of touches that were left out, and the touch to make next, for a person."""
         lines = [head.line(name) for name, head in self.heads.items()]
+        now = (
+            'were taken for "{}", and are not any more; was it so?' if self.learned else 'are taken for "{}"'
+        )
         lines += [
-            f'  {100 * share:.0f} % of windows were taken for "{why}", and are not any more; was it so?'
+            f"  {100 * share:.0f} % of windows {now.format(why)}"
             for why, share in self.mistaken.items()
             if share >= WORTH_TELLING
         ]
@@ -102,7 +152,7 @@ class Adaptation:
             place = f"{1e3 * touch.position:.0f} mm with {touch.force:.1f} N"
             gain = f"to lower the variance by {100 * touch.gain:.0f} %"
             lines.append(f"the touch that would help most next: {place}, {gain}")
-        return lines
+        return [*lines, self.trust.line()]
 
 
 def adapt(
@@ -126,7 +176,7 @@ def adapt(
     dataset
         Windows with labels, of one build and one object.
     touches
-        How many touches to use, the first in time; all by default.
+        How many touches to use, the first in time, 1 or more; all by default.
     replayed
         What the model makes of the dataset's windows, where it is known already; see `train.read_in_turn`.
     progress
@@ -140,7 +190,7 @@ def adapt(
     """
     if not model.corrections:
         raise InputError("a model without corrections", "a model that can be adapted", REMEDY)
-    dataset = as_of_the_design(model, dataset)
+    given, dataset = dataset, as_of_the_design(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
     if replayed is None:
         replayed = read_in_turn(model, dataset, rows, progress)
@@ -191,8 +241,83 @@ def adapt(
         simulated=model.definition.simulated or dataset.manifest.simulated,
     )
     model = replace(model, definition=definition)
-    next_touch = _suggestion(model, known, spreads)
-    return Adaptation(model=model, heads=heads, next_touch=next_touch, mistaken=mistaken)
+    return Adaptation(
+        model=model,
+        heads=heads,
+        next_touch=_suggestion(model, known, spreads),
+        mistaken=mistaken,
+        trust=_trust(given, np.isin(touch, known_touches), heads),
+    )
+
+
+def judge(model: Model, dataset: Dataset, *, progress: Progress = lambda *_: None) -> Adaptation:
+    """Return what known touches say of a model that learns nothing from them and stays as it is.
+
+    Parameters
+    ----------
+    model
+        With or without corrections.
+    dataset
+        Windows with labels, of one build and one object; all of its touches count.
+    progress
+        Called with the progress.
+
+    Raises
+    ------
+    InputError
+        If no touch has a label, or the positions are from the string's other end.
+    """
+    given, dataset = dataset, as_of_the_design(model, dataset)
+    rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
+    replayed = read_in_turn(model, dataset, rows, progress)
+    heads: dict[str, HeadAdaptation] = {}
+    known: dict[str, Correction] = {}
+    spreads: dict[str, float] = {}
+    used = np.zeros(len(dataset), bool)
+    for name, record in model.definition.heads.items():
+        if record.task.is_probability:
+            continue
+        errors = known_errors(model.definition, name, dataset, replayed.outputs)
+        if not errors.rows.size:
+            continue
+        if record.task.label == "position":
+            _refuse_other_end(model.definition, record, errors)
+        error, std, correction = errors.error, errors.std, model.correction(name)
+        if correction is not None:
+            expected, uncertain = correction.error(correction.terms(errors.variables))
+            error, std = error - expected, np.sqrt(correction.noise * std**2 + uncertain**2)
+            known[name], spreads[name] = correction, float(np.median(errors.std))
+        head = _adaptation(record, error, error, std, touch[errors.rows])
+        heads[name] = replace(head, learned=False)
+        used[errors.rows] = True
+    if not heads:
+        raise InputError("0 touches with a label of position or force", "1 or more", "record some")
+    return Adaptation(
+        model=model,
+        heads=heads,
+        next_touch=_suggestion(model, known, spreads) if known else None,
+        mistaken=accustomed(model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds])[1],
+        trust=_trust(given, np.isin(touch, np.unique(touch[used])), heads),
+        learned=False,
+    )
+
+
+def _trust(dataset: Dataset, known: Flags, heads: Mapping[str, HeadAdaptation]) -> Trust:
+    """Return what touches whose windows are known (n,) cover, in forces as they were given."""
+
+    def span(name: str) -> tuple[float, float] | None:
+        values = dataset.label(name)[known] if name in dataset.labels else np.zeros(0)
+        values = values[np.isfinite(values)]
+        return (float(values.min()), float(values.max())) if values.size else None
+
+    sliding = "slip" in dataset.labels and bool(np.any(dataset.label("slip")[known] == 1.0))
+    return Trust(
+        touches=max((head.touches for head in heads.values()), default=0),
+        position=span("position"),
+        force=span("force"),
+        errors={name: head.expected for name, head in heads.items() if name in ("position", "force")},
+        sliding=sliding,
+    )
 
 
 def accustomed(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, float]]:

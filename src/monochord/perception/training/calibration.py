@@ -8,7 +8,7 @@ from pathlib import Path
 from monochord.core.errors import InputError
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.perception.model import load, save
-from monochord.perception.training.adapt import Adaptation, adapt
+from monochord.perception.training.adapt import Adaptation, adapt, judge
 from monochord.perception.training.rows import Progress
 from monochord.perception.tuning.sessions import heard_by
 
@@ -16,14 +16,14 @@ from monochord.perception.tuning.sessions import heard_by
 def calibrated(
     model: str,
     sessions: Iterable[str],
-    out: Path,
+    out: Path | None,
     *,
     touches: int | None = None,
     labels: Labelling = "",
     force: bool = False,
     progress: Progress = lambda *_: None,
 ) -> Adaptation:
-    """Adapt a model to one sensor and object, and save the result.
+    """Adapt a model to one sensor and object, and save the result; without touches to use, judge it alone.
 
     Parameters
     ----------
@@ -32,9 +32,10 @@ def calibrated(
     sessions
         Files, folders or patterns of sessions with known touches.
     out
-        Folder of the new model.
+        Folder of the new model; None, with no touch to use, for none.
     touches
-        How many touches to use, the first in time; all by default.
+        How many touches to use, the first in time; all by default. With 0 the model stays as it is, and all
+        touches say how good it is.
     labels
         Which labels to take; see `BuildOptions`.
     force
@@ -45,10 +46,13 @@ def calibrated(
     Raises
     ------
     InputError
-        If the folder exists, or the model or the sessions cannot be used; see `adapt`.
+        If the folder exists, or is needed and not given, or the model or the sessions cannot be used; see
+        `adapt`.
     """
     given = load(model)
-    if out.exists():
+    if out is None and touches != 0:
+        raise InputError("no --out", "a new folder for the model", "or --touches 0, which judges it alone")
+    if out is not None and out.exists():
         raise InputError(f"folder {out} (exists)", "a new folder", "choose another name with --out")
     trained = given.definition
     rate = trained.sample_rate
@@ -57,5 +61,8 @@ def calibrated(
         dataset = build_dataset(
             find_sessions(sessions), Path(folder) / "dataset", options, listen=heard_by(trained.string)
         )
-        result = adapt(given, dataset, touches=touches, progress=progress)
-    return dataclasses.replace(result, model=save(result.model, out))
+        if touches == 0:
+            result = judge(given, dataset, progress=progress)
+        else:
+            result = adapt(given, dataset, touches=touches, progress=progress)
+    return result if out is None else dataclasses.replace(result, model=save(result.model, out))
