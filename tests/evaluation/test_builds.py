@@ -1,5 +1,6 @@
 """Rows of unseen builds say what known touches of each are worth, and see no label of the others."""
 
+import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from tests.conftest import LEARNABLE, sung
 
+from monochord.cli import run
 from monochord.core.errors import InputError
 from monochord.core.types import Block
 from monochord.datasets.split import Split
@@ -100,6 +102,22 @@ def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path
     page = builds_page(rows)
     assert "## Unseen builds, all objects, plausible world, simulated" in page
     assert page.count("| from scratch | 8 |") == 1
+
+
+def test_rows_of_measured_labels_are_of_the_same_touches_and_say_so(
+    small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows: list[SummaryRow] = []
+    for labels in ("recorded", "measured"):
+        line = ["transfer", "demo", "--sessions", str(small / "hold_000.mcap"), "--touches", "0", "--json"]
+        assert run([*line, "--labels", labels, "--workers", "1"]) == 0
+        rows += json.loads(capsys.readouterr().out)["rows"]
+    truth, measured = rows
+    assert (truth["condition"], measured["condition"]) == (UNSEEN, f"{UNSEEN}, measured labels")
+    assert measured["n"] == pytest.approx(truth["n"], rel=0.1)
+    for name, limit in (("position_mae_mm", 0.1), ("force_mae_n", 0.05)):
+        assert measured[name] != truth[name]
+        assert measured[name] == pytest.approx(truth[name], abs=limit)
 
 
 @pytest.mark.usefixtures("made_up_features")

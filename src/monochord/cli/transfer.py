@@ -9,6 +9,7 @@ import click
 
 from monochord.cli._output import echo, progress_bar
 from monochord.core.errors import InputError
+from monochord.datasets.build import Labelling
 from monochord.evaluation.builds import TOUCHES, UNSEEN, Per, evaluate_builds
 from monochord.evaluation.select import EvaluationSettings
 from monochord.evaluation.summary import SummaryRow, keep_summary
@@ -34,6 +35,11 @@ from monochord.lab.workers import run_all
     help="What a model is adapted to: each session, with its object, or all sessions of a build.",
 )
 @click.option("--condition", default=UNSEEN, show_default=True, metavar="TEXT", help="Name of the condition.")
+@click.option(
+    "--labels",
+    type=click.Choice(["recorded", "measured"]),
+    help="From the session, or from force and pose.  [default: recorded where there are any]",
+)
 @click.option("--name", default="", metavar="NAME", help="Name of the model in the rows.  [default: MODEL]")
 @click.option(
     "--baselines/--no-baselines", default=True, show_default=True, help="Ridge on the same feature."
@@ -50,6 +56,7 @@ def transfer(
     touches: str,
     per: Per,
     condition: str,
+    labels: Labelling | None,
     name: str,
     baselines: bool,
     rows: Path | None,
@@ -59,11 +66,12 @@ def transfer(
     """Test MODEL on builds that it was not trained on, adapted to 0, 1, 5 ... touches of each.
 
     Every session is adapted to by its first touches and scored on the others, beside ridge regression on the
-    same feature, corrected by the same touches, and beside ridge regression that has seen nothing else.
+    same feature, corrected by the same touches, and beside ridge regression that has seen nothing else. With
+    --labels measured, touches are known and scored by what robot and force sensor say, errors included.
 
     \b
     monochord transfer run --sessions sealed --rows docs/results/builds.json
-    monochord transfer run --sessions monday/*.mcap --touches 0,10
+    monochord transfer run --sessions monday/*.mcap --touches 0,10 --labels measured
     """  # noqa: D301
     settings = EvaluationSettings(model=model, sessions=sessions, baselines=baselines)
     with progress_bar("builds") as progress:
@@ -73,6 +81,7 @@ def transfer(
             touches=_numbers(touches),
             per=per,
             condition=condition,
+            labels=labels or "",
             run=partial(run_all, workers=workers),
             progress=progress,
             refused=lambda why: echo(f"left out: {why}", err=True),

@@ -18,8 +18,9 @@ from monochord.core.errors import InputError
 from monochord.core.jobs import Run, one_by_one
 from monochord.core.ownership import scratch_folder
 from monochord.core.types import Flags
-from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
+from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
+from monochord.datasets.truth import MEASURED
 from monochord.evaluation.baselines import RIDGE, Baselines, fit_baselines
 from monochord.evaluation.replay import Progress, Selection, replay_together
 from monochord.evaluation.results import Results, join
@@ -85,6 +86,7 @@ def evaluate_builds(
     touches: Sequence[int] = TOUCHES,
     per: Per = "session",
     condition: str = UNSEEN,
+    labels: Labelling = "",
     run: Run[Group, Outcome] = one_by_one,
     progress: Progress = lambda *_: None,
     refused: Callable[[str], None] = lambda _: None,
@@ -106,6 +108,9 @@ def evaluate_builds(
         Whether each session is adapted to by itself, as each has an object of its own, or a build's together.
     condition
         Of the rows.
+    labels
+        Which labels the touches are known and scored by; see `BuildOptions`. The condition says of measured
+        ones that they are.
     run
         Spreads the groups over processes.
     progress
@@ -132,7 +137,7 @@ def evaluate_builds(
     ridge = fit_baselines(training, candidate.feature, (RIDGE,)) if training else None
     rivals = _Rivals(name=name or candidate.name, model=model, candidate=candidate, ridge=ridge)
     groups = groups_of(find_sessions(settings.sessions), per)
-    work = partial(_curves, rivals=rivals, touches=tuple(sorted(set(touches))))
+    work = partial(_curves, rivals=rivals, touches=tuple(sorted(set(touches))), labels=labels)
     parts: dict[tuple[str, str, int], list[Results]] = {}
     errors: list[InputError] = []
     for done, (group, outcome) in enumerate(run(groups, work), start=1):
@@ -149,7 +154,7 @@ def evaluate_builds(
     if not parts:
         given = f"{len(groups)} groups of sessions"
         raise InputError(given, f"one with {MIN_LEFT} touches beside the known ones", "take fewer --touches")
-    return _rows_of(parts, condition)
+    return _rows_of(parts, f"{condition}, {labels} labels" if labels == MEASURED else condition)
 
 
 def groups_of(files: Sequence[Path], per: Per = "session") -> list[Group]:
@@ -182,7 +187,7 @@ def _rows_of(parts: Mapping[tuple[str, str, int], list[Results]], condition: str
     return rows
 
 
-def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Outcome:
+def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: Labelling = "") -> Outcome:
     """Return the results of every estimator for each number of known touches that leaves enough to score.
 
     A group with a session that cannot be used gives the reason instead.
@@ -191,7 +196,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...]) -> Outco
     window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
     curves: Curves = {}
     with scratch_folder() as scratch:
-        options = BuildOptions(window=window, hop=hop)
+        options = BuildOptions(window=window, hop=hop, labels=labels)
         try:
             listen = heard_by(definition.string)
             dataset = build_dataset(group.files, scratch / "dataset", options, listen=listen)

@@ -19,6 +19,14 @@ EXPLAINED = (
     f"right), under > {GROSS:g} se the share of answered windows that are further off: confidently wrong."
 )
 
+COUNTED = (
+    "The column of windows, `n` in the rows, counts the touched windows of 0.1 s whose position or force is "
+    "known, answered or not: all figures of position and force are of these. It counts no window of a known "
+    "touch, none in the taps that align the streams, none with the begin or the end of a touch, and no "
+    "untouched one. Contact is scored on untouched windows besides; where nothing is touched, as beside "
+    "motors alone, `n` is 0."
+)
+
 
 def cells(row: SummaryRow) -> tuple[str, ...]:
     """Return the figures of a row as texts, in the order of `HEADS`.
@@ -85,6 +93,8 @@ def builds_page(rows: Sequence[SummaryRow]) -> str:
         "alone. "
         + EXPLAINED
         + " In brackets are intervals of 95 %, drawn over builds where there are five or more.",
+        "",
+        COUNTED,
         "",
     ]
     kinds = dict.fromkeys((row["world"], row["condition"], row["object"]) for row in rows)
