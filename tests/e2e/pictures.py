@@ -1,14 +1,40 @@
-"""Take the documentation's pictures of the page, on a quiet machine: ``python -m tests.e2e.pictures``."""
+"""Take the documentation's pictures of the page and of the live view: ``python -m tests.e2e.pictures``.
 
+A quiet machine skips no windows, and shows none skipped.
+"""
+
+import base64
+import re
+import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from io import StringIO
 from pathlib import Path
 
+from rich.console import Console
+from rich.terminal_theme import TerminalTheme
+from rich.text import Text
 from tests.e2e.browser import Page, opened
-from tests.e2e.test_web import READY, String, demonstration
+from tests.e2e.test_web import READY, String, demonstration, on_a_terminal
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 SETTLED = 8.0  # seconds; the history is to show something
+COLUMNS, ROWS = 84, 26
+INTO_A_SLIDE = 3  # pictures in a row in which truth and estimate both say that the touch slides
+DARK = TerminalTheme(
+    (18, 20, 23), (225, 222, 215),
+    [(48, 53, 60), (255, 143, 132), (110, 192, 118), (242, 178, 92),
+     (120, 160, 255), (189, 161, 255), (95, 211, 200), (225, 222, 215)],
+    [(110, 115, 122), (255, 160, 150), (143, 209, 147), (255, 200, 120),
+     (150, 180, 255), (205, 185, 255), (120, 225, 215), (245, 242, 235)],
+)  # fmt: skip
+TERMINAL = """<html><meta charset="utf-8"><style>
+body {{ margin: 0; color: #e1ded7; background: #121417; }}
+pre {{ margin: 0; padding: 14px 10px; width: max-content; font: 16px/20px 'DejaVu Sans Mono', monospace; }}
+i {{ display: inline-block; width: 1ch; height: 20px; vertical-align: top; font-style: normal; }}
+i b {{ display: inline-block; font-weight: 400; transform-origin: left; transform: scaleX(0.82); }}
+</style><body><pre>{code}</pre></body></html>"""
 
 
 def slide(page: Page) -> None:
@@ -21,16 +47,14 @@ def slide(page: Page) -> None:
         time.sleep(0.03)
 
 
-def main() -> None:
-    """Take a picture in light, of the whole page in dark, and on a phone."""
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        demonstration(Path(folder)) as started,
-        opened(started.address) as page,
-    ):
+def of_the_page(address: str) -> None:
+    """Take a picture in light down to the spectra, of the whole page in dark, and on a phone."""
+    with opened(address) as page:
         page.size(1200, 1060)
         page.scheme("light")
         page.wait(READY)
+        history = "document.getElementById('history-title').closest('.card')"
+        page.size(1200, round(page.ask(f"{history}.getBoundingClientRect().top")))
         time.sleep(SETTLED)
         slide(page)
         page.picture(FIGURES / "page_light.png")
@@ -38,11 +62,73 @@ def main() -> None:
         time.sleep(0.5)
         page.picture(FIGURES / "page_dark.png", whole=True)
         String(page).mouse("mouseReleased", 0.6)
-        page.size(360, 760, scale=2.0, mobile=True)
+        page.size(360, 930, scale=2.0, mobile=True)
         page.scheme("light")
         page.wait("monochord.moment.truth.contact === 0")
         slide(page)
         page.picture(FIGURES / "page_phone.png")
+
+
+def pictures_in(printed: str) -> Iterator[list[str]]:
+    """Give each picture that a live view draws on a terminal, as lines with their styles."""
+    lines: dict[int, str] = {}
+    row = 0
+    for part in re.finditer(r"\x1b\[(\d+)A|(\n)|([^\r\n]*?)\x1b\[K", printed):
+        up, down, line = part.groups()
+        if up:
+            yield [lines.get(k, "") for k in range(row + 1)]
+            row -= int(up)
+        elif down:
+            row += 1
+        else:
+            lines[row] = line
+
+
+def sliding(printed: str) -> list[str]:
+    """Return the first picture that is well within a slide."""
+    seen = 0
+    for lines in pictures_in(printed):
+        text = Text.from_ansi("\n".join(lines)).plain
+        seen = (
+            seen + 1
+            if re.search(r"truth, slides [\d.]+ mm/s *$", text, re.MULTILINE)
+            and re.search(r"slip +slides", text)
+            else 0
+        )
+        if seen == INTO_A_SLIDE:
+            return lines
+    raise AssertionError("no slide in this time")
+
+
+def of_the_terminal() -> None:
+    """Take a picture of the live view in a terminal, drawn in a browser's letters."""
+    size = {"COLUMNS": str(COLUMNS), "LINES": str(ROWS), "COLORTERM": "truecolor"}
+    lines = sliding(on_a_terminal(["--no-browser", "--seconds", "20"], size))
+    console = Console(
+        record=True, file=StringIO(), width=COLUMNS, force_terminal=True, color_system="truecolor"
+    )
+    console.print(Text.from_ansi("\n".join(lines)), soft_wrap=True)
+    html = console.export_html(theme=DARK, code_format=TERMINAL, inline_styles=True)
+    # The font has no Braille: a wider one stands in, one cell for each character.
+    html = re.sub("[\u2800-\u28ff]", r"<i><b>\g<0></b></i>", html)
+    with opened("data:text/html;base64," + base64.b64encode(html.encode()).decode()) as page:
+        page.size(1200, 800, scale=2.0)
+        width, height = (
+            page.wait("""(() => {const box = document.querySelector('pre')?.getBoundingClientRect();
+            return box && [Math.ceil(box.width), Math.ceil(box.height)]})()""")
+        )
+        page.size(width, height, scale=1.75)
+        page.picture(FIGURES / "live.png")
+
+
+def main() -> None:
+    """Take all pictures, or those that are named: page, terminal."""
+    which = sys.argv[1:] or ["page", "terminal"]
+    if "terminal" in which:
+        of_the_terminal()
+    if "page" in which:
+        with tempfile.TemporaryDirectory() as folder, demonstration(Path(folder)) as started:
+            of_the_page(started.address)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,8 @@ const view = new StringView(element("string"));
 const spectra = new Spectra(element("spectra"));
 const history_ = new History(element("history"));
 let run = null, moment = null, fresh = false, colour = colours(), timing = null, before = 0, historyDue = 0;
-const counts = { frames: 0, received: 0, drawn: 0 }; // animation frames; moments that came, and that were shown
+// Animation frames; moments that came, that were shown, and that a newer one replaced before the next frame.
+const counts = { frames: 0, received: 0, drawn: 0, replaced: 0 };
 
 // What is not on the screen is not drawn.
 const visible = new Set();
@@ -48,6 +49,7 @@ const connection = new Connection({
     showEvents(run.events);
   },
   moment(message) {
+    if (fresh) counts.replaced += 1;
     moment = message;
     fresh = true;
     counts.received += 1;
