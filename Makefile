@@ -2,11 +2,13 @@
 #
 # `make demo` and `make test` start from nothing: they install the Debian packages that are missing, make the
 # virtual environment, install Monochord into it, and then do their job. The second call starts at once.
+# `make demo` installs Monochord alone; the other commands add what training, exports and tests need.
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+DEMO_INSTALLED := $(VENV)/.installed-demo
 DOCS_INSTALLED := $(VENV)/.installed-docs
 ROS := .venv-ros
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
@@ -27,22 +29,50 @@ $(BIN)/python:
 	  "Python %d.%d: allowed is 3.11 or newer; name another one: make PYTHON=python3.12" % v[:2])'
 	@echo "making $(VENV)"; $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
-$(INSTALLED): pyproject.toml | system $(BIN)/python
-	@echo "installing Monochord and its tools into $(VENV)"
-	@$(PIP) install 'torch==2.13.0' # by itself: any other way of asking brings gigabytes for a graphics card
-	@$(PIP) install --editable '.[dev,ros,cluster,export,pandas,figures,train,encoders,openvino]'
+# What is installed is not compiled to bytecode ahead: that takes as long again, for modules of which few are used.
+$(DEMO_INSTALLED): pyproject.toml | system $(BIN)/python
+	@echo "installing Monochord into $(VENV)"
+	@$(PIP) install --no-compile --editable .
 	@echo "compiling the kernels, once"
-	@$(BIN)/monochord demo --seconds 1 --json >/dev/null & demo=$$!; \
-	  $(BIN)/python -c "$$COMPILE" >/dev/null && wait $$demo
+	@$(BIN)/python -c "$$COMPILE_TWIN" & twin=$$!; \
+	  $(BIN)/python -c "$$COMPILE_ESTIMATOR" >/dev/null && wait $$twin
 	@touch $@
 
-define COMPILE
-from monochord.cli import run
+# The twin's kernels and all others take some 30 s each to compile: two processes, on two cores.
+define COMPILE_TWIN
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 assert VirtualSensor("prototype", world="plausible").advance(0.01)[0].any()
+endef
+export COMPILE_TWIN
+
+# The prototype's open string, tuned and estimated as in the demonstration.
+define COMPILE_ESTIMATOR
+from pathlib import Path
+from tempfile import TemporaryDirectory
+import numpy, soundfile
+from monochord.cli import run
+phase = 2 * numpy.pi * 1010.6 / 44100 * numpy.arange(66150)
+sound = sum(numpy.sin(n * phase + n) / n for n in range(1, 9)) / 9
+with TemporaryDirectory() as folder:
+    wav, tuned, table = (str(Path(folder, name)) for name in ("open.wav", "sensor.toml", "open.csv"))
+    soundfile.write(wav, numpy.stack([sound, sound], 1), 44100)
+    assert run(["tune", wav, "--sensor", "prototype", "--out", tuned]) == 0
+    assert run(["live", "demo", wav, "--sink", f"csv={table}"]) == 0
+endef
+export COMPILE_ESTIMATOR
+
+$(INSTALLED): pyproject.toml | $(DEMO_INSTALLED)
+	@echo "installing its development tools into $(VENV)"
+	@$(PIP) install 'torch==2.13.0' # by itself: any other way of asking brings gigabytes for a graphics card
+	@$(PIP) install --editable '.[dev,ros,cluster,export,pandas,figures,train,encoders,openvino]'
+	@$(BIN)/python -c "$$COMPILE_REST" >/dev/null
+	@touch $@
+
+define COMPILE_REST
+from monochord.cli import run
 assert run(["bench", "bound", "--set", "windows=1"]) == run(["simulate", "appendix", "--json"]) == 0
 endef
-export COMPILE
+export COMPILE_REST
 
 $(DOCS_INSTALLED): pyproject.toml | $(INSTALLED)
 	@$(PIP) install --editable '.[docs]'
@@ -94,7 +124,7 @@ docs: system $(DOCS_INSTALLED) ## The documentation, into docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 
-demo: install ## A driven string, touched: contact, place, force and slip told live; needs no hardware
+demo: $(DEMO_INSTALLED) ## A simulated sensor to touch: contact, position, force and slip estimated live; no hardware
 	$(BIN)/monochord demo
 
 clean: ## Remove what these commands made, the virtual environment included
