@@ -37,8 +37,9 @@ MIN_SHARE = 0.02
 TRAINED_RISE = 0.012
 """Share by which the forces of the training raise the open frequency; where `rise` is larger, that is 1."""
 
-FREQUENCY, WEIGHT, SHARE_1 = range(3)
-"""Columns of an array of lines: Hz, 0 to 1, and the share of the power at microphone 1."""
+FREQUENCY, WEIGHT, SHARE_1, GAIN_1, GAIN_2 = range(5)
+"""Columns of an array of lines: Hz, 0 to 1, the share of the power at microphone 1, and the logarithm of that
+at either microphone over a half. Peaks have the first three."""
 POSITION, OPEN, MODE_1, MODE_2, LINE_1, LINE_2, WEAKNESS_1, WEAKNESS_2 = range(8)
 """Columns of an array of hypotheses; lines are ranks by strength, from 0, and weakness is in decades."""
 PARTIALS = 10
@@ -88,8 +89,8 @@ class StringModel(NamedTuple):
 
 @numba.njit(cache=True, error_model="numpy")
 def weighted_lines(frequency: Floats, height: Floats, power: Floats, spacing: Hertz) -> Floats:
-    """Return the lines (lines, 3) of either microphone whose weight is above 0."""
-    lines = np.zeros((frequency.size, 3))
+    """Return the lines (lines, 5) of either microphone whose weight is above 0."""
+    lines = np.zeros((frequency.size, 5))
     count = 0
     for m in range(2):
         for i in range(frequency.shape[1]):
@@ -98,7 +99,10 @@ def weighted_lines(frequency: Floats, height: Floats, power: Floats, spacing: He
             weight = 1.0 + np.log10(height[m, i] / height[m, 0]) / WEIGHT_DECADES
             if weight > 0.0:
                 lines[count, FREQUENCY], lines[count, WEIGHT] = frequency[m, i], weight
-                lines[count, SHARE_1] = share_1(power, frequency[m, i], spacing)
+                share = share_1(power, frequency[m, i], spacing)
+                lines[count, SHARE_1] = share
+                lines[count, GAIN_1] = np.log(2.0 * max(share, MIN_SHARE))
+                lines[count, GAIN_2] = np.log(2.0 * max(1.0 - share, MIN_SHARE))
                 count += 1
     return lines[:count]
 
@@ -108,12 +112,6 @@ def share_1(power: Floats, frequency: Hertz, spacing: Hertz) -> float:
     """Return the share of a line's power at microphone 1."""
     k = int(np.rint(frequency / spacing))
     return power[0, k] / (power[0, k] + power[1, k])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def stiff_partial(number: float, own: Hertz, side: Metres, string: StringModel) -> Hertz:
-    """Return a partial of a segment of length `side`, given the string's open frequency."""
-    return number * own * string.length / side * np.sqrt(1.0 + string.stiffness * (number / side) ** 2)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -134,7 +132,7 @@ def find_hypotheses(frequency: Floats, height: Floats, string: StringModel) -> F
         for modes in range(MAX_MODE_1 * MAX_MODE_2):
             n1, n2 = modes // MAX_MODE_2 + 1.0, modes % MAX_MODE_2 + 1.0
             # Without stiffness a pair is of a higher open frequency: most are too low even so.
-            if a * b / (n2 * a + n1 * b) < flexible:
+            if a * b < flexible * (n2 * a + n1 * b):
                 continue
             x, own = _located(a, n1, b, n2, string)
             off = own / string.nominal - 1.0
@@ -152,14 +150,15 @@ def find_hypotheses(frequency: Floats, height: Floats, string: StringModel) -> F
 @numba.njit(cache=True, error_model="numpy")
 def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: StringModel) -> tuple[Metres, Hertz]:
     """Return position and open frequency of a pair of modes, by fixed-point iteration over the stiffness."""
-    length, beta = string.length, string.stiffness
+    length, beta_1, beta_2 = string.length, string.stiffness * n1**2, string.stiffness * n2**2
     f1, f2 = a / n1, b / n2
-    x = length * f2 / (f1 + f2)
+    x, stretch_1 = length * f2 / (f1 + f2), 1.0
     for _ in range(4):
-        f1 = a / n1 / np.sqrt(1.0 + beta * (n1 / x) ** 2)
-        f2 = b / n2 / np.sqrt(1.0 + beta * (n2 / (length - x)) ** 2)
-        x = length * f2 / (f1 + f2)
-    return x, f1 * f2 / (f1 + f2)
+        square_1, square_2 = x**2, (length - x) ** 2
+        stretch_1 = 1.0 + beta_1 / square_1
+        ratio = np.sqrt(stretch_1 * square_2 / (square_2 + beta_2))  # of the two segments' s(n / side)
+        x = length * f2 * ratio / (f1 + f2 * ratio)
+    return x, f1 / np.sqrt(stretch_1) * x / length
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -192,22 +191,25 @@ def measure_hypotheses(
     measures = np.zeros((found.shape[0], MEASURES))
     lines = weighted_lines(frequency, height, power, spacing)
     peaks = _prominent_peaks(power, prominence, spacing, string)
-    is_tone = np.zeros(peaks.shape[0], np.bool_)
+    others = np.empty_like(peaks)
+    is_tone = np.zeros(power.shape[1], np.bool_)
     lowest = (1.0 - MAX_FALL - string.slack) * string.nominal
-    partials = np.zeros((3, int(HIGHEST_PEAK / lowest) + 3))
-    pair = -1
+    numbers = np.arange(int(HIGHEST_PEAK / lowest) + 3.0)
+    partials, log_number = np.zeros((3, numbers.size)), np.log(numbers)
+    pair, count, tones = -1, 0, 0.0
     for k in range(found.shape[0]):
         i, j = int(found[k, LINE_1]), int(found[k, LINE_2])
         sustained = (frequency[0, i], frequency[1, j])
         if pair != i * CANDIDATE_LINES + j:  # hypotheses come pair by pair
             pair = i * CANDIDATE_LINES + j
-            for q in range(peaks.shape[0]):
-                is_tone[q] = _is_tone(peaks[q, FREQUENCY], sustained, spacing)
+            _mark_tones(is_tone, sustained, spacing)
+            count, tones = _without_tones(peaks, is_tone, spacing, others)
         row = measures[k]
+        row[_TONES] = tones
         _measure_tuning(row, found[k], string)
-        _fill_partials(partials, found[k], string)
-        _measure_lines(row, found[k], lines, sustained, spacing, partials, string.length)
-        _measure_peaks(row, found[k], peaks, is_tone, spacing, partials, string.length)
+        _fill_partials(partials, numbers, found[k], string)
+        _measure_lines(row, found[k], lines, sustained, spacing, partials, log_number, string.length)
+        _measure_peaks(row, found[k], others[:count], spacing, partials, string.length)
         for segment in range(2):
             first = COMMON_MEASURES + segment * SEGMENT_MEASURES
             share = share_1(power, sustained[segment], spacing)
@@ -241,12 +243,13 @@ def _measure_tuning(row: Floats, found: Floats, string: StringModel) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _fill_partials(partials: Floats, found: Floats, string: StringModel) -> None:
-    """Fill in the stiff partials of both segments and of the whole string, each from column 1 on, in Hz."""
+def _fill_partials(partials: Floats, numbers: Floats, found: Floats, string: StringModel) -> None:
+    """Fill in the stiff partials (3, numbers) in Hz of both segments and of the whole string."""
     x, own = found[POSITION], found[OPEN]
     for row, side in enumerate((x, string.length - x, string.length)):
-        for n in range(1, min(int(HIGHEST_PEAK * side / (own * string.length)) + 3, partials.shape[1])):
-            partials[row, n] = stiff_partial(float(n), own, side, string)
+        fundamental, beta = own * string.length / side, string.stiffness / side**2
+        for n in range(numbers.size):
+            partials[row, n] = numbers[n] * fundamental * np.sqrt(1.0 + beta * numbers[n] ** 2)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -257,22 +260,23 @@ def _measure_lines(
     sustained: tuple[Hertz, Hertz],
     spacing: Hertz,
     partials: Floats,
+    log_number: Floats,
     length: Metres,
 ) -> None:
     """Of the strongest lines: whose stiff partial each is, or multiple of a sustained line."""
     x, own = found[POSITION], found[OPEN]
+    per_hertz = (x / (own * length), (length - x) / (own * length))
     total = lines[:, WEIGHT].sum()
     for q in range(lines.shape[0]):
         f, weight, share = lines[q, FREQUENCY], lines[q, WEIGHT] / total, lines[q, SHARE_1]
         tolerance = TOLERANCE_BINS * spacing + TOLERANCE_SHARE * f
-        best, number, gain, off, of = -9.0, 1.0, 0.0, 0.0, -1
+        best, number, gain, off, of = -9.0, 1, 0.0, 0.0, -1
         for segment in range(2):
-            side = x if segment == 0 else length - x
-            n = max(np.rint(f * side / (own * length)), 1.0)
-            miss = min(abs(f - partials[segment, int(n)]), abs(f - n * sustained[segment]))
+            n = max(int(np.rint(f * per_hertz[segment])), 1)
+            miss = min(abs(f - partials[segment, n]), abs(f - n * sustained[segment]))
             if miss < tolerance:
-                own_share = np.log(2.0 * max(share if segment == 0 else 1.0 - share, MIN_SHARE))
-                score = own_share - 0.6 * np.log(n)  # which of two segments: the louder, the lower
+                own_share = lines[q, GAIN_1 + segment]
+                score = own_share - 0.6 * log_number[n]  # which of two segments: the louder, the lower
                 if score > best:
                     best, number, gain, off, of = score, n, own_share, miss / tolerance, segment
         if of < 0:
@@ -281,7 +285,7 @@ def _measure_lines(
             continue
         first = COMMON_MEASURES + of * SEGMENT_MEASURES
         row[first + _EXPLAINED] += weight
-        row[_NUMBER] += weight * np.log(number)
+        row[_NUMBER] += weight * log_number[number]
         row[_OWN_SHARE] += weight * gain
         row[_MISS] += weight * off * off
         if number < found[MODE_1 + of]:
@@ -290,38 +294,33 @@ def _measure_lines(
 
 @numba.njit(cache=True, error_model="numpy")
 def _measure_peaks(
-    row: Floats,
-    found: Floats,
-    peaks: Floats,
-    is_tone: Flags,
-    spacing: Hertz,
-    partials: Floats,
-    length: Metres,
+    row: Floats, found: Floats, peaks: Floats, spacing: Hertz, partials: Floats, length: Metres
 ) -> None:
-    """Of all peaks, strong and weak: whether one is distortion, of a segment, or of the whole string."""
+    """Of all peaks that are no distortion, strong and weak: whether of a segment, or of the whole string.
+
+    None of what is asked of a peak can be predicted, so nothing branches on it.
+    """
     x, own = found[POSITION], found[OPEN]
-    total = peaks[:, WEIGHT].sum() + 1.0e-9
+    per_hertz = (x / (own * length), (length - x) / (own * length), 1.0 / own)
+    weight_1 = weight_2 = own_1 = own_2 = left = whole = 0.0
     for q in range(peaks.shape[0]):
-        f, weight = peaks[q, FREQUENCY], peaks[q, WEIGHT] / total
-        if is_tone[q]:
-            row[_TONES] += weight
-            continue
+        f, weight, share = peaks[q, FREQUENCY], peaks[q, WEIGHT], peaks[q, SHARE_1]
         tolerance = spacing + TOLERANCE_SHARE * f
-        of, louder = -1, 0.0
-        for segment in range(2):
-            side = x if segment == 0 else length - x
-            n = max(np.rint(f * side / (own * length)), 1.0)
-            share = peaks[q, SHARE_1] if segment == 0 else 1.0 - peaks[q, SHARE_1]
-            if abs(f - partials[segment, int(n)]) < tolerance and share > louder:
-                of, louder = segment, share
-        if of >= 0:
-            first = COMMON_MEASURES + of * SEGMENT_MEASURES
-            row[first + _PEAKS] += weight
-            row[first + _PEAKS_SHARE] += weight * louder
-            continue
-        row[_LEFT] += weight
-        if abs(f - partials[2, int(max(np.rint(f / own), 1.0))]) < tolerance:
-            row[_WHOLE] += weight
+        fits_1 = abs(f - partials[0, max(int(np.rint(f * per_hertz[0])), 1)]) < tolerance
+        fits_2 = abs(f - partials[1, max(int(np.rint(f * per_hertz[1])), 1)]) < tolerance
+        fits_whole = abs(f - partials[2, max(int(np.rint(f * per_hertz[2])), 1)]) < tolerance
+        of_1 = weight * (fits_1 & ((share >= 0.5) | (not fits_2)))
+        of_2 = weight * (fits_2 & ((share < 0.5) | (not fits_1)))
+        weight_1 += of_1
+        weight_2 += of_2
+        own_1 += of_1 * share
+        own_2 += of_2 * (1.0 - share)
+        left += weight - of_1 - of_2
+        whole += (weight - of_1 - of_2) * fits_whole
+    row[_LEFT], row[_WHOLE] = left, whole
+    row[COMMON_MEASURES + _PEAKS], row[COMMON_MEASURES + _PEAKS_SHARE] = weight_1, own_1
+    other = COMMON_MEASURES + SEGMENT_MEASURES
+    row[other + _PEAKS], row[other + _PEAKS_SHARE] = weight_2, own_2
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -338,36 +337,54 @@ def _measure_partials(
 ) -> None:
     """Level at the own and at the other microphone, and prominence, of a segment's first partials.
 
-    `partials` are the stiff ones, from 1 on; where `mode`, which is sustained, divides their number they are
-    multiples of the line.
+    `partials` are the stiff ones, from 1 on. Where `mode`, which is sustained, divides their number, they are
+    overwritten with multiples of the line.
     """
     last = power.shape[1] - 2
+    for n in range(mode, min(PARTIALS + 1, partials.size), mode):
+        partials[n] = sustained * n / mode
+    own, other = segment, 1 - segment
+    per_own, per_other = 1.0 / height[own, 0], 1.0 / height[other, 0]
+    per_level = 1.0 / (np.log(10.0) * LEVEL_DECADES)
     for n in range(1, min(PARTIALS + 1, partials.size)):
-        f = sustained * n / mode if n % mode == 0 else partials[n]
-        k = f / spacing
-        if k >= last - 6 or f >= HIGHEST_PEAK:
+        k = partials[n] / spacing
+        if k >= last - 6 or partials[n] >= HIGHEST_PEAK:
             break
         half = 0.8 + TOLERANCE_SHARE * k
         low, high = max(int(k - half + 0.5), 1), min(int(k + half + 0.5), last)
-        loudest_1 = loudest_2 = most = 0.0
+        loudest = loudest_other = most = 0.0
         for q in range(low, high + 1):
-            loudest_1, loudest_2 = max(loudest_1, power[0, q]), max(loudest_2, power[1, q])
+            loudest, loudest_other = max(loudest, power[own, q]), max(loudest_other, power[other, q])
             most = max(most, prominence[0, q], prominence[1, q])
-        level_1 = max(1.0 + np.log10(loudest_1 / height[0, 0] + 1.0e-12) / LEVEL_DECADES, 0.0)
-        level_2 = max(1.0 + np.log10(loudest_2 / height[1, 0] + 1.0e-12) / LEVEL_DECADES, 0.0)
-        row[3 * n - 3] = level_1 if segment == 0 else level_2
-        row[3 * n - 2] = level_2 if segment == 0 else level_1
+        row[3 * n - 3] = max(1.0 + np.log(loudest * per_own + 1.0e-12) * per_level, 0.0)
+        row[3 * n - 2] = max(1.0 + np.log(loudest_other * per_other + 1.0e-12) * per_level, 0.0)
         row[3 * n - 1] = most
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _is_tone(frequency: Hertz, sustained: tuple[Hertz, Hertz], spacing: Hertz) -> bool:
-    for p in range(-TONES, TONES + 1):
-        rest = p * sustained[0] - frequency
-        q = min(max(np.rint(-rest / sustained[1]), -TONES), TONES)  # the nearest multiple of the other line
-        if abs(rest + q * sustained[1]) < spacing:
-            return True
-    return False
+def _mark_tones(is_tone: Flags, sustained: tuple[Hertz, Hertz], spacing: Hertz) -> None:
+    """Mark the bins (bins,) nearer than one bin to a sum or difference of multiples of the two lines."""
+    is_tone[:] = False
+    for p in range(TONES + 1):
+        for q in range(-TONES, TONES + 1):
+            k = int(abs(p * sustained[0] + q * sustained[1]) / spacing)
+            if k + 1 < is_tone.size:
+                is_tone[k] = is_tone[k + 1] = True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _without_tones(peaks: Floats, is_tone: Flags, spacing: Hertz, others: Floats) -> tuple[int, float]:
+    """Fill in the peaks that are no tones, weights as shares; return their count, and the tones' share."""
+    total = peaks[:, WEIGHT].sum() + 1.0e-9
+    count, tones = 0, 0.0
+    for q in range(peaks.shape[0]):
+        if is_tone[int(np.rint(peaks[q, FREQUENCY] / spacing))]:
+            tones += peaks[q, WEIGHT] / total
+            continue
+        others[count, FREQUENCY], others[count, SHARE_1] = peaks[q, FREQUENCY], peaks[q, SHARE_1]
+        others[count, WEIGHT] = peaks[q, WEIGHT] / total
+        count += 1
+    return count, tones
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -377,6 +394,8 @@ def _prominent_peaks(power: Floats, prominence: Floats, spacing: Hertz, string: 
     peaks = np.zeros((MAX_PEAKS, 3))
     count = 0
     for k in range(max(int(0.8 * string.nominal / spacing), 3), min(int(HIGHEST_PEAK / spacing), bins - 3)):
+        if max(prominence[0, k], prominence[1, k]) <= MIN_PROMINENCE:
+            continue  # as most
         weight = 0.0
         for c in range(2):
             peak = power[c, k]

@@ -23,6 +23,7 @@ from monochord.core.units import Hertz, Metres
 from monochord.perception.closed_form import hypotheses, prominence, ranking
 from monochord.perception.closed_form.hypotheses import (
     FREQUENCY,
+    GAIN_1,
     LINE_1,
     LINE_2,
     MIN_SHARE,
@@ -278,21 +279,22 @@ def _explained(
 
     A line fits a series as a stiff partial, or as a multiple of what its driver sustains: drivers distort.
     """
-    length, beta = string.length, string.stiffness
-    score = unexplained = 0.0
+    length = string.length
+    sides = (x, length - x)
+    fundamentals = (own * length / sides[0], own * length / sides[1])
+    betas = (string.stiffness / sides[0] ** 2, string.stiffness / sides[1] ** 2)
+    score = unexplained = total = 0.0
     for q in range(lines.shape[0]):
-        f, weight, share = lines[q, FREQUENCY], lines[q, WEIGHT], lines[q, SHARE_1]
+        f, weight = lines[q, FREQUENCY], lines[q, WEIGHT]
         best = -1.0
         for segment in range(2):
-            side = x if segment == 0 else length - x
-            own_share = share if segment == 0 else 1.0 - share
-            number = max(np.rint(f * side / (own * length)), 1.0)
-            partial = number * own * length / side * np.sqrt(1.0 + beta * (number / side) ** 2)
+            number = max(np.rint(f / fundamentals[segment]), 1.0)
+            partial = number * fundamentals[segment] * np.sqrt(1.0 + betas[segment] * number**2)
             miss = min(abs(f - partial), abs(f - number * sustained[segment]))
             if miss < TOLERANCE_BINS * spacing + TOLERANCE_SHARE * f:
-                gain = OWN_MICROPHONE_GAIN * np.log(2.0 * max(own_share, MIN_SHARE))
+                gain = OWN_MICROPHONE_GAIN * lines[q, GAIN_1 + segment]
                 best = max(best, 1.0 - NUMBER_COST * np.log(number) + gain)
         score += weight * best
         unexplained += weight if best == -1.0 else 0.0
-    total = lines[:, WEIGHT].sum()
+        total += weight
     return score / total, unexplained / total

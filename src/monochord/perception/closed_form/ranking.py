@@ -6,10 +6,11 @@ The network gives each hypothesis of a window a score; a softmax over the window
 
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.core.types import Floats
 from monochord.perception.closed_form.hypotheses import MEASURES
@@ -19,16 +20,20 @@ MAX_DEVIATION = 6.0
 """Standard deviations of the training beyond which a measure is taken for that many."""
 
 
+Weights: TypeAlias = NDArray[np.floating[Any]]
+"""Single precision as read from a file, of which a vector unit takes twice as many; double in training."""
+
+
 class Ranking(NamedTuple):
     """A network of two hidden layers (ReLU): what scales its inputs, and weights (inputs, outputs)."""
 
-    mean: Floats
-    scale: Floats
-    weight_1: Floats
-    bias_1: Floats
-    weight_2: Floats
-    bias_2: Floats
-    weight_3: Floats
+    mean: Weights
+    scale: Weights
+    weight_1: Weights
+    bias_1: Weights
+    weight_2: Weights
+    bias_2: Weights
+    weight_3: Weights
 
 
 @cache
@@ -48,7 +53,7 @@ def read_ranking(file: Path) -> Ranking:
     from safetensors.numpy import load  # noqa: PLC0415
 
     arrays = load(file.read_bytes())
-    ranking = Ranking(*(np.ascontiguousarray(arrays[name], float) for name in Ranking._fields))
+    ranking = Ranking(*(np.ascontiguousarray(arrays[name], np.float32) for name in Ranking._fields))
     if ranking.mean.shape != (MEASURES,):
         raise ValueError(f"{file.name} is of {len(ranking.mean)} measures, not {MEASURES}: train it again")
     return ranking
@@ -58,21 +63,26 @@ def read_ranking(file: Path) -> Ranking:
 def probabilities(measures: Floats, ranking: Ranking) -> Floats:
     """Return the probability (n,) of each hypothesis of a window from their measures (n, `MEASURES`)."""
     scores = np.empty(measures.shape[0])
-    first, second = np.empty(ranking.bias_1.size), np.empty(ranking.bias_2.size)
+    scaled = np.empty_like(ranking.mean)
+    first, second = np.empty_like(ranking.bias_1), np.empty_like(ranking.bias_2)
     for k in range(measures.shape[0]):
-        first[:] = ranking.bias_1
-        for i in range(ranking.mean.size):
+        for i in range(scaled.size):
             value = (measures[k, i] - ranking.mean[i]) / ranking.scale[i]
-            value = min(max(value, -MAX_DEVIATION), MAX_DEVIATION)
+            scaled[i] = min(max(value, -MAX_DEVIATION), MAX_DEVIATION)
+        first[:] = ranking.bias_1
+        for i in range(scaled.size):
+            entered = scaled[i]
             for h in range(first.size):
-                first[h] += value * ranking.weight_1[i, h]
+                first[h] += entered * ranking.weight_1[i, h]
         second[:] = ranking.bias_2
         for i in range(first.size):
-            if first[i] > 0.0:
+            entered = first[i]
+            if entered > 0.0:
                 for h in range(second.size):
-                    second[h] += first[i] * ranking.weight_2[i, h]
-        scores[k] = 0.0
+                    second[h] += entered * ranking.weight_2[i, h]
+        score = 0.0
         for h in range(second.size):
-            scores[k] += max(second[h], 0.0) * ranking.weight_3[h, 0]
+            score += max(second[h], 0.0) * ranking.weight_3[h, 0]
+        scores[k] = score
     likelihoods = np.exp(scores - scores.max())
     return likelihoods / likelihoods.sum()

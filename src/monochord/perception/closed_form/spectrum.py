@@ -197,7 +197,7 @@ def spectrum_of(
     return samples, transform, power, strongest_lines(transform, power, spacing, lowest, highest)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
 def centred_samples(window: Audio) -> Floats:
     """Return the samples of each channel about their mean; those that are not numbers become zero."""
     samples = np.empty(window.shape)

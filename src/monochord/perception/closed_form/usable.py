@@ -34,22 +34,35 @@ def why_unusable(window: Window) -> str:
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
 def _measured(samples: Audio) -> tuple[float, float]:
-    """Return the largest standard deviation of a channel, and the share of samples at the extreme values."""
-    low = high = samples[0, 0]
+    """Return the largest standard deviation of a channel, and the share of samples at the extreme values.
+
+    Samples are indexed, since of a channel as an iterator LLVM takes only one at a time.
+    """
+    channels, size = samples.shape
     deviation = 0.0
-    for channel in samples:
+    for c in range(channels):
         total = square = 0.0
-        for sample in channel:
-            total += sample
-            low, high = min(low, sample), max(high, sample)
-        mean = total / channel.size
+        for i in range(size):
+            total += samples[c, i]
+        mean = total / size
         if not np.isfinite(mean):
             return np.nan, 0.0
-        for sample in channel:
-            square += (sample - mean) ** 2
-        deviation = max(deviation, np.sqrt(square / channel.size))
+        for i in range(size):
+            square += (samples[c, i] - mean) ** 2
+        deviation = max(deviation, np.sqrt(square / size))
+    low, high = _extremes(samples)
     extreme = 0
-    for channel in samples:
-        for sample in channel:
-            extreme += (sample == low) | (sample == high)
+    for c in range(channels):
+        for i in range(size):
+            extreme += (samples[c, i] == low) | (samples[c, i] == high)
     return deviation, extreme / samples.size
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
+def _extremes(samples: Audio) -> tuple[float, float]:
+    """Return the lowest and the highest sample; all are numbers."""
+    low = high = samples[0, 0]
+    for c in range(samples.shape[0]):
+        for i in range(samples.shape[1]):
+            low, high = min(low, samples[c, i]), max(high, samples[c, i])
+    return low, high
