@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.dsp.motor import GEAR_TEETH
+from monochord.dsp.noise import GEAR_TEETH
 from monochord.evaluation.noise import (
     MOTOR_SPEEDS,
     Disturbance,

@@ -22,6 +22,10 @@ HARMONICS = 10
 HISS: tuple[Hertz, Hertz] = (2000.0, 8000.0)
 TONES: tuple[Hertz, Hertz] = (50.0, 1000.0)
 PARTIALS = 12
+GEAR_TEETH = 17
+"""The gear mesh of a motor sounds at this multiple of its speed, and at its first harmonics."""
+MOTOR_SPEEDS = (5.0, 60.0)
+"""Revolutions a second of a motor that runs steadily."""
 DECAY: tuple[Seconds, Seconds] = (0.05, 2.0)
 """Times in which a tone of a chord dies away."""
 
@@ -151,7 +155,43 @@ def chord(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floa
     return np.broadcast_to(_unit(waves), shape).copy()
 
 
-NOISES: dict[str, Noise] = {"white": white, "pink": pink, "hum": hum, "band": band, "chord": chord}
+def geared_motor(stream: np.random.Generator, speed: Floats, sample_rate: float) -> Floats:
+    """Return the sound (n,) of a motor at a speed (n,) in revolutions a second; its level is about two.
+
+    Harmonics of its speed, the gear mesh, and noise from 1 to 6 kHz that the mesh modulates. Assumed: their
+    levels.
+
+    Examples
+    --------
+    >>> geared_motor(np.random.default_rng(0), np.full(4410, 30.0), 44100.0).shape
+    (4410,)
+    """
+    phase = 2 * np.pi * np.cumsum(speed) / sample_rate
+    lines = {**{k: 1.0 / k for k in range(1, 9)}, GEAR_TEETH: 0.8, 2 * GEAR_TEETH: 0.4, 3 * GEAR_TEETH: 0.2}
+    waves = sum(
+        (weight * np.sin(k * phase + stream.uniform(0.0, 2 * np.pi)) for k, weight in lines.items()),
+        np.zeros(speed.size),
+    )
+    hiss = band(stream, (speed.size,), sample_rate, low=1000.0, high=6000.0)
+    return waves + 0.4 * hiss * (1.0 + 0.5 * np.sin(GEAR_TEETH * phase))
+
+
+def motor(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floats:
+    """Return the sound of a geared motor at a constant speed; all channels hear the same.
+
+    Examples
+    --------
+    >>> noise = motor(np.random.default_rng(0), (2, 4410), 44100.0)
+    >>> bool((noise[0] == noise[1]).all()), round(float(np.mean(noise**2)), 6)
+    (True, 1.0)
+    """
+    speed = np.full(shape[-1], stream.uniform(*MOTOR_SPEEDS))
+    return np.broadcast_to(_unit(geared_motor(stream, speed, sample_rate)), shape).copy()
+
+
+NOISES: dict[str, Noise] = {
+    "white": white, "pink": pink, "hum": hum, "band": band, "chord": chord, "motor": motor,
+}  # fmt: skip
 """Every generator by name."""
 STEADY = ("white", "pink", "hum", "band")
 """Names of those that sound the same throughout."""

@@ -13,8 +13,7 @@ import numpy as np
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
-from monochord.dsp.motor import geared_motor
-from monochord.dsp.noise import NOISES, STEADY, band
+from monochord.dsp.noise import NOISES, STEADY, band, geared_motor
 from monochord.evaluation.realstrings import interference_recordings, resampled, takes
 
 SUITE_RATIOS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)

@@ -4,7 +4,7 @@ import numpy as np
 
 from monochord.core.types import Audio, Floats
 from monochord.core.units import MetresPerSecond, Seconds
-from monochord.dsp.motor import geared_motor
+from monochord.dsp.noise import geared_motor
 
 SLOWEST, FASTEST = 3.0, 60.0
 """Speed of the motor in revolutions a second at rest, where it corrects, and at `FULL_SPEED` of the tool."""

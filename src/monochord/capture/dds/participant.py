@@ -26,7 +26,7 @@ MAX_SAMPLE_SIZE = "1 MiB"
 """Larger messages are not assembled, so that none fills the memory."""
 
 FAST_DDS = "1.15"
-"""Vendor whose descriptions of types are ignored: of a sequence they leave out flags that the standard asks for
+"""Vendor whose descriptions of types are ignored: those of sequences lack flags that the standard asks for
 (DDS-XTypes 1.3, 7.3.4), and a writer of such messages would wait for a valid description for ever."""
 
 OnMessage = Callable[[Any, Seconds], None]
