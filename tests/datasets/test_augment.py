@@ -53,7 +53,7 @@ def test_seed_epoch_and_row_change_the_noise(windows: Audio, other: dict[str, in
 
 def test_lasting_noise_has_one_ratio_in_a_session_and_another_in_the_next(windows: Audio) -> None:
     sessions, lasting = np.repeat([3, 4, 5], 20), Augmentation(lasting=True, seed=2)
-    noisy = lasting(windows, range(60), sessions=sessions)
+    noisy = lasting(windows, range(60), sessions=sessions.tolist())
     measured = ratios(windows, noisy).reshape(3, 20)
     assert np.ptp(measured, axis=1) == pytest.approx(0.0, abs=0.01)
     assert np.ptp(measured[:, 0]) > 1.0

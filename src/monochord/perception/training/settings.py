@@ -61,7 +61,8 @@ class ContextSettings:
 class NoiseSettings:
     """Noise that is added to training windows: `copies` of each beside the clean one; 0 adds none.
 
-    `kinds`, `ratios` (dB), `share`, `lasting` and `recordings` are those of `monochord.datasets.augment.Augmentation`.
+    `kinds`, `ratios` (dB), `share`, `lasting` and `recordings` are those of
+    `monochord.datasets.augment.Augmentation`.
     """
 
     copies: int = 0
