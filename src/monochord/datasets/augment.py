@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +86,7 @@ class Augmentation:
         rows: Sequence[int] | NDArray[np.int64],
         *,
         epoch: int = 0,
-        sessions: Sequence[int] | NDArray[np.int64] | None = None,
+        sessions: Sequence[int] | NDArray[np.integer[Any]] | None = None,
     ) -> Audio:
         """Return windows (n, channels, frames) with noise added, as a copy.
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,7 @@ class Fault:
         rows: Sequence[int] | NDArray[np.int64],
         *,
         epoch: int = 0,
-        sessions: Sequence[int] | NDArray[np.int64] | None = None,  # noqa: ARG002  (as of noise)
+        sessions: Sequence[int] | NDArray[np.integer[Any]] | None = None,  # noqa: ARG002  (as of noise)
     ) -> Audio:
         """Return windows (n, 2, frames) with the fault, as a copy; `rows` (n,) are theirs in the dataset."""
         out = windows.copy()
