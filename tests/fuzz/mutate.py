@@ -361,7 +361,8 @@ def _packets(random: Random, data: bytes) -> bytes:
         case 3:
             parts[at] = parts[at] * random.choice((0, 2, 200))
         case _:
-            parts[at] = _json(random, parts[at]) if parts[at][:1] == b"{" else _integer(random, parts[at])
+            edit = _json if parts[at][:1] == b"{" else random.choice((_integer, _bytes))
+            parts[at] = edit(random, parts[at])
     return packets(parts)
 
 

@@ -1,60 +1,49 @@
-"""Requests and WebSocket messages, as raw bytes to the server of the page."""
+"""HTTP requests, as raw bytes to the server of the page, which asks for a token or for none."""
 
-import http.client
-import socket
 from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from functools import cache
 from pathlib import Path
 
 from tests.fuzz.base import Input, Target
-from tests.fuzz.mutate import datagrams, packets
-from websockets.frames import Frame, Opcode
+from tests.fuzz.targets._page import Page
 
-from monochord.capture.sources import SOURCES
 from monochord.core.errors import InputError
-from monochord.live.web.server import Server
 
-REQUEST = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: monochord=none\r\nConnection: close\r\n\r\n"
-UPGRADE = (
-    b"GET /live HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
-)
-ASKED = (
-    b'{"do":"touch","position":0.06,"force":1.5}',
-    b'{"do":"change","name":"noise","value":"10 dB"}',
-    b'{"do":"release"}',
+TOKEN = "right"  # noqa: S105  (of a server that nobody else reaches)
+TOKENS = {"open": "", "guarded": TOKEN}
+LET_IN = (b"HTTP/1.1 200", b"HTTP/1.1 101", b"HTTP/1.1 303")
+HOST = b"Host: 127.0.0.1\r\n"
+REQUESTS = (
+    b"GET / HTTP/1.1\r\n" + HOST + b"Cookie: monochord=none; a=b\r\nConnection: close\r\n\r\n",
+    b"GET /static/uplot/uPlot.min.css HTTP/1.1\r\n" + HOST + b"Origin: http://127.0.0.1\r\n\r\n"
+    b"HEAD /static/../server.py?token=right&a=%20 HTTP/1.1\r\n" + HOST + b"\r\n",
+    b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: 4\r\nExpect: 100-continue\r\n\r\nbody"
+    b"GET / HTTP/1.0\r\n\r\n",
+    b"PUT /live HTTP/1.1\r\n" + HOST + b"Transfer-Encoding: chunked\r\n\r\n4\r\nbody\r\n0\r\n\r\n",
+    b"GET /live HTTP/1.1\r\n" + HOST + b"Upgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Extensions: permessage-deflate; client_max_window_bits\r\n\r\n",
 )
 
 
 class Fuzz(Target):
-    """One server with a simulated string, which answers as before whatever came."""
+    """Whoever does not know the token is not let in; a server has no error of its own."""
 
     def __init__(self) -> None:
-        self._stack = ExitStack()
-        self._server: Server | None = None
+        self._page = cache(Page)
 
     def seeds(self, folder: Path) -> Iterator[Input]:
-        yield {"bytes.packets": packets([REQUEST])}
-        frames = [Frame(Opcode.TEXT, each).serialize(mask=True) for each in ASKED]
-        yield {"bytes.packets": packets([UPGRADE, *frames])}
+        for name in TOKENS:
+            for request in REQUESTS:
+                yield {f"{name}.http": request}
 
     def run(self, folder: Path) -> None:
-        file = folder / "bytes.packets"
-        if not file.exists():
-            raise InputError("no bytes", "some")
-        server = self._server or self._start()
-        with suppress(OSError), socket.create_connection(("127.0.0.1", server.port), 5.0) as sock:
-            for packet in datagrams(file.read_bytes())[:50]:
-                sock.sendall(packet)
-            sock.shutdown(socket.SHUT_WR)
-        connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=8.0)
-        connection.request("GET", "/")
-        assert connection.getresponse().status == 200
-        connection.close()
-
-    def _start(self) -> Server:
-        server = self._stack.enter_context(Server())
-        stream = self._stack.enter_context(SOURCES.build("twin").open())
-        self._stack.enter_context(server.show(stream.signal, 0.2, stream.controls))
-        self._server = server
-        return server
+        names = [name for name in TOKENS if (folder / f"{name}.http").exists()]
+        if not names:
+            raise InputError("no request", "one")
+        request, token = (folder / f"{names[0]}.http").read_bytes(), TOKENS[names[0]]
+        page = self._page(token)
+        answer = page.answer([request])
+        assert b"HTTP/1.1 500" not in answer, "an error of the server's"
+        assert token in request.decode("latin-1") or not answer.startswith(LET_IN), "let in without the token"
+        page.check()
