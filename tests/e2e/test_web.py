@@ -68,8 +68,11 @@ def demonstration(folder: Path, *options: str) -> Generator[Demonstration]:
         line = process.stdout.readline()
         assert line.startswith("page: http://127.0.0.1:"), line
         started = Demonstration(process, line.split()[1])
-        yield started
-        started.end()
+        try:
+            yield started
+            started.end()
+        finally:
+            process.kill()  # of a test that failed
 
 
 @pytest.fixture(scope="module")
@@ -371,7 +374,7 @@ def test_every_choice_fits_its_menu_on_a_phone(page: Page) -> None:
     assert clipped == []
 
 
-STATE = "document.getElementById('connection').dataset.state"
+STATE = "document.getElementById('connection')?.dataset.state"
 
 
 def test_it_connects_again_by_itself(tmp_path: Path) -> None:
