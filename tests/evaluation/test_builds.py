@@ -95,7 +95,7 @@ def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path
     ridge = [row_of(rows, "m, ridge", touches)["force_mae_n"] for touches in (0, 8)]
     assert ridge[1] < ridge[0]
     assert row_of(rows, SCRATCH, 8)["position_mae_mm"] > after["position_mae_mm"]
-    card = evaluate(replace(settings, baselines=False)).card.tree()
+    card = evaluate(replace(settings, baselines=False, tuned=True)).card.tree()
     (plain,) = (row for row in card["table"] if row["state"] == "touched")
     assert before["force_mae_n"] == pytest.approx(plain["force"]["mae"]["value"], rel=1e-3)
     assert before["position_mae_mm"] == pytest.approx(1e3 * plain["position"]["mae"]["value"], rel=1e-3)
