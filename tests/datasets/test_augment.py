@@ -51,18 +51,6 @@ def test_seed_epoch_and_row_change_the_noise(windows: Audio, other: dict[str, in
     assert not (usual == changed).all(axis=(1, 2)).any()
 
 
-def test_lasting_noise_has_one_ratio_in_a_session_and_another_in_the_next(windows: Audio) -> None:
-    sessions, lasting = np.repeat([3, 4, 5], 20), Augmentation(lasting=True, seed=2)
-    noisy = lasting(windows, range(60), sessions=sessions.tolist())
-    measured = ratios(windows, noisy).reshape(3, 20)
-    assert np.ptp(measured, axis=1) == pytest.approx(0.0, abs=0.01)
-    assert np.ptp(measured[:, 0]) > 1.0
-    added = noisy.astype(float) - windows
-    assert abs(np.corrcoef(added[0, 0], added[1, 0])[0, 1]) < 0.9  # not the same sound again
-    with pytest.raises(InputError, match="sessions"):
-        lasting(windows, range(60))
-
-
 def test_the_window_that_is_given_stays_as_it_is(windows: Audio) -> None:
     before = windows.copy()
     Augmentation()(windows, range(60))

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,6 @@ from monochord.dsp.noise import NOISES, STEADY, mixed
 
 RECORDED = "recorded"
 """The kind of noise that is drawn from files of music or speech."""
-LASTING = 1
-"""Tells what is drawn for a session from what is drawn for a window."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,9 +33,6 @@ class Augmentation:
         Least and greatest ratio in dB against the window's own power over both microphones.
     share
         Of the windows that get noise; the others stay as they are.
-    lasting
-        Whether noise lasts: all windows of a session get the same kind at the same ratio, or none at all. The
-        untouched reference of a window then is of the same noise.
     recordings
         Files of music or speech, of which excerpts are drawn. They are read and resampled once.
     seed
@@ -63,7 +57,6 @@ class Augmentation:
     kinds: tuple[str, ...] = STEADY
     ratios: tuple[float, float] = (5.0, 25.0)
     share: float = 1.0
-    lasting: bool = False
     recordings: tuple[Path, ...] = field(default=())
     seed: int = 0
     sample_rate: int = 44100
@@ -80,47 +73,32 @@ class Augmentation:
         if not 0.0 <= self.share <= 1.0:
             raise InputError(f"share {self.share:g} of windows with noise", "0 to 1")
 
-    def __call__(
-        self,
-        windows: Audio,
-        rows: Sequence[int] | NDArray[np.int64],
-        *,
-        epoch: int = 0,
-        sessions: Sequence[int] | NDArray[np.integer[Any]] | None = None,
-    ) -> Audio:
+    def __call__(self, windows: Audio, rows: Sequence[int] | NDArray[np.int64], *, epoch: int = 0) -> Audio:
         """Return windows (n, channels, frames) with noise added, as a copy.
 
-        `rows` (n,) are their rows in the dataset, and `sessions` (n,) the numbers of their sessions, which
-        `lasting` noise needs. A window that is silent, or holds what is no number, is returned as it is: it
-        has no level that a ratio could refer to.
+        `rows` (n,) are their rows in the dataset. A window that is silent, or holds what is no number, is
+        returned as it is: it has no level that a ratio could refer to.
         """
-        if self.lasting and sessions is None:
-            raise InputError("lasting noise for windows of unknown sessions", "the sessions", "pass sessions")
         out = windows.copy()
         for number, row in enumerate(rows):
-            session = None if sessions is None or not self.lasting else int(sessions[number])
-            out[number] = self._noisy(windows[number], int(row), epoch, session)
+            out[number] = self._noisy(windows[number], int(row), epoch)
         return out
 
-    def _noisy(self, window: Audio, row: int, epoch: int, session: int | None) -> Audio:
+    def _noisy(self, window: Audio, row: int, epoch: int) -> Audio:
         power = float(np.vdot(window, window))
         if not 0.0 < power < np.inf:
             return window
-        stream = self._random(epoch, row)
-        choice = stream if session is None else self._random(epoch, session, LASTING)
-        if choice.random() >= self.share:
+        stream = np.random.Generator(np.random.SFC64(np.random.SeedSequence((self.seed, epoch, row))))
+        if stream.random() >= self.share:
             return window
         kinds = (*self.kinds, RECORDED) if self.recordings else self.kinds
-        kind = kinds[int(choice.integers(len(kinds)))]
-        ratio = choice.uniform(*self.ratios)
+        kind = kinds[int(stream.integers(len(kinds)))]
+        ratio = stream.uniform(*self.ratios)
         if kind == RECORDED:
             noise = self._excerpt(stream, window.shape)
         else:
             noise = NOISES[kind](stream, window.shape, float(self.sample_rate))
         return mixed(window.astype(np.float64), noise, ratio).astype(np.float32)
-
-    def _random(self, *of: int) -> np.random.Generator:
-        return np.random.Generator(np.random.SFC64(np.random.SeedSequence((self.seed, *of))))
 
     def _excerpt(self, stream: np.random.Generator, shape: tuple[int, ...]) -> Floats:
         sound = self._sounds[int(stream.integers(len(self._sounds)))]

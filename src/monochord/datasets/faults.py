@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,14 +61,7 @@ class Fault:
         if self.kind not in FAULTS:
             raise InputError(f"fault '{self.kind}'", ", ".join(FAULTS), did_you_mean(self.kind, FAULTS))
 
-    def __call__(
-        self,
-        windows: Audio,
-        rows: Sequence[int] | NDArray[np.int64],
-        *,
-        epoch: int = 0,
-        sessions: Sequence[int] | NDArray[np.integer[Any]] | None = None,  # noqa: ARG002  (as of noise)
-    ) -> Audio:
+    def __call__(self, windows: Audio, rows: Sequence[int] | NDArray[np.int64], *, epoch: int = 0) -> Audio:
         """Return windows (n, 2, frames) with the fault, as a copy; `rows` (n,) are theirs in the dataset."""
         out = windows.copy()
         for window, row in zip(out, rows, strict=True):

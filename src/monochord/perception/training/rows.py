@@ -123,9 +123,7 @@ class Rows:
             some = rows[first : first + BATCH]
             windows = self.dataset.batch(some)
             if noise is not None:
-                windows = noise.augmentation(
-                    windows, some, epoch=noise.copy, sessions=self.dataset.session[some]
-                )
+                windows = noise.augmentation(windows, some, epoch=noise.copy)
             batch = self._features(windows, some)
             if batch.shape != (len(some), shape[1]) or not np.isfinite(batch).all():
                 given = f"feature '{self.name}' with rows {batch.shape} or values that are not finite"

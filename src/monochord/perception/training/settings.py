@@ -61,15 +61,13 @@ class ContextSettings:
 class NoiseSettings:
     """Noise that is added to training windows: `copies` of each beside the clean one; 0 adds none.
 
-    `kinds`, `ratios` (dB), `share`, `lasting` and `recordings` are those of
-    `monochord.datasets.augment.Augmentation`.
+    `kinds`, `ratios` (dB), `share` and `recordings` are those of `monochord.datasets.augment.Augmentation`.
     """
 
     copies: int = 0
     kinds: tuple[str, ...] = STEADY
     ratios: tuple[float, float] = (5.0, 25.0)
     share: float = 1.0
-    lasting: bool = False
     recordings: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
@@ -82,7 +80,6 @@ class NoiseSettings:
             kinds=self.kinds,
             ratios=self.ratios,
             share=self.share,
-            lasting=self.lasting,
             recordings=self.recordings,
             seed=seed,
             sample_rate=sample_rate,
