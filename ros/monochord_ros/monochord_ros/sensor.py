@@ -1,7 +1,8 @@
 """The node: starts ``monochord live`` with its parameters, and ends with it.
 
 The sensor publishes over DDS by itself, below this node's name: ``~/touch``, ``~/wrench``, ``~/contact``,
-``~/slip``, ``~/estimates`` and ``~/events``, and ``/diagnostics``. Monochord may be in a Python environment of its own.
+``~/slip``, ``~/estimates`` and ``~/events``, and ``/diagnostics``. Monochord may be in a Python environment
+of its own.
 """
 
 import shlex
