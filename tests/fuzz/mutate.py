@@ -350,7 +350,8 @@ def datagrams(data: bytes) -> list[bytes]:
 def _packets(random: Random, data: bytes) -> bytes:
     parts = datagrams(data) or [b""]
     at = random.randrange(len(parts))
-    match random.randrange(6):
+    is_json = parts[at][:1] == b"{"
+    match random.randrange(12 if is_json else 6):
         case 0:
             parts[at : at + random.choice((1, 3))] = []
         case 1:
@@ -361,7 +362,7 @@ def _packets(random: Random, data: bytes) -> bytes:
         case 3:
             parts[at] = parts[at] * random.choice((0, 2, 200))
         case _:
-            edit = _json if parts[at][:1] == b"{" else random.choice((_integer, _bytes))
+            edit = _json if is_json else random.choice((_integer, _bytes))
             parts[at] = edit(random, parts[at])
     return packets(parts)
 

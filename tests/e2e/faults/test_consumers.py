@@ -1,11 +1,13 @@
 """Those who take estimates stop, die or run out of space: the loop and the others go on, and it is said."""
 
+import http.client
 import os
 import signal
 import socket
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -162,20 +164,38 @@ def test_a_service_manager_ends_it_with_every_sink_whole(
     assert windows - left_out(live, "mcap") == len(read_session(take).readings("estimates").time)
 
 
-def test_a_browser_that_never_reads_delays_nothing(play: Any, touch: Path, start_live: StartLive) -> None:
+def never_reading(stack: ExitStack, port: int) -> socket.socket:
+    """Return a connection to the page's WebSocket that takes as little as its smallest buffer holds."""
+    request = f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nOrigin: http://127.0.0.1:{port}\r\n"
+    request += "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    request += "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    client = stack.enter_context(socket.socket())
+    client.settimeout(30.0)
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    client.connect(("127.0.0.1", port))
+    client.sendall(request.encode())
+    return client
+
+
+@pytest.mark.parametrize("count", [1, 200])
+def test_browsers_that_never_read_delay_nothing(
+    play: Any, touch: Path, start_live: StartLive, count: int
+) -> None:
     play(touch)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     live = start_live("--sink", f"web=127.0.0.1:{port}")
     live.wait_for_touch()
-    request = f"GET /live HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nOrigin: http://127.0.0.1:{port}\r\n"
-    request += "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-    request += "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
-    with socket.create_connection(("127.0.0.1", port)) as client:
-        client.sendall(request.encode())
-        assert client.recv(12) == b"HTTP/1.1 101"
+    with ExitStack() as stack:
+        for client in [never_reading(stack, port) for _ in range(count)]:
+            assert client.recv(12) == b"HTTP/1.1 101"
         later(live, 1000)
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0)
+        connection.request("GET", "/")
+        assert connection.getresponse().status == 200
+        connection.close()
     live.end()
     whole(live)
+    assert left_out(live, "web") == 0
     assert not any("web_closed" in notes(row) for row in live.rows())

@@ -1,6 +1,8 @@
 """Sound that goes bad while it is estimated: it is named, hardly misread, and taken up again."""
 
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,10 +12,13 @@ import soundfile
 from tests.e2e.faults.conftest import POSITION, RATE, Row, StartLive, notes, sounding, touched
 
 import monochord as mc
+from monochord.physics.sensors import load_sensor
+from monochord.sessions import read_session
 
 pytestmark = [pytest.mark.jack, pytest.mark.slow]
 BEGIN, LENGTH, TOTAL = 8 * RATE, 8 * RATE, 30.0
 BY_NAME: Final[dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]]] = {
+    "microphone 1 silent": (lambda x: x * [[0.0], [1.0]], "microphone_1_dead"),
     "microphone 2 silent": (lambda x: x * [[1.0], [0.0]], "microphone_2_dead"),
     "microphones exchanged": (lambda x: x[::-1], "microphones_swapped"),
     "clipped": (lambda x: np.clip(20.0 * x, -1.0, 1.0), "clipping"),
@@ -98,3 +103,34 @@ def test_a_driver_that_goes_off_is_named_and_outlived(
     live.wait_for(lambda row: recovered(row, "driver_silent"))
     live.end()
     assert sum(map(wrong, live.rows())) < 100, "1 s"
+
+
+@pytest.mark.parametrize(
+    ("ratio", "key", "says"),
+    [(1.02, "detuned", "estimates follow it"), (1.15, "abstaining", "run monochord tune")],
+)
+def test_a_string_that_is_detuned_is_followed_or_said_to_need_tuning(
+    play: Any, tmp_path: Path, start_live: StartLive, ratio: float, key: str, says: str
+) -> None:
+    design = load_sensor("prototype")
+    string = replace(design.string, tension=design.string.tension * ratio**2)
+    sensor = mc.VirtualSensor(replace(design, string=string))
+    untouched = sensor.advance(4.0)[0]
+    sensor.press(POSITION, force=1.0)
+    sound = np.concatenate([untouched, sensor.advance(16.0)[0]], axis=1)
+    soundfile.write(tmp_path / "detuned.wav", sound.T, RATE, subtype="FLOAT")
+    play(tmp_path / "detuned.wav")
+    take = tmp_path / "take.mcap"
+    live = start_live("--sink", f"mcap={take}")
+    follows = key == "detuned"
+    live.wait_for_note(key)
+    if follows:
+        live.wait_for_touch()
+    time.sleep(8.0)
+    live.end()
+    rows = live.rows()
+    said = {event.text for event in read_session(take).events}
+    assert any(says in text for text in said), said
+    print(f"{ratio:g}: {sum(map(touched, rows))} windows right, {sum(map(wrong, rows))} wrong of {len(rows)}")  # noqa: T201
+    assert sum(map(wrong, rows)) <= 0.02 * len(rows)
+    assert follows or not any(row["position"] for row in rows)

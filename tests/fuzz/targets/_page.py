@@ -5,6 +5,7 @@ import json
 import logging
 import socket
 import time
+from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -53,13 +54,19 @@ class Page:
             f"ws://127.0.0.1:{server.port}/live", additional_headers=self._headers, max_queue=None
         )
 
-    def answer(self, parts: list[bytes]) -> bytes:
-        """Return what the server answers to bytes, up to the end of the connection."""
+    def answer(self, request: bytes, frames: Iterable[bytes] = ()) -> bytes:
+        """Return what the server answers, up to the end of the connection, which is ended after what is sent.
+
+        Frames are sent behind the answer to the request: uvicorn drops what comes before.
+        """
         answer = b""
         with suppress(OSError), socket.create_connection(self._address, PATIENCE) as sock:
             try:
-                for part in parts:
-                    sock.sendall(part)
+                sock.sendall(request)
+                for frame in frames:
+                    while b"\r\n\r\n" not in answer and (part := sock.recv(1 << 16)):
+                        answer += part
+                    sock.sendall(frame)
                 sock.shutdown(socket.SHUT_WR)
                 while part := sock.recv(1 << 16):
                     answer += part

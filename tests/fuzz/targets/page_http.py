@@ -43,7 +43,7 @@ class Fuzz(Target):
             raise InputError("no request", "one")
         request, token = (folder / f"{names[0]}.http").read_bytes(), TOKENS[names[0]]
         page = self._page(token)
-        answer = page.answer([request])
+        answer = page.answer(request)
         assert b"HTTP/1.1 500" not in answer, "an error of the server's"
         assert token in request.decode("latin-1") or not answer.startswith(LET_IN), "let in without the token"
         page.check()

@@ -37,7 +37,8 @@ FRAMES = (
     Frame(Opcode.TEXT, b'{"do":"change","name":"' + b"a" * 900 + b'","value":""}'),
     Frame(Opcode.CLOSE, b"\x03\xe8bye"),
 )
-MAX_PARTS = 50
+MAX_PARTS, MAX_BYTES = 50, 10_000
+"""Of a case: the server takes 4 ms for each message, and those of a flood in turn."""
 
 
 def _framed(message: bytes) -> bytes:
@@ -55,8 +56,8 @@ class Fuzz(Target):
         self._page: Page | None = None
 
     def seeds(self, folder: Path) -> Iterator[Input]:
-        for each in (ASKED, ASKED[:4], ASKED[5:7], ASKED[7:]):
-            yield {"messages.packets": packets([*each])}
+        for messages in (ASKED, ASKED[5:7], ASKED[7:], *((message,) for message in ASKED)):
+            yield {"messages.packets": packets([*messages])}
         yield {"frames.packets": packets([frame.serialize(mask=True) for frame in FRAMES])}
         yield {"frames.packets": packets([_framed(each) for each in ASKED])}
 
@@ -64,8 +65,10 @@ class Fuzz(Target):
         parts = {file.name: datagrams(file.read_bytes())[:MAX_PARTS] for file in folder.iterdir()}
         if not parts:
             raise InputError("no bytes", "some")
-        sent = [_framed(each) for each in parts.get("messages.packets", [])] + parts.get("frames.packets", [])
+        frames = [_framed(each) for each in parts.get("messages.packets", [])]
+        raw = b"".join(parts.get("frames.packets", []))[:MAX_BYTES]
+        sent = [*frames, raw, Frame(Opcode.CLOSE, b"\x03\xe8").serialize(mask=True)]
         page = self._page = self._page or Page()
-        answer = page.answer([UPGRADE, *sent, Frame(Opcode.CLOSE, b"\x03\xe8").serialize(mask=True)])
+        answer = page.answer(UPGRADE, sent)
         assert answer.startswith(b"HTTP/1.1 101"), "not upgraded"
         page.check()
