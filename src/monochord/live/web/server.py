@@ -8,6 +8,7 @@ and one that never reads is closed. Nothing is queued but what the system's own 
 import asyncio
 import errno
 import ipaddress
+import logging
 import socket
 import threading
 import time
@@ -121,6 +122,8 @@ class Server:
             ws_max_queue=4, ws_per_message_deflate=False, limit_concurrency=2 * MAX_CLIENTS,
             timeout_graceful_shutdown=1,
         )  # fmt: skip
+        # What a client sent that is no HTTP is none of the terminal's, where the live view is drawn.
+        logging.getLogger("uvicorn").addHandler(logging.NullHandler())
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._run, name="web", daemon=True)
         self._ready = threading.Event()
