@@ -93,7 +93,7 @@ def test_the_odd_plan_shares_no_build_with_a_test() -> None:
     builds = {build for group in load_plan("odd").groups for build in group.builds}
     tests = [
         group
-        for name in ("builds", "sealed", "sealed_2", "sealed_3", "sealed_4")
+        for name in ("builds", "sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5")
         for group in load_plan(name).groups
     ]
     assert not builds & {
@@ -204,7 +204,7 @@ def test_sessions_of_the_paper_last_about_a_minute() -> None:
     assert 45.0 < min(lengths) <= max(lengths) < 75.0
 
 
-@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4"])
+@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5"])
 def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan: str) -> None:
     sealed = load_plan(plan)
     others = [group for name in plan_names() if name != plan for group in load_plan(name).groups]
@@ -241,7 +241,7 @@ def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object
     assert {len(one.cells()) for one in held} == {600}
 
 
-@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4"])
+@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5"])
 def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(plan: str) -> None:
     sessions = assignments(load_plan(plan))
     counts: dict[int | None, int] = {}
