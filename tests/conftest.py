@@ -111,7 +111,12 @@ def own_name() -> Generator[str]:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 continue
-            yield f"monochord-test-{slot}"
+            name = f"monochord-test-{slot}"
+            for process in psutil.process_iter(["name", "cmdline"]):
+                if process.info["name"] == "jackd" and name in " ".join(process.info["cmdline"]).split():
+                    process.kill()  # of a run that was killed: the lock says that no other has this name
+                    process.wait(5.0)
+            yield name
             return
         pytest.fail(f"{SERVERS} runs of these tests have a JACK server each; wait for one to end")
 

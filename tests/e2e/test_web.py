@@ -125,15 +125,20 @@ def test_the_page_needs_nothing_but_its_server(page: Page, address: str) -> None
     assert page.ask("document.querySelectorAll('.uplot').length") == 3
 
 
+def check_estimated(page: Page, position: float) -> None:
+    """Check that a touch, when it has settled, is estimated where it is."""
+    page.wait("monochord.moment.decided.contact && monochord.moment.truth.contact === 1")
+    time.sleep(1.0)
+    told = shown(page)
+    assert told["truth"]["position"] == pytest.approx(position, abs=1e-3)
+    assert told["tracked"]["position"]["value"] == pytest.approx(position, abs=5e-3)
+
+
 def test_a_press_is_estimated_where_it_is_and_a_drag_is_slip(page: Page) -> None:
     string = String(page)
     length = page.ask("monochord.run.length")
     string.mouse("mousePressed", 0.30)
-    page.wait("monochord.moment.decided.contact && monochord.moment.truth.contact === 1")
-    time.sleep(1.0)
-    told = shown(page)
-    assert told["truth"]["position"] == pytest.approx(0.30 * length, abs=1e-3)
-    assert told["tracked"]["position"]["value"] == pytest.approx(0.30 * length, abs=5e-3)
+    check_estimated(page, 0.30 * length)
     words = page.ask("document.querySelector('#reading-position .value').textContent")
     assert float(words.split()[0]) == pytest.approx(300.0 * length, abs=5.0)
     slid = False
@@ -305,11 +310,7 @@ def test_a_finger_is_estimated_where_it_is_and_slides(page: Page) -> None:
     page.size(360, 740, scale=2.0, mobile=True)
     string, length = String(page), page.ask("monochord.run.length")
     string.finger("touchStart", 0.30)
-    page.wait("monochord.moment.decided.contact && monochord.moment.truth.contact === 1")
-    time.sleep(1.0)
-    told = shown(page)
-    assert told["truth"]["position"] == pytest.approx(0.30 * length, abs=1e-3)
-    assert told["tracked"]["position"]["value"] == pytest.approx(0.30 * length, abs=5e-3)
+    check_estimated(page, 0.30 * length)
     slid = False
     for step in range(150):
         string.finger("touchMove", 0.30 + 0.002 * step)

@@ -38,6 +38,7 @@ class JackStream(RingStream):
         self._client: JackClient | None = None
         self._away_since: Seconds = 0.0  # where there is no client
         self._reconnects = 0
+        self._unplugged: list[str] = []  # our ports that nothing is connected to, as last seen
         client = JackClient(*self._names)
         try:
             rate = client.sample_rate
@@ -71,6 +72,7 @@ class JackStream(RingStream):
             self._leave()  # what it published last is taken on the next turn
         else:
             self._tend_ports(self._client)
+            self._unplugged = self._not_connected(self._client)
             self._ring.arena.wait(RETRY if self._waiting else IDLE)
 
     def _away(self) -> str:
@@ -79,6 +81,8 @@ class JackStream(RingStream):
             return "the JACK server is not running"
         if self._waiting:
             return f"JACK ports '{self._port_pattern}' are not there"
+        if self._unplugged:
+            return f"{' and '.join(self._unplugged)} not connected in JACK"
         return "the JACK server stands still"
 
     def _leave(self) -> None:
@@ -119,6 +123,16 @@ class JackStream(RingStream):
             self._closed.set()
         else:
             self._waiting = not self._reconnected(client)
+
+    def _not_connected(self, client: JackClient) -> list[str]:
+        """Return the names of our ports that nothing is connected to.
+
+        Whoever pulls a plug in a patch bay means it: it is said, and not plugged in again.
+        """
+        if self._port_pattern == "none":
+            return []
+        ports = zip(self._inputs, self._ring.arena.ports, strict=True)
+        return [name for name, port in ports if not client.connected(port)]
 
     def _reconnected(self, client: JackClient) -> bool:
         try:

@@ -105,13 +105,14 @@ def draw(
 
 
 def _touched(canvas: Canvas, place: float, force: Newtons | None, levels: Sequence[float]) -> None:
-    at = round(np.clip(place * (canvas.width - 1), 1, canvas.width - 2))
+    column = round(place * (canvas.columns - 1))  # that of the lines above and below
+    at = min(2 * column + 1, canvas.width - 2)
     depth = 6.0 if force is None else float(np.clip(2.0 + 6.0 * force, 2.0, 12.0))
     _segment(canvas, 0, at, np.linspace(REST, REST + depth, at), levels[0])
     _segment(canvas, at, canvas.width, np.linspace(REST + depth, REST, canvas.width - at), levels[-1])
     tip = max(int(REST + depth) // 4 - 1, 0)
     for row in range(tip + 1):
-        canvas.sign(at // 2, row, "▼" if row == tip else "┃", TOUCH)
+        canvas.sign(column, row, "▼" if row == tip else "┃", TOUCH)
 
 
 def _segment(canvas: Canvas, left: int, right: int, rest: Floats, level: float) -> None:
