@@ -66,9 +66,12 @@ OF_A_SEGMENT = (
     "peaks' share",
 )
 OF_A_PARTIAL = ("level", "other level", "prominence")
+OF_THE_PLACE = ("probability", "greatest probability")
 COMMON_MEASURES, SEGMENT_MEASURES = len(COMMON), len(OF_A_SEGMENT) + PARTIALS * len(OF_A_PARTIAL)
-MEASURES = COMMON_MEASURES + 2 * SEGMENT_MEASURES
-"""Measures of a hypothesis: those of both segments, then those of each."""
+PLACE_MEASURES = COMMON_MEASURES + 2 * SEGMENT_MEASURES
+"""First of the measures that `place_density` fills in."""
+MEASURES = PLACE_MEASURES + len(OF_THE_PLACE)
+"""Measures of a hypothesis: those of both segments, those of each, and how probable its place is."""
 (_NUMBER, _OWN_SHARE, _MISS, _FALL, _RISE, _STRONGEST_LEFT, _TONES, _LEFT, _WHOLE) = range(COMMON_MEASURES)
 (_EXPLAINED, _MIC_LEFT, _MODE, _WEAKNESS, _BELOW, _LINE_SHARE, _SIDE, _PEAKS, _PEAKS_SHARE) = range(9)
 
@@ -171,7 +174,7 @@ def measure_hypotheses(
     spacing: Hertz,
     string: StringModel,
 ) -> Floats:
-    """Return the measures (n, `MEASURES`) of hypotheses.
+    """Return the measures (n, `MEASURES`) of hypotheses, those of the place left at 0.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """The modes that the strongest lines of two microphones are: of both segments, or of the untouched string.
 
 A driver sustains whichever mode of its segment it locked to, so the loudest line of a microphone is mode n
-of its segment with n unknown. `hypotheses` lists what the lines may be, and `ranking`, trained across builds,
-tells how probable each hypothesis is. Those of one place add up to the most probable place.
+of its segment with n unknown. `hypotheses` lists what the lines may be, `place_density` tells how probable
+each place is by the spectra alone, and `ranking` how probable each hypothesis is; both are trained across
+builds. Hypotheses of one place add up to the most probable place.
 
 Whether anything touches is another question, and two scores set by hand answer it: how well two segments
 explain the lines, and how well the untouched string does. They were set on simulated touches of the prototype
@@ -20,7 +21,7 @@ import numpy as np
 
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres
-from monochord.perception.closed_form import hypotheses, prominence, ranking
+from monochord.perception.closed_form import hypotheses, place_density, prominence, ranking
 from monochord.perception.closed_form.hypotheses import (
     FREQUENCY,
     GAIN_1,
@@ -39,6 +40,7 @@ from monochord.perception.closed_form.hypotheses import (
     WEIGHT,
     StringModel,
 )
+from monochord.perception.closed_form.place_density import PlaceNetwork
 from monochord.perception.closed_form.ranking import Ranking
 
 USUAL_MODE_1, USUAL_MODE_2 = 4, 6
@@ -90,6 +92,8 @@ class ModeReading(NamedTuple):
     score: float
     lead: float
     rival_position: Metres
+    seen_position: Metres
+    seen_lead: float
     untouched_score: float
     untouched_frequency: Hertz
     line_1: Hertz
@@ -120,12 +124,35 @@ class ModeReading(NamedTuple):
         return self.score - self.untouched_score
 
 
-NO_READING = ModeReading(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NO_READING = ModeReading(
+    position=0.0,
+    open_frequency=0.0,
+    mode_1=0.0,
+    mode_2=0.0,
+    score=-1.0,
+    lead=0.0,
+    rival_position=0.0,
+    seen_position=0.0,
+    seen_lead=0.0,
+    untouched_score=-1.0,
+    untouched_frequency=0.0,
+    line_1=0.0,
+    line_2=0.0,
+    share_1=0.0,
+    share_2=0.0,
+    unexplained=0.0,
+    lines=0.0,
+)
 """Of a window without a line."""
 
 
 def read_modes(
-    frequency: Floats, height: Floats, power: Floats, spacing: Hertz, string: StringModel, network: Ranking
+    frequency: Floats,
+    height: Floats,
+    power: Floats,
+    spacing: Hertz,
+    string: StringModel,
+    networks: tuple[PlaceNetwork, Ranking],
 ) -> ModeReading:
     """Return the most probable reading of the strongest lines of two microphones.
 
@@ -139,23 +166,33 @@ def read_modes(
         Distance of two bins in Hz.
     string
         The string.
-    network
-        Gives hypotheses their probabilities.
+    networks
+        Give places and hypotheses their probabilities. Where the pitch may be another one than in training,
+        by slack or rise, only hypotheses have some.
     """
     lines = hypotheses.weighted_lines(frequency, height, power, spacing)
     if not len(lines):
         return NO_READING
     rest_score, rest = _untouched(lines, string)
+    above, places = prominence.prominences(power, height), place_density.UNIFORM
+    if string.slack == 0.0 and string.rise <= hypotheses.TRAINED_RISE:
+        cells = place_density.cells_of(power, height, above, spacing, string)
+        places = place_density.density(cells, networks[0])
+    seen, probable = place_density.most_probable_place(places)
     nothing = NO_READING._replace(
-        untouched_score=rest_score, untouched_frequency=rest, lines=float(len(lines))
+        seen_position=seen * string.length,
+        seen_lead=_log_odds(probable),
+        untouched_score=rest_score,
+        untouched_frequency=rest,
+        lines=float(len(lines)),
     )
     found = hypotheses.find_hypotheses(frequency, height, string)
     if not len(found):
         return nothing
-    above = prominence.prominences(power, height)
+    position = found[:, POSITION] / string.length
     measures = hypotheses.measure_hypotheses(found, frequency, height, power, above, spacing, string)
-    probability = ranking.probabilities(measures, network)
-    place, lead, rival = most_probable(found[:, POSITION] / string.length, probability)
+    place_density.measure_places(measures, position, places)
+    place, lead, rival = most_probable(position, ranking.probabilities(measures, networks[1]))
     best, score, unexplained = _best_of_place(lines, found, place, frequency, spacing, string)
     row: list[float] = found[best].tolist()
     line_1, line_2 = float(frequency[0, int(row[LINE_1])]), float(frequency[1, int(row[LINE_2])])
@@ -221,8 +258,13 @@ def most_probable(position: Floats, probability: Floats) -> tuple[int, float, in
             rest += probability[k]
             if rival < 0 or together[k] > together[rival]:
                 rival = k
-    lead = np.log(max(1.0 - rest, 1.0e-9) / max(rest, 1.0e-9))
-    return best, min(max(lead, -MAX_LEAD), MAX_LEAD), rival
+    return best, _log_odds(1.0 - rest), rival
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _log_odds(probability: float) -> float:
+    odds = max(probability, 1.0e-9) / max(1.0 - probability, 1.0e-9)
+    return min(max(np.log(odds), -MAX_LEAD), MAX_LEAD)
 
 
 @numba.njit(cache=True, error_model="numpy")

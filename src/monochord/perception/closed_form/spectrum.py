@@ -26,7 +26,8 @@ from monochord.core.units import Hertz, Metres, Samples
 from monochord.perception.closed_form import modes
 from monochord.perception.closed_form.hypotheses import StringModel
 from monochord.perception.closed_form.modes import ModeReading
-from monochord.perception.closed_form.ranking import mode_ranking
+from monochord.perception.closed_form.place_density import PlaceNetwork, place_network
+from monochord.perception.closed_form.ranking import Ranking, mode_ranking
 from monochord.physics.theory import open_frequency
 
 MIN_BINS = 14
@@ -137,9 +138,8 @@ class SpectrumAnalyser:
         last = _LAST.get(key)
         if last is not None and np.array_equal(last[0], window):
             return last[1]
-        lowest = LOWEST_LINE * self.nominal
-        samples, transform, power, peaks = spectrum_of(window, self.bin_spacing, lowest, HIGHEST_LINE)
-        reading = modes.read_modes(*peaks, power, self.bin_spacing, self.model, mode_ranking())
+        samples, transform, power, peaks = self.transformed(window)
+        reading = modes.read_modes(*peaks, power, self.bin_spacing, self.model, _networks())
         spectrum = Spectrum(samples, transform, power, peaks, reading)
         _LAST.pop(key, None)
         _LAST[key] = window.copy(), spectrum
@@ -147,16 +147,20 @@ class SpectrumAnalyser:
             _LAST.popitem(last=False)
         return spectrum
 
+    def transformed(
+        self, window: Audio
+    ) -> tuple[Floats, NDArray[np.complex128], Floats, tuple[Floats, Floats]]:
+        """Return samples, transform, power and strongest lines of a window (2, size); see `Spectrum`."""
+        return spectrum_of(window, self.bin_spacing, LOWEST_LINE * self.nominal, HIGHEST_LINE)
+
     def read_at_any_tuning(self, spectrum: Spectrum, slack: float) -> ModeReading:
         """Return the modes that the lines are if the string may be tuned off nominal by a share `slack`."""
         model = self.model._replace(slack=slack)
-        return modes.read_modes(*spectrum.peaks, spectrum.power, self.bin_spacing, model, mode_ranking())
+        return modes.read_modes(*spectrum.peaks, spectrum.power, self.bin_spacing, model, _networks())
 
     def tuned(self, string: StringParams) -> "SpectrumAnalyser":
         """Return the analyser of the same wire under another tension."""
-        nominal, stiffness = open_frequency(string), _bending(string) / string.tension
-        model = self.model._replace(nominal=nominal, stiffness=stiffness)
-        return replace(self, string=string, model=model)
+        return replace(self, string=string, model=string_model(string, rise=self.model.rise))
 
     def partials(self, fundamental: Hertz, segment: Metres, count: int) -> Floats:
         """Return the first partials in Hz of a segment, given its length in m and flexible fundamental."""
@@ -168,20 +172,25 @@ class SpectrumAnalyser:
         return 1000.0 * (frequency / self.nominal - 1.0) if frequency > 0.0 else 0.0
 
 
+def _networks() -> tuple[PlaceNetwork, Ranking]:
+    return place_network(), mode_ranking()
+
+
 @lru_cache(maxsize=64)
 def _analyser(string: StringParams, sample_rate: int, size: Samples, rise: float) -> SpectrumAnalyser:
     """Return the one analyser of windows of such a string, compiled."""
-    nominal, stiffness = open_frequency(string), _bending(string) / string.tension
-    model = StringModel(string.length, nominal, stiffness, rise)
+    model = string_model(string, rise=rise)
     analyser = SpectrumAnalyser(string=string, sample_rate=sample_rate, size=size, model=model)
     # Two segments at 0.4 of the string, so that every kernel runs.
-    turns = np.outer((2.5, 5.0 / 3.0), 2.0 * pi * nominal / sample_rate * np.arange(size))
+    turns = np.outer((2.5, 5.0 / 3.0), 2.0 * pi * model.nominal / sample_rate * np.arange(size))
     analyser.analyse((np.array([[0.8, 0.2], [0.2, 0.8]]) @ np.sin(turns)).astype(np.float32))
     return analyser
 
 
-def _bending(string: StringParams) -> float:
-    return pi**3 * string.young_modulus * string.core_diameter**4 / 64.0
+def string_model(string: StringParams, *, rise: float = 0.0) -> StringModel:
+    """Return what the reader of modes knows of a string; `rise` as in `SpectrumAnalyser.of`."""
+    bending = pi**3 * string.young_modulus * string.core_diameter**4 / 64.0
+    return StringModel(string.length, open_frequency(string), bending / string.tension, rise)
 
 
 def spectrum_of(

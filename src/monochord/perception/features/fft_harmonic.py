@@ -56,6 +56,7 @@ READING_COLUMNS = (
     "share 1",
     "share 2",
 )
+SEEN_COLUMNS = ("seen place", "seen lead")
 SERIES = ("segment 1", "segment 2", "string")
 TIMBRE_WITH_TONES = slice(1, 3)
 """Harmonics whose timbre is a column beside combination tones."""
@@ -107,12 +108,17 @@ class FftHarmonic(Feature):
     its mean density); and likeness, 2 Re(A B*) / (A A* + B B*), of its bins without lines, those whose
     powers together are at most both medians together.
 
+    With `seen`, the last two columns are the place that a network sees in the spectra themselves, whichever
+    lines are read, and the logarithm of its odds (`monochord.perception.closed_form.place_density`).
+
     Parameters
     ----------
     tones
         Whether there are columns of combination tones.
     gaps
         Whether there are columns of the sound between the lines.
+    seen
+        Whether there are columns of the place seen in the spectra.
     own
         With `tones`: share of its own end's force in a microphone's signal, above a half.
     gain
@@ -133,10 +139,13 @@ class FftHarmonic(Feature):
     >>> extract = FftHarmonic(gaps=True).prepare(signal, 4410)
     >>> extract(np.zeros((1, 2, 4410), np.float32)).shape, extract.columns[-1]
     ((1, 384), 'gaps likeness band 28')
+    >>> FftHarmonic(seen=True).prepare(signal, 4410).columns[-2:]
+    ('seen place', 'seen lead')
     """
 
     tones: bool = False
     gaps: bool = False
+    seen: bool = False
     own: float = 0.85
     gain: float = 2.0
 
@@ -154,7 +163,8 @@ class FftHarmonic(Feature):
 class _Extractor(Extractor):
     def __init__(self, analyser: SpectrumAnalyser, options: FftHarmonic) -> None:
         self._analyser, self._options = analyser, options
-        self._columns = (*_columns(tones=options.tones), *(GAPS if options.gaps else ()))
+        more = (*(GAPS if options.gaps else ()), *(SEEN_COLUMNS if options.seen else ()))
+        self._columns = (*_columns(tones=options.tones), *more)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -184,6 +194,7 @@ class _Extractor(Extractor):
                 near,
                 self._of_reading(spectrum),
                 self._of_gaps(spectrum),
+                self._of_seen(spectrum),
             )
         )
 
@@ -205,6 +216,11 @@ class _Extractor(Extractor):
         if not self._options.gaps:
             return np.zeros(0)
         return measure_gaps(spectrum.transform, spectrum.power, self._analyser.bin_spacing).ravel()
+
+    def _of_seen(self, spectrum: Spectrum) -> Floats:
+        if not self._options.seen:
+            return np.zeros(0)
+        return np.array((spectrum.reading.seen_position / self._analyser.length, spectrum.reading.seen_lead))
 
     def _of_reading(self, spectrum: Spectrum) -> tuple[float, ...]:
         reading, analyser = spectrum.reading, self._analyser

@@ -1,4 +1,6 @@
-"""Trains the network that ranks what a window's lines may be (`monochord.perception.closed_form.ranking`).
+"""Trains the networks that read modes: of places, and of what a window's lines may be.
+
+The first is of `monochord.perception.closed_form.place_density`, the second of its `ranking`.
 
     monochord collect modes --out sessions
     monochord build sessions --split build --skip --out modes
@@ -6,6 +8,8 @@
 
 It takes touched windows of the training part, lists the hypotheses of each, and raises the probability of
 those that put the touch where it is. Every window counts twice, once as it is and once with its ends swapped.
+How probable places are, which is among the evidence, a network tells that learned from one half of the
+builds; the ranking learns from the other half, and so how far to trust it on builds that it never heard.
 Some get noise, some are cut in half, and the string's pitch is known to some per mille only, as live. The
 network is scored on the validation part, without noise, and on the datasets that are to judge it. The builds
 that models are trained on are not among those that it learns from: what it misreads there is then what it
@@ -26,13 +30,15 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.types import Audio, Flags, Floats, Indices, Signal, StringParams
+from monochord.core.types import Audio, Flags, Floats, Indices, StringParams
 from monochord.datasets.augment import Augmentation
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
+from monochord.dsp.noise import NOISES
 from monochord.perception.closed_form.hypotheses import (
     COMMON_MEASURES,
     MAX_MODE_1,
+    PLACE_MEASURES,
     POSITION,
     SEGMENT_MEASURES,
     TRAINED_RISE,
@@ -40,10 +46,19 @@ from monochord.perception.closed_form.hypotheses import (
     measure_hypotheses,
 )
 from monochord.perception.closed_form.modes import most_probable
+from monochord.perception.closed_form.place_density import FILE as PLACES_FILE
+from monochord.perception.closed_form.place_density import (
+    UNIFORM,
+    PlaceNetwork,
+    cells_of,
+    density,
+    measure_places,
+)
 from monochord.perception.closed_form.prominence import prominences
 from monochord.perception.closed_form.ranking import FILE, MAX_DEVIATION, Ranking, probabilities
-from monochord.perception.closed_form.spectrum import SpectrumAnalyser
+from monochord.perception.closed_form.spectrum import SpectrumAnalyser, string_model
 from monochord.perception.training._torch import torch_library
+from monochord.perception.training.place_density import Cells, exported, probabilities_of, train_places
 from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import open_frequency
 
@@ -60,11 +75,13 @@ NOISY_SHARE, RATIOS, HALF_SHARE = 0.4, (5.0, 30.0), 0.2
 
 
 Part: TypeAlias = Literal["train", "validation"]
-Example: TypeAlias = tuple[Floats, Floats, float]
+Example: TypeAlias = tuple[Floats, Floats, Cells, float, int]
 PURE_WINDOWS = 6000
 """Windows of two sustained lines alone."""
 STRAY_SHARE = 0.3
 """Share of them with one weak line more, of neither."""
+UNKNOWN_SHARE = 0.1
+"""Share of windows whose places are equally probable, as of a string whose pitch is not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,13 +89,16 @@ class Examples:
     """Hypotheses of touched windows, those of a window one after another.
 
     `measures` (hypotheses, measures), `position` (hypotheses,) over the length, `window` (hypotheses,) that
-    each is of; `truth` (windows,) over the length.
+    each is of; `cells` (windows, channels, cells), what the network of places sees, `truth` (windows,) over
+    the length, and `build` (windows,), of which each is.
     """
 
     measures: Audio
     position: Floats
     window: Indices
+    cells: Cells
     truth: Floats
+    build: Indices
 
     @property
     def first(self) -> Indices:
@@ -101,14 +121,16 @@ def examples_of(path: Path, part: Part, design: StringParams, *, clean: bool = F
 
 
 def joined(examples: Iterable[Example]) -> Examples:
-    """Return the examples of windows: measures, places over the length, and the touch's place."""
+    """Return the examples of windows: measures, places, cells, the touch's place, and the build of each."""
     parts = list(examples)
     count = [len(part[0]) for part in parts]
     return Examples(
         measures=np.concatenate([part[0] for part in parts]).astype(np.float32),
         position=np.concatenate([part[1] for part in parts]),
         window=np.repeat(np.arange(len(parts)), count),
-        truth=np.array([part[2] for part in parts]),
+        cells=np.array([part[2] for part in parts], np.float16),
+        truth=np.array([part[3] for part in parts]),
+        build=np.array([part[4] for part in parts]),
     )
 
 
@@ -116,11 +138,11 @@ def _examples(
     dataset: Dataset, chosen: Indices, design: StringParams, *, clean: bool, seed: int = 0
 ) -> Iterator[Example]:
     contact, position = dataset.label("contact"), dataset.label("position")
-    random, noise = np.random.default_rng(seed), Augmentation(share=NOISY_SHARE, ratios=RATIOS, seed=seed)
+    random = np.random.default_rng(seed)
+    noise = Augmentation(kinds=tuple(NOISES), share=NOISY_SHARE, ratios=RATIOS, seed=seed)
     touched = (contact == 1.0) & np.isfinite(position) & dataset.usable
     touched &= np.isin(np.arange(len(dataset)), chosen)
     rate, size, length = dataset.manifest.sample_rate, dataset.manifest.window, design.length
-    analysers: dict[int, SpectrumAnalyser] = {}
     for number, part in enumerate(dataset.manifest.parts):
         rows = np.flatnonzero(touched & (dataset.session == number))
         rows = np.sort(random.choice(rows, min(WINDOWS, len(rows)), replace=False))
@@ -138,33 +160,30 @@ def _examples(
                 )
                 string = replace(own, tension=own.tension * (1.0 + off) ** 2)
             frames = window.shape[1]
-            if frames not in analysers:
-                signal = Signal(sample_rate=rate, channels=2, string=design)
-                analysers[frames] = SpectrumAnalyser.of(signal, frames)
-            analyser = analysers[frames].tuned(string)
-            yield from _example(analyser, window, float(position[row]) / length)
+            analyser = _unread(string, rate, frames)
+            yield from _example(analyser, window, float(position[row]) / length, part.build or 0)
 
 
-def _example(analyser: SpectrumAnalyser, window: Audio, truth: float) -> Iterator[Example]:
+def _example(analyser: SpectrumAnalyser, window: Audio, truth: float, build: int) -> Iterator[Example]:
     """Yield the hypotheses of a window, if it has any."""
-    spectrum, string = analyser.analyse(window), analyser.model
-    found = find_hypotheses(*spectrum.peaks, string)
+    (_, _, power, peaks), string, spacing = analyser.transformed(window), analyser.model, analyser.bin_spacing
+    found = find_hypotheses(*peaks, string)
     if len(found):
-        power, above = spectrum.power, prominences(spectrum.power, spectrum.peaks[1])
-        measures = measure_hypotheses(found, *spectrum.peaks, power, above, analyser.bin_spacing, string)
-        yield measures, found[:, POSITION] / string.length, truth
+        above = prominences(power, peaks[1])
+        measures = measure_hypotheses(found, *peaks, power, above, spacing, string)
+        cells = cells_of(power, peaks[1], above, spacing, string)
+        yield measures, found[:, POSITION] / string.length, cells.astype(np.float16), truth, build
 
 
 def pure_examples(seed: int = 0) -> Iterator[Example]:
     """Yield windows of two ideal segments of the strings that have presets."""
     random, rate = np.random.default_rng(seed), 44100
-    analysers: list[SpectrumAnalyser] = []
-    for name in string_names():
-        string = load_string(name).string
-        for bins in (16.0, 40.0, 130.0):
-            size = round(bins * rate / open_frequency(string))
-            analysers.append(SpectrumAnalyser.of(Signal(sample_rate=rate, channels=2, string=string), size))
-    for _ in range(PURE_WINDOWS):
+    analysers = [
+        _unread(string, rate, round(bins * rate / open_frequency(string)))
+        for string in (load_string(name).string for name in string_names())
+        for bins in (16.0, 40.0, 130.0)
+    ]
+    for number in range(PURE_WINDOWS):
         analyser = analysers[random.integers(len(analysers))]
         place, off = random.uniform(0.1, 0.9), random.uniform(-0.003, TRAINED_RISE)
         time, takes = np.arange(analyser.size) / rate, list[Floats]()
@@ -182,13 +201,19 @@ def pure_examples(seed: int = 0) -> Iterator[Example]:
             stray = np.sin(2.0 * np.pi * random.uniform(0.02, 0.4) * rate * time)
             window += 10.0 ** random.uniform(-3.0, -1.3) * np.outer(random.random(2), stray)
         window += 10.0 ** random.uniform(-7.0, -2.0) * random.standard_normal(window.shape)
-        yield from _example(analyser, window.astype(np.float32), place)
+        yield from _example(analyser, window.astype(np.float32), place, number)
+
+
+def _unread(string: StringParams, rate: int, size: int) -> SpectrumAnalyser:
+    """Return an analyser that transforms: to read modes takes the networks that are trained here."""
+    return SpectrumAnalyser(string=string, sample_rate=rate, size=size, model=string_model(string))
 
 
 def mirrored(measures: NDArray[Any]) -> NDArray[Any]:
     """Return measures as of the same touch with both ends of the string swapped."""
-    both, first, second = np.split(measures, (COMMON_MEASURES, COMMON_MEASURES + SEGMENT_MEASURES), axis=1)
-    return np.concatenate((both, second, first), axis=1)
+    ends = COMMON_MEASURES, COMMON_MEASURES + SEGMENT_MEASURES, PLACE_MEASURES
+    both, first, second, place = np.split(measures, ends, axis=1)
+    return np.concatenate((both, second, first, place), axis=1)
 
 
 def together(*parts: Examples) -> Examples:
@@ -198,16 +223,60 @@ def together(*parts: Examples) -> Examples:
         measures=np.concatenate([part.measures for part in parts]),
         position=np.concatenate([part.position for part in parts]),
         window=np.concatenate([part.window + at for part, at in zip(parts, first, strict=False)]),
+        cells=np.concatenate([part.cells for part in parts]),
         truth=np.concatenate([part.truth for part in parts]),
+        build=np.concatenate([part.build for part in parts]),
     )
 
 
-def train_ranking(examples: Examples, *, seed: int = 0) -> Ranking:
-    """Return the network that gives the right hypotheses of most windows most probability."""
+def chosen(examples: Examples, windows: Flags) -> Examples:
+    """Return the examples of some windows (windows,)."""
+    rows = windows[examples.window]
+    return Examples(
+        measures=examples.measures[rows],
+        position=examples.position[rows],
+        window=(np.cumsum(windows) - 1)[examples.window[rows]],
+        cells=examples.cells[windows],
+        truth=examples.truth[windows],
+        build=examples.build[windows],
+    )
+
+
+def both_ways(examples: Examples, network: Any, *, seed: int = 0) -> Audio:
+    """Return the measures as they are, then as with both ends swapped, with places by a network in torch."""
+    unknown = np.random.default_rng(seed).random(len(examples.truth)) < UNKNOWN_SHARE
+    ways = [examples.measures.copy(), mirrored(examples.measures)]
+    for way, measures in enumerate(ways):
+        probability = probabilities_of(network, examples.cells, swapped=way == 1)
+        probability[unknown] = UNIFORM
+        _fill_in_places(measures, examples, probability, swapped=way == 1)
+    return np.concatenate(ways)
+
+
+def with_places(examples: Examples, network: PlaceNetwork) -> Examples:
+    """Return examples whose measures of the place are by a network of the package."""
+    measures = examples.measures.copy()
+    probability = np.array([density(cells.astype(np.float32), network) for cells in examples.cells])
+    _fill_in_places(measures, examples, probability)
+    return replace(examples, measures=measures)
+
+
+def _fill_in_places(
+    measures: Audio, examples: Examples, probability: Floats, *, swapped: bool = False
+) -> None:
+    place = 1.0 - examples.position if swapped else examples.position
+    for (begin, end), probable in zip(pairwise(examples.first), probability, strict=True):
+        measure_places(measures[begin:end], place[begin:end], probable)
+
+
+def train_ranking(examples: Examples, measures: Audio, *, seed: int = 0) -> Ranking:
+    """Return the network that gives the right hypotheses of most windows most probability.
+
+    `measures` are those that `both_ways` returns.
+    """
     torch: Any = torch_library()
     torch.manual_seed(seed)
     random = np.random.default_rng(seed)
-    measures = np.concatenate((examples.measures, mirrored(examples.measures)))
     mean, scale = measures.mean(axis=0, dtype=float), measures.std(axis=0, dtype=float) + 1.0e-4
     swapped = np.repeat((0.0, 1.0), len(examples.measures))  # an input of its own: drivers differ
     scaled = np.clip((measures - mean) / scale, -MAX_DEVIATION, MAX_DEVIATION)
@@ -257,11 +326,11 @@ def places_of(examples: Examples, ranking: Ranking) -> tuple[Floats, Floats]:
     return place, lead
 
 
-def write_ranking(ranking: Ranking, file: Path) -> None:
-    """Write the network into a file, in single precision; the same network gives the same bytes."""
+def write_network(network: Ranking | PlaceNetwork, file: Path) -> None:
+    """Write a network into a file, in single precision; the same network gives the same bytes."""
     from safetensors.numpy import save  # noqa: PLC0415
 
-    file.write_bytes(save({name: value.astype(np.float32) for name, value in ranking._asdict().items()}))
+    file.write_bytes(save({name: value.astype(np.float32) for name, value in network._asdict().items()}))
 
 
 def main() -> None:
@@ -270,17 +339,26 @@ def main() -> None:
     parser.add_argument("datasets", nargs="+", type=Path, help="with the split that monochord build made")
     parser.add_argument("--judge", nargs="*", type=Path, default=[], help="datasets that it is scored on")
     parser.add_argument("--string", default="prototype")
-    parser.add_argument("--out", type=Path, default=FILE)
+    parser.add_argument("--out", type=Path, default=FILE.parent, help="folder for both networks")
     options = parser.parse_args()
     design = load_string(options.string).string
     train = [examples_of(path, "train", design) for path in options.datasets]
-    ranking = train_ranking(together(*train, joined(pure_examples())))
-    write_ranking(ranking, options.out)
+    examples = together(*train, joined(pure_examples()))
+    teaching = examples.build % 2 == 0
+    seen = chosen(examples, teaching)
+    witness = train_places(seen.cells, seen.truth, name="places of one half")
+    judged = chosen(examples, ~teaching)
+    ranking = train_ranking(judged, both_ways(judged, witness))
+    write_network(ranking, options.out / FILE.name)
+    places = exported(train_places(examples.cells, examples.truth))
+    write_network(places, options.out / PLACES_FILE.name)
     for path in options.datasets:
-        _report(f"{path}, validation", examples_of(path, "validation", design, clean=True), ranking, design)
+        validation = with_places(examples_of(path, "validation", design, clean=True), places)
+        _report(f"{path}, validation", validation, ranking, design)
     for path in options.judge:
         both = [examples_of(path, part, design, clean=True) for part in ("train", "validation")]
-        _report(f"{path}, training and validation", together(*both), ranking, design)
+        judged = with_places(together(*both), places)
+        _report(f"{path}, training and validation", judged, ranking, design)
 
 
 def _report(name: str, examples: Examples, ranking: Ranking, design: StringParams) -> None:

@@ -1,0 +1,156 @@
+"""What the network of places sees, and its arithmetic against a plain one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monochord.core.types import Audio, Floats, StringParams
+from monochord.perception.closed_form.hypotheses import MEASURES, PLACE_MEASURES
+from monochord.perception.closed_form.place_density import (
+    CELLS,
+    CHANNELS,
+    DILATIONS,
+    LOWEST,
+    NEAR,
+    PLACES,
+    STEP,
+    STRIDES,
+    UNIFORM,
+    PlaceNetwork,
+    cells_of,
+    density,
+    measure_places,
+    most_probable_place,
+    place_network,
+)
+from monochord.perception.closed_form.prominence import prominences
+from monochord.perception.closed_form.spectrum import SpectrumAnalyser, string_model
+from monochord.physics.strings import load_string
+from monochord.physics.theory import open_frequency
+
+SIZE, RATE = 4410, 44100
+STRING = load_string("prototype").string
+
+
+def touched(place: float, string: StringParams = STRING, rate: int = RATE) -> Audio:
+    """Return a window of two ideal segments, each with five stiff partials, and hiss."""
+    random, time = np.random.default_rng(1), np.arange(SIZE) / rate
+    takes: list[Floats] = []
+    for share in (place, 1.0 - place):
+        partials = analyser_of(string, rate).partials(
+            open_frequency(string) / share, share * string.length, 5
+        )
+        loudness = np.arange(1.0, 6.0) ** -2.0
+        takes.append(loudness @ np.sin(2.0 * np.pi * np.outer(partials, time)))
+    window = np.array([[0.8, 0.1], [0.1, 0.8]]) @ np.array(takes)
+    return (0.3 * window + 1e-4 * random.standard_normal(window.shape)).astype(np.float32)
+
+
+def analyser_of(string: StringParams = STRING, rate: int = RATE) -> SpectrumAnalyser:
+    return SpectrumAnalyser(string=string, sample_rate=rate, size=SIZE, model=string_model(string))
+
+
+def seen(window: Audio, string: StringParams = STRING, rate: int = RATE) -> Audio:
+    analyser = analyser_of(string, rate)
+    _, _, power, peaks = analyser.transformed(window)
+    return cells_of(power, peaks[1], prominences(power, peaks[1]), analyser.bin_spacing, analyser.model)
+
+
+@pytest.mark.parametrize("place", [0.27, 0.5, 0.68])
+def test_partials_lie_where_their_number_over_the_segments_share_says(place: float) -> None:
+    cells = seen(touched(place))
+    assert cells.shape == (CHANNELS, CELLS)
+    for microphone, share in enumerate((place, 1.0 - place)):
+        for number in range(1, 6):
+            cell = round(np.log(number / share / LOWEST) / STEP)
+            around = cells[microphone, cell - 8 : cell + 9]
+            peak = np.flatnonzero(around == around.max())
+            assert abs(peak.mean() - 8.0) <= 1.5, (microphone, number)
+            assert cells[2 + microphone, cell] > 0.5
+
+
+def test_what_is_seen_is_relative_to_the_own_pitch() -> None:
+    # The same samples, played twice as slowly, are of a string that is tuned an octave lower.
+    other = replace(STRING, tension=0.25 * STRING.tension, young_modulus=0.25 * STRING.young_modulus)
+    window = touched(0.41)
+    np.testing.assert_allclose(seen(window, other, RATE // 2), seen(window), atol=1e-6)
+
+
+def test_swapping_the_microphones_swaps_the_channels() -> None:
+    window = touched(0.27)
+    np.testing.assert_array_equal(seen(np.ascontiguousarray(window[::-1])), seen(window)[[1, 0, 3, 2]])
+
+
+def test_a_spectrum_that_ends_early_leaves_the_cells_above_it_empty() -> None:
+    power, height = np.ones((2, 64)), np.ones((2, 8))
+    cells = cells_of(power, height, np.ones((2, 64)), 100.0, string_model(STRING))
+    reached = int(np.log(6300.0 / open_frequency(STRING) / LOWEST) / STEP)
+    assert cells[0, : reached - 10].min() == 1.0
+    assert not cells[:, reached + 10 :].any()
+
+
+def random_network(seed: int = 0) -> PlaceNetwork:
+    random, shapes = np.random.default_rng(seed), [array.shape for array in place_network()]
+    return PlaceNetwork(*(random.normal(0.0, 0.1, shape).astype(np.float32) for shape in shapes))
+
+
+def plain_density(cells: Audio, network: PlaceNetwork) -> Floats:
+    """Return the probabilities by a sum for each number, in double precision."""
+    values: Floats = cells.astype(float)
+    arrays = [array.astype(float) for array in network]
+    for layer, (stride, dilation) in enumerate(zip(STRIDES, DILATIONS, strict=True)):
+        weights, bias = arrays[2 * layer], arrays[2 * layer + 1]
+        taps = len(weights) // len(values)
+        pad = taps // 2 * dilation
+        padded = np.pad(values, ((0, 0), (pad, pad)))
+        columns = [
+            padded[:, at : at + (taps - 1) * dilation + 1 : dilation].T.ravel()
+            for at in range(0, values.shape[1], stride)
+        ]
+        values = np.maximum(np.array(columns) @ weights + bias, 0.0).T
+    hidden, hidden_bias, last, last_bias = arrays[-4:]
+    logits = np.maximum(values.ravel() @ hidden + hidden_bias, 0.0) @ last + last_bias
+    likelihood = np.exp(logits - logits.max())
+    return likelihood / likelihood.sum()
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_kernel_computes_what_a_plain_convolution_does(seed: int) -> None:
+    cells = np.random.default_rng(seed).random((CHANNELS, CELLS)).astype(np.float32)
+    network = random_network(seed)
+    probability = density(cells, network)
+    assert probability.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(probability, plain_density(cells, network), rtol=1e-4, atol=1e-9)
+
+
+def test_the_network_of_the_package_sees_where_two_pure_segments_meet() -> None:
+    for place in (0.27, 0.35, 0.44, 0.62, 0.7):
+        at, probability = most_probable_place(density(seen(touched(place)), place_network()))
+        assert at == pytest.approx(place, abs=NEAR)
+        assert probability > 0.5
+
+
+def test_the_most_probable_place_is_the_mean_of_those_beside_it() -> None:
+    probability = np.zeros(len(PLACES))
+    probability[[40, 41, 100]] = 0.3, 0.3, 0.4
+    place, near = most_probable_place(probability)
+    assert place == pytest.approx(PLACES[40:42].mean())
+    assert near == pytest.approx(0.6)
+    for end in (0, len(PLACES) - 1):
+        place, near = most_probable_place(np.eye(len(PLACES))[end])
+        assert (place, near) == (pytest.approx(PLACES[end]), pytest.approx(1.0))
+
+
+def test_a_hypothesis_has_the_probability_of_the_places_beside_its_own() -> None:
+    probability = 0.5 * UNIFORM
+    probability[100] += 0.5
+    measures = np.zeros((3, MEASURES))
+    measure_places(measures, np.array([PLACES[100], PLACES[100] + 0.02, 0.01]), probability)
+    beside = 0.5 * 2.0 * NEAR / (PLACES[-1] - PLACES[0])
+    near, most = np.exp(measures[:, PLACE_MEASURES:]).T
+    assert near[0] == pytest.approx(0.5 + beside, abs=2e-3)
+    assert near[1] == pytest.approx(beside, abs=2e-3)
+    assert near[2] < 1e-4
+    assert most == pytest.approx(near[0], abs=2e-3)
+    assert not measures[:, :PLACE_MEASURES].any()
