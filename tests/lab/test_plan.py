@@ -6,7 +6,7 @@ from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.figures.following import Following
 from monochord.lab.deviation import Deviation
-from monochord.lab.hardware import FIRST_BUILD
+from monochord.lab.hardware import CONDITIONS, FIRST_BUILD
 from monochord.lab.offline import describe
 from monochord.lab.plan import Delays, Group, Plan, assignments
 from monochord.lab.plans import load_plan, plan_names
@@ -219,6 +219,18 @@ def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan
     assert len(materials) == 10
 
 
+def test_what_reads_modes_learns_from_no_build_or_day_that_a_model_learns_from_or_is_judged_by() -> None:
+    # Builds of the plans designs and odd have drivers and microphones of their own besides.
+    apart = {"modes", "modes_2", "designs", "odd"}
+    reading = [group for name in ("modes", "modes_2") for group in load_plan(name).groups]
+    others = [group for name in plan_names() if name not in apart for group in load_plan(name).groups]
+    builds = {build for group in reading for build in group.builds}
+    assert not builds & {build for group in others for build in group.builds}
+    assert not builds & {*range(FIRST_BUILD, FIRST_BUILD + max(one.builds for one in CONDITIONS))}
+    days = {day for group in reading for day in group.days}
+    assert not days & {day for group in others for day in group.days}
+
+
 def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object_with_training() -> None:
     touches = load_plan("touches")
     others = [group for name in plan_names() if name != "touches" for group in load_plan(name).groups]
@@ -231,7 +243,7 @@ def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object
     assert not days & {day for group in others for day in group.days}
     trained = [
         group
-        for name in ("builds", "designs", "modes", "odd")
+        for name in ("builds", "designs", "modes", "modes_2", "odd")
         for group in load_plan(name).groups
         if not group.name.startswith("test")
     ]
