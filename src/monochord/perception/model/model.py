@@ -19,12 +19,10 @@ from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.known import Detector
 from monochord.perception.model.network import Network, Output, estimates_of, probability
 from monochord.perception.model.probe import probed, refuse_another
-from monochord.perception.tuning.sessions import force_scale
+from monochord.perception.tuning.sessions import force_scale, refuse_other_length
 from monochord.physics.sensors import retuned
 from monochord.physics.theory import open_frequency
 
-LENGTH_TOLERANCE = 0.02
-"""Share by which a string's length may differ from that of the training."""
 MAX_RETUNING = 0.12
 """Share by which a string's pitch may differ from that of the training, where it is known."""
 UNUSABLE = ("gap", "silence", "samples that are not numbers")
@@ -100,10 +98,7 @@ class Model:
             given = f"sound of {signal.channels} channel(s) for a model"
             raise InputError(given, f"{trained.channels}, as it was trained", "connect both microphones")
         if trained.string and signal.string:
-            length, own = signal.string.length, trained.string.length
-            if abs(length / own - 1.0) > LENGTH_TOLERANCE:
-                given = f"a string of {length:g} m for a model"
-                raise InputError(given, f"{own:g} m, as it was trained", "train one for this sensor")
+            refuse_other_length(signal.string, trained.string)
         if size is not None:
             self.check_size(size)
         _ = self.extractors

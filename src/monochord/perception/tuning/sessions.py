@@ -24,6 +24,9 @@ LOWEST, HIGHEST = -0.015, 0.008
 Beyond, features are of the string as heard, offline and live. Within, modes are read as well by the known
 pitch (docs/design/0031-models-follow-the-pitch.md), and a model need not change with every drift."""
 
+LENGTH_TOLERANCE = 0.02
+"""Share by which a string's length may differ from that of the training."""
+
 
 def heard_tension(samples: Audio, sample_rate: int, string: StringParams | None) -> Newtons | None:
     """Return the tension in N of a session's string by its untouched beginning, None where it does not tell.
@@ -52,8 +55,24 @@ def heard_tension(samples: Audio, sample_rate: int, string: StringParams | None)
 
 
 def heard_by(design: StringParams | None) -> Callable[[Audio, int, StringParams | None], Newtons | None]:
-    """Return `heard_tension` for sessions that may name no string: those are then of this design."""
-    return lambda samples, rate, string: heard_tension(samples, rate, string or design)
+    """Return `heard_tension` for sessions that a model of this design reads.
+
+    Those that name no string are of the design; those on a string of another length are refused.
+    """
+
+    def listen(samples: Audio, rate: int, string: StringParams | None) -> Newtons | None:
+        if string and design:
+            refuse_other_length(string, design)
+        return heard_tension(samples, rate, string or design)
+
+    return listen
+
+
+def refuse_other_length(string: StringParams, trained: StringParams) -> None:
+    """Raise `InputError` where a string is longer or shorter than that of a model's training."""
+    if abs(string.length / trained.length - 1.0) > LENGTH_TOLERANCE:
+        given = f"a string of {string.length:g} m for a model"
+        raise InputError(given, f"{trained.length:g} m, as it was trained", "train one for this sensor")
 
 
 def own_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, StringParams]:
