@@ -4,7 +4,9 @@ The first is of `monochord.perception.closed_form.place_density`, the second of 
 
     monochord collect modes --out sessions
     monochord build sessions --split build --skip --out modes
-    python -m monochord.perception.training.mode_ranking modes --judge builds
+    monochord collect modes_2 --out more-sessions
+    monochord build more-sessions --split build --skip --out modes_2
+    python -m monochord.perception.training.mode_ranking modes modes_2 --judge builds
 
 It takes touched windows of the training part, lists the hypotheses of each, and raises the probability of
 those that put the touch where it is. Every window counts twice, once as it is and once with its ends swapped.
