@@ -143,12 +143,12 @@ def test_sessions_recorded_in_noise_get_none_on_top(dataset: Dataset) -> None:
 def test_baselines_learn_position_and_contact_from_the_training_windows(dataset: Dataset) -> None:
     split = split_dataset(dataset, by="time")
     training = selection(dataset, split.train[dataset.usable[split.train]])
-    tested, noise = selection(dataset, split.test), parse_noise("white:-20", {})
+    tested, noise = selection(dataset, split.test), parse_noise("white:-30", {})
     results = baseline_results(tested, training, {"name": "fft_harmonic"}, [noise])
     assert list(results) == ["ridge", "extra_trees"]
     for each in results.values():
-        assert {trial.condition for trial in each.trials} == {"clean", "white -20 dB"}
-        clean, noisy = (each.of_trials("condition") == name for name in ("clean", "white -20 dB"))
+        assert {trial.condition for trial in each.trials} == {"clean", "white -30 dB"}
+        clean, noisy = (each.of_trials("condition") == name for name in ("clean", "white -30 dB"))
         errors = [regression(each, "position", rows, draws=0).mae.value or 0.0 for rows in (clean, noisy)]
         assert 0.0 < 2.0 * errors[0] < errors[1]
         accuracy = detection(each, "contact", clean, draws=0).accuracy.value

@@ -14,8 +14,8 @@ def plan_names() -> list[str]:
 
     Examples
     --------
-    >>> plan_names()[:6]
-    ['builds', 'designs', 'hardware', 'modes', 'odd', 'paper']
+    >>> plan_names()[:7]
+    ['builds', 'designs', 'hardware', 'modes', 'modes_2', 'odd', 'paper']
     """
     return PLANS.names()
 
