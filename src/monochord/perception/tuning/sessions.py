@@ -57,13 +57,17 @@ def heard_tension(samples: Audio, sample_rate: int, string: StringParams | None)
 def heard_by(design: StringParams | None) -> Callable[[Audio, int, StringParams | None], Newtons | None]:
     """Return `heard_tension` for sessions that a model of this design reads.
 
-    Those that name no string are of the design; those on a string of another length are refused.
+    Those that name no string are of the design; those on a string of another length are refused. Of another
+    wire the tension is that at which the design's wire has the same pitch.
     """
 
     def listen(samples: Audio, rate: int, string: StringParams | None) -> Newtons | None:
         if string and design:
             refuse_other_length(string, design)
-        return heard_tension(samples, rate, string or design)
+        heard = heard_tension(samples, rate, string or design)
+        if heard is None or string is None or design is None:
+            return heard
+        return heard * design.linear_density / string.linear_density
 
     return listen
 
