@@ -90,6 +90,14 @@ def test_a_spectrum_that_ends_early_leaves_the_cells_above_it_empty() -> None:
     assert not cells[:, reached + 10 :].any()
 
 
+def test_a_silent_microphone_leaves_its_cells_empty() -> None:
+    window = touched(0.27)
+    window[1] = 0.0
+    cells = seen(window)
+    assert not cells[[1, 3]].any()
+    assert np.isfinite(density(cells, place_network())).all()
+
+
 def random_network(seed: int = 0) -> PlaceNetwork:
     random, shapes = np.random.default_rng(seed), [array.shape for array in place_network()]
     return PlaceNetwork(*(random.normal(0.0, 0.1, shape).astype(np.float32) for shape in shapes))

@@ -85,7 +85,10 @@ def scored(model: Path, sensor: str, known: Take) -> Scored:
     )
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+NOTHING_TO_TEACH = pytest.mark.xfail(reason="0.18 N off before ten touches, 0.20 N after: docs/ROADMAP.md")
+
+
+@pytest.mark.parametrize("seed", [1, 2, pytest.param(3, marks=NOTHING_TO_TEACH)])
 def test_ten_touches_teach_it_the_force_of_a_foreign_sensor(seed: int, tmp_path: Path) -> None:
     whole, known = take(seed, touches=22), 10
     cut = whole.touches[known][0] - round(0.4 * RATE)
@@ -108,8 +111,6 @@ def test_ten_touches_teach_it_the_force_of_a_foreign_sensor(seed: int, tmp_path:
     assert after.answered > 0.9
     assert np.abs(after.position).mean() < 1e-3
     assert np.abs(before.force).mean() < 0.45
-    assert np.abs(after.force).mean() < 0.25
-    if np.abs(before.force).mean() > 0.2:  # where there is something to teach: seed 3 is 0.18 N off before
-        assert np.abs(after.force).mean() < np.abs(before.force).mean()
-        assert abs(after.force.mean()) < 0.5 * abs(before.force.mean())
+    assert np.abs(after.force).mean() < min(0.25, np.abs(before.force).mean())
+    assert abs(after.force.mean()) < 0.5 * abs(before.force.mean())
     assert np.mean(np.abs(after.force) < 2.0 * after.force_std) > 0.85

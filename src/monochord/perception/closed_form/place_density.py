@@ -113,7 +113,7 @@ def cells_of(power: Floats, height: Floats, prominence: Floats, spacing: Hertz, 
             most = max(_between(prominence[c], begin), _between(prominence[c], end))
             for k in range(first + 1, last + 1):
                 loudest, most = max(loudest, power[c, k]), max(most, prominence[c, k])
-            level = 1.0 + np.log(loudest / height[c, 0] + 1.0e-12) * per_level
+            level = 1.0 + np.log(loudest / max(height[c, 0], 1.0e-300) + 1.0e-12) * per_level
             cells[c, j], cells[2 + c, j] = min(max(level, 0.0), 1.0), most / MAX_DECADES
         begin = end
     return cells
