@@ -11,6 +11,7 @@ from tests.e2e.faults.conftest import Live, StartLive, notes, touched
 
 from monochord.capture.jack import libjack
 from monochord.capture.jack.client import JackClient
+from monochord.sessions import read_session
 
 pytestmark = [pytest.mark.jack, pytest.mark.slow]
 HOP = 0.01
@@ -63,11 +64,12 @@ def patch(server: str, output: str, into: str, *, connected: bool) -> None:
 
 
 @pytest.mark.parametrize("channel", [1, 2])
-def test_a_port_that_is_unplugged_is_said_until_it_is_plugged_in_again(
-    jack_server: Any, play: Any, touch: Path, start_live: StartLive, channel: int
+def test_a_port_that_is_unplugged_is_named_until_it_is_plugged_in_again(
+    jack_server: Any, play: Any, touch: Path, start_live: StartLive, tmp_path: Path, channel: int
 ) -> None:
     play(touch)
-    live = start_live()
+    estimates = tmp_path / "estimates.mcap"
+    live = start_live("--sink", f"mcap={estimates}")
     live.wait_for_touch()
     ports = f"player:out_{channel}", f"monochord:in_{channel}"
     patch(jack_server.name, *ports, connected=False)
@@ -76,3 +78,5 @@ def test_a_port_that_is_unplugged_is_said_until_it_is_plugged_in_again(
     patch(jack_server.name, *ports, connected=True)
     live.wait_for(lambda row: touched(row) and "no_sound" not in notes(row))
     ended_well(live)
+    said = [event.text for event in read_session(estimates).events if event.data.get("key") == "no_sound"]
+    assert said[0] == f"No sound comes: {ports[1]} not connected in JACK."
