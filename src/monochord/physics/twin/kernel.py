@@ -350,7 +350,7 @@ def _predict(sensor: Parameters, state: State, plausible: Plausible | None, size
     height, compliance, cross, square = string.predict(state.bank, size)
     layer = None if plausible is None else plausible.layers[t]
     if plausible is not None:
-        compliance += plausible.mounts[t].held
+        compliance += plausible.mounts[t].modal
     gap = solution.surface - height
     k1, k2, residual = touch.k1, touch.k2, own.residual_compliance
     beta = touch.beta / sensor.constants.step
@@ -402,7 +402,7 @@ def _find_compliances(sensor: Parameters, state: State, plausible: Plausible | N
             bank, size
         )
         if plausible is not None:
-            mutual[0, t, t] += plausible.mounts[t].held
+            mutual[0, t, t] += plausible.mounts[t].modal
         for o in range(t):
             normal, tangential = string.mutual_compliance(bank, size, row, string.row_of(o))
             mutual[0, t, o], mutual[0, o, t] = normal, normal

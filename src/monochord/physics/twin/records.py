@@ -139,7 +139,7 @@ class MountParameters:
     """Of all that follows a force without delay."""
     static: float
     """Of the modes and the spring, under a lasting force."""
-    held: float
+    modal: float
     """Of the modes over a step: what a newton held over it moves the object."""
 
 

@@ -45,7 +45,7 @@ MAX_ITERATIONS = 200
 GAUSS = ((-sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (sqrt(0.6), 5.0 / 18.0))
 """Nodes and weights: exact for the mean of a polynomial of degree five."""
 MASK_64 = (1 << 64) - 1
-RIGID = r.record_of(MountParameters, spring=0.0, static=0.0, held=0.0)[()]
+RIGID = r.record_of(MountParameters, spring=0.0, static=0.0, modal=0.0)[()]
 """What holds an ideal twin's objects."""
 
 
@@ -386,7 +386,7 @@ def _solve_touches(
             height = float(shape @ (q[:half] + compliance[:half] * normal))
             one.s, one.eta, one.force = _pressed(
                 one.surface - height,
-                float(shape**2 @ compliance[:half]) + _mount(plausible, t).held,
+                float(shape**2 @ compliance[:half]) + _mount(plausible, t).modal,
                 state.contact[t],
                 sensor.touches[t],
                 _layer(plausible, t),
@@ -417,7 +417,7 @@ def _predicted(
     half, step = q_free.size // 2, sensor.constants.step
     shape = bank[r.SHAPE + r.ROWS_A_TOUCH * t, :half]
     gap = one.surface - float(shape @ q_free[:half])
-    compliance = float(shape**2 @ bank[r.Q_FORCE, :half]) + _mount(plausible, t).held
+    compliance = float(shape**2 @ bank[r.Q_FORCE, :half]) + _mount(plausible, t).modal
     _, _, one.force = _pressed(
         gap, compliance, state.contact[t], sensor.touches[t], _layer(plausible, t), step
     )
