@@ -40,7 +40,7 @@ class ModelBenchmark(Benchmark):
     Parameters
     ----------
     path
-        Folder of a model or of a training run, or the name of one that comes along.
+        Folder of a model or of a training run, or the name of a bundled one.
     feature, reference
         Names of the features of the one that is drawn.
     count

@@ -24,7 +24,7 @@ from monochord.datasets.kinds import KINDS, table_of
 from monochord.datasets.split import PARTS, Split, refuse_impossible, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
 from monochord.lab.workers import run_all
-from monochord.perception.tuning.sessions import heard_tension
+from monochord.perception.tuning.sessions import estimate_tension
 from monochord.sessions import Description, read_session
 
 SPLIT_FILE = "split.json"
@@ -100,7 +100,7 @@ def build(
     options = BuildOptions(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
     with progress_bar() as progress:
         run = partial(run_all, workers=workers or (1 if len(files) < MANY else None))
-        dataset = build_dataset(files, out, options, progress, heard_tension, run)
+        dataset = build_dataset(files, out, options, progress, estimate_tension, run)
     for line in dataset.manifest.refused.values():
         echo(f"left out: {line}", err=True)
     by = by or _default_split(len(dataset.manifest.parts))

@@ -151,7 +151,7 @@ def _jack_server(stack: ExitStack) -> str:
 
 
 def _write_tuned(source: dict[str, Any], path: Path) -> str:
-    """Write the sensor as its untouched string is heard to be tuned, and return the file."""
+    """Write the sensor as tuned, estimated from its untouched sound, and return the file."""
     later = {"start": 3600.0, "position": 0.1, "force": 1.0}
     untouched: dict[str, Any] = {**source, "script": [later], "speed": 0.0}
     twin = SOURCES.build(untouched.pop("name"), untouched)

@@ -36,7 +36,7 @@ class Augmentation:
     recordings
         Files of music or speech, of which excerpts are drawn. They are read and resampled once.
     seed
-        Of all that is drawn.
+        Random seed.
     sample_rate
         Of the windows in Hz.
 

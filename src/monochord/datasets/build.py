@@ -41,9 +41,9 @@ Labelling: TypeAlias = Literal["", "recorded", "measured"]
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with the name of each session, how many are done, and how many there are."""
 Listen: TypeAlias = Callable[[Audio, int, StringParams | None], Newtons | None]
-"""Returns the tension that sound (channels, n) at a rate tells of a string of this design, if it does.
+"""Estimates the tension of a string of this design from sound (channels, n) at a rate; None if it cannot.
 
-None is of a session that names no string."""
+The string is None for a session that names none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,7 +161,7 @@ def build_dataset(
     progress
         Called before each session, and at the end.
     listen
-        Tells the tension of the string from the sound of sessions that were recorded without a tuning.
+        Estimates the tension of the string from the sound of sessions that were recorded without a tuning.
     run
         Spreads the sessions over processes.
 
@@ -352,8 +352,8 @@ def _tension_of(session: SessionReader, listen: Listen) -> tuple[Newtons | None,
     description = session.description
     if description.string is not None and TUNING in description.more:
         return description.string.tension, "recorded"
-    heard = listen(session.audio.samples, description.sample_rate, description.string)
-    return heard, None if heard is None else "heard"
+    tension = listen(session.audio.samples, description.sample_rate, description.string)
+    return tension, None if tension is None else "heard"
 
 
 def _refuse_damaged(session: SessionReader) -> None:

@@ -112,8 +112,8 @@ def find_duplicates(track: Track, pairs: Iterable[tuple[int, int]]) -> list[Dupl
     with ThreadPoolExecutor(cpu_count()) as pool:  # transforms leave the interpreter to others
         cut = pool.map(lambda number: list(_stretches(track(number))), numbers)
         stretches = dict(zip(numbers, cut, strict=True))
-        found = pool.map(lambda pair: _compared(track, pair, stretches), pairs)
-        return [duplicate for duplicate in found if duplicate]
+        duplicates = pool.map(lambda pair: _compared(track, pair, stretches), pairs)
+        return [duplicate for duplicate in duplicates if duplicate]
 
 
 def _compared(

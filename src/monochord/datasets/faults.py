@@ -37,7 +37,7 @@ class Fault:
     kind
         Of `FAULTS`.
     seed
-        Of all that is drawn.
+        Random seed.
     sample_rate
         Of the windows in Hz.
 

@@ -44,8 +44,9 @@ class Part:
     rows of the table, from row `first` on. `labels` says where they come from: "recorded" or "measured".
     `late` is by how much its sound was late at its begin, in s, where it has taps, and `flags` are what its
     alignment was warned of, where it was taken all the same. `music` is what sounded in the room, empty for
-    nothing, and None where that is unknown. `tension` is that of its string at rest, in N, where it is known:
-    `tuned` says whether it was "recorded" with the sensor as tuned, or "heard" in the untouched beginning.
+    nothing, and None where that is unknown. `tension` is that of its string at rest, in N, where it is known.
+    `tuned` says from where: "recorded" with the sensor as tuned, or "heard", estimated from the untouched
+    beginning.
     """
 
     name: str

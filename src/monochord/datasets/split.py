@@ -166,7 +166,7 @@ def split_dataset(
     fractions
         Shares of training, validation and test, of windows; their sum is 1. A share of 0 leaves a part empty.
     seed
-        Of what is drawn; equal seeds give equal splits.
+        Random seed; equal seeds give equal splits.
     held_out
         Names of objects for the test alone, where `by` is "session" or "object". By session, patterns of
         sessions' names too, such as ``music*``; the other sessions are assigned to all parts, so that the

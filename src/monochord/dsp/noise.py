@@ -96,7 +96,7 @@ def hum(
 ) -> Floats:
     """Return mains hum: `mains` and its first harmonics, the k-th of amplitude 1/k, phases at random.
 
-    All channels hear the same hum, as they share the mains; harmonics from half the rate up are left out.
+    All channels have the same hum, as they share the mains; harmonics from half the rate up are left out.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def chord(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floa
     """Return some tones of any pitch that begin or fade at random, with a stroke beside them: as of music.
 
     Two to six tones from 50 to 1000 Hz, each of twelve partials whose amplitude falls as a power of their
-    number, 1 to 2; and a burst of white noise of up to their level, which dies away. All channels hear the
+    number, 1 to 2; and a burst of white noise of up to their level, which dies away. All channels have the
     same.
 
     Examples
@@ -177,7 +177,7 @@ def geared_motor(stream: np.random.Generator, speed: Floats, sample_rate: float)
 
 
 def motor(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floats:
-    """Return the sound of a geared motor at a constant speed; all channels hear the same.
+    """Return the sound of a geared motor at a constant speed; all channels have the same.
 
     Examples
     --------

@@ -15,7 +15,7 @@ from monochord.dsp.spectrum import FLOOR_WIDTH, Analyser
 
 GRID_CENTS = 4.0
 """Distance of neighbouring guesses of f0."""
-FAINT = 1.0
+MIN_SALIENCE = 1.0
 """Least salience of a peak."""
 
 
@@ -99,7 +99,7 @@ class PitchFinder:
         analyser = self._analyser
         power = analyser.powers(samples).mean(axis=0)
         salience = analyser.salience(power)
-        peaks = analyser.peaks(power, salience, FAINT)
+        peaks = analyser.peaks(power, salience, MIN_SALIENCE)
         if peaks.frequency.size == 0:
             return []
         view = series.View(

@@ -2,8 +2,8 @@
 
 Each session, or all sessions of a build, is adapted to by its first touches and scored on the touches after
 them. Beside the model stand ridge regression on the same feature, fitted to the same training windows and
-corrected by the same touches, and ridge regression fitted to these touches alone. A string that is tuned far
-off the design is known as it is heard, to all of them.
+corrected by the same touches, and ridge regression fitted to these touches alone. Of a string that is
+tuned far off the design, all of them use the tension that is estimated from its untouched sound.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -36,7 +36,7 @@ from monochord.perception.training.adapt import REMEDY, adapt
 from monochord.perception.training.correct import Replayed
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.train import read_in_turn
-from monochord.perception.tuning.sessions import heard_by, own_strings
+from monochord.perception.tuning.sessions import own_strings, tension_estimator
 from monochord.sessions import read_session
 
 TOUCHES = (0, 1, 5, 10, 25, 50, 100)
@@ -198,7 +198,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
     with scratch_folder() as scratch:
         options = BuildOptions(window=window, hop=hop, labels=labels)
         try:
-            listen = heard_by(definition.string)
+            listen = tension_estimator(definition.string)
             dataset = build_dataset(group.files, scratch / "dataset", options, listen=listen)
         except InputError as error:
             return error
@@ -210,11 +210,11 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
         known = {count: touch < numbers[count] if count else np.zeros(len(dataset), bool) for count in counts}
         others = [replace(whole, rows=np.flatnonzero(~known[count])) for count in counts]
         rows = stream_of(dataset, whole.rows) if any(counts) else whole.rows[:0]
-        heard = read_in_turn(rivals.model, dataset, rows)
+        replayed_rows = read_in_turn(rivals.model, dataset, rows)
         estimators: list[Estimator] = []
         for count in counts:
             folder = scratch / f"model_{count}"
-            save(_adapted(rivals.model, dataset, known[count], heard), folder)
+            save(_adapted(rivals.model, dataset, known[count], replayed_rows), folder)
             estimators.append(ESTIMATORS.build("model", {"path": str(folder)}))
         replayed: list[list[Results]] = [[] for _ in counts]
         by_session = [{each.sessions[0]: each for each in _by_string(every)} for every in others]
@@ -245,7 +245,7 @@ def _adapted(model: Model, dataset: Dataset, known: Flags, replayed: Replayed) -
     seen = {name: valid & known for name, valid in dataset.valid.items()}
     try:
         return adapt(model, replace(dataset, valid=seen), replayed=replayed).model
-    except InputError:  # none of these touches was heard
+    except InputError:  # none of these touches was detected
         return model
 
 

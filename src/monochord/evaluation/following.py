@@ -113,7 +113,7 @@ class Recorded:
     def known(self) -> NDArray[np.bool_]:
         """Whether the truth of each window (n,), and of those that it overlaps, is known.
 
-        It is not while taps align the clocks of a session, which are heard as touches.
+        It is not while taps align the clocks of a session, which sound like touches.
         """
         unknown = np.array([not each for each in self.truth], np.float64)
         near = np.convolve(unknown, np.ones(2 * math.ceil(self.window / self.hop) + 1), mode="same")

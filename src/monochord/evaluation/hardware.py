@@ -3,7 +3,8 @@
 The sessions of all conditions have the same touches and differ in one thing each; the virtual laboratory
 makes them, see `monochord.lab.hardware`. They are replayed window by window, as every evaluation is. Where a
 condition changes the open string's pitch, each estimator is tested twice: with the string as its design
-states it, and with the string as it is heard to be tuned in each session, as after `monochord tune`.
+states it, and with the string as tuned, estimated from the untouched sound of each session as by
+`monochord tune`.
 """
 
 from collections.abc import Iterator, Mapping

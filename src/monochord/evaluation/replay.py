@@ -32,8 +32,8 @@ class Selection:
     windows that it would have had live; the estimates of windows that are no rows are discarded. `string` is
     the sensor's string, for estimators that use it. `ambient_noise` names the noise that was present during
     the recording by pattern of session name, for sessions that do not state whether there was music. With
-    `tuned` the string of a session is as it was heard to be tuned, as after ``monochord tune``; one that was
-    recorded as tuned is so anyway, as it is live.
+    `tuned` the string of a session is as tuned, estimated from its untouched sound as by ``monochord tune``;
+    one that was recorded as tuned is so anyway, as it is live.
     """
 
     dataset: Dataset

@@ -27,7 +27,7 @@ from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import load as load_model
 from monochord.perception.model.definition import Definition
 from monochord.perception.training.run_folder import CONFIG
-from monochord.perception.tuning.sessions import heard_by
+from monochord.perception.tuning.sessions import tension_estimator
 from monochord.physics.sensors import load_sensor
 from monochord.sessions import read_session
 
@@ -293,7 +293,7 @@ def _dataset_of_sessions(
     if definition is not None:
         window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
     options = BuildOptions(window=window, hop=hop)
-    listen = heard_by(definition.string if definition else None)
+    listen = tension_estimator(definition.string if definition else None)
     dataset = build_dataset(files, scratch / "dataset", options, progress, listen)
     sessions = {path.stem: read_session(path) for path in files}
     strings = [session.description.string for session in sessions.values()]

@@ -67,7 +67,7 @@ def hardware_page(rows: Sequence[SummaryRow], figure: str = "") -> str:
         "# On sensors as hardware may have them",
         "",
         "All sound is simulated: the same touches in every condition, with one thing changed in each. "
-        '"Tuned" means that the string is known as monochord tune hears it. ' + EXPLAINED,
+        '"Tuned" means that the string is known as tuned, as monochord tune measures it. ' + EXPLAINED,
         "",
     ]
     parts += [f"![errors by condition]({figure})", ""] if figure else []
@@ -85,7 +85,7 @@ def builds_page(rows: Sequence[SummaryRow]) -> str:
     ``monochord transfer MODEL --sessions FILES --rows docs/results/builds.json`` writes it beside the rows.
     """
     parts = [
-        "# Builds that were never heard",
+        "# Unseen builds",
         "",
         "Each build is adapted to by its first touches, of known position and force, and scored on the "
         'touches after them. "Ridge" is ridge regression on the same feature, fitted to the same training '

@@ -50,7 +50,7 @@ class Deviation:
     dead_driver
         Number of a driver, 1 or 2, that gives no force; 0 for none.
     dead_microphone
-        Number of a microphone, 1 or 2, that hears nothing of the string; 0 for none.
+        Number of a microphone, 1 or 2, that picks up nothing of the string; 0 for none.
     swapped
         Whether the microphones are connected the other way round.
     """

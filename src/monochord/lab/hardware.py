@@ -58,7 +58,7 @@ class Condition:
         Distance in m of a second object that touches at the same time; 0 for none.
     is_retuned
         Whether the open string may have another pitch: estimators are then also tested with the string as
-        `monochord tune` hears it.
+        `monochord tune` measures it.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The twin played into a JACK server by a process of its own, and the live source that hears it there."""
+"""The twin played into a JACK server by a process of its own, and the live source that captures it there."""
 
 import multiprocessing
 import re
@@ -28,9 +28,9 @@ AHEAD: Samples = 2048
 """Frames that are simulated before they are due: a hand on the string waits for them."""
 RING: Samples = 8192
 WINDOW: Seconds = 0.1
-"""Length of the windows whose truth is told; they end with each block."""
+"""Length of the windows whose truth is sent; they end with each block."""
 REMEMBERED = 1024
-"""Windows whose truth is kept until it is asked for."""
+"""Windows whose truth is kept until it is read."""
 PATIENCE: Seconds = 60.0
 ENDING: Seconds = 10.0
 
@@ -141,10 +141,10 @@ def _play(stream: Stream, relay: Relay, pipe: Connection) -> None:
         if not relay.write(block.samples):
             return
         while pipe.poll():
-            asked = pipe.recv()
-            if asked is None:
+            request = pipe.recv()
+            if request is None:
                 return
-            name, arguments = asked
+            name, arguments = request
             getattr(controls, name)(*arguments)
         end = block.start + block.samples.shape[1]
         if end - size >= first:
@@ -195,8 +195,8 @@ class _Led(Controls):
 class _Played(Stream):
     """The stream of a JACK source, with the truth and the controls of what plays there."""
 
-    def __init__(self, heard: Stream, hello: Hello, pipe: Connection) -> None:
-        self._heard, self._pipe = heard, pipe
+    def __init__(self, capture: Stream, hello: Hello, pipe: Connection) -> None:
+        self._capture, self._pipe = capture, pipe
         self._controls = _Led(hello, pipe)
         self._truth: dict[Samples, Truth] = {}
         self._following = threading.Thread(target=self._follow, name="twin-truth", daemon=True)
@@ -216,17 +216,17 @@ class _Played(Stream):
 
     @property
     def signal(self) -> Signal:
-        return self._heard.signal
+        return self._capture.signal
 
     def __iter__(self) -> Iterator[Block]:
-        return iter(self._heard)
+        return iter(self._capture)
 
     def close(self) -> None:
-        self._heard.close()
+        self._capture.close()
 
     @property
     def pending(self) -> Samples:
-        return self._heard.pending
+        return self._capture.pending
 
     @property
     def paced(self) -> bool:
@@ -234,7 +234,7 @@ class _Played(Stream):
 
     @property
     def health(self) -> StreamHealth:
-        return self._heard.health
+        return self._capture.health
 
     @property
     def controls(self) -> Controls:
@@ -271,8 +271,8 @@ class JackTwin(Source):
             hello = _answer(pipe)
             ports = ",".join(re.escape(port) for port in hello.ports)
             jack = SOURCES.build("jack", {"ports": ports, "server": self.server, "reconnect": False})
-            with jack.open() as heard:
-                played = _Played(heard, hello, pipe)
+            with jack.open() as capture:
+                played = _Played(capture, hello, pipe)
                 try:
                     yield played
                 finally:
@@ -288,9 +288,9 @@ class JackTwin(Source):
 def _answer(pipe: Connection) -> Hello:
     """Return what the player says first; raises what it could not start for."""
     try:
-        told = pipe.recv() if pipe.poll(PATIENCE) else DeviceError("player of the twin: it does not start")
+        reply = pipe.recv() if pipe.poll(PATIENCE) else DeviceError("player of the twin: it does not start")
     except EOFError:
-        told = DeviceError("player of the twin: it ended at once")
-    if isinstance(told, Exception):
-        raise told
-    return told
+        reply = DeviceError("player of the twin: it ended at once")
+    if isinstance(reply, Exception):
+        raise reply
+    return reply

@@ -23,7 +23,7 @@ from monochord.perception.estimators.base import Condition
 
 Level: TypeAlias = Literal["info", "warning", "error"]
 SILENCE = 2.0e-5
-"""Root mean square of a channel that hears nothing at all: twice the rounding noise of 16 bit."""
+"""Root mean square of a channel that picks up nothing at all: twice the rounding noise of 16 bit."""
 QUIETER = 1.0e-3
 """Ratio of the channels' levels from which the quieter one is dead: 60 dB. The string reaches both ends."""
 CLIPPED_PEAK, CLIPPED_SHARE = 0.98, 2.0e-3
@@ -99,13 +99,13 @@ QUIET: Mapping[str, Finding] = MappingProxyType({})
 class HealthState:
     """The state on one stream, passed in and out; it begins as ``HealthState()``.
 
-    `looked` is when levels were measured last, and `heard` what they showed. `stream` and `skipped` are the
-    counters after the window before. `start` is the first frame of the last window.
+    `looked` is when levels were measured last, and `from_levels` what they showed. `stream` and `skipped` are
+    the counters after the window before. `start` is the first frame of the last window.
     """
 
     start: int = -1
     lasting: Mapping[str, Lasting] = field(default_factory=lambda: NOTHING)
-    heard: Mapping[str, Finding] = field(default_factory=lambda: QUIET)
+    from_levels: Mapping[str, Finding] = field(default_factory=lambda: QUIET)
     looked: Seconds = -math.inf
     stream: StreamHealth = field(default_factory=StreamHealth)
     skipped: int = 0
@@ -117,7 +117,7 @@ def _finding(level: Level, sentence: str, remedy: str) -> Finding:
 
 SILENT = _finding(
     "error",
-    "Neither microphone hears anything.",
+    "Neither microphone picks up sound.",
     "Check that the microphones are connected and powered, and that the right inputs are chosen.",
 )
 STILL = _finding(
@@ -146,7 +146,7 @@ SWAPPED = _finding(
 DEAD = tuple(
     _finding(
         "error",
-        f"Microphone {number} hears nothing.",
+        f"Microphone {number} picks up no sound.",
         f"Check the cable, the battery and the gain of microphone {number}.",
     )
     for number in (1, 2)
@@ -237,10 +237,10 @@ def step(
     if state.start < 0 or window.start <= state.start:
         state = HealthState(stream=stream, skipped=skipped)
     now = window.start / window.sample_rate
-    heard, looked = state.heard, state.looked
+    from_levels, looked = state.from_levels, state.looked
     if now - looked >= settings.look - 1e-9 and not window.has_gap:
-        heard, looked = _heard(window), now
-    findings = dict(heard) if not stream.away else {}
+        from_levels, looked = _level_findings(window), now
+    findings = dict(from_levels) if not stream.away else {}
     _add_reasons(findings, estimates)
     if condition is not None and condition.deviation is not None:
         _add_deviation(findings, condition)
@@ -252,14 +252,19 @@ def step(
     if findings or lasting:
         lasting = _lasting(lasting, findings, now, settings)
     state = HealthState(
-        start=window.start, lasting=lasting, heard=heard, looked=looked, stream=stream, skipped=skipped
+        start=window.start,
+        lasting=lasting,
+        from_levels=from_levels,
+        looked=looked,
+        stream=stream,
+        skipped=skipped,
     )
     return state, _notes(lasting, settings) if lasting else ()
 
 
 def warm_up(window: Window) -> None:
     """Load and compile what the first window would wait for."""
-    _heard(window)
+    _level_findings(window)
 
 
 def _lasting(
@@ -383,7 +388,7 @@ def _add_counted(
         )
 
 
-def _heard(window: Window) -> Mapping[str, Finding]:
+def _level_findings(window: Window) -> Mapping[str, Finding]:
     """Return what the levels of a window show."""
     from monochord.dsp.levels import measure_levels  # noqa: PLC0415 (compiled, and a sink imports this module)
 

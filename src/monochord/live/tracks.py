@@ -161,7 +161,7 @@ def track_after(
         # While a touch begins the newest window has most of it, and the first may have next to nothing.
         return _track_from(position.value, variance, span, settings)
     if outside:
-        return _doubted(track, position.value, variance, span, settings)
+        return _outside_gate(track, position.value, variance, span, settings)
     return _updated(track, error, variance, span, settings)
 
 
@@ -219,7 +219,7 @@ def _updated(track: Track, error: Metres, variance: float, span: Span, settings:
     )
 
 
-def _doubted(track: Track, place: Metres, variance: float, span: Span, settings: TrackSettings) -> Track:
+def _outside_gate(track: Track, place: Metres, variance: float, span: Span, settings: TrackSettings) -> Track:
     """Return a predicted track after an estimate outside its gate, which founds or supports a rival."""
     rival, rival_var, trust = place, variance, track.trust - span.dt
     error = place - track.rival

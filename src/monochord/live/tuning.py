@@ -70,7 +70,7 @@ class SensorAsTuned:
         tuning, notes = self.tuning, list[str]()
         missing = set(range(1, 3)) - set(tuning.channels)
         if missing:
-            notes.append(f"microphone {min(missing)} hears nothing of the string")
+            notes.append(f"microphone {min(missing)} picks up nothing of the string")
         expected = inharmonicity(self.string)
         if abs(tuning.inharmonicity - expected) > STIFFNESS_DEVIATIONS * tuning.inharmonicity_std:
             notes.append(f"stiffness {tuning.inharmonicity / expected:.2f} times the design's: another wire?")
@@ -91,7 +91,7 @@ class SensorAsTuned:
             lines.append(
                 f"  losses         free partials die away at {tuning.decay:.1f} 1/s +- {tuning.decay_std:.1f}"
             )
-        lines.append(f"  heard          partials {partials} in {self.seconds:.1f} s of untouched sound")
+        lines.append(f"  measured       partials {partials} in {self.seconds:.1f} s of untouched sound")
         if self.refused:
             lines.append(f"  left out       {self.refused} windows: touched, silent or torn")
         return lines + [f"  note           {note}" for note in self.notes]
@@ -187,8 +187,8 @@ def tuned(
         with source.open() as stream:
             signal = stream.signal
             design = design or preset_of(signal.string)
-            state, heard = _followed(stream, load_sensor(design).string, state, seconds, window)
-        if not heard:
+            state, count = _followed(stream, load_sensor(design).string, state, seconds, window)
+        if not count:
             given = f"{name} (shorter than a window)"
             raise InputError(given, f"{window.length:g} s or more", "use a shorter --window")
     if state.tuning is None:

@@ -12,8 +12,8 @@ from monochord.perception.closed_form.place_density import (
     CHANNELS,
     DILATIONS,
     LOWEST,
-    NEAR,
     PLACES,
+    SAME_PLACE,
     STEP,
     STRIDES,
     UNIFORM,
@@ -135,7 +135,7 @@ def test_the_kernel_computes_what_a_plain_convolution_does(seed: int) -> None:
 def test_the_network_of_the_package_sees_where_two_pure_segments_meet() -> None:
     for place in (0.27, 0.35, 0.44, 0.62, 0.7):
         at, probability = most_probable_place(density(seen(touched(place)), place_network()))
-        assert at == pytest.approx(place, abs=NEAR)
+        assert at == pytest.approx(place, abs=SAME_PLACE)
         assert probability > 0.5
 
 
@@ -155,7 +155,7 @@ def test_a_hypothesis_has_the_probability_of_the_places_beside_its_own() -> None
     probability[100] += 0.5
     measures = np.zeros((3, MEASURES))
     measure_places(measures, np.array([PLACES[100], PLACES[100] + 0.02, 0.01]), probability)
-    beside = 0.5 * 2.0 * NEAR / (PLACES[-1] - PLACES[0])
+    beside = 0.5 * 2.0 * SAME_PLACE / (PLACES[-1] - PLACES[0])
     near, most = np.exp(measures[:, PLACE_MEASURES:]).T
     assert near[0] == pytest.approx(0.5 + beside, abs=2e-3)
     assert near[1] == pytest.approx(beside, abs=2e-3)

@@ -5,7 +5,7 @@ import pytest
 
 from monochord.core.types import Floats
 from monochord.perception.closed_form.hypotheses import MEASURES, PLACE_MEASURES
-from monochord.perception.closed_form.place_density import NEAR, PLACES, density, place_network
+from monochord.perception.closed_form.place_density import PLACES, SAME_PLACE, density, place_network
 from monochord.perception.closed_form.ranking import probabilities, read_ranking
 from monochord.perception.training import mode_ranking, place_density
 from monochord.perception.training.mode_ranking import (
@@ -74,7 +74,7 @@ def test_the_ranking_learns_to_trust_a_network_that_is_right(
     monkeypatch.setattr(mode_ranking, "BATCH", 16)
     measures = both_ways(examples, None)
     known = measures[: len(examples.measures), PLACE_MEASURES] > np.log(0.5)
-    near = np.abs(examples.position - examples.truth[examples.window]) < NEAR + 0.003
+    near = np.abs(examples.position - examples.truth[examples.window]) < SAME_PLACE + 0.003
     assert np.mean(near[known]) > 0.95
     ranking = train_ranking(examples, measures)
     right = 0

@@ -21,7 +21,12 @@ from monochord.perception.training.examples import examples_of, stream_of, train
 from monochord.perception.training.rows import Rows
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import as_of_the_design, read_in_turn
-from monochord.perception.tuning.sessions import force_scales, heard_by, heard_tension, own_strings
+from monochord.perception.tuning.sessions import (
+    estimate_tension,
+    force_scales,
+    own_strings,
+    tension_estimator,
+)
 from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
 
 DESIGN = load_sensor("prototype").string
@@ -42,7 +47,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
         (folder / name).mkdir()
         made = make(session("hold_000", tiny(sensor=sensor)), folder / name)
         paths.append(made.path.rename(folder / f"{name}.mcap"))
-    return build_dataset(paths, folder / "dataset", listen=heard_tension)
+    return build_dataset(paths, folder / "dataset", listen=estimate_tension)
 
 
 def _own_design() -> str:
@@ -69,7 +74,7 @@ def test_sound_of_a_string_that_is_not_named_is_of_the_models_design(
     soundfile.write(tmp_path / "take.wav", sound.T, 44100, subtype="FLOAT")
     (tmp_path / "take.csv").write_text("time,contact\n0,0\n")
     from_files(tmp_path / "take.wav", tmp_path / "take.csv", tmp_path / "take.mcap")
-    for listen, tuned in ((heard_tension, None), (heard_by(DESIGN), "heard")):
+    for listen, tuned in ((estimate_tension, None), (tension_estimator(DESIGN), "heard")):
         (part,) = build_dataset([tmp_path / "take.mcap"], tmp_path / f"{tuned}", listen=listen).manifest.parts
         assert part.tuned == tuned
     assert part.tension == pytest.approx(OWN**2 * DESIGN.tension, rel=0.01)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.perception.tuning.sessions import heard_by
+from monochord.perception.tuning.sessions import tension_estimator
 from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency, stiff_partials
@@ -15,14 +15,14 @@ DESIGN, SOUND = load_string("prototype").string, np.zeros((2, 44100), np.float32
 
 
 def test_a_session_on_a_longer_string_is_refused() -> None:
-    listen = heard_by(DESIGN)
+    listen = tension_estimator(DESIGN)
     with pytest.raises(InputError, match=r"a string of 0\.65 m for a model: allowed is 0\.2 m"):
         listen(SOUND, 44100, replace(DESIGN, length=0.65))
 
 
 def test_one_of_nearly_the_same_length_or_that_names_none_is_listened_to() -> None:
     for design, string in ((DESIGN, replace(DESIGN, length=0.203)), (DESIGN, None), (None, DESIGN)):
-        assert heard_by(design)(SOUND, 44100, string) is None  # silence tells no tension
+        assert tension_estimator(design)(SOUND, 44100, string) is None  # silence tells no tension
 
 
 def test_the_tension_of_another_wire_is_that_of_the_designs_at_the_same_pitch() -> None:
@@ -32,6 +32,6 @@ def test_the_tension_of_another_wire_is_that_of_the_designs_at_the_same_pitch() 
     partials = stiff_partials(open_frequency(other), 1.6e-4, numbers)
     tone = (1.0 / numbers) @ np.sin(2.0 * np.pi * np.outer(partials, time))
     hiss = 1e-4 * np.random.default_rng(0).standard_normal((2, time.size))
-    heard = heard_by(DESIGN)((0.1 * tone + hiss).astype(np.float32), 44100, other)
+    heard = tension_estimator(DESIGN)((0.1 * tone + hiss).astype(np.float32), 44100, other)
     assert heard is not None
     assert open_frequency(replace(DESIGN, tension=heard)) == pytest.approx(open_frequency(other), rel=2e-3)

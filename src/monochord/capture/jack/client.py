@@ -13,7 +13,7 @@ from monochord.core.units import Samples, Seconds
 
 ALREADY_CONNECTED = 17  # EEXIST
 # libjack shares memory between the clients of a process, and crashes if one is opened, even in vain, before
-# all those of a dead server are closed. So when one client finds its server gone, the others are told,
+# all those of a dead server are closed. So when one client finds its server gone, the others are informed,
 # and none is opened until they have left.
 _opening = threading.Lock()
 _clients: set["JackClient"] = set()

@@ -182,8 +182,10 @@ def _of_touches(
     time = np.arange(0.0, seconds, TOUCH_STEP)
     touch = np.searchsorted(touches[:, 0], time, side="right") - 1
     contact = (touch >= 0) & (time < np.concatenate((touches[:, 1], [0.0]))[touch])
-    held = {name: np.where(contact, np.append(each, np.nan)[touch], np.nan) for name, each in columns.items()}
-    return time, {"contact": contact.astype(np.float64), **held}
+    labels = {
+        name: np.where(contact, np.append(each, np.nan)[touch], np.nan) for name, each in columns.items()
+    }
+    return time, {"contact": contact.astype(np.float64), **labels}
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:

@@ -40,7 +40,7 @@ TUNINGS: Mapping[str, float] = {"-3 %": -0.03, "-1 %": -0.01, "as built": 0.0, "
 
 
 class Hand(Controls):
-    """What a person wants of a simulated string: the newest wish alone counts.
+    """What a person wants of a simulated string: the newest request alone counts.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ class Hand(Controls):
         """Relative change of the untouched string's pitch."""
         return TUNINGS[self._values["tuning"]]
 
-    def wish(self) -> tuple[int, Contact, str] | None:
+    def target(self) -> tuple[int, Contact, str] | None:
         """Return the number of the press, where it is to be, and the material; None for no touch."""
         with self._lock:
             if self._contact is None:
@@ -148,19 +148,19 @@ class Led:
 
     def touches(self, time: Seconds) -> tuple[Touch, ...] | None:
         """Return what touches the string from this time on, None where that goes on as it is."""
-        wish, touch = self._hand.wish(), self._touch
+        target, touch = self._hand.target(), self._touch
         if touch is None:
-            return None if wish is None else self._bring(time, *wish)
+            return None if target is None else self._bring(time, *target)
         if self._lifting:
             if time < touch.motion[-1].time:
                 return None
             self._touch = None
             return ()
         now = _at(touch.motion, time)
-        if wish is None or wish[0] != self._number:
+        if target is None or target[0] != self._number:
             self._lifting = True
             return self._go_on(time, now, *_off(now))
-        return self._lead(time, now, wish[1])
+        return self._lead(time, now, target[1])
 
     def _bring(self, time: Seconds, number: int, contact: Contact, material: str) -> tuple[Touch, ...]:
         self._number, self._lifting, self._changed = number, False, time

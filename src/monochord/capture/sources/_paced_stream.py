@@ -12,7 +12,7 @@ from monochord.core.units import Samples, Seconds
 
 
 class PacedStream(Stream):
-    """Blocks of `block` frames at `speed` times real time, each when its last frame would have been heard.
+    """Blocks of `block` frames at `speed` times real time, each when its last frame is due.
 
     A speed of 0 keeps no pace. The stream ends at frame `end`, or before that where a subclass, which reads
     or makes the frames, has no more.

@@ -30,7 +30,7 @@ class Wav(Source):
     block
         Frames a block; the last one holds what is left.
     speed
-        Pace against real time: 1 gives each block when its last frame would have been heard, 20 twenty times
+        Pace against real time: 1 gives each block when its last frame is due, 20 twenty times
         as fast, 0 as fast as it is read.
     repeat
         How many times to play the file, the sample index growing on; 0 without end.

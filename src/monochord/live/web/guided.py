@@ -32,7 +32,7 @@ HOLD: Seconds = 1.2
 STILL: Metres = 1e-3
 """A touch that moves by more than this is not held."""
 PLACES, FORCES = (0.2, 0.8), (0.4, 1.6)
-"""Of the touches that are asked for: shares of the length, and N."""
+"""Ranges of the touches that are proposed: shares of the length, and N."""
 Row: TypeAlias = tuple[Seconds, Seconds, Metres, Newtons]
 """A known touch: begin and end in the session, position, force."""
 
@@ -73,36 +73,36 @@ class Tuning(Guided):
 
     @property
     def complete(self) -> bool:
-        """Whether the untouched string was heard for long enough."""
+        """Whether the untouched string was recorded for long enough."""
         return self.recording.seconds >= SECONDS
 
     def state(self) -> dict[str, Any]:
-        """Return how much was heard."""
+        """Return how much was recorded."""
         return {"says": "Let go of the string.", "share": min(self.recording.seconds / SECONDS, 1.0)}
 
     def result(self) -> list[str]:
         """Write a file as ``monochord tune`` does."""
         source = SOURCES.build("session", {"path": str(self.recording.path)})
         path = dated_path("sensor", ".toml", self._folder)
-        told = tuned([source], ["the page's recording"])
-        told = replace(told, time=datetime.now(UTC).isoformat(timespec="seconds"))
-        path.write_text(told.toml(), encoding="utf-8")
-        return [*told.lines(), f"Written to {path}; use it by --sensor {path}"]
+        sensor = tuned([source], ["the page's recording"])
+        sensor = replace(sensor, time=datetime.now(UTC).isoformat(timespec="seconds"))
+        path.write_text(sensor.toml(), encoding="utf-8")
+        return [*sensor.lines(), f"Written to {path}; use it by --sensor {path}"]
 
 
 class Calibration(Guided):
     """Record touches of known position and force, and adapt the model to them.
 
-    A simulated string tells both by itself, once a touch is held still. Otherwise a person types them.
+    A simulated string states both by itself, once a touch is held still. Otherwise a person types them.
     """
 
     def __init__(self, signal: Signal, folder: Path, length: Metres, model: str, count: int) -> None:
         super().__init__(signal, folder)
         self._length, self._model, self._count = length, model, count
         self.rows: list[Row] = []
-        self._held: list[Row] = []  # windows of the present touch, of a string that tells its truth
+        self._touch_windows: list[Row] = []  # windows of the present touch, of a string that states its truth
         self._known: Row | None = None  # the present touch as it was typed
-        self._free = self._tells = False
+        self._free = self._states_truth = False
 
     @property
     def complete(self) -> bool:
@@ -112,7 +112,7 @@ class Calibration(Guided):
     def hold(self, position: Metres, force: Newtons) -> bool:
         """Take a touch from now on as one of this position and force; return whether that could be done."""
         begin = self.recording.seconds
-        if self._tells or self._known or begin < UNTOUCHED or self.complete:
+        if self._states_truth or self._known or begin < UNTOUCHED or self.complete:
             return False
         if not (0.0 < position < self._length and 0.0 < force <= 10.0):
             return False
@@ -123,10 +123,10 @@ class Calibration(Guided):
         """Take a moment, and note a touch that was held long enough."""
         super().take(moment)
         now = self.recording.seconds
-        self._tells = self._tells or bool(moment.truth)
+        self._states_truth = self._states_truth or bool(moment.truth)
         if now < UNTOUCHED or self.complete:
             return
-        if self._tells:
+        if self._states_truth:
             self._watch(moment, now)
         elif self._known is not None and now >= self._known[1]:
             self.rows.append(self._known)
@@ -135,35 +135,41 @@ class Calibration(Guided):
     def _watch(self, moment: Moment, now: Seconds) -> None:
         truth = moment.truth
         if truth.get("contact") != 1.0 or truth.get("slip") != 0.0 or not {"position", "force"} <= {*truth}:
-            self._held = []
+            self._touch_windows = []
             self._free = self._free or truth.get("contact") == 0.0
             return
         if not self._free:
             return
-        self._held.append((now - moment.window.duration, now, truth["position"], truth["force"]))
-        begin, _, position, _ = self._held[0]
+        self._touch_windows.append((now - moment.window.duration, now, truth["position"], truth["force"]))
+        begin, _, position, _ = self._touch_windows[0]
         if abs(truth["position"] - position) > STILL:
-            self._held = self._held[-1:]
+            self._touch_windows = self._touch_windows[-1:]
         elif now - begin >= HOLD:
-            place, force = (fmean(row[k] for row in self._held) for k in (2, 3))
+            place, force = (fmean(row[k] for row in self._touch_windows) for k in (2, 3))
             self.rows.append((begin, now, place, force))
-            self._held, self._free = [], False  # the next one follows a release
+            self._touch_windows, self._free = [], False  # the next one follows a release
 
     def state(self) -> dict[str, Any]:
         """Return which touch is to be made, and how far it is held."""
         now, count = self.recording.seconds, len(self.rows)
-        told: dict[str, Any] = {"of": self._count, "count": count, "typed": not self._tells}
+        state: dict[str, Any] = {"of": self._count, "count": count, "typed": not self._states_truth}
         if now < UNTOUCHED:
-            return told | {"says": "Let go of the string.", "share": now / UNTOUCHED}
-        held = now - self._known[0] if self._known else now - self._held[0][0] if self._held else 0.0
-        position, force = _asked(count, self._length)
-        if self._tells and not self._free and count:
+            return state | {"says": "Let go of the string.", "share": now / UNTOUCHED}
+        present = self._known or next(iter(self._touch_windows), None)
+        duration = now - present[0] if present else 0.0
+        position, force = _proposed(count, self._length)
+        if self._states_truth and not self._free and count:
             says = "Let go of the string."
-        elif held:
+        elif duration:
             says = "Hold still."
         else:
             says = f"Press near {1e3 * position:.0f} mm with about {force:.1f} N, and hold still."
-        return told | {"says": says, "share": min(held / HOLD, 1.0), "position": position, "force": force}
+        return state | {
+            "says": says,
+            "share": min(duration / HOLD, 1.0),
+            "position": position,
+            "force": force,
+        }
 
     def result(self) -> list[str]:
         """Save a model as ``monochord calibrate`` does."""
@@ -181,7 +187,7 @@ class Calibration(Guided):
         return [head, *result.lines(), f"Saved as {out}; use it by: monochord live {out}"]
 
 
-def _asked(number: int, length: Metres) -> tuple[Metres, Newtons]:
+def _proposed(number: int, length: Metres) -> tuple[Metres, Newtons]:
     """Return the position and force of a touch: however many there are, both are spread evenly."""
     shares = ((0.5 + 0.618034 * number) % 1.0, (0.3 + 0.381966 * number) % 1.0)
     place, force = (
@@ -259,13 +265,13 @@ class Bench:
     def state(self) -> Mapping[str, Any]:
         """Return what the page shows of it."""
         recording, guided = self._recording, self._guided
-        told: dict[str, Any] = {"calibrates": bool(self._model), "saved": self._saved, "lines": self._lines}
+        state: dict[str, Any] = {"calibrates": bool(self._model), "saved": self._saved, "lines": self._lines}
         if recording is not None:
-            told["recording"] = {"path": str(recording.path), "seconds": round(recording.seconds, 1)}
+            state["recording"] = {"path": str(recording.path), "seconds": round(recording.seconds, 1)}
         if guided is not None:
-            told["guided"] = {"says": "Computing …"} if self._computing else guided.state()
-            told["guided"]["name"] = type(guided).__name__.lower()
-        return told
+            state["guided"] = {"says": "Computing …"} if self._computing else guided.state()
+            state["guided"]["name"] = type(guided).__name__.lower()
+        return state
 
     def close(self) -> None:
         """Complete a recording, and leave what is not done; nothing is begun after that."""
@@ -300,8 +306,8 @@ class Bench:
         if recording is None:
             return
         recording.close()
-        told = f"{recording.seconds:.1f} s recorded: {recording.path}"
-        self._saved = f"{told}; it ended: {recording.failure}" if recording.failure else told
+        sentence = f"{recording.seconds:.1f} s recorded: {recording.path}"
+        self._saved = f"{sentence}; it ended: {recording.failure}" if recording.failure else sentence
 
     def _guide(self, make: Any) -> bool:
         def begin() -> None:

@@ -1,4 +1,4 @@
-"""What the page is told, as JSON and as compact bytes, and what it may ask."""
+"""Messages to the page, as JSON and as compact bytes, and the requests that it may send."""
 
 import json
 import math
@@ -94,42 +94,42 @@ def carry_out(
     `show` shows another string, and returns whether there is one of that name.
     """
     try:
-        wish = _decoder.decode(text)
-        if isinstance(wish, Show):
-            return "show" if show(wish.string) else None
-        if isinstance(wish, Record | Tune | Calibrate | Hold | Cancel):
-            return "task" if bench is not None and _begun(wish, bench) else None
-        return None if controls is None else _handled(wish, controls)
+        request = _decoder.decode(text)
+        if isinstance(request, Show):
+            return "show" if show(request.string) else None
+        if isinstance(request, Record | Tune | Calibrate | Hold | Cancel):
+            return "task" if bench is not None and _begun(request, bench) else None
+        return None if controls is None else _handled(request, controls)
     except (msgspec.DecodeError, InputError, ValueError, RecursionError):
         return None
 
 
-def _handled(wish: Touch | Release | Change, controls: Controls) -> str:
-    if isinstance(wish, Touch):
-        contact = Contact(position=wish.position, force=wish.force, slip_velocity=wish.across)
+def _handled(request: Touch | Release | Change, controls: Controls) -> str:
+    if isinstance(request, Touch):
+        contact = Contact(position=request.position, force=request.force, slip_velocity=request.across)
         controls.touch(contact)
         return "touch"
-    if isinstance(wish, Release):
+    if isinstance(request, Release):
         controls.release()
         return "release"
-    controls.change(wish.name, wish.value)
+    controls.change(request.name, request.value)
     return "change"
 
 
-def _begun(wish: Record | Tune | Calibrate | Hold | Cancel, bench: Bench) -> bool:
-    if isinstance(wish, Record):
-        return bench.record(on=wish.on)
-    if isinstance(wish, Tune):
+def _begun(request: Record | Tune | Calibrate | Hold | Cancel, bench: Bench) -> bool:
+    if isinstance(request, Record):
+        return bench.record(on=request.on)
+    if isinstance(request, Tune):
         return bench.tune()
-    if isinstance(wish, Calibrate):
-        return bench.calibrate(wish.touches)
-    if isinstance(wish, Hold):
-        return bench.hold(wish.position, wish.force)
+    if isinstance(request, Calibrate):
+        return bench.calibrate(request.touches)
+    if isinstance(request, Hold):
+        return bench.hold(request.position, request.force)
     return bench.cancel()
 
 
 def waiting() -> str:
-    """Return what a page is told before the source is open."""
+    """Return the message to a page before the source is open."""
     return packed({"type": "waiting"})
 
 

@@ -47,7 +47,7 @@ TOTAL_RATE = 1500.0
 """Messages a second to all clients together: with more than 50 of them each gets fewer."""
 SPECTRUM_RATE = 15.0
 HISTORY: Seconds = 30.0
-"""How much a page that is opened, or opened again, is told of what was before."""
+"""How much of the past a page that is opened, or opened again, gets."""
 MAX_CLIENTS = 256
 MAX_MESSAGE = 1024
 """Bytes of a client's message."""
@@ -60,7 +60,7 @@ HOLD: Seconds = 1.5
 EDGES: tuple[Seconds, ...] = tuple(1e-4 * 10.0 ** (k / 8) for k in range(25))
 """Edges of the histogram of latencies: eight to a decade, 0.1 to 100 ms."""
 EVENTS = 8
-"""Newest events that are told."""
+"""How many of the newest events a message lists."""
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 PAGE = {
     "/": "index.html",
@@ -264,7 +264,7 @@ class _Client:
         self.wake.set()
         self.string = ""
         self._holds = False
-        self._heard: Seconds = 0.0
+        self._last_received: Seconds = 0.0
 
     async def send(self, stage: _Stage) -> None:
         """Send what is newest, whenever there is something new."""
@@ -276,7 +276,7 @@ class _Client:
                 with suppress(TimeoutError):
                     await asyncio.wait_for(self.wake.wait(), 0.5)
                 self.wake.clear()
-                if self._holds and time.monotonic() > self._heard + HOLD:
+                if self._holds and time.monotonic() > self._last_received + HOLD:
                     self.let_go(stage)
                 newest = stage.view(self.string)
                 if newest is None:
@@ -313,7 +313,7 @@ class _Client:
             if done is None:
                 stage.ignored += 1
             self._holds = done == "touch" or (self._holds and done != "release")
-            self._heard = time.monotonic()
+            self._last_received = time.monotonic()
             await asyncio.sleep(MIN_PAUSE)
 
     def show(self, stage: _Stage, string: str) -> bool:
@@ -377,7 +377,7 @@ class _View(Writer):
         return True
 
     def encode(self, extra: dict[str, Any]) -> None:
-        """Encode the newest moment, with what is told beside it, and at times its spectrum."""
+        """Encode the newest moment, with what is sent beside it, and at times its spectrum."""
         moment, now = self.newest, time.monotonic()
         if moment is None:
             return
@@ -395,14 +395,14 @@ class _View(Writer):
 
     def _state(self, moment: Moment, now: Seconds) -> dict[str, Any]:
         """Return what is new, with the timing twice a second."""
-        told = messages.state(moment) | {"events": list(self._events), "simulated": self._simulated}
-        told["tasks"] = self.bench.state()
+        state = messages.state(moment) | {"events": list(self._events), "simulated": self._simulated}
+        state["tasks"] = self.bench.state()
         if self.controls is not None:
-            told["settings"] = messages.settings(self.controls)
+            state["settings"] = messages.settings(self.controls)
         if now >= self._timing_due:
             self._timing_due = now + 0.5
-            told["timing"] = messages.timing(self._latency.percentiles(), list(self._counts), EDGES)
-        return told
+            state["timing"] = messages.timing(self._latency.percentiles(), list(self._counts), EDGES)
+        return state
 
 
 def _bound(host: str, port: int) -> socket.socket:

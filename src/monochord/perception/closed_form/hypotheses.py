@@ -121,7 +121,7 @@ def share_1(power: Floats, frequency: Hertz, spacing: Hertz) -> float:
 def find_hypotheses(frequency: Floats, height: Floats, string: StringModel) -> Floats:
     """Return the allowed hypotheses (n, 8) of the strongest lines (2, lines) in Hz and in power."""
     length = string.length
-    found = np.zeros((MAX_HYPOTHESES, 8))
+    hypotheses = np.zeros((MAX_HYPOTHESES, 8))
     flexible = (1.0 - 1.0e-9 - MAX_FALL - string.slack) * string.nominal
     count = 0
     for pair in range(CANDIDATE_LINES * CANDIDATE_LINES):
@@ -145,9 +145,9 @@ def find_hypotheses(frequency: Floats, height: Floats, string: StringModel) -> F
                 continue
             row = (x, own, n1, n2, float(i), float(j), weakness[0], weakness[1])
             for k in range(len(row)):  # one assignment of a row compiles numba's messages about shapes: 6 s
-                found[count, k] = row[k]
+                hypotheses[count, k] = row[k]
             count += 1
-    return found[:count]
+    return hypotheses[:count]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -166,7 +166,7 @@ def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: StringModel) -> t
 
 @numba.njit(cache=True, error_model="numpy")
 def measure_hypotheses(
-    found: Floats,
+    hypotheses: Floats,
     frequency: Floats,
     height: Floats,
     power: Floats,
@@ -178,7 +178,7 @@ def measure_hypotheses(
 
     Parameters
     ----------
-    found
+    hypotheses
         Hypotheses (n, 8), as `find_hypotheses` returns them.
     frequency, height
         Strongest lines (2, lines) in Hz and in power.
@@ -191,7 +191,7 @@ def measure_hypotheses(
     string
         The string.
     """
-    measures = np.zeros((found.shape[0], MEASURES))
+    measures = np.zeros((hypotheses.shape[0], MEASURES))
     lines = weighted_lines(frequency, height, power, spacing)
     peaks = _prominent_peaks(power, prominence, spacing, string)
     others = np.empty_like(peaks)
@@ -200,8 +200,8 @@ def measure_hypotheses(
     numbers = np.arange(int(HIGHEST_PEAK / lowest) + 3.0)
     partials, log_number = np.zeros((3, numbers.size)), np.log(numbers)
     pair, count, tones = -1, 0, 0.0
-    for k in range(found.shape[0]):
-        i, j = int(found[k, LINE_1]), int(found[k, LINE_2])
+    for k in range(hypotheses.shape[0]):
+        i, j = int(hypotheses[k, LINE_1]), int(hypotheses[k, LINE_2])
         sustained = (frequency[0, i], frequency[1, j])
         if pair != i * CANDIDATE_LINES + j:  # hypotheses come pair by pair
             pair = i * CANDIDATE_LINES + j
@@ -209,10 +209,10 @@ def measure_hypotheses(
             count, tones = _without_tones(peaks, is_tone, spacing, others)
         row = measures[k]
         row[_TONES] = tones
-        _measure_tuning(row, found[k], string)
-        _fill_partials(partials, numbers, found[k], string)
-        _measure_lines(row, found[k], lines, sustained, spacing, partials, log_number, string.length)
-        _measure_peaks(row, found[k], others[:count], spacing, partials, string.length)
+        _measure_tuning(row, hypotheses[k], string)
+        _fill_partials(partials, numbers, hypotheses[k], string)
+        _measure_lines(row, hypotheses[k], lines, sustained, spacing, partials, log_number, string.length)
+        _measure_peaks(row, hypotheses[k], others[:count], spacing, partials, string.length)
         for segment in range(2):
             first = COMMON_MEASURES + segment * SEGMENT_MEASURES
             share = share_1(power, sustained[segment], spacing)
@@ -220,7 +220,7 @@ def measure_hypotheses(
             levels = row[first + len(OF_A_SEGMENT) : first + SEGMENT_MEASURES]
             _measure_partials(
                 levels,
-                int(found[k, MODE_1 + segment]),
+                int(hypotheses[k, MODE_1 + segment]),
                 segment,
                 sustained[segment],
                 height,
@@ -233,22 +233,22 @@ def measure_hypotheses(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _measure_tuning(row: Floats, found: Floats, string: StringModel) -> None:
-    off = found[OPEN] / string.nominal - 1.0
+def _measure_tuning(row: Floats, hypothesis: Floats, string: StringModel) -> None:
+    off = hypothesis[OPEN] / string.nominal - 1.0
     row[_FALL] = max(-off - string.slack, 0.0)
     row[_RISE] = max(off - string.slack, 0.0) * min(1.0, TRAINED_RISE / max(string.rise, TRAINED_RISE))
     for segment in range(2):
         first = COMMON_MEASURES + segment * SEGMENT_MEASURES
-        side = found[POSITION] if segment == 0 else string.length - found[POSITION]
+        side = hypothesis[POSITION] if segment == 0 else string.length - hypothesis[POSITION]
         row[first + _SIDE] = side / string.length
-        row[first + _MODE] = np.log(found[MODE_1 + segment])
-        row[first + _WEAKNESS] = found[WEAKNESS_1 + segment]
+        row[first + _MODE] = np.log(hypothesis[MODE_1 + segment])
+        row[first + _WEAKNESS] = hypothesis[WEAKNESS_1 + segment]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _fill_partials(partials: Floats, numbers: Floats, found: Floats, string: StringModel) -> None:
+def _fill_partials(partials: Floats, numbers: Floats, hypothesis: Floats, string: StringModel) -> None:
     """Fill in the stiff partials (3, numbers) in Hz of both segments and of the whole string."""
-    x, own = found[POSITION], found[OPEN]
+    x, own = hypothesis[POSITION], hypothesis[OPEN]
     for row, side in enumerate((x, string.length - x, string.length)):
         fundamental, beta = own * string.length / side, string.stiffness / side**2
         for n in range(numbers.size):
@@ -258,7 +258,7 @@ def _fill_partials(partials: Floats, numbers: Floats, found: Floats, string: Str
 @numba.njit(cache=True, error_model="numpy")
 def _measure_lines(
     row: Floats,
-    found: Floats,
+    hypothesis: Floats,
     lines: Floats,
     sustained: tuple[Hertz, Hertz],
     spacing: Hertz,
@@ -267,7 +267,7 @@ def _measure_lines(
     length: Metres,
 ) -> None:
     """Of the strongest lines: whose stiff partial each is, or multiple of a sustained line."""
-    x, own = found[POSITION], found[OPEN]
+    x, own = hypothesis[POSITION], hypothesis[OPEN]
     per_hertz = (x / (own * length), (length - x) / (own * length))
     total = lines[:, WEIGHT].sum()
     for q in range(lines.shape[0]):
@@ -291,19 +291,19 @@ def _measure_lines(
         row[_NUMBER] += weight * log_number[number]
         row[_OWN_SHARE] += weight * gain
         row[_MISS] += weight * off * off
-        if number < found[MODE_1 + of]:
+        if number < hypothesis[MODE_1 + of]:
             row[first + _BELOW] += weight
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _measure_peaks(
-    row: Floats, found: Floats, peaks: Floats, spacing: Hertz, partials: Floats, length: Metres
+    row: Floats, hypothesis: Floats, peaks: Floats, spacing: Hertz, partials: Floats, length: Metres
 ) -> None:
     """Of all peaks that are no distortion, strong and weak: whether of a segment, or of the whole string.
 
-    None of what is asked of a peak can be predicted, so nothing branches on it.
+    No condition on a peak can be predicted, so nothing branches on it.
     """
-    x, own = found[POSITION], found[OPEN]
+    x, own = hypothesis[POSITION], hypothesis[OPEN]
     per_hertz = (x / (own * length), (length - x) / (own * length), 1.0 / own)
     weight_1 = weight_2 = own_1 = own_2 = left = whole = 0.0
     for q in range(peaks.shape[0]):

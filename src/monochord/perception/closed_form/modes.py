@@ -186,15 +186,15 @@ def read_modes(
         untouched_frequency=rest,
         lines=float(len(lines)),
     )
-    found = hypotheses.find_hypotheses(frequency, height, string)
-    if not len(found):
+    candidates = hypotheses.find_hypotheses(frequency, height, string)
+    if not len(candidates):
         return nothing
-    position = found[:, POSITION] / string.length
-    measures = hypotheses.measure_hypotheses(found, frequency, height, power, above, spacing, string)
+    position = candidates[:, POSITION] / string.length
+    measures = hypotheses.measure_hypotheses(candidates, frequency, height, power, above, spacing, string)
     place_density.measure_places(measures, position, places)
     place, lead, rival = most_probable(position, ranking.probabilities(measures, networks[1]))
-    best, score, unexplained = _best_of_place(lines, found, place, frequency, spacing, string)
-    row: list[float] = found[best].tolist()
+    best, score, unexplained = _best_of_place(lines, candidates, place, frequency, spacing, string)
+    row: list[float] = candidates[best].tolist()
     line_1, line_2 = float(frequency[0, int(row[LINE_1])]), float(frequency[1, int(row[LINE_2])])
     return nothing._replace(
         position=row[POSITION],
@@ -203,7 +203,7 @@ def read_modes(
         mode_2=row[MODE_2],
         score=score,
         lead=lead,
-        rival_position=float(found[rival, POSITION]) if rival >= 0 else 0.0,
+        rival_position=float(candidates[rival, POSITION]) if rival >= 0 else 0.0,
         line_1=line_1,
         line_2=line_2,
         share_1=hypotheses.share_1(power, line_1, spacing),
@@ -214,22 +214,22 @@ def read_modes(
 
 @numba.njit(cache=True, error_model="numpy")
 def _best_of_place(
-    lines: Floats, found: Floats, place: int, frequency: Floats, spacing: Hertz, string: StringModel
+    lines: Floats, candidates: Floats, place: int, frequency: Floats, spacing: Hertz, string: StringModel
 ) -> tuple[int, float, float]:
     """Return the hypothesis that is best by hand of the same segments, the best score, and what it leaves.
 
     Training tells places apart, not which multiple of a line is sustained. With another the open frequency is
     some per mille off, and so is force.
     """
-    position = found[:, POSITION] / string.length
+    position = candidates[:, POSITION] / string.length
     best, best_score, score, unexplained = place, -np.inf, -1.0, 0.0
-    for k in range(found.shape[0]):
-        usual, near = _is_usual(found[k], string), abs(position[k] - position[place]) < SAME_SEGMENTS
+    for k in range(candidates.shape[0]):
+        usual, near = _is_usual(candidates[k], string), abs(position[k] - position[place]) < SAME_SEGMENTS
         if near or usual:
-            x, own = found[k, POSITION], found[k, OPEN]
-            sustained = (frequency[0, int(found[k, LINE_1])], frequency[1, int(found[k, LINE_2])])
+            x, own = candidates[k, POSITION], candidates[k, OPEN]
+            sustained = (frequency[0, int(candidates[k, LINE_1])], frequency[1, int(candidates[k, LINE_2])])
             explained, outside = _explained(lines, x, own, sustained, spacing, string)
-            explained -= _cost(found[k], string)
+            explained -= _cost(candidates[k], string)
             score = max(score, explained) if usual else score
             if near and explained > best_score:
                 best, best_score, unexplained = k, explained, outside
@@ -268,22 +268,22 @@ def _log_odds(probability: float) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _is_usual(found: Floats, string: StringModel) -> bool:
-    off = found[OPEN] / string.nominal - 1.0
+def _is_usual(hypothesis: Floats, string: StringModel) -> bool:
+    off = hypothesis[OPEN] / string.nominal - 1.0
     return (
-        found[MODE_1] <= USUAL_MODE_1
-        and found[MODE_2] <= USUAL_MODE_2
-        and max(found[LINE_1], found[LINE_2]) < USUAL_LINES
+        hypothesis[MODE_1] <= USUAL_MODE_1
+        and hypothesis[MODE_2] <= USUAL_MODE_2
+        and max(hypothesis[LINE_1], hypothesis[LINE_2]) < USUAL_LINES
         and -USUAL_FALL - string.slack < off < string.rise + USUAL_RISE + string.slack
     )
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _cost(found: Floats, string: StringModel) -> float:
+def _cost(hypothesis: Floats, string: StringModel) -> float:
     """Return what a hypothesis loses in score for its modes, its weak lines, and its open frequency."""
-    off = found[OPEN] / string.nominal - 1.0
-    modes = MODE_COST_1 * np.log(found[MODE_1]) + MODE_COST_2 * np.log(found[MODE_2])
-    weakness = WEAK_LINE_COST * (found[WEAKNESS_1] + found[WEAKNESS_2])
+    off = hypothesis[OPEN] / string.nominal - 1.0
+    modes = MODE_COST_1 * np.log(hypothesis[MODE_1]) + MODE_COST_2 * np.log(hypothesis[MODE_2])
+    weakness = WEAK_LINE_COST * (hypothesis[WEAKNESS_1] + hypothesis[WEAKNESS_2])
     if off < 0.0:
         return modes + weakness + FALL_COST * max(-off - FREE_DEVIATION - string.slack, 0.0) ** 2
     return modes + weakness + RISE_COST * max(off - string.rise - FREE_DEVIATION - string.slack, 0.0) ** 2

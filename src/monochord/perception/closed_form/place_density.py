@@ -34,10 +34,10 @@ CHANNELS = 4
 """Inputs in each cell: the levels of both microphones, and the prominences."""
 PLACES = np.linspace(0.04, 0.96, 185)
 """Places over the length whose probabilities the network gives."""
-NEAR = 0.012
+SAME_PLACE = 0.012
 """Places nearer to each other than this share of the length count as one."""
 LEAST = 1.0e-5
-"""Least probability that is told from none."""
+"""Least probability that is distinguished from none."""
 UNIFORM = np.full(PLACES.size, 1.0 / PLACES.size)
 """Where nothing is known, as of a string whose pitch is not."""
 STRIDES, DILATIONS = (2, 2, 2, 1, 1), (1, 1, 1, 4, 1)
@@ -200,7 +200,7 @@ def _connected(values: Audio, weights: Weights, bias: Weights) -> Audio:
 def measure_places(measures: NDArray[np.floating[Any]], place: Floats, probability: Floats) -> None:
     """Fill in the last measures of hypotheses: how probable the place of each is, and the most probable one.
 
-    Both are logarithms, of places within `NEAR` of each other together, not below `LEAST`. `measures`
+    Both are logarithms, of places within `SAME_PLACE` of each other together, not below `LEAST`. `measures`
     (n, `MEASURES`), `place` (n,) over the length, `probability` (places,) as of `density`.
     """
     _, most = most_probable_place(probability)
@@ -215,17 +215,17 @@ def _probability_near(place: float, probability: Floats) -> float:
     total = 0.0
     for k in range(probability.size):
         off = abs(PLACES[k] - place)
-        total += probability[k] * min(max((NEAR - off) / spacing + 0.5, 0.0), 1.0)
+        total += probability[k] * min(max((SAME_PLACE - off) / spacing + 0.5, 0.0), 1.0)
     return total
 
 
 @numba.njit(cache=True, error_model="numpy")
 def most_probable_place(probability: Floats) -> tuple[float, float]:
-    """Return the most probable place over the length, and the probability of places within `NEAR` of it.
+    """Return the most probable place over the length, and the probability within `SAME_PLACE` of it.
 
-    The place is the mean over these, so it is finer than the distance of two `PLACES`.
+    The place is the mean over the places there, so it is finer than the distance of two `PLACES`.
     """
-    reach = int(NEAR / (PLACES[1] - PLACES[0]))
+    reach = int(SAME_PLACE / (PLACES[1] - PLACES[0]))
     most, best = -1.0, 0
     for k in range(probability.size):
         near = probability[max(k - reach, 0) : k + reach + 1].sum()

@@ -12,8 +12,8 @@ from monochord.core.units import Metres, Samples
 class Condition:
     """What an estimator knows of the string besides its estimates of a touch.
 
-    `deviation` is the share by which its pitch lies above the known one, None where that was not heard.
-    `follows` says whether estimates are made for the pitch that was heard.
+    `deviation` is the share by which its pitch lies above the known one, None where that was not measured.
+    `follows` says whether estimates are made for the pitch that was measured.
     """
 
     deviation: float | None = None
@@ -21,7 +21,7 @@ class Condition:
 
 
 class Watching(ABC):
-    """A prepared estimator that also watches the string; one without anything to tell is a plain function."""
+    """A prepared estimator that also watches the string; one with nothing to report is a plain function."""
 
     @abstractmethod
     def __call__(self, window: Window) -> Estimates:

@@ -27,8 +27,8 @@ class ModelEstimator(Estimator):
 
     A window that does not begin after the one before it begins another stream. Features are relative to the
     string as the signal's sensor is tuned. Where untouched windows show that it is tuned otherwise by now,
-    features follow, as in training. Before any was heard, a touched one of a string that is tuned otherwise
-    is abstained from, with by how much it is off.
+    features follow, as in training. Before the first of them, a touched one of a string that is tuned
+    otherwise is abstained from, with by how much it is off.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ class _Followed(_Stream, Watching):
         string = tuning.tuned(self._own.string)
         try:
             self._use(self._known.tuned(string), string)
-        except InputError:  # further off the training's string than a tuning can be heard
+        except InputError:  # further off the training's string than a tuning can be estimated
             self._why_not = self._own.why_detuned(tuning, KNOWN)
 
     def _why_elsewhere(self, window: Window) -> str:
@@ -154,7 +154,7 @@ class _Followed(_Stream, Watching):
         if why_unusable(window):
             return ""
         spectrum = self._analyser.analyse(window.samples)
-        heard = bool(self._tuner.lines) and not self._tuner.refused
-        if heard and spectrum.reading.untouched_score < MIN_SCORE:
+        has_partials = bool(self._tuner.lines) and not self._tuner.refused
+        if has_partials and spectrum.reading.untouched_score < MIN_SCORE:
             return UNKNOWN
         return self._own.why_elsewhere(self._analyser, spectrum, KNOWN)

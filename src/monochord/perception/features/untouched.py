@@ -48,7 +48,7 @@ class Untouched(Feature):
     of touched windows mean nothing.
 
     With `gaps`, 84 more columns are the sound between the lines, as those of `fft_harmonic`: the floor of the
-    microphones and their surroundings, above which a touch that slides is heard.
+    microphones and their surroundings, above which a touch that slides is detected.
 
     Parameters
     ----------

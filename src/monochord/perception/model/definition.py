@@ -108,7 +108,7 @@ class KnownRecord:
     It has `hidden` layers and an output for sound like that of the training, then one for each of `reasons`.
     It sees the feature's `columns`, names or patterns as of a head, all for none.
     The log odds of each are averaged over its time in `memory`, and a window is abstained from where the
-    score that follows is above `limit`. Reasons in `touched` are heard in touched windows alone: no other
+    score that follows is above `limit`. Reasons in `touched` are detected in touched windows alone: no other
     counts in their average, which so stays until the next touch. `measured` holds the shares of windows that
     are so in validation: of ordinary ones, and of each kind that was shown.
     """
@@ -130,7 +130,7 @@ class KnownRecord:
             raise InputError(given, f"{MAX_LAYERS} at most, and 1 to {MAX_PATTERNS}")
         for reason in self.touched:
             if reason not in self.reasons:
-                given = f"reason '{reason}' of a detector, heard in touched windows"
+                given = f"reason '{reason}' of a detector, detected in touched windows"
                 raise InputError(given, ", ".join(self.reasons), did_you_mean(reason, self.reasons))
         if len(self.columns) > MAX_PATTERNS:
             raise InputError(

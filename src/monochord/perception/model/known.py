@@ -5,8 +5,8 @@ does. So a small network learns ordinary windows against windows of faults and o
 trained on (outlier exposure; Hendrycks, Mazeika and Dietterich, Deep anomaly detection with outlier exposure,
 2019). It sees a window's features alone, not the reference of the untouched string, which the same fault may
 have spoiled. One window tells little of some faults: what windows say is averaged, over seconds for a fault,
-which lasts, and for less than a touch for one. A silent driver is heard while something touches: its segment
-hardly rings then, where an untouched string of another design may sound the same.
+which lasts, and for less than a touch for one. A silent driver is detected while something touches: its
+segment hardly rings then, where an untouched string of another design may sound the same.
 """
 
 import math

@@ -67,7 +67,7 @@ class Model:
         Raises
         ------
         InputError
-            If it is tuned further from the training's than a tuning can be heard.
+            If it is tuned further from the training's than a tuning can be estimated.
         """
         trained = self.definition.string
         if trained is None:

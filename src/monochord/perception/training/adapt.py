@@ -24,8 +24,8 @@ MAX_FOLDS = 10
 """Folds of the cross-validation; with as many touches or fewer each touch is left out by itself."""
 ACCUSTOMED_SHARE = 0.01
 """Share of the windows of a sensor in order that may still reach the limit of the detector."""
-WORTH_TELLING = 0.01
-"""Least share of windows taken for a fault that a person is told of."""
+MIN_REPORTED_SHARE = 0.01
+"""Least share of windows taken for a fault that is reported."""
 MAX_ODD_ERROR: Metres = 0.005
 """Median error of position above which the labels may be from the string's other end."""
 OTHER_END = 0.2
@@ -145,7 +145,7 @@ class Adaptation:
         lines += [
             f"  {100 * share:.0f} % of windows {now.format(why)}"
             for why, share in self.mistaken.items()
-            if share >= WORTH_TELLING
+            if share >= MIN_REPORTED_SHARE
         ]
         touch = self.next_touch
         if touch is not None:

@@ -10,7 +10,7 @@ from monochord.datasets.build import BuildOptions, Labelling, build_dataset, fin
 from monochord.perception.model import load, save
 from monochord.perception.training.adapt import Adaptation, adapt, judge
 from monochord.perception.training.rows import Progress
-from monochord.perception.tuning.sessions import heard_by
+from monochord.perception.tuning.sessions import tension_estimator
 
 
 def calibrated(
@@ -59,7 +59,10 @@ def calibrated(
     options = BuildOptions(window=trained.window / rate, hop=trained.hop / rate, labels=labels, force=force)
     with tempfile.TemporaryDirectory() as folder:
         dataset = build_dataset(
-            find_sessions(sessions), Path(folder) / "dataset", options, listen=heard_by(trained.string)
+            find_sessions(sessions),
+            Path(folder) / "dataset",
+            options,
+            listen=tension_estimator(trained.string),
         )
         if touches == 0:
             result = judge(given, dataset, progress=progress)

@@ -2,7 +2,7 @@
 
 Ordinary are the windows that the heads learn from, clean and noisy. Unlike them are windows of the same
 sessions with faulty microphones, and those of a dataset of sessions that no head learns from: soft or double
-touches, a silent driver, another string. Each kind is an output, so that the reason can be told, and counts
+touches, a silent driver, another string. Each kind is an output, so that the reason can be stated, and counts
 as much as any other, and all of them as much as the ordinary windows.
 """
 

@@ -10,8 +10,8 @@ The first is of `monochord.perception.closed_form.place_density`, the second of 
 
 It takes touched windows of the training part, lists the hypotheses of each, and raises the probability of
 those that put the touch where it is. Every window counts twice, once as it is and once with its ends swapped.
-How probable places are, which is among the evidence, a network tells that learned from one half of the
-builds; the ranking learns from the other half, and so how far to trust it on builds that it never heard.
+A network that learned from one half of the builds estimates how probable places are, which is among the
+evidence; the ranking learns from the other half, and so how far to trust it on builds that it has not seen.
 Some get noise, some are cut in half, and the string's pitch is known to some per mille only, as live. The
 network is scored on the validation part, without noise, and on the datasets that are to judge it. The builds
 that models are trained on are not among those that it learns from: what it misreads there is then what it
@@ -169,12 +169,12 @@ def _examples(
 def _example(analyser: SpectrumAnalyser, window: Audio, truth: float, build: int) -> Iterator[Example]:
     """Yield the hypotheses of a window, if it has any."""
     (_, _, power, peaks), string, spacing = analyser.transformed(window), analyser.model, analyser.bin_spacing
-    found = find_hypotheses(*peaks, string)
-    if len(found):
+    hypotheses = find_hypotheses(*peaks, string)
+    if len(hypotheses):
         above = prominences(power, peaks[1])
-        measures = measure_hypotheses(found, *peaks, power, above, spacing, string)
+        measures = measure_hypotheses(hypotheses, *peaks, power, above, spacing, string)
         cells = cells_of(power, peaks[1], above, spacing, string)
-        yield measures, found[:, POSITION] / string.length, cells.astype(np.float16), truth, build
+        yield measures, hypotheses[:, POSITION] / string.length, cells.astype(np.float16), truth, build
 
 
 def pure_examples(seed: int = 0) -> Iterator[Example]:

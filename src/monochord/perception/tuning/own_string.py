@@ -25,8 +25,8 @@ REMEDY = "run monochord tune"
 class OwnString:
     """Follows a string's tuning through the windows of a stream, and judges whether it is the known one.
 
-    What untouched windows say counts most. Before any was heard, a touched one is read at any tuning too: a
-    reading elsewhere that explains it clearly better says that the string is tuned so.
+    What untouched windows say counts most. Before the first of them, a touched one is read at any tuning too:
+    a reading elsewhere that explains it clearly better says that the string is tuned so.
 
     Parameters
     ----------

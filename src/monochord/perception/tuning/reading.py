@@ -89,7 +89,7 @@ def read_tuning(
     stiffness
         Mean and standard deviation of the inharmonicity B, before listening, at the nominal pitch.
     least_share
-        Least share of a partial's power at either microphone; 0 where one hears nothing.
+        Least share of a partial's power at either microphone; 0 where one picks up nothing.
     """
     weight, hum = _weights(lines), _hums(lines)
     alike = _are_alike(lines, least_share)

@@ -21,15 +21,15 @@ WINDOW: Seconds = 0.1
 LOWEST, HIGHEST = -0.015, 0.008
 """Shares by which a string may lie off its known pitch for a model that reads it as of that pitch.
 
-Beyond, features are of the string as heard, offline and live. Within, modes are read as well by the known
+Beyond, features are of the string as tuned, offline and live. Within, modes are read as well by the known
 pitch (docs/design/0031-models-follow-the-pitch.md), and a model need not change with every drift."""
 
 LENGTH_TOLERANCE = 0.02
 """Share by which a string's length may differ from that of the training."""
 
 
-def heard_tension(samples: Audio, sample_rate: int, string: StringParams | None) -> Newtons | None:
-    """Return the tension in N of a session's string by its untouched beginning, None where it does not tell.
+def estimate_tension(samples: Audio, sample_rate: int, string: StringParams | None) -> Newtons | None:
+    """Return the tension in N of a session's string by its untouched beginning, None where it does not show.
 
     Parameters
     ----------
@@ -54,8 +54,10 @@ def heard_tension(samples: Audio, sample_rate: int, string: StringParams | None)
     return None if state.tuning is None else state.tuning.tension(string)[0]
 
 
-def heard_by(design: StringParams | None) -> Callable[[Audio, int, StringParams | None], Newtons | None]:
-    """Return `heard_tension` for sessions that a model of this design reads.
+def tension_estimator(
+    design: StringParams | None,
+) -> Callable[[Audio, int, StringParams | None], Newtons | None]:
+    """Return `estimate_tension` for sessions that a model of this design reads.
 
     Those that name no string are of the design; those on a string of another length are refused. Of another
     wire the tension is that at which the design's wire has the same pitch.
@@ -64,10 +66,10 @@ def heard_by(design: StringParams | None) -> Callable[[Audio, int, StringParams 
     def listen(samples: Audio, rate: int, string: StringParams | None) -> Newtons | None:
         if string and design:
             refuse_other_length(string, design)
-        heard = heard_tension(samples, rate, string or design)
-        if heard is None or string is None or design is None:
-            return heard
-        return heard * design.linear_density / string.linear_density
+        tension = estimate_tension(samples, rate, string or design)
+        if tension is None or string is None or design is None:
+            return tension
+        return tension * design.linear_density / string.linear_density
 
     return listen
 
@@ -82,8 +84,8 @@ def refuse_other_length(string: StringParams, trained: StringParams) -> None:
 def own_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, StringParams]:
     """Return the strings that are tuned otherwise than the design, by the number of their session.
 
-    One that was recorded as tuned counts as such. One that was only heard counts where it lies so far off
-    that a model follows it: nearer ones are read as of the design, live too.
+    One that was recorded as tuned counts as such. One whose tension was estimated from sound counts where
+    it lies so far off that a model follows it: nearer ones are read as of the design, live too.
     """
     strings: dict[int, StringParams] = {}
     for number, part in enumerate(dataset.manifest.parts):

@@ -33,7 +33,7 @@ DEAD_SHARE = 1.0e-3
 """Share of all lines' power below which a microphone is dead."""
 MIN_SCORE, MIN_LEAD, MIN_EXPLAINED = 0.25, 0.1, 0.5
 """Least score of a reading, least lead over another, and least share of the lines that it explains."""
-NEAR = 0.01
+SPLIT_PITCH_TOLERANCE = 0.01
 """Share within which two readings are of one pitch whose partials are pulled apart, as strong drivers do:
 half of their distance counts as an error."""
 COMMON_STD = 1.5e-3
@@ -59,11 +59,11 @@ class Tuning:
     frequency, frequency_std
         Open frequency without stiffness, f0 = sqrt(T / mu) / (2 L), and its standard error, in Hz.
     inharmonicity, inharmonicity_std
-        B of f_n = n f0 sqrt(1 + B n^2); where no high partial is heard, that of the design.
+        B of f_n = n f0 sqrt(1 + B n^2); where no high partial is detected, that of the design.
     decay, decay_std
-        Rate in 1/s at which the amplitude of its free partials falls, NaN where none is heard to.
+        Rate in 1/s at which the amplitude of its free partials falls, NaN where none is measured.
     partials
-        Numbers of the partials that were heard, the loudest first.
+        Numbers of the partials that were detected, the loudest first.
     windows
         How many windows it was taken from.
     channels
@@ -130,7 +130,7 @@ class Tuner:
         In Hz.
     channels
         Microphones, 1 or 2. With one, or where the other is dead, a line of a touched string's segment is
-        like a partial of the untouched one, so that partials without a common divisor have to be heard.
+        like a partial of the untouched one, so that partials without a common divisor have to be detected.
     keep
         How many windows the pitch is taken from, the newest.
     every
@@ -259,7 +259,7 @@ def _has_rival(reading: TuningReading) -> bool:
 
 def _is_near(reading: TuningReading) -> bool:
     """Return whether that is one of nearly the same pitch."""
-    return abs(reading.rival_frequency / reading.frequency - 1.0) < NEAR
+    return abs(reading.rival_frequency / reading.frequency - 1.0) < SPLIT_PITCH_TOLERANCE
 
 
 def _why_no_partials(lines: Floats) -> tuple[str, int]:
@@ -284,13 +284,13 @@ def _why_ambiguous(numbers: list[int], *, one_microphone: bool) -> str:
     """Return why partials of these numbers may be those of something shorter than the string.
 
     Partials with a common divisor are a series of their own, as of a segment, or of another string of a
-    multiple of the pitch. A single one is taken for a partial if both microphones hear it.
+    multiple of the pitch. A single one is taken for a partial if both microphones pick it up.
     """
     if gcd(*numbers) == 1:
         return ""
     if len(numbers) > 1:
-        heard = ", ".join(map(str, sorted(numbers)))
-        return f"partials {heard} alone are those of {gcd(*numbers)} times the pitch: another string"
+        partials = ", ".join(map(str, sorted(numbers)))
+        return f"partials {partials} alone are those of {gcd(*numbers)} times the pitch: another string"
     if one_microphone:
         return f"partial {numbers[0]} at one microphone: it may be that of a touched string's segment"
     return ""

@@ -35,11 +35,11 @@ class SensorTuning:
     inharmonicity, inharmonicity_std
         B of f_n = n f0 sqrt(1 + B n^2).
     decay, decay_std
-        Rate in 1/s at which its free partials die away, where they were heard to.
+        Rate in 1/s at which its free partials die away, where that was measured.
     partials
-        Numbers of the partials that were heard, the loudest first.
+        Numbers of the partials that were detected, the loudest first.
     microphones
-        Those that heard them, from 1 on.
+        Those that picked them up, from 1 on.
     seconds
         How much untouched sound it was taken from.
     time

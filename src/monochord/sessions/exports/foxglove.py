@@ -59,7 +59,7 @@ class Foxglove(Export):
     Parameters
     ----------
     gain
-        Gain of the sound in dB, for what was recorded too low to be heard.
+        Gain of the sound in dB, for what was recorded too low to be audible.
     """
 
     gain: float = 0.0

@@ -29,7 +29,7 @@ RIVAL_STD_RATIO = 3.0
 FEW_TAPS_SCATTER: Seconds = 2e-3
 """Scatter allowed to fewer than three taps, of which a wrong one does not show."""
 MIN_LOUDNESS = 3.0
-"""How many times louder than before a tap must be that one microphone alone hears."""
+"""How many times louder than before a tap must be that one microphone alone picks up."""
 ONSET_STD: Seconds = 0.1e-3
 """How well an onset's instant is defined: a contact takes that long to build up."""
 
@@ -177,16 +177,16 @@ def audio_offset(
         return each, loudness
 
     shifts = shifts_of_group(taps.begin, when, news, reach)
-    found = [(*onset_offsets(shift), share) for shift, share in shifts]
+    onsets = [(*onset_offsets(shift), share) for shift, share in shifts]
     both = _most_agreed(
-        [offset_of(each.mean(axis=1), spacing=spacing, rival=share) for each, _, share in found]
+        [offset_of(each.mean(axis=1), spacing=spacing, rival=share) for each, _, share in onsets]
     )
     if _agrees(both) or channels == 1:
         return both
-    # A dead microphone hears no tap, and spoils the mean. What the other one hears must stand out.
-    heard = [(np.where(loudness >= MIN_LOUDNESS, each, np.nan), share) for each, loudness, share in found]
+    # A dead microphone picks up no tap, and spoils the mean. What the other one picks up must stand out.
+    audible = [(np.where(loudness >= MIN_LOUDNESS, each, np.nan), share) for each, loudness, share in onsets]
     alone = [
-        _most_agreed([offset_of(each[:, c], spacing=spacing, rival=share) for each, share in heard])
+        _most_agreed([offset_of(each[:, c], spacing=spacing, rival=share) for each, share in audible])
         for c in range(channels)
     ]
     return min(filter(_agrees, alone), key=lambda offset: offset.std, default=both)

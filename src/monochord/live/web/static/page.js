@@ -104,17 +104,17 @@ function frame(now) {
   requestAnimationFrame(frame);
 }
 
-function latency(told) {
+function latency(latencies) {
   const canvas = element("latency"), c = canvas.getContext("2d"), ratio = Math.min(devicePixelRatio || 1, 2);
   const width = canvas.clientWidth, height = canvas.clientHeight, base = height - 22;
   canvas.width = Math.round(width * ratio);
   canvas.height = Math.round(height * ratio);
   c.setTransform(ratio, 0, 0, ratio, 0, 0);
-  const most = Math.max(...told.counts, 1), bar = width / told.counts.length;
-  const edge = (k) => told.edges[Math.min(Math.max(k, 0), told.edges.length - 1)];
+  const most = Math.max(...latencies.counts, 1), bar = width / latencies.counts.length;
+  const edge = (k) => latencies.edges[Math.min(Math.max(k, 0), latencies.edges.length - 1)];
   c.font = "11px system-ui, sans-serif";
   c.textAlign = "center";
-  told.counts.forEach((count, k) => {
+  latencies.counts.forEach((count, k) => {
     const tall = count ? Math.max(2, (base - 8) * Math.sqrt(count / most)) : 0;
     c.fillStyle = colour.estimate;
     c.beginPath();
@@ -123,12 +123,12 @@ function latency(told) {
   });
   c.fillStyle = colour.muted;
   c.fillRect(0, base, width, 1);
-  told.edges.forEach((value, k) => {
+  latencies.edges.forEach((value, k) => {
     if (k % 8 === 0) c.fillText(`${edge(k)} ms`, Math.min(Math.max((k + 1) * bar, 22), width - 26), base + 15);
   });
   const ms = (value) => (value === null ? "–" : `${value.toFixed(2)} ms`);
-  facts("latency-facts", [["median", ms(told.p50)], ["95 %", ms(told.p95)], ["99 %", ms(told.p99)], ["longest", ms(told.longest)]]);
-  canvas.setAttribute("aria-label", `Histogram of ${told.count} latencies: median ${ms(told.p50)}, 99 % below ${ms(told.p99)}`);
+  facts("latency-facts", [["median", ms(latencies.p50)], ["95 %", ms(latencies.p95)], ["99 %", ms(latencies.p99)], ["longest", ms(latencies.longest)]]);
+  canvas.setAttribute("aria-label", `Histogram of ${latencies.count} latencies: median ${ms(latencies.p50)}, 99 % below ${ms(latencies.p99)}`);
 }
 
 function colours() {

@@ -7,14 +7,14 @@ export class Connection {
   constructor(listeners) {
     this.listeners = listeners; // {state, hello, moment, spectrum}
     this.attempt = 0;
-    this.heard = null; // when the newest moment came, on this connection
+    this.received = null; // when the newest moment came, on this connection
     setInterval(() => this.listen(), 500);
     this.open();
   }
 
   // A connection may be open while nothing comes: a run that computes or is stopped, a network that is gone.
   listen() {
-    if (this.heard === null || performance.now() - this.heard < SILENCE) return;
+    if (this.received === null || performance.now() - this.received < SILENCE) return;
     this.listeners.state("silent", "nothing new for some seconds");
   }
 
@@ -26,7 +26,7 @@ export class Connection {
     socket.onopen = () => this.listeners.state("waiting", "waiting for the first sound");
     socket.onmessage = (event) => this.take(event.data);
     socket.onclose = () => {
-      this.heard = null;
+      this.received = null;
       const pause = RETRY[Math.min(this.attempt++, RETRY.length - 1)];
       this.listeners.state("lost", "not connected, trying again");
       setTimeout(() => this.open(), pause);
@@ -40,7 +40,7 @@ export class Connection {
       this.attempt = 0;
       this.listeners.hello(message);
     } else if (message.type === "moment") {
-      this.heard = performance.now();
+      this.received = performance.now();
       this.listeners.state("live", "live");
       this.listeners.moment(message);
     }

@@ -6,7 +6,7 @@ export class Tasks {
   constructor(send) {
     this.send = send;
     this.key = "";
-    element("record").addEventListener("click", () => send({ do: "record", on: !this.told?.recording }));
+    element("record").addEventListener("click", () => send({ do: "record", on: !this.tasks?.recording }));
     element("tune").addEventListener("click", () => this.begin({ do: "tune" }));
     element("calibrate").addEventListener("click", () => this.begin({ do: "calibrate", touches: this.number("count") }));
     element("cancel").addEventListener("click", () => send({ do: "cancel" }));
@@ -29,7 +29,7 @@ export class Tasks {
     const key = JSON.stringify(tasks);
     if (key === this.key) return;
     this.key = key;
-    this.told = tasks;
+    this.tasks = tasks;
     const { recording, guided, lines, saved, calibrates } = tasks, done = lines.length > 0;
     const record = element("record"), words = recording ? "Stop recording" : "Record";
     if (record.textContent !== words) record.textContent = words;
@@ -52,10 +52,10 @@ export class Tasks {
     element("cancel").textContent = "Cancel";
     element("lines").textContent = "";
     const asks = Boolean(typed && position !== undefined);
-    if (asks && element("typed").hidden) this.asked = null;
+    if (asks && element("typed").hidden) this.proposed = null;
     element("typed").hidden = !asks;
-    if (asks && this.asked !== count) { // what was asked for is proposed; what is true is typed
-      this.asked = count;
+    if (asks && this.proposed !== count) { // the values are a proposal; a person types the true ones
+      this.proposed = count;
       element("known-position").value = (1e3 * position).toFixed(0);
       element("known-force").value = force.toFixed(1);
     }

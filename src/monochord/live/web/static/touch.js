@@ -163,7 +163,7 @@ export function showSettings(settings, send) {
       select.append(...choices.map((choice) => new Option(choice.replaceAll("_", " "), choice)));
       const own = select;
       select.addEventListener("change", () => {
-        own.dataset.until = String(performance.now() + 1000); // what was asked for counts until it is so
+        own.dataset.until = String(performance.now() + 1000); // the choice is shown until it is in effect
         send({ do: "change", name, value: own.value });
       });
       label.append(select);
