@@ -37,6 +37,31 @@ class InputError(MonochordError, ValueError):
         return type(self), (self.given, self.allowed, self.remedy)
 
 
+class MissingLibraryError(InputError):
+    """A library that an optional part of Monochord needs is not installed.
+
+    Parameters
+    ----------
+    task
+        What requires it: ``"Training"``.
+    library
+        Its name, and the version: ``"torch >= 2.6"``.
+    package
+        What to give to pip: ``"monochord[train]"``.
+
+    >>> str(MissingLibraryError("Training", "torch >= 2.6", "monochord[train]"))
+    "Training requires torch >= 2.6. Install it: pip install 'monochord[train]'"
+    """
+
+    def __init__(self, task: str, library: str, package: str) -> None:
+        super().__init__(f"{task} without {library}", library, f"pip install '{package}'")
+        self.args = (f"{task} requires {library}. Install it: pip install '{package}'",)
+        self._task, self._library, self._package = task, library, package
+
+    def __reduce__(self) -> tuple[type["MissingLibraryError"], tuple[str, str, str]]:
+        return type(self), (self._task, self._library, self._package)
+
+
 class DeviceError(MonochordError, RuntimeError):
     """A device or a server that is needed is absent or went away for good."""
 

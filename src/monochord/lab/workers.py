@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
-from monochord.core.errors import DeviceError, InputError
+from monochord.core.errors import DeviceError, InputError, MissingLibraryError
 from monochord.core.ownership import scratch_folder
 from monochord.core.units import Seconds
 from monochord.lab._worker import MAX_DEATHS, ONE_THREAD, call, one_thread_each, pack, shielded, unreadable
@@ -62,10 +62,10 @@ def run_all(
     if workers is not None and workers < 1:
         raise InputError(f"{workers} workers", "1 or more; by default one a core")
     if cluster:
-        _require_dask(f"cluster {cluster}")
+        _require_dask(f"Cluster {cluster}")
         return _on_cluster(jobs, work, cluster)
     if workers is not None and workers > 1 and len(jobs) > 1:
-        _require_dask(f"{workers} workers")
+        _require_dask(f"Work by {workers} workers")
     number = min(workers or len(os.sched_getaffinity(0)), len(jobs))
     if number <= 1 or not _has_dask():
         return ((job, work(job)) for job in jobs)
@@ -76,10 +76,9 @@ def _has_dask() -> bool:
     return find_spec("distributed") is not None
 
 
-def _require_dask(given: str) -> None:
+def _require_dask(task: str) -> None:
     if not _has_dask():
-        remedy = "pip install 'monochord[cluster]'"
-        raise InputError(f"{given} (dask is not installed)", "this process alone", remedy)
+        raise MissingLibraryError(task, "dask >= 2025.1", "monochord[cluster]")
 
 
 def _on_cluster(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, MissingLibraryError
 from monochord.core.labels import LabelTrack
 from monochord.core.types import Feed
 from monochord.sessions import codec, walk
@@ -403,8 +403,7 @@ def frame(session: SessionReader, stream: str) -> "DataFrame":
     try:
         from pandas import DataFrame  # noqa: PLC0415
     except ImportError as error:
-        given = "a data frame without pandas, which is not installed"
-        raise InputError(given, "pandas 2 or newer", "pip install 'monochord[pandas]'") from error
+        raise MissingLibraryError("A data frame", "pandas >= 2.2", "monochord[pandas]") from error
     rows = table(session, stream)
     names = rows.dtype.names or ()
     return DataFrame({name: rows[name] for name in names}).set_index("time")

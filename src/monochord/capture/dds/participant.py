@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from monochord.core.errors import DeviceError, InputError
+from monochord.core.errors import DeviceError, InputError, MissingLibraryError
 from monochord.core.units import Seconds
 
 MAX_DOMAIN = 232
@@ -76,8 +76,7 @@ class Participant:
             from cyclonedds.domain import DomainParticipant  # noqa: PLC0415
             from cyclonedds.internal import load_cyclonedds  # noqa: PLC0415
         except ImportError as error:
-            given = "DDS without the package cyclonedds"
-            raise InputError(given, "it installed", "pip install 'monochord[ros]'") from error
+            raise MissingLibraryError("DDS", "cyclonedds >= 11.0", "monochord[ros]") from error
         # Its Tracing/Verbosity "none" still writes a line to stderr for each malformed packet.
         load_cyclonedds().dds_set_log_mask(0)
         try:

@@ -2,14 +2,13 @@
 
 from typing import Any
 
-from monochord.core.errors import InputError
+from monochord.core.errors import MissingLibraryError
 
 
 def torch_library() -> Any:
-    """Return torch; raises `InputError` where it is not installed."""
+    """Return torch; raises `MissingLibraryError` where it is not installed."""
     try:
         import torch  # noqa: PLC0415
     except ImportError as error:
-        given = "training without torch, which is not installed"
-        raise InputError(given, "torch 2.6 or newer", "install it: pip install 'monochord[train]'") from error
+        raise MissingLibraryError("Training", "torch >= 2.6", "monochord[train]") from error
     return torch

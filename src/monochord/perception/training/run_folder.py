@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.config import Tree, dump_toml, load_toml
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, MissingLibraryError
 from monochord.perception.training.checkpoint import Line
 
 CONFIG, METRICS, HISTORY = "config.toml", "metrics.json", "history.csv"
@@ -73,12 +73,11 @@ def _replace(file: Path, text: str) -> None:
 
 
 def summary_writer() -> Any:
-    """Return the class that writes events; raises `InputError` where TensorBoard is not installed."""
+    """Return the class that writes events; raises `MissingLibraryError` without TensorBoard."""
     try:
         from torch.utils.tensorboard import SummaryWriter  # noqa: PLC0415
     except ImportError as error:
-        given = "board = true without tensorboard, which is not installed"
-        raise InputError(given, "the package tensorboard", "pip install tensorboard") from error
+        raise MissingLibraryError("board = true", "tensorboard", "tensorboard") from error
     return SummaryWriter
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, MissingLibraryError
 from monochord.sessions import SessionReader
 
 
@@ -30,13 +30,12 @@ class Export(ABC):
 
 
 def arrow(form: str) -> tuple[Any, Any]:
-    """Return pyarrow and its Parquet part; raises `InputError` where they are not installed."""
+    """Return pyarrow and its Parquet part; raises `MissingLibraryError` where they are not installed."""
     try:
         import pyarrow as pa  # noqa: PLC0415
         import pyarrow.parquet as pq  # noqa: PLC0415
     except ImportError as error:
-        given = f"export {form} (pyarrow is not installed)"
-        raise InputError(given, "wav_csv", "pip install 'monochord[export]'") from error
+        raise MissingLibraryError(f"Export {form}", "pyarrow >= 17", "monochord[export]") from error
     return pa, pq
 
 

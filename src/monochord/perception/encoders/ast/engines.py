@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from monochord.core.errors import DeviceError, InputError
+from monochord.core.errors import DeviceError, MissingLibraryError
 from monochord.core.types import Audio
 from monochord.perception.encoders.ast.network import (
     BANDS,
@@ -193,9 +193,8 @@ def _library(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        given = f"this backend of the encoder ({name} is not installed)"
         extra = "openvino" if name == "openvino" else "encoders"
-        raise InputError(given, "another one", f"pip install 'monochord[{extra}]'") from error
+        raise MissingLibraryError("This backend of the encoder", name, f"monochord[{extra}]") from error
 
 
 def _sha256(file: Path) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from monochord.core.config import from_tree, load_json
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, MissingLibraryError
 from monochord.perception.encoders.weights import checked_sum, find_weights, load_known
 
 BANDS = 128
@@ -289,6 +289,6 @@ def _libraries() -> tuple[Any, Any]:
         import torch  # noqa: PLC0415
         import transformers  # noqa: PLC0415
     except ImportError as error:
-        given = f"the transformer ({error.name} is not installed)"
-        raise InputError(given, "PyTorch and transformers", "pip install 'monochord[encoders]'") from error
+        library = error.name or "PyTorch and transformers"
+        raise MissingLibraryError("The transformer", library, "monochord[encoders]") from error
     return torch, transformers
