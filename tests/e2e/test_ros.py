@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,18 @@ from monochord.lab.pose_publisher import PosePublisher, PublisherSettings
 ROOT = Path(__file__).parents[2]
 DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
 TURN = [0.0, 0.0, 0.6, 0.8]
+NODE = str(ROOT / "ros" / "monochord_ros" / "monochord_ros" / "sensor.py")
+SLOW_SENSOR = """
+import pathlib, signal, sys, time
+folder = pathlib.Path(sys.argv[1])
+stop = []
+signal.signal(signal.SIGINT, lambda *_: stop.append(0))
+folder.joinpath("begun").touch()
+while not stop:
+    time.sleep(0.02)
+time.sleep(1.5)
+folder.joinpath("ended").write_text(str(len(stop)))
+"""
 
 
 @contextmanager
@@ -112,10 +125,9 @@ def test_the_node_of_the_ros_package_publishes_below_its_name() -> None:
     values = {"executable": executable, "source": "twin", "settings": f"['{touch}', 'source.build=1']"}
     parameters = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
     names = ["-r", "__ns:=/", "-r", "__node:=sensor"]
-    package = ROOT / "ros" / "monochord_ros" / "monochord_ros"
     with (
         rclpy_node("ros_subscriber.py", "200") as subscriber,
-        rclpy_node(str(package / "sensor.py"), "--ros-args", *parameters, *names) as node,
+        rclpy_node(NODE, "--ros-args", *parameters, *names) as node,
     ):
         assert subscriber.stdout
         assert subscriber.stdout.readline() == "ready\n"
@@ -124,3 +136,31 @@ def test_the_node_of_the_ros_package_publishes_below_its_name() -> None:
         assert node.wait(60) == 0
     assert len(heard["received"]["wrench"]) == 200
     assert heard["topics"]["/sensor/touch"] == ["geometry_msgs/msg/PointStamped"]
+
+
+def test_the_node_asked_again_to_end_still_waits_for_its_sensor(tmp_path: Path) -> None:
+    """``ros2 launch`` sends SIGTERM to a node that SIGINT has not ended within 5 s."""
+    script = tmp_path / "slow_sensor.py"
+    script.write_text(SLOW_SENSOR, encoding="utf-8")
+    executable = f"executable:={sys.executable} {script} {tmp_path}"
+    with rclpy_node(NODE, "--ros-args", "-p", executable) as node:
+        end = time.monotonic() + 60.0
+        while not (tmp_path / "begun").exists():
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+            node.send_signal(number)
+            time.sleep(0.3)
+        assert node.wait(60) == 0
+        assert (tmp_path / "ended").read_text(encoding="utf-8") == "1"
+
+
+def test_the_node_says_what_to_do_where_monochord_is_not_found(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    missing = tmp_path / "monochord"
+    with rclpy_node(NODE, "--ros-args", "-p", f"executable:={missing}") as node:
+        assert node.wait(60) == 1
+    said = capfd.readouterr().err
+    assert f"executable '{missing}' (No such file or directory): allowed is" in said
+    assert "Traceback" not in said

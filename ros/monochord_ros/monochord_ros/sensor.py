@@ -26,8 +26,8 @@ PARAMETERS: Mapping[str, Any] = {
     "sinks": [""],
 }
 """Parameters with their defaults; `config/sensor.yaml` describes them."""
-ENDING = 10.0
-"""Seconds that the sensor may take to end."""
+ENDING = 8.0
+"""Seconds that the sensor may take to end; `ros2 launch` kills the node 10 s after it asks it to end."""
 
 
 def command(parameters: Mapping[str, Any], name: str) -> list[str]:
@@ -63,25 +63,35 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     # Else a signal ends what logs, before the sensor's summary.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # Signals end the sensor once, however many: `ros2 launch` adds SIGTERM where SIGINT takes more than 5 s.
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
     node: Any = Node("sensor")
     values = {name: node.declare_parameter(name, value).value for name, value in PARAMETERS.items()}
     words = command(values, node.get_fully_qualified_name())
     node.get_logger().info(shlex.join(words))
     # A session of its own: Control-C in a terminal reaches the node alone, which ends the sensor once.
-    process = subprocess.Popen(  # noqa: S603  (the person's own parameters)
-        words,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        start_new_session=True,
-    )
+    try:
+        process = subprocess.Popen(  # noqa: S603  (the person's own parameters)
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    except OSError as error:
+        allowed = "a command, or its path where Monochord is in an environment of its own"
+        node.get_logger().fatal(f"executable '{words[0]}' ({error.strerror}): allowed is {allowed}")
+        sys.exit(1)
     reader = threading.Thread(target=_log, args=(process, node.get_logger()), daemon=True)
     reader.start()
     try:
-        while process.poll() is None:
+        while process.poll() is None and not stop.is_set():
             rclpy.spin_once(node, timeout_sec=0.1)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
+        pass
+    if process.poll() is None:
         process.send_signal(signal.SIGINT)
     try:
         process.wait(ENDING)

@@ -1,0 +1,145 @@
+"""The packages of `ros/` in a workspace that a real colcon builds, and its node, launched.
+
+No Python package has ROS 2's ``launch``: `ros_launch.py` takes its place.
+"""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Generator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.e2e.test_ros import DOMAIN, ROOT
+
+from monochord.capture.dds.messages import TYPE_HASHES
+from monochord.sessions.codec import own_definitions
+
+pytestmark = [pytest.mark.slow, pytest.mark.real_time, pytest.mark.timeout(900)]
+
+PYTHON = Path(os.environ.get("MONOCHORD_ROS_PYTHON") or ROOT / ".venv-ros" / "bin" / "python")
+
+
+def environment() -> dict[str, str]:
+    """Return the environment of a shell in which ROS 2 is set up; the wheels have no file to source."""
+    prefix = PYTHON.parent.parent
+    before = {"PATH": PYTHON.parent, "AMENT_PREFIX_PATH": prefix, "CMAKE_PREFIX_PATH": prefix}
+    paths = {
+        name: os.pathsep.join(filter(None, [str(place), os.environ.get(name, "")]))
+        for name, place in before.items()
+    }
+    ours = {
+        "ROS_DOMAIN_ID": str(DOMAIN),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+    }
+    return {**os.environ, **paths, **ours}
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A workspace of the packages, built as `ros/README.md` says; skipped where a tool is missing."""
+    if not PYTHON.with_name("colcon").is_file():
+        pytest.skip(f"no colcon beside {PYTHON} (make ros, or set MONOCHORD_ROS_PYTHON)")
+    for tool in ("cmake", "make", "c++", "bash"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"no {tool}, which building messages takes")
+    if not Path(sysconfig.get_path("include"), "Python.h").is_file():
+        pytest.skip("no Python.h, which building messages takes")
+    return built(tmp_path_factory.getbasetemp())
+
+
+@cache  # a test in real time that is tried again makes its fixtures anew, and this takes a minute and a half
+def built(parent: Path) -> Path:
+    """Return a workspace that colcon has built below a folder."""
+    folder = parent / "ros_workspace"
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(ROOT / "ros", folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    colcon = subprocess.run(
+        [str(PYTHON.with_name("colcon")), "build", "--event-handlers", "console_direct+"],
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert colcon.returncode == 0, colcon.stdout[-5000:]
+    return folder
+
+
+@contextmanager
+def sourced(workspace: Path, *command: str) -> Generator["subprocess.Popen[str]"]:
+    """Run a command in a shell that has sourced the workspace."""
+    shell = ["bash", "-c", 'source install/setup.bash && exec "$@"', "bash", *command]
+    with subprocess.Popen(
+        shell, cwd=workspace, env=environment(), stdout=subprocess.PIPE, text=True
+    ) as process:
+        yield process
+        process.kill()
+
+
+def test_colcon_builds_the_messages_that_monochord_publishes(workspace: Path) -> None:
+    installed = workspace / "install/monochord_msgs/share/monochord_msgs/msg"
+    hashes = {
+        entry["type_name"]: entry["hash_string"]
+        for path in installed.glob("*.json")
+        for entry in json.loads(path.read_text(encoding="utf-8"))["type_hashes"]
+    }
+    own = {name for name in hashes if name.startswith("monochord_msgs/")}
+    assert own == {f"monochord_msgs/msg/{name}" for name in own_definitions()}
+    for name in own & set(TYPE_HASHES):
+        assert hashes[name] == TYPE_HASHES[name]
+    assert {"monochord_msgs/msg/Touch", "monochord_msgs/msg/Event"} <= set(TYPE_HASHES)
+
+
+def test_the_launched_sensor_is_understood_by_a_node_with_these_messages(workspace: Path) -> None:
+    """A newton at 80 mm for a second, again and again, in real time, with a copy of the parameters."""
+    touches = ", ".join(
+        f"{{start = {start}.5, position = 0.08, force = 1.0, seconds = 1.0}}" for start in range(0, 40, 2)
+    )
+    shipped = workspace / "install/monochord_ros/share/monochord_ros/config/sensor.yaml"
+    own = {
+        "executable: monochord": f"executable: {sys.executable} -m monochord",
+        "source: jack": "source: twin",
+        'settings: [""]': f'settings: ["source.script=[{touches}]", "source.build=1"]',
+    }
+    text = shipped.read_text(encoding="utf-8")
+    for default, value in own.items():
+        assert default in text
+        text = text.replace(default, value)
+    (workspace / "my.yaml").write_text(text, encoding="utf-8")
+    scripts = Path(__file__).parent
+    launch = [str(PYTHON), str(scripts / "ros_launch.py"), "monochord_ros", "sensor.launch.py"]
+    listen = [str(PYTHON), str(scripts / "ros_messages.py"), "/left/sensor", "400"]
+    with (
+        sourced(workspace, *listen) as listener,
+        sourced(workspace, *launch, "namespace:=left", f"params_file:={workspace / 'my.yaml'}") as sensor,
+    ):
+        assert listener.stdout
+        assert listener.stdout.readline() == "ready\n"
+        received = json.loads(listener.stdout.readline())
+        sensor.send_signal(signal.SIGINT)
+        assert sensor.wait(60) == 0
+    windows, events = received["touches"], received["events"]
+    assert len(windows) >= 400
+    assert {window["frame"] for window in windows} == {"string"}
+    assert {window["window"] for window in windows} == {0.1}
+    assert np.all(np.diff([window["start"] for window in windows]) > 0)
+    touched = [window for window in windows if window["touched"] and window["tracked_position"][2]]
+    assert np.median([window["tracked_position"][0] for window in touched]) == pytest.approx(0.08, abs=5e-3)
+    assert np.median([window["tracked_force"][0] for window in touched]) == pytest.approx(1.0, abs=0.7)
+    abstaining = [window for window in windows if not window["position"][2]]
+    assert abstaining
+    assert all(window["why_not"] and np.isnan(window["position"][0]) for window in abstaining)
+    for kind, stamp, data in events:
+        assert kind in {"contact_begins", "contact_ends", "slip_begins", "slip_ends"}
+        assert abs(stamp - windows[-1]["stamp"]) < 30.0
+        assert 0.0 <= data["confidence"] <= 1.0
