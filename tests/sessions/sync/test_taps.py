@@ -97,7 +97,7 @@ def test_a_driven_string_does_not_drown_its_taps() -> None:
 
 @pytest.mark.parametrize("dead", [0, 1])
 def test_a_dead_microphone_does_not_spoil_the_other_ones_taps(dead: int) -> None:
-    for seed in range(3):
+    for seed in (0, 1, 2, 26, 34, 51):  # of the last three, noise of the dead one agrees by chance
         rng = np.random.default_rng(seed)
         begin, late = np.array([0.7, 1.0, 1.7]), 0.05
         sound = 1e-3 * rng.standard_normal((2, 3 * 44100))
@@ -106,7 +106,7 @@ def test_a_dead_microphone_does_not_spoil_the_other_ones_taps(dead: int) -> None
         taps = Taps(begin=begin, end=begin + 0.006, spacing=1 / 7000)
         offset = audio_offset(taps, sound.astype(np.float32), first=0.0, rate=44100.0)
         assert offset.known
-        assert offset.value == pytest.approx(late, abs=0.5e-3)
+        assert offset.value == pytest.approx(late, abs=0.2e-3)
         assert offset.std < 0.5e-3
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Floats
+from monochord.core.types import Audio, Flags, Floats
 from monochord.core.units import Metres, Seconds
 from monochord.sessions.sync.onsets import first_onset, loudness_of, novelty, surprise
 from monochord.sessions.sync.pulses import Taps, dip, middle_of_dip
@@ -28,8 +28,10 @@ RIVAL_STD_RATIO = 3.0
 """How many times more uncertain a rival must be to be left out."""
 FEW_TAPS_SCATTER: Seconds = 2e-3
 """Scatter allowed to fewer than three taps, of which a wrong one does not show."""
-MIN_LOUDNESS = 3.0
-"""How many times louder than before a tap must be that one microphone alone picks up."""
+MIN_LOUDNESS, DEAF_LOUDNESS = 3.0, 1.5
+"""How many times louder than before a tap must be that one microphone alone picks up, and below what the
+other one is deaf: live microphones have 1.6 and more in the twin's plausible world, dead ones 1.2 and less,
+in the median of three taps."""
 ONSET_STD: Seconds = 0.1e-3
 """How well an onset's instant is defined: a contact takes that long to build up."""
 
@@ -179,11 +181,14 @@ def audio_offset(
     shifts = shifts_of_group(taps.begin, when, news, reach)
     onsets = [(*onset_offsets(shift), share) for shift, share in shifts]
     both = _most_agreed(
-        [offset_of(each.mean(axis=1), spacing=spacing, rival=share) for each, _, share in onsets]
+        [
+            offset_of(each[:, _hearing(loudness)].mean(axis=1), spacing=spacing, rival=share)
+            for each, loudness, share in onsets
+        ]
     )
     if _agrees(both) or channels == 1:
         return both
-    # A dead microphone picks up no tap, and spoils the mean. What the other one picks up must stand out.
+    # A microphone that is not plainly deaf may spoil the mean. What the other one picks up must stand out.
     audible = [(np.where(loudness >= MIN_LOUDNESS, each, np.nan), share) for each, loudness, share in onsets]
     alone = [
         _most_agreed([offset_of(each[:, c], spacing=spacing, rival=share) for each, share in audible])
@@ -251,6 +256,17 @@ def travel_time(length: Metres, wave_speed: float, position: Metres | None = Non
         mean = 0.5 * length / wave_speed
         return mean, mean
     return position / wave_speed, (length - position) / wave_speed
+
+
+def _hearing(loudness: Floats) -> Flags:
+    """Return which microphones (channels,) pick up the taps, whose loudness is (taps, channels).
+
+    All of them, but where one stands out and another one is deaf: what that takes for onsets is noise, which
+    may agree by chance.
+    """
+    usual = np.median(np.nan_to_num(loudness), axis=0)
+    deaf = usual < DEAF_LOUDNESS
+    return ~deaf if (usual >= MIN_LOUDNESS).any() else np.ones(usual.size, bool)
 
 
 def _most_agreed(candidates: list[Offset]) -> Offset:
