@@ -163,7 +163,7 @@ SOFT_TOUCH = _finding(
 PITCH = _finding(
     "info",
     "The pitch of the string is not known yet.",
-    "Leave it untouched for a second, drivers on.",
+    "Leave it untouched for a second, drivers on. If that does not help, tune it nearer to its known pitch.",
 )
 NOT_NUMBERS = _finding(
     "error", "The samples are not numbers.", "Check the audio driver, and what else writes to these inputs."
