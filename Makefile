@@ -94,7 +94,7 @@ format: install ## Put the code in the house format and fix what the linter can
 	$(BIN)/ruff format
 
 # Tests that look at the clock run by themselves, the others on all cores; both run, whatever comes of the first.
-test: install ros ## Every test but the slow ones
+test: install $(ROS)/.installed ## Every test but the slow ones
 	@status=0; $(BIN)/pytest -n auto --dist loadfile -m "not slow and not real_time" || status=1; \
 	$(BIN)/pytest -m "not slow and real_time" tests || status=1; exit $$status
 

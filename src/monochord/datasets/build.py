@@ -40,7 +40,7 @@ FULL_SCALE = 1.0 - 2.0**-15
 Labelling: TypeAlias = Literal["", "recorded", "measured"]
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with the name of each session, how many are done, and how many there are."""
-Listen: TypeAlias = Callable[[Audio, int, StringParams | None], Newtons | None]
+Listen: TypeAlias = Callable[[Audio, int, StringParams | None, Newtons | None], Newtons | None]
 """Estimates the tension of a string of this design from sound (channels, n) at a rate; None if it cannot.
 
 The string is None for a session that names none."""
@@ -84,8 +84,11 @@ class BuildOptions:
 DEFAULT_OPTIONS = BuildOptions()
 
 
-def no_tension(_samples: Audio, _sample_rate: int, _string: StringParams | None) -> None:
-    """Listen to nothing: a session that was recorded without a tuning has none."""
+def recorded_tension(
+    _samples: Audio, _sample_rate: int, _string: StringParams | None, recorded: Newtons | None
+) -> Newtons | None:
+    """Return the recorded tension: a session that was recorded without a tuning has none."""
+    return recorded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +143,7 @@ def build_dataset(
     out: Path,
     options: BuildOptions = DEFAULT_OPTIONS,
     progress: Progress = lambda *_: None,
-    listen: Listen = no_tension,
+    listen: Listen = recorded_tension,
     run: Run[Job, Taken] = one_by_one,
 ) -> Dataset:
     """Return the dataset that sessions make, written to the new folder `out`; `store` tells what is in it.
@@ -161,7 +164,7 @@ def build_dataset(
     progress
         Called before each session, and at the end.
     listen
-        Estimates the tension of the string from the sound of sessions that were recorded without a tuning.
+        Gives the tension of a session's string from its sound, its string and the tension that was recorded.
     run
         Spreads the sessions over processes.
 
@@ -350,10 +353,10 @@ def _form_of(name: str, taken: Taken, before: tuple[int, int] | None) -> tuple[i
 def _tension_of(session: SessionReader, listen: Listen) -> tuple[Newtons | None, str | None]:
     """Return the tension of a session's string at rest, and where it is known from."""
     description = session.description
-    if description.string is not None and TUNING in description.more:
-        return description.string.tension, "recorded"
-    tension = listen(session.audio.samples, description.sample_rate, description.string)
-    return tension, None if tension is None else "heard"
+    string = description.string
+    recorded = string.tension if string is not None and TUNING in description.more else None
+    tension = listen(session.audio.samples, description.sample_rate, string, recorded)
+    return tension, None if tension is None else "heard" if recorded is None else "recorded"
 
 
 def _refuse_damaged(session: SessionReader) -> None:

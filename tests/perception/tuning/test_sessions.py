@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
+from monochord.core.types import StringParams
+from monochord.core.units import Newtons
 from monochord.perception.tuning.sessions import tension_estimator
 from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
@@ -17,12 +19,17 @@ DESIGN, SOUND = load_string("prototype").string, np.zeros((2, 44100), np.float32
 def test_a_session_on_a_longer_string_is_refused() -> None:
     listen = tension_estimator(DESIGN)
     with pytest.raises(InputError, match=r"a string of 0\.65 m for a model: allowed is 0\.2 m"):
-        listen(SOUND, 44100, replace(DESIGN, length=0.65))
+        listen(SOUND, 44100, replace(DESIGN, length=0.65), None)
 
 
 def test_one_of_nearly_the_same_length_or_that_names_none_is_listened_to() -> None:
     for design, string in ((DESIGN, replace(DESIGN, length=0.203)), (DESIGN, None), (None, DESIGN)):
-        assert tension_estimator(design)(SOUND, 44100, string) is None  # silence tells no tension
+        assert tension_estimator(design)(SOUND, 44100, string, None) is None  # silence tells no tension
+
+
+def at_the_same_pitch(other: StringParams) -> Newtons:
+    """Return the tension at which the design's wire sounds as another one."""
+    return DESIGN.tension * (open_frequency(other) / open_frequency(DESIGN)) ** 2
 
 
 def test_the_tension_of_another_wire_is_that_of_the_designs_at_the_same_pitch() -> None:
@@ -32,6 +39,12 @@ def test_the_tension_of_another_wire_is_that_of_the_designs_at_the_same_pitch() 
     partials = stiff_partials(open_frequency(other), 1.6e-4, numbers)
     tone = (1.0 / numbers) @ np.sin(2.0 * np.pi * np.outer(partials, time))
     hiss = 1e-4 * np.random.default_rng(0).standard_normal((2, time.size))
-    heard = tension_estimator(DESIGN)((0.1 * tone + hiss).astype(np.float32), 44100, other)
-    assert heard is not None
-    assert open_frequency(replace(DESIGN, tension=heard)) == pytest.approx(open_frequency(other), rel=2e-3)
+    estimated = tension_estimator(DESIGN)((0.1 * tone + hiss).astype(np.float32), 44100, other, None)
+    assert estimated == pytest.approx(at_the_same_pitch(other), rel=4e-3)
+
+
+def test_so_is_one_that_was_recorded_as_tuned() -> None:
+    other = replace(load_sensor("gauge_012").string, tension=70.0)
+    assert tension_estimator(DESIGN)(SOUND, 44100, other, 70.0) == pytest.approx(at_the_same_pitch(other))
+    with pytest.raises(InputError, match=r"a string of 0\.65 m"):
+        tension_estimator(DESIGN)(SOUND, 44100, replace(other, length=0.65), 70.0)

@@ -28,8 +28,12 @@ LENGTH_TOLERANCE = 0.02
 """Share by which a string's length may differ from that of the training."""
 
 
-def estimate_tension(samples: Audio, sample_rate: int, string: StringParams | None) -> Newtons | None:
-    """Return the tension in N of a session's string by its untouched beginning, None where it does not show.
+def estimate_tension(
+    samples: Audio, sample_rate: int, string: StringParams | None, recorded: Newtons | None = None
+) -> Newtons | None:
+    """Return the tension in N of a session's string: as recorded, or by the untouched beginning of its sound.
+
+    None where neither shows it.
 
     Parameters
     ----------
@@ -39,9 +43,11 @@ def estimate_tension(samples: Audio, sample_rate: int, string: StringParams | No
         In Hz.
     string
         The string as designed; None of a session that does not name it.
+    recorded
+        The tension with which it was recorded as tuned; None where it was not.
     """
-    if string is None:
-        return None
+    if string is None or recorded is not None:
+        return recorded
     size = round(WINDOW * sample_rate)
     try:
         tuner = Tuner.of(Signal(sample_rate=sample_rate, channels=len(samples), string=string), size)
@@ -56,17 +62,19 @@ def estimate_tension(samples: Audio, sample_rate: int, string: StringParams | No
 
 def tension_estimator(
     design: StringParams | None,
-) -> Callable[[Audio, int, StringParams | None], Newtons | None]:
+) -> Callable[[Audio, int, StringParams | None, Newtons | None], Newtons | None]:
     """Return `estimate_tension` for sessions that a model of this design reads.
 
     Those that name no string are of the design; those on a string of another length are refused. Of another
     wire the tension is that at which the design's wire has the same pitch.
     """
 
-    def listen(samples: Audio, rate: int, string: StringParams | None) -> Newtons | None:
+    def listen(
+        samples: Audio, rate: int, string: StringParams | None, recorded: Newtons | None = None
+    ) -> Newtons | None:
         if string and design:
             refuse_other_length(string, design)
-        tension = estimate_tension(samples, rate, string or design)
+        tension = estimate_tension(samples, rate, string or design, recorded)
         if tension is None or string is None or design is None:
             return tension
         return tension * design.linear_density / string.linear_density
