@@ -11,11 +11,10 @@ file; docs/design/0037-a-network-on-the-spectrum.md says what it is worth.
 
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz
@@ -25,6 +24,7 @@ from monochord.perception.closed_form.hypotheses import (
     StringModel,
 )
 from monochord.perception.closed_form.prominence import MAX_DECADES
+from monochord.perception.closed_form.weights import Weights, read_weights
 
 FILE = Path(__file__).with_name("place_density.safetensors")
 STEP, LOWEST, CELLS = 0.003, 0.3, 1416
@@ -42,8 +42,6 @@ UNIFORM = np.full(PLACES.size, 1.0 / PLACES.size)
 """Where nothing is known, as of a string whose pitch is not."""
 STRIDES, DILATIONS = (2, 2, 2, 1, 1), (1, 1, 1, 4, 1)
 """Of each convolution."""
-
-Weights: TypeAlias = NDArray[np.float32]
 
 
 class PlaceNetwork(NamedTuple):
@@ -77,10 +75,7 @@ def place_network() -> PlaceNetwork:
     >>> len(place_network().last_bias) == len(PLACES)
     True
     """
-    from safetensors.numpy import load  # noqa: PLC0415
-
-    arrays: dict[str, Any] = load(FILE.read_bytes())
-    return PlaceNetwork(*(np.ascontiguousarray(arrays[name], np.float32) for name in PlaceNetwork._fields))
+    return PlaceNetwork(*read_weights(FILE, PlaceNetwork._fields))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -197,7 +192,7 @@ def _connected(values: Audio, weights: Weights, bias: Weights) -> Audio:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def measure_places(measures: NDArray[np.floating[Any]], place: Floats, probability: Floats) -> None:
+def measure_places(measures: Floats | Audio, place: Floats, probability: Floats) -> None:
     """Fill in the last measures of hypotheses: how probable the place of each is, and the most probable one.
 
     Both are logarithms, of places within `SAME_PLACE` of each other together, not below `LEAST`. `measures`

@@ -6,22 +6,18 @@ The network gives each hypothesis of a window a score; a softmax over the window
 
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from monochord.core.types import Floats
 from monochord.perception.closed_form.hypotheses import MEASURES
+from monochord.perception.closed_form.weights import Weights, read_weights
 
 FILE = Path(__file__).with_name("mode_ranking.safetensors")
 MAX_DEVIATION = 6.0
 """Standard deviations of the training beyond which a measure is taken for that many."""
-
-
-Weights: TypeAlias = NDArray[np.floating[Any]]
-"""Single precision as read from a file, of which a vector unit takes twice as many; double in training."""
 
 
 class Ranking(NamedTuple):
@@ -50,10 +46,7 @@ def mode_ranking() -> Ranking:
 
 def read_ranking(file: Path) -> Ranking:
     """Return the network in a file."""
-    from safetensors.numpy import load  # noqa: PLC0415
-
-    arrays = load(file.read_bytes())
-    ranking = Ranking(*(np.ascontiguousarray(arrays[name], np.float32) for name in Ranking._fields))
+    ranking = Ranking(*read_weights(file, Ranking._fields))
     if ranking.mean.shape != (MEASURES,):
         raise ValueError(f"{file.name} is of {len(ranking.mean)} measures, not {MEASURES}: train it again")
     return ranking
