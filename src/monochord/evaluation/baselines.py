@@ -8,7 +8,7 @@ augmentation.
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,10 @@ MAX_DEVIATION = 8.0
 column that hardly varies in training would otherwise carry a linear map anywhere."""
 
 
+FeatureRows: TypeAlias = tuple[Audio, Floats]
+"""Features (k, columns) of windows, and the scale (k,) of their forces."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baselines:
     """Fitted baselines: by name and label the regressor or classifier, on the rows of a feature.
@@ -53,35 +57,59 @@ class Baselines:
         selection: Selection,
         noise: Disturbance | None = None,
         progress: Progress = lambda *_: None,
+        features: FeatureRows | None = None,
     ) -> dict[str, Results]:
-        """Return the results of every baseline on the selected windows, in noise where there is any."""
-        rows, scale = self._features(selection, noise, progress)
+        """Return the results of every baseline on the selected windows, in noise where there is any.
+
+        `features` are those of the windows, where they are computed already.
+        """
+        if features is None:
+            features = features_of(selection, self.feature, self.design, noise, progress)
         usable = selection.dataset.usable[selection.rows]
         return {
-            name: results_of(selection, _columns(models, rows, usable, scale), name=name, disturbance=noise)
+            name: results_of(selection, _columns(models, *features, usable), name=name, disturbance=noise)
             for name, models in self.fitted.items()
         }
 
-    def _features(
-        self, selection: Selection, noise: Disturbance | None, progress: Progress
-    ) -> tuple[Audio, Floats]:
-        """Return the features (k, columns) of the windows, in noise, and the scale (k,) of forces."""
-        dataset, size = selection.dataset, selection.dataset.manifest.window
-        parts: list[Audio] = []
-        scale = np.ones(len(selection.rows))
-        for done, session in enumerate(selection.sessions):
-            progress(f"{dataset.manifest.parts[session].name}, baselines", done, len(selection.sessions))
-            signal, own = selection.signal_of(session), dataset.session[selection.rows] == session
-            if self.design is not None and signal.string is not None and signal.string != self.design:
-                scale[own] = force_scale(signal.string, self.design)
-                signal = replace(signal, design=self.design)
-            extractor = prepared(self.feature, signal, size)
-            audio = disturbed_audio(dataset, session, noise)
-            starts = dataset.start[selection.rows[own]]
-            for at in range(0, len(starts), BATCH):
-                windows = [audio[:, start : start + size] for start in starts[at : at + BATCH].tolist()]
-                parts.append(extractor(np.array(windows, np.float32)))
-        return np.concatenate(parts), scale
+
+def features_of(
+    selection: Selection,
+    feature: Mapping[str, Any],
+    design: StringParams | None,
+    noise: Disturbance | None = None,
+    progress: Progress = lambda *_: None,
+) -> FeatureRows:
+    """Return the features (k, columns) of the selected windows, in noise, and the scale (k,) of their forces.
+
+    Parameters
+    ----------
+    selection
+        The windows, with the string of their sensor.
+    feature
+        A feature by its name and options.
+    design
+        The string that features are relative to, as in `Baselines`.
+    noise
+        What is added to the sound.
+    progress
+        Called before each session.
+    """
+    dataset, size = selection.dataset, selection.dataset.manifest.window
+    parts: list[Audio] = []
+    scale = np.ones(len(selection.rows))
+    for done, session in enumerate(selection.sessions):
+        progress(f"{dataset.manifest.parts[session].name}, baselines", done, len(selection.sessions))
+        signal, own = selection.signal_of(session), dataset.session[selection.rows] == session
+        if design is not None and signal.string is not None and signal.string != design:
+            scale[own] = force_scale(signal.string, design)
+            signal = replace(signal, design=design)
+        extractor = prepared(feature, signal, size)
+        audio = disturbed_audio(dataset, session, noise)
+        starts = dataset.start[selection.rows[own]]
+        for at in range(0, len(starts), BATCH):
+            windows = [audio[:, start : start + size] for start in starts[at : at + BATCH].tolist()]
+            parts.append(extractor(np.array(windows, np.float32)))
+    return np.concatenate(parts), scale
 
 
 def fit_baselines(
@@ -203,7 +231,7 @@ def _fit(baseline: str, name: str, features: Floats, label: Floats) -> Any:
 
 
 def _columns(
-    models: Mapping[str, Any], rows: Audio, usable: NDArray[np.bool_], scale: Floats
+    models: Mapping[str, Any], rows: Audio, scale: Floats, usable: NDArray[np.bool_]
 ) -> dict[str, Any]:
     """Return the columns of `replay.columns` for n windows; those that are not usable have no estimate."""
     features = rows.astype(np.float64)

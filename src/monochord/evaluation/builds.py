@@ -21,7 +21,7 @@ from monochord.core.types import Flags
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
 from monochord.datasets.truth import MEASURED
-from monochord.evaluation.baselines import RIDGE, Baselines, fit_baselines
+from monochord.evaluation.baselines import RIDGE, Baselines, features_of, fit_baselines
 from monochord.evaluation.replay import Progress, Selection, replay_together
 from monochord.evaluation.results import Results, join
 from monochord.evaluation.scorecard import EVERYTHING
@@ -224,10 +224,11 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
             results = replay_together(own, [estimators[n] for n in left], name=rivals.name) if left else []
             for number, each in zip(left, results, strict=True):
                 replayed[number].append(each)
+        baselines = _Ridges(rivals, whole) if rivals.ridge is not None or any(counts) else None
         for number, count in enumerate(counts):
             curves[rivals.name, count] = _joined(replayed[number])
             first = replace(whole, rows=np.flatnonzero(known[count])) if count else None
-            ridges = _ridges(rivals, first, others[number])
+            ridges = baselines.results(first, others[number]) if baselines else {}
             curves |= {(name, count): results for name, results in ridges.items()}
     return curves
 
@@ -249,17 +250,33 @@ def _adapted(model: Model, dataset: Dataset, known: Flags, replayed: Replayed) -
         return model
 
 
-def _ridges(rivals: _Rivals, known: Selection | None, others: Selection) -> dict[str, Results]:
-    """Return the results of both ridge regressions, as far as there is training data or a known touch."""
-    curves: dict[str, Results] = {}
-    if rivals.ridge is not None:
-        before = _results_of(rivals.ridge, known) if known is not None else None
-        name, after = f"{rivals.name}, {RIDGE}", _results_of(rivals.ridge, others)
-        curves[name] = corrected(after, before) if before is not None else after
-    if known is not None:
-        alone = fit_baselines(known, rivals.candidate.feature, (RIDGE,))
-        curves[SCRATCH] = _results_of(alone, others)
-    return {name: replace(results, estimator=name) for name, results in curves.items()}
+class _Ridges:
+    """Both ridge regressions on the windows of a group, whose features are computed once for all counts."""
+
+    def __init__(self, rivals: _Rivals, whole: Selection) -> None:
+        self._rivals, feature = rivals, rivals.candidate.feature
+        rows, scales = zip(
+            *(features_of(each, feature, whole.string) for each in _by_string(whole)), strict=True
+        )
+        self._rows, self._scale = np.concatenate(rows), np.concatenate(scales)
+
+    def results(self, known: Selection | None, others: Selection) -> dict[str, Results]:
+        """Return the results of each, as far as there is training data or a known touch."""
+        rivals, curves = self._rivals, dict[str, Results]()
+        if rivals.ridge is not None:
+            before = self._results_of(rivals.ridge, known) if known is not None else None
+            name, after = f"{rivals.name}, {RIDGE}", self._results_of(rivals.ridge, others)
+            curves[name] = corrected(after, before) if before is not None else after
+        if known is not None:
+            alone = fit_baselines(known, rivals.candidate.feature, (RIDGE,))
+            curves[SCRATCH] = self._results_of(alone, others)
+        return {name: replace(results, estimator=name) for name, results in curves.items()}
+
+    def _results_of(self, baselines: Baselines, selection: Selection) -> Results:
+        return _joined(
+            baselines.results(each, features=(self._rows[each.rows], self._scale[each.rows]))[RIDGE]
+            for each in _by_string(selection)
+        )
 
 
 def corrected(results: Results, known: Results) -> Results:
@@ -301,10 +318,6 @@ def corrected(results: Results, known: Results) -> Results:
         slope = float(line.coef_[0]) / spread
         value[name] = value[name] + float(line.intercept_) + slope * (value[name] - estimate.mean())
     return replace(results, value=value)
-
-
-def _results_of(baselines: Baselines, selection: Selection) -> Results:
-    return _joined(baselines.results(each)[RIDGE] for each in _by_string(selection))
 
 
 def _by_string(selection: Selection) -> list[Selection]:
