@@ -81,7 +81,8 @@ def evaluate_hardware(
     notes: dict[str, None] = {}
     for condition, folder in sessions.items():
         with scratch_folder() as scratch:
-            data = select(replace(settings, sessions=(str(folder),)), candidate, scratch)
+            first = settings.baselines and rivals is None  # they are fitted once
+            data = select(replace(settings, sessions=(str(folder),), baselines=first), candidate, scratch)
             rivals = rivals or _Rivals.of(settings, candidate, data, name or candidate.name, progress)
             selections = {condition: replace(data.selection, tuned=False)}
             if condition in retuned:

@@ -215,9 +215,10 @@ def select(
         notes += refuse_trained_on(selection, definition, split)
     if candidate.random_weights and definition is not None:
         notes += (f"the weights of the feature {definition.feature.name} are random: it was not trained",)
-    if split is not None:
+    training: Selection | None = None
+    if settings.baselines and split is not None:
         training = _fitting_rows(selection.dataset, split, selection.string)
-    else:
+    elif settings.baselines:
         training = training_of(candidate, selection.string)
     return EvaluationData(selection=selection, training=training, force_floor=floors, notes=notes)
 
