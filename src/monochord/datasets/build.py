@@ -41,9 +41,10 @@ Labelling: TypeAlias = Literal["", "recorded", "measured"]
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with the name of each session, how many are done, and how many there are."""
 Listen: TypeAlias = Callable[[Audio, int, StringParams | None, Newtons | None], Newtons | None]
-"""Estimates the tension of a string of this design from sound (channels, n) at a rate; None if it cannot.
+"""Gives the tension of a session's string from sound (channels, n), its rate, its string and the tension that
+was recorded; None where none is known.
 
-The string is None for a session that names none."""
+The string is None for a session that names none, the tension for one that was recorded without a tuning."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -180,21 +180,12 @@ def audio_offset(
 
     shifts = shifts_of_group(taps.begin, when, news, reach)
     onsets = [(*onset_offsets(shift), share) for shift, share in shifts]
-    both = _most_agreed(
+    return _most_agreed(
         [
             offset_of(each[:, _hearing(loudness)].mean(axis=1), spacing=spacing, rival=share)
             for each, loudness, share in onsets
         ]
     )
-    if _agrees(both) or channels == 1:
-        return both
-    # A microphone that is not plainly deaf may spoil the mean. What the other one picks up must stand out.
-    audible = [(np.where(loudness >= MIN_LOUDNESS, each, np.nan), share) for each, loudness, share in onsets]
-    alone = [
-        _most_agreed([offset_of(each[:, c], spacing=spacing, rival=share) for each, share in audible])
-        for c in range(channels)
-    ]
-    return min(filter(_agrees, alone), key=lambda offset: offset.std, default=both)
 
 
 def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = REACH) -> Offset:
@@ -286,10 +277,6 @@ def _most_agreed(candidates: list[Offset]) -> Offset:
 
 def _has_most(offset: Offset) -> bool:
     return offset.taps >= max(3, offset.each.size - offset.each.size // 5)
-
-
-def _agrees(offset: Offset) -> bool:
-    return _has_most(offset) and offset.std < AGREEMENT_STD
 
 
 SAME_SHIFT: Seconds = 0.03

@@ -35,7 +35,7 @@ Embed: TypeAlias = Callable[[Audio], Audio]
 Precision: TypeAlias = Literal["float32", "dynamic", "static"]
 """Of an ONNX file: float32, or int8 with activation scales computed at run time or fixed."""
 PRECISIONS: dict[str, Precision] = {"onnx": "float32", "int8": "dynamic", "openvino": "static"}
-EXPORT_VERSION = 1
+EXPORT_VERSION = 2
 """Part of the cache key; raised when exported files change."""
 CALIBRATION_SPECTROGRAMS = 6
 """Synthetic spectrograms that the fixed scales are taken from."""
@@ -129,14 +129,15 @@ def _quantise(plain: Path, file: Path, precision: Precision, frames: int) -> Non
     """Write a network with its products by constant matrices in int8, weights by output."""
     tools = _library("onnxruntime.quantization")
     options: dict[str, Any] = {
+        # 7 bits: processors without 8-bit dot products add pairs in 16 bits and saturate silently.
+        "reduce_range": True,
         "op_types_to_quantize": ["MatMul", "Gemm"],
         "per_channel": True,
         "weight_type": tools.QuantType.QInt8,
         "extra_options": {"MatMulConstBOnly": True},
     }
     if precision == "dynamic":
-        # 7 bits: processors without 8-bit dot products add pairs in 16 bits and saturate silently.
-        tools.quantize_dynamic(plain, file, reduce_range=True, **options)
+        tools.quantize_dynamic(plain, file, **options)
         return
 
     class Synthetic(tools.CalibrationDataReader):
