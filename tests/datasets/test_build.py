@@ -1,6 +1,7 @@
 """Sessions become a dataset whole, or not at all."""
 
 import tracemalloc
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +13,9 @@ from tests.sessions.made import make as make_session
 from monochord.core.errors import InputError
 from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
 from monochord.lab.workers import run_all
-from monochord.sessions import read_session
+from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
+from monochord.physics.strings import load_string
+from monochord.sessions import TUNING, read_session
 
 RATE = 8000
 
@@ -47,6 +50,24 @@ def test_samples_are_unchanged_and_faults_are_flagged(make: Make) -> None:
     expected[:, 5000:6500] = 0.0
     assert np.array_equal(dataset.audio(0), expected, equal_nan=True)
     assert dataset.manifest.counts["masked"] == 5
+
+
+def test_a_sensor_as_tuned_counts_where_a_session_was_recorded_without(write: Write, tmp_path: Path) -> None:
+    string, file = load_string("prototype").string, tmp_path / "sensor.toml"
+    file.write_text(sensor_toml("prototype", SensorTuning(open_frequency=990.0)), encoding="utf-8")
+    tuned = replace(string, tension=0.97 * string.tension)
+    recorded = write("recorded", string=tuned, more={TUNING: "{}"})
+    sessions = [recorded, write("one", string=string), write("nameless")]
+    options = BuildOptions(sensor=str(file))
+    parts = build_dataset(sessions, tmp_path / "out", options).manifest.parts
+    own = load_sensor(str(file)).string.tension
+    assert {part.name: part.tension for part in parts} == {
+        "nameless": own, "one": own, "recorded": tuned.tension
+    }  # fmt: skip
+    assert {part.tuned for part in parts} == {"recorded"}
+    other = write("other", string=load_sensor("long").string)
+    with pytest.raises(InputError, match=r"session other\.mcap with sensor"):
+        build_dataset([other], tmp_path / "none", options)
 
 
 def test_labels_follow_the_touches(make: Make) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import amount, completes
+from monochord.cli._options import amount, completes, sensor_option
 from monochord.cli._output import echo, progress_bar
 from monochord.core.errors import InputError
 from monochord.datasets.audit import audit as audit_split
@@ -64,6 +64,7 @@ MANY = 16
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
+@sensor_option
 @click.option("--skip", is_flag=True, help="Leave out sessions that cannot be used.")
 @click.option(
     "--workers",
@@ -83,6 +84,7 @@ def build(
     held_out: tuple[str, ...],
     seed: int,
     force: bool,
+    sensor: str | None,
     skip: bool,
     workers: int | None,
     as_json: bool,
@@ -90,14 +92,17 @@ def build(
     """Build a dataset of SESSIONS: files, folders or patterns.
 
     Cut them into windows with labels, split these into training, validation and test, and audit the split:
-    the command fails where anything leaks from one part to another.
+    the command fails where anything leaks from one part to another. The string is tuned as the session says,
+    else as --sensor does, else as its untouched beginning sounds.
 
     \b
     monochord build sessions --out dataset --held-out wood --held-out 'music*'
     """  # noqa: D301
     files = find_sessions(sessions)
     _refuse_split(by or _default_split(len(files)), files, held_out)
-    options = BuildOptions(window=window, hop=hop, labels=labels or "", force=force, skip=skip)
+    options = BuildOptions(
+        window=window, hop=hop, labels=labels or "", force=force, skip=skip, sensor=sensor or ""
+    )
     with progress_bar() as progress:
         run = partial(run_all, workers=workers or (1 if len(files) < MANY else None))
         dataset = build_dataset(files, out, options, progress, estimate_tension, run)

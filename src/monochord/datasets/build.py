@@ -32,6 +32,7 @@ from monochord.datasets.store import (
     write_table,
 )
 from monochord.datasets.truth import SessionTruth, truth_of
+from monochord.physics.sensors import load_sensor
 from monochord.sessions import TUNING, AudioTrack, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
 
@@ -66,6 +67,8 @@ class BuildOptions:
         What the label of a window is.
     thresholds
         What counts as contact and as sliding, for measured labels.
+    sensor
+        The sensor as tuned, a preset or a file of ``monochord tune``, of sessions recorded without a tuning.
     """
 
     window: Seconds = 0.1
@@ -75,11 +78,14 @@ class BuildOptions:
     skip: bool = False
     rules: Rules = field(default_factory=Rules)
     thresholds: Thresholds = field(default_factory=Thresholds)
+    sensor: str = ""
 
     def __post_init__(self) -> None:
         for name, span in (("window", self.window), ("hop", self.hop)):
             if not 1e-3 <= span <= 60.0:
                 raise InputError(f"{name} {span:g} s", "0.001 to 60 s")
+        if self.sensor:
+            load_sensor(self.sensor)
 
 
 DEFAULT_OPTIONS = BuildOptions()
@@ -257,7 +263,7 @@ def take(job: Job) -> Taken:
     starts = window_starts(samples.shape[1], size, round(options.hop * rate))
     write_array(job.audio, samples)
     late = truth.alignment.lateness.get(AUDIO)
-    tension, tuned = _tension_of(session, job.listen)
+    tension, tuned = _tension_of(session, job.listen, options.sensor)
     part = Part(
         name=job.name,
         source=job.path.name,
@@ -351,11 +357,17 @@ def _form_of(name: str, taken: Taken, before: tuple[int, int] | None) -> tuple[i
     return taken.form
 
 
-def _tension_of(session: SessionReader, listen: Listen) -> tuple[Newtons | None, str | None]:
+def _tension_of(session: SessionReader, listen: Listen, sensor: str) -> tuple[Newtons | None, str | None]:
     """Return the tension of a session's string at rest, and where it is known from."""
     description = session.description
     string = description.string
     recorded = string.tension if string is not None and TUNING in description.more else None
+    if sensor and recorded is None:
+        own = load_sensor(sensor).string
+        if string is not None and replace(own, tension=string.tension) != string:
+            given = f"session {session.path.name} with sensor '{sensor}'"
+            raise InputError(given, "the string that the session names, at any tension")
+        recorded = own.tension
     tension = listen(session.audio.samples, description.sample_rate, string, recorded)
     return tension, None if tension is None else "heard" if recorded is None else "recorded"
 
