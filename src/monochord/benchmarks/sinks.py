@@ -58,7 +58,7 @@ class Sinks(Benchmark):
 
     The simulated sensor is touched and slid over; a process plays that into a JACK server of the benchmark's
     own, with the dummy driver. The bundled model estimates. The view is drawn on a terminal that nobody looks
-    at, files are written, the page is served, messages are sent over UDP and DDS, and another process receives
+    at, files are written, the page is served, messages are sent over UDP and DDS, and another process gets
     the wrenches: rclpy where ``python`` names an interpreter that has it (or ``$MONOCHORD_ROS_PYTHON``, or
     ``.venv-ros`` here), else Monochord's own participant. The delay is from the last sample at the converter
     to the message received, both by the system's clock; the period by which a sound card's driver is later
