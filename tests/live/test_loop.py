@@ -14,13 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from monochord.capture.jack.machine import OK, priority
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, StreamHealth, Truth, Window
 from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.filter import FilterSettings
-from monochord.live.sinks.base import Moment, Sink, Writer
+from monochord.live.sinks.base import Listener, Moment, Sink, Writer
 from monochord.live.tracks import TrackSettings
 from monochord.perception.estimators.base import Estimator
 
@@ -306,3 +307,33 @@ def test_a_moment_says_when_its_sound_was_taken_and_at_hand() -> None:
 def test_a_stream_says_whether_a_clock_paces_it(speed: float, *, paced: bool) -> None:
     with SOURCES.build("split_string", {"speed": speed}).open() as stream:
         assert stream.paced is paced
+
+
+def scheduled() -> tuple[int, int]:
+    return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
+
+
+@pytest.mark.skipif(priority().state != OK, reason="real-time priority is not granted to this user")
+def test_with_real_time_priority_the_loop_comes_before_its_sinks() -> None:
+    before, seen = scheduled(), {"loop": set[tuple[int, int]](), "sink": set[tuple[int, int]]()}
+
+    class Noted(Listener):
+        def write(self, moment: Moment) -> None:
+            seen["loop"].add(scheduled())
+
+    sink = Keep(then=lambda _: seen["sink"].add(scheduled()))
+    setup = session(Paced(cut(NOISE, 100)), sink)
+    run(replace(setup, sinks=(sink, Noted()), real_time=True))
+    assert seen == {"loop": {(os.SCHED_RR, 2)}, "sink": {(os.SCHED_RR, 1)}}
+    assert scheduled() == before
+
+
+def test_a_user_who_may_not_have_real_time_priority_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    source = Script(cut(NOISE, 100))
+    with pytest.raises(InputError, match="not permitted"):
+        run(replace(session(source, Keep()), real_time=True))
+    assert not source.given

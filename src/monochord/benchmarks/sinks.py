@@ -24,6 +24,7 @@ from monochord.benchmarks._process import resident
 from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.capture.jack.server import JackServer
 from monochord.core.errors import DeviceError, InputError
+from monochord.core.priority import before_other_programs
 from monochord.core.types import Audio
 from monochord.core.units import Samples, Seconds
 from monochord.lab.player import PlayerSettings, write_script
@@ -76,6 +77,8 @@ class Sinks(Benchmark):
         Interpreter with rclpy.
     browser
         A Chromium that opens the page, for instance ``chromium``; empty for none.
+    real_time
+        Whether all but the browser has real-time priority: server, player, loop, sinks, and subscriber.
     """
 
     seconds: Seconds = 60.0
@@ -83,6 +86,7 @@ class Sinks(Benchmark):
     hop: Seconds = 0.01
     python: str = ""
     browser: str = ""
+    real_time: bool = False
 
     def __post_init__(self) -> None:
         if not 5.0 <= self.seconds < math.inf:
@@ -98,6 +102,8 @@ class Sinks(Benchmark):
         """Time the loop alone, then with every sink."""
         with ExitStack() as stack:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            if self.real_time:
+                stack.enter_context(before_other_programs())
             server = stack.enter_context(JackServer(period=self.period))
             ports = stack.enter_context(_playing(folder, server.name, self.seconds))
             alone = self._run(ports, server.name, min(ALONE, 0.5 * self.seconds))
@@ -155,6 +161,7 @@ class Sinks(Benchmark):
             "window": {"hop": self.hop},
             "sinks": sinks or {},
             "seconds": seconds,
+            "real_time": self.real_time,
         }
         setup: LiveRun = LiveSettings.read(tree).build()
         summary = run(replace(setup, sinks=(*setup.sinks, *listeners)))
@@ -267,6 +274,7 @@ def _browser(binary: str, url: str, folder: Path) -> Generator[None]:
     command = [shutil.which(binary) or binary, *HEADLESS, f"--user-data-dir={folder / 'browser'}", url]
     quiet = subprocess.DEVNULL
     with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet) as process:  # noqa: S603  (found in PATH)  # nosec B603
+        os.sched_setscheduler(process.pid, os.SCHED_OTHER, os.sched_param(0))
         yield
         process.terminate()
 

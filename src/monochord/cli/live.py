@@ -62,6 +62,7 @@ LINES = "jsonl"
     **completes(SINKS.names),
 )
 @click.option("--seconds", type=amount, metavar="S", help="How much of the stream to process.")
+@click.option("--real-time", is_flag=True, help="Run before other programs, with real-time priority.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object a window.")
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Settings from a TOML file.")
 @set_option("monochord list settings live")
@@ -119,6 +120,8 @@ def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tre
     put_estimator(tree, options, model)
     if options["seconds"] is not None:
         tree["seconds"] = options["seconds"]
+    if options["real_time"]:
+        tree["real_time"] = True
     configured = table(tree, "sinks") if "sinks" in tree else None
     tree["sinks"] = _sinks(configured, options["sinks"], as_json=options["as_json"])
     return tree

@@ -15,6 +15,7 @@ from monochord.capture.sources.base import Stream
 from monochord.core.clock import SampleClock
 from monochord.core.errors import InputError
 from monochord.core.interruption import interruption
+from monochord.core.priority import FIRST, before_other_programs, prioritise
 from monochord.core.types import Block, Prediction, Signal, Truth, Window
 from monochord.core.units import Samples, Seconds
 from monochord.core.windows import windows
@@ -55,13 +56,16 @@ def run(setup: LiveRun) -> Summary:
     Raises
     ------
     InputError
-        If the source, the estimator or a sink refuses its options or the signal.
+        If the source, the estimator or a sink refuses its options or the signal, or the priority is
+        not permitted.
     DeviceError
         If a device is absent or goes away for good.
     Exception
         What the last sink raised, if none is left.
     """
     with ExitStack() as stack:
+        if setup.real_time:
+            stack.enter_context(before_other_programs())
         stop = stack.enter_context(interruption())
         with stop.at_once():
             stream = stack.enter_context(setup.source.open())
@@ -73,6 +77,8 @@ def run(setup: LiveRun) -> Summary:
         strings = {each.name: each.signal for each in live.strings if each.name}
         delivering = Delivery(sinks, live.signal, paced=stream.paced, strings=strings)
         with delivering as delivery, _heap_set_aside():
+            if setup.real_time:
+                prioritise(FIRST)  # of its own threads, too
             try:
                 for moment in live:
                     if stop.requested:

@@ -119,7 +119,8 @@ class LiveRun:
     `string` names the preset of the string for a source that does not know its own, and is refused by one
     that does. `sensor` names a sensor, or the file of one as tuned: its string counts, whatever the source
     knows of its own. `strings` are several strings by their names, whose channels one source has; without
-    any its one or two channels are those of one. `seconds` of the stream are processed. `filter` says how
+    any its one or two channels are those of one. `seconds` of the stream are processed, with `real_time`
+    before other programs: by threads of real-time priority, as those of JACK have. `filter` says how
     estimates are followed over time, `health` when something is worth a note; those of single windows do not
     depend on either.
     """
@@ -134,6 +135,7 @@ class LiveRun:
     sensor: str = ""
     strings: Mapping[str, StringSettings] = field(default_factory=lambda: ONE_STRING)
     seconds: Seconds = math.inf
+    real_time: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,6 +157,7 @@ class LiveSettings:
     sensor: str = ""
     strings: dict[str, StringSettings] = field(default_factory=dict[str, StringSettings])
     seconds: Seconds = math.inf
+    real_time: bool = False
 
     @classmethod
     def read(cls, tree: Mapping[str, Any]) -> "LiveSettings":
@@ -186,6 +189,7 @@ class LiveSettings:
             sensor=self.sensor,
             strings=self.strings,
             seconds=self.seconds,
+            real_time=self.real_time,
         )
 
     def _source(self) -> Source:
@@ -211,6 +215,7 @@ class LiveSettings:
             "sensor": self.sensor,
             "strings": {name: to_tree(each) for name, each in self.strings.items()},
             "seconds": self.seconds,
+            "real_time": self.real_time,
         }
 
 
