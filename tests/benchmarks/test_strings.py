@@ -27,6 +27,6 @@ def test_each_number_of_strings_is_compared_with_the_first() -> None:
 
 
 def test_the_figure_shows_cost_and_rate() -> None:
-    left, right = Figure(strings=(1,), seconds=0.8, hop=0.05).draw().axes
+    left, right = Figure(strings=(1,), seconds=0.8, hop=0.05, processes=(1,)).draw().axes
     assert left.get_ylabel() == "ms"
     assert right.get_ylabel() == "1/s"

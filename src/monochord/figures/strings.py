@@ -1,8 +1,9 @@
-"""What a string costs as one process serves more of them."""
+"""What a string costs as a process, or two, serve more of them."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 from monochord.core.units import Seconds
@@ -30,36 +31,50 @@ class Strings(Measured):
         Distance of window starts in seconds.
     model
         Folder or name of the model.
+    processes
+        Numbers of processes that share the strings, a curve each.
     """
 
     strings: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
     seconds: Seconds = 5.0
     hop: Seconds = 0.01
     model: str = "demo"
+    processes: tuple[int, ...] = (1, 2)
 
     def __post_init__(self) -> None:
-        refuse_options(self.strings, self.seconds)
+        for processes in self.processes:
+            refuse_options(self.strings, self.seconds, processes)
 
     def numbers(self) -> dict[str, Any]:
-        """Return rate (1/s), cost (s), latency (s) and share of skipped windows for each number."""
-        runs = [
-            asdict(strings_cost(count, seconds=self.seconds, hop=self.hop, model=self.model))
-            for count in self.strings
-        ]
+        """Return rate (1/s), cost (s), latency (s) and share of skipped windows for each number of both."""
+        runs: list[dict[str, Any]] = []
+        for processes in self.processes:
+            for count in (each for each in self.strings if each >= processes):
+                seen = strings_cost(
+                    count, seconds=self.seconds, hop=self.hop, model=self.model, processes=processes
+                )
+                runs.append({"processes": processes, **asdict(seen)})
         return {"hop": self.hop, "model": self.model, "simulated": True, "runs": runs}
 
     def draw(self) -> Canvas:
         """Measure, and draw cost and rate side by side."""
         require_matplotlib()
-        runs: list[dict[str, Any]] = self.numbers()["runs"]
-        counts = [run["strings"] for run in runs]
+        every: list[dict[str, Any]] = self.numbers()["runs"]
         figure = _style.canvas(65.0)
         left, right = figure.subplots(1, 2)
-        left.plot(counts, [1e3 * run["cost"] for run in runs], "o-", color=_style.SEGMENTS[0], markersize=4)
+        for processes, colour in zip(self.processes, cycle(_style.SEGMENTS), strict=False):
+            runs = [run for run in every if run["processes"] == processes]
+            counts = [run["strings"] for run in runs]
+            name = "one process" if processes == 1 else f"{processes} processes"
+            left.plot(
+                counts, [1e3 * run["cost"] for run in runs], "o-", color=colour, markersize=4, label=name
+            )
+            right.plot(counts, [run["rate"] for run in runs], "o-", color=colour, markersize=4)
         left.set_ylim(bottom=0.0)
-        right.plot(counts, [run["rate"] for run in runs], "o-", color=_style.SEGMENTS[1], markersize=4)
+        left.legend(loc="lower right", frameon=False)
         right.axhline(1.0 / self.hop, color=_style.PALE, linestyle=_style.THEORY, linewidth=0.8)
         right.set_ylim(bottom=0.0)
+        counts = sorted({run["strings"] for run in every})
         for axes in (left, right):
             axes.set_xscale("log", base=2)
             axes.set_xticks(counts, [str(count) for count in counts])
