@@ -20,7 +20,10 @@ import pytest
 
 from monochord.core.timing import Histogram
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
-from monochord.live.sinks import _view
+from monochord.live import health
+from monochord.live.events import Event
+from monochord.live.health import Finding, Note
+from monochord.live.sinks import _notes, _view
 from monochord.live.sinks.base import Moment
 from monochord.live.sinks.terminal import Terminal
 
@@ -28,6 +31,8 @@ SIGNAL = Signal(sample_rate=44100, channels=2)
 PROGRAM = """
     import sys
     import numpy as np
+    from monochord.live.events import Event
+    from monochord.live.health import Note
     from monochord.live.sinks.base import Moment
     from monochord.live.sinks.terminal import Terminal
     from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
@@ -51,11 +56,16 @@ PROGRAM = """
                 health=StreamHealth(dropped=64, gaps=1),
                 truth={"contact": 1.0, "position": 0.228, "force": 0.81},
                 skipped=2,
+                events=(Event(name="contact", on=True, time=0.3, delay=0.02, confidence=0.978),) * (k == 20),
+                notes=(Note(key="hum", level="error", sentence="It hums.", remedy="Mend it.", since=0.2),)
+                * ("hum" in sys.argv),
             ))
 """
 
 
-def on_a_terminal(columns: int, rows: int, program: Path, term: str = "xterm-256color") -> str:
+def on_a_terminal(
+    columns: int, rows: int, program: Path, *arguments: str, term: str = "xterm-256color"
+) -> str:
     """Run a program on a pseudo-terminal of a size and return all that it drew."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
@@ -63,7 +73,7 @@ def on_a_terminal(columns: int, rows: int, program: Path, term: str = "xterm-256
     for name in ("NO_COLOR", "COLUMNS", "LINES"):
         environment.pop(name, None)
     process = subprocess.Popen(
-        [sys.executable, program], stdout=theirs, stderr=subprocess.STDOUT, env=environment
+        [sys.executable, program, *arguments], stdout=theirs, stderr=subprocess.STDOUT, env=environment
     )
     os.close(theirs)
     drawn = b""
@@ -142,6 +152,17 @@ def test_only_what_changed_is_drawn_again(program: Path) -> None:
     assert drawn.count("└") == 1
     assert drawn.count("\x1b[?25l") == drawn.count("\x1b[?25h") == 1
     assert "\n".join(last_picture(drawn)).count("monochord") == 1
+
+
+def test_notes_and_the_last_event_stand_below_the_rest(program: Path) -> None:
+    drawn = on_a_terminal(80, 24, program, "hum")
+    lines = last_picture(drawn)
+    assert len(lines) == 23
+    assert lines[-2:] == [
+        "  event    touched at 0.30 s, decided 20 ms later, 98 %",
+        "  error    It hums. Mend it.",
+    ]
+    assert re.search(r"\x1b\[[0-9;]*31[0-9;]*mIt hums\.", drawn), "an error is red"
 
 
 def test_a_terminal_that_cannot_draw_gets_lines(program: Path) -> None:
@@ -296,6 +317,16 @@ def test_an_abstention_has_a_reason_and_the_truth_on_its_track() -> None:
     assert not any("truth" in row or "◆" in row for row in nothing_known.values())
 
 
+@pytest.mark.parametrize("truth", [{}, TOUCH])
+def test_a_long_reason_takes_the_place_of_its_track(truth: dict[str, float]) -> None:
+    shown = learned(contact=(0.998, 0.04), position="one driver seems silent", force=(0.5, 0.1))
+    rows = rows_of(dataclasses.replace(shown, truth=truth), 80)
+    assert "─" in rows["force"]
+    assert rows["position"].rstrip().endswith("truth  150.0 mm" if truth else "--  one driver seems silent")
+    if truth:
+        assert rows["position"].index("truth") == rows["force"].index("truth")
+
+
 def test_no_certainty_is_made_of_a_probability(capsys: pytest.CaptureFixture[str]) -> None:
     with Terminal(plain=True).open(SIGNAL) as writer:
         writer.write(learned(contact=(0.99996, 0.006), slip=(0.4, 0.5), force="too unsure"))
@@ -312,3 +343,190 @@ def test_a_low_terminal_has_no_blanks_and_all_four() -> None:
         assert all([name] in plain for name in ("contact", "position", "force", "slip", "mic", "stream"))
         assert (["●"] in plain) == legend
         assert any(not line.plain for line in lines) == (height == 24)
+
+
+def note(finding: Finding, since: float = 0.0, key: str = "") -> Note:
+    return Note(
+        key=key or finding.sentence,
+        level=finding.level,
+        sentence=finding.sentence,
+        remedy=finding.remedy,
+        since=since,
+    )
+
+
+SILENT, DEAD, CLIPPING, PITCH = map(note, (health.SILENT, health.DEAD[1], health.CLIPPING, health.PITCH))
+
+
+def noted(*notes: Note, time: float = 1.0, string: str = "", events: tuple[Event, ...] = ()) -> Moment:
+    """Return a moment of a model with notes."""
+    shown = learned(contact=(0.998, 0.04), slip=(0.03, 0.17), position=(0.1, 0.02), force=(0.5, 0.001))
+    prediction = dataclasses.replace(shown.prediction, time=time)
+    return dataclasses.replace(shown, prediction=prediction, notes=notes, string=string, events=events)
+
+
+def text_of(shown: Moment, columns: int, rows: int, last: Event | None = None) -> str:
+    """Return all words of the frame, after its height was looked at."""
+    lines = _view.frame(shown, SIGNAL, 0.2, Histogram().percentiles(), columns, rows, last=last)
+    assert len(lines) < rows
+    return " ".join(" ".join(line.plain for line in lines).split())
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows"), [(110, 60), (80, 24), (80, 20), (72, 19), (60, 15), (60, 10), (40, 7), (24, 24)]
+)
+def test_an_error_is_read_whole_with_what_to_do(columns: int, rows: int) -> None:
+    text = text_of(noted(CLIPPING, PITCH, DEAD), columns, rows)
+    assert f"error {DEAD.sentence} {DEAD.remedy}" in text
+    if rows >= 24 and columns >= 60:
+        assert f"warning {CLIPPING.sentence} {CLIPPING.remedy}" in text
+        assert text.index("error") < text.index("warning")
+
+
+@pytest.mark.parametrize("rows", range(2, 40))
+def test_no_frame_is_higher_than_its_terminal(rows: int) -> None:
+    touch = Event(name="contact", on=True, time=0.9, delay=0.03, confidence=0.9)
+    assert "error" in text_of(noted(SILENT, DEAD, CLIPPING, PITCH), 80, rows, touch)
+
+
+@pytest.mark.parametrize("columns", range(24, 111, 7))
+def test_a_note_is_wrapped_within_the_width(columns: int) -> None:
+    for each in (SILENT, DEAD, CLIPPING, PITCH):
+        lines = [line.plain for line in _notes.wrapped(each, columns)]
+        assert max(map(len, lines)) < columns
+        assert " ".join(" ".join(lines).split()).endswith(f" {each.sentence} {each.remedy}")
+
+
+def test_what_is_left_out_first_is_what_matters_least() -> None:
+    quiet, ill = noted(), noted(SILENT, DEAD, CLIPPING)
+    assert "● estimate" in text_of(quiet, 80, 24)
+    text = text_of(ill, 80, 24)
+    assert "● estimate" not in text
+    assert f"warning {CLIPPING.sentence} Turn the gain of the preamplifier down until…" in text
+    assert all(part in text for part in (SILENT.remedy, DEAD.remedy, "position", "mic 2", "latency", "gaps"))
+    text = text_of(ill, 80, 19)
+    assert all(part in text for part in (SILENT.remedy, DEAD.remedy, "position", "bridge"))
+    assert "clipped" not in text
+    assert "latency" not in text
+
+
+def test_a_brief_info_is_not_shown_and_one_that_lasts_is() -> None:
+    settling = note(health.SETTLING, since=1.0)
+    assert "settling" not in text_of(noted(settling, time=1.05), 80, 40)
+    assert f"note {PITCH.sentence} {PITCH.remedy}" in text_of(noted(PITCH, time=0.5), 80, 40)
+
+
+def test_a_quiet_sensor_has_no_line_for_notes_or_events() -> None:
+    lines = _view.frame(noted(), SIGNAL, 0.2, Histogram().percentiles(), 80, 60)
+    begins = {line.plain.split()[0] for line in lines if line.plain.strip()}
+    assert {"position", "mic", "stream"} <= begins
+    assert not begins & {"error", "warning", "note", "event", "tracked"}
+
+
+def test_what_is_tracked_stands_with_the_last_event_where_there_is_room() -> None:
+    touch = Event(name="contact", on=True, time=12.34, delay=0.03, confidence=0.978)
+    shown = dataclasses.replace(
+        noted(),
+        decided={"contact": True, "slip": True},
+        tracked={
+            "contact": Estimate(value=0.97, std=0.2, unit=""),
+            "position": Estimate(value=0.1002, std=3e-4, unit="m"),
+            "force": Estimate.abstain("N", "gap"),
+        },
+    )
+    said = "event touched at 12.34 s, decided 30 ms later, 98 %"
+    text = text_of(shown, 80, 40, touch)
+    assert f"tracked touched, 100.2 mm ± 0.30 mm, slides {said}" in text
+    assert said in text_of(shown, 80, 24, touch)
+    free = dataclasses.replace(shown, decided={"contact": False}, tracked={})
+    assert "tracked untouched event" in text_of(free, 80, 40, touch)
+
+
+def test_a_note_cannot_control_the_terminal() -> None:
+    evil = note(Finding(level="error", sentence="Off:\x1b[2J\nit went.", remedy="\x1b[31mRun."))
+    text = text_of(noted(evil), 80, 24)
+    assert "Off:\\u001b[2J it went. \\u001b[31mRun." in text
+    assert "\x1b" not in text
+
+
+@pytest.mark.parametrize("rows", [24, 7, 5, 4])
+def test_of_several_strings_each_has_a_line_and_its_worst_note(rows: int) -> None:
+    strings = {"left": (PITCH, DEAD), "middle": (), "right": (PITCH, CLIPPING)}
+    moments = [noted(*notes, string=name) for name, notes in strings.items()]
+    lines = [line.plain for line in _view.several(moments, Histogram().percentiles(), 300, rows)]
+    errors = [line for line in lines if line == f"left  error  {DEAD.sentence} {DEAD.remedy}"]
+    warnings = [line for line in lines if line == f"right  warning  {CLIPPING.sentence} {CLIPPING.remedy}"]
+    shown = [line.split()[0] for line in lines if "position 100.0 mm" in line]
+    assert len(lines) < rows
+    assert len(errors) == 1
+    assert len(warnings) == (rows > 5)
+    assert shown == (["left"] if rows >= 5 else []) + ["middle", "right"]
+    assert not any(PITCH.sentence in line for line in lines)
+
+
+def test_of_several_strings_a_note_is_clipped_to_the_width() -> None:
+    lines = _view.several([noted(DEAD, string="left")], Histogram().percentiles(), 60, 24)
+    assert lines[1].plain.startswith(f"left  error  {DEAD.sentence}")
+    assert len(lines[1]) == 60
+
+
+def test_a_log_has_a_line_where_a_note_begins_and_one_where_it_ends(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    lost = Finding(level="warning", sentence="Sound was lost: 1 gap.", remedy="Close others.")
+    more = dataclasses.replace(lost, sentence="Sound was lost: 2 gaps.")
+    with Terminal(plain=True).open(SIGNAL) as writer:
+        for k, notes in enumerate(
+            (
+                (),
+                (DEAD,),
+                (DEAD,),
+                (DEAD, note(lost, 0.03, "lost")),
+                (DEAD, note(more, 0.03, "lost")),
+                (note(more, 0.03, "lost"),),
+                (),
+                (note(health.SETTLING, 0.07),),
+            )
+        ):
+            writer.write(noted(*notes, time=k / 100))
+    first, *rest, last = capsys.readouterr().out.splitlines()
+    assert "0.00 s  touched" in first
+    assert rest == [
+        f"    0.01 s  error: {DEAD.sentence} {DEAD.remedy}",
+        "    0.03 s  warning: Sound was lost: 1 gap. Close others.",
+        f"    0.05 s  ended: {DEAD.sentence}",
+        "    0.06 s  ended: Sound was lost: 2 gaps.",
+    ]
+    assert "0.07 s  touched" in last
+
+
+def test_a_note_that_becomes_worse_is_news_and_strings_are_told_apart(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    mild = note(Finding(level="info", sentence="It sounds higher.", remedy="Tune."), key="detuned")
+    bad = note(Finding(level="error", sentence="It sounds far off.", remedy="Tune."), key="detuned")
+    with Terminal(plain=True).open(SIGNAL) as writer:
+        for worse in (mild, bad):
+            for string, notes in (("left", (worse,)), ("right", ())):
+                writer.write(noted(*notes, string=string))
+    lines = [line for line in capsys.readouterr().out.splitlines() if "It sounds" in line]
+    assert lines == [
+        "left      1.00 s  note: It sounds higher. Tune.",
+        "left      1.00 s  error: It sounds far off. Tune.",
+    ]
+
+
+def test_a_log_has_events_in_its_line_however_many_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+    def event(k: int, name: str = "contact") -> Event:
+        return Event(name=name, on=k % 2 == 0, time=k / 10, delay=0.03, confidence=0.978)
+
+    with Terminal(plain=True).open(SIGNAL) as writer:
+        writer.write(noted(events=(event(0), event(2, "slip"))))
+        for k in range(1, 20):
+            writer.write(noted(events=(event(k),)))
+    first, last = capsys.readouterr().out.splitlines()
+    assert first.endswith("skipped 2; touched at 0.00 s (98 %), slides at 0.20 s (98 %)")
+    expected = (
+        "19 events, the last: untouched at 1.70 s (98 %), touched at 1.80 s (98 %), untouched at 1.90 s"
+    )
+    assert last.endswith(f"; {expected} (98 %)")

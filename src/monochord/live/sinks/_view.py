@@ -1,8 +1,9 @@
-"""The terminal's frame: the drawn string, estimates, the level of each microphone, the stream's health."""
+"""The terminal's frame: the drawn string, estimates, levels, the stream's counters, last event and notes."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from itertools import groupby
 from operator import itemgetter
 
@@ -10,10 +11,12 @@ import numpy as np
 from rich.text import Text
 
 from monochord.core.labels import SETTLED
+from monochord.core.printable import printable
 from monochord.core.timing import Percentiles
 from monochord.core.types import Audio, Estimate, Signal, Truth
 from monochord.core.units import Metres, Newtons, decibels
-from monochord.live.sinks import _string
+from monochord.live.events import Event
+from monochord.live.sinks import _notes, _string
 from monochord.live.sinks._string import TOUCH, TRUTH
 from monochord.live.sinks.base import Moment
 
@@ -34,6 +37,39 @@ TRACK_COLUMN = 37
 """Columns before a track."""
 MIN_TRACK = 8
 """Cells of a track that can still be read."""
+MAX_EVENTS = 3
+"""Events in a plain line; there is one a second, however often a touch begins and ends."""
+
+
+class Rank(IntEnum):
+    """What goes before what on a terminal that is too low for all of it."""
+
+    EXTRA = 0
+    TRACKED = 1
+    BLANK = 2
+    EVENT = 3
+    INFO = 4
+    LEGEND = 5
+    WARNING = 6
+    LATENCY = 7
+    COUNTERS = 8
+    LEVELS = 9
+    PICTURE = 10
+    TITLE = 11
+    ESTIMATE = 12
+    ERROR = 13
+
+
+NOTE_RANKS = {"error": Rank.ERROR, "warning": Rank.WARNING, "info": Rank.INFO}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Lines of a frame that stay or go together; of a note the first may stay alone."""
+
+    rank: Rank
+    lines: Sequence[Text]
+    is_note: bool = False
 
 
 def frame(
@@ -44,10 +80,11 @@ def frame(
     columns: int,
     rows: int,
     ends: tuple[str, str] = ("nut", "bridge"),
+    last: Event | None = None,
 ) -> list[Text]:
-    """Return the picture of one moment as lines, `columns` wide and at most `rows` high.
+    """Return the picture of one moment as lines, `columns` wide and fewer than `rows`.
 
-    `length` is that of the drawn string, and `ends` are the names of its ends.
+    `length` is that of the drawn string, `ends` are the names of its ends, and `last` is the last event.
     """
     truth = moment.truth
     sound_levels = [levels(channel) for channel in moment.window.samples]
@@ -64,19 +101,67 @@ def frame(
         _caption(truth),
         ends,
     )
+    blank = Part(Rank.BLANK, [Text()])
     meters = [_meter(k + 1, rms, peak, columns) for k, (rms, peak) in enumerate(sound_levels)]
     learned = any(name in moment.prediction.estimates for name in WORDS)
     middle = [*_estimates(moment, length, columns), *([legend(truth)] if learned else [])]
-    foot = [Text(), *meters, Text(), _latency(latency), _health(moment)]
-    head = [_title(moment, signal, columns), Text(), *(Text.assemble("  ", line) for line in picture), Text()]
-    if rows - 1 - len(head) - len(foot) < min(len(middle), len(ORDER)):
-        head, foot = ([line for line in part if line.plain] for part in (head, foot))
-    free = max(rows - 1 - len(head) - len(foot), 1)
-    return [*head, *middle[:free], *foot]
+    ranks = [*[Rank.ESTIMATE] * (len(ORDER) - 1), Rank.LEGEND]
+    parts = [
+        Part(Rank.TITLE, [_title(moment, signal, columns)]),
+        blank,
+        Part(Rank.PICTURE, [Text.assemble("  ", line) for line in picture]),
+        blank,
+        *(Part(ranks[k] if k < len(ranks) else Rank.EXTRA, [line]) for k, line in enumerate(middle)),
+        blank,
+        Part(Rank.LEVELS, meters),
+        blank,
+        Part(Rank.LATENCY, [_latency(latency)]),
+        Part(Rank.COUNTERS, [_health(moment)]),
+    ]
+    if last is not None:
+        parts.append(Part(Rank.TRACKED, [_tracked(moment)]))
+        parts.append(Part(Rank.EVENT, [Text.assemble(("  event    ", LABEL), event_in_words(last))]))
+    notes = _notes.current(moment)
+    parts.extend(Part(NOTE_RANKS[note.level], _notes.wrapped(note, columns), is_note=True) for note in notes)
+    return fitted(parts, rows - 1)
 
 
-def plain(moment: Moment, latency: Percentiles) -> str:
-    """Return one line without any drawing, for a log or a pipe."""
+def several(moments: Iterable[Moment], latency: Percentiles, columns: int, rows: int) -> list[Text]:
+    """Return a line for each of several strings, and one for its worst note, fewer than `rows`.
+
+    Where there is no room for both, an error is shown in place of the estimates.
+    """
+    parts = list[Part]()
+    for moment in moments:
+        worst = next(iter(_notes.current(moment)), None)
+        rank = Rank.PICTURE if worst is not None and worst.level == "error" else Rank.ESTIMATE
+        parts.append(Part(rank, [Text(printable(plain(moment, latency)))]))
+        if worst is not None:
+            line = _notes.clipped(worst, moment.string, columns)
+            parts.append(Part(NOTE_RANKS[worst.level], [line]))
+    return fitted(parts, rows - 1)
+
+
+def fitted(parts: Sequence[Part], rows: int) -> list[Text]:
+    """Return the lines of the parts that fit into `rows`, the highest rank first, of equals the first.
+
+    >>> parts = [Part(Rank.TITLE, [Text("a")]), Part(Rank.BLANK, [Text()]), Part(Rank.ERROR, [Text("b")])]
+    >>> [line.plain for line in fitted(parts, 2)]
+    ['a', 'b']
+    """
+    kept, free = dict[int, Sequence[Text]](), max(rows, 1)
+    for k in sorted(range(len(parts)), key=lambda k: -parts[k].rank):
+        lines = parts[k].lines
+        if parts[k].is_note and 0 < free < len(lines):
+            lines = [*lines[: free - 1], lines[free - 1] + "…"]
+        if len(lines) <= free:
+            kept[k] = lines
+            free -= len(lines)
+    return [line for k in sorted(kept) for line in kept[k]]
+
+
+def plain(moment: Moment, latency: Percentiles, events: Sequence[Event] = ()) -> str:
+    """Return one line without any drawing, for a log or a pipe; `events` are those since the line before."""
     health = moment.health
     estimates = ", ".join(_in_words(name, e) for name, e in _ordered(moment.prediction.estimates.items()))
     rms = " / ".join(f"{levels(channel)[0]:.0f}" for channel in moment.window.samples)
@@ -86,8 +171,31 @@ def plain(moment: Moment, latency: Percentiles) -> str:
     return (
         f"{name}{moment.prediction.time:8.2f} s  {estimates}{true}; level {rms} dB, "
         f"latency p99 {p99} ms, gaps {health.gaps}, dropped {health.dropped}, xruns {health.xruns}, "
-        f"skipped {moment.skipped}"
+        f"skipped {moment.skipped}{_events_in_words(events)}"
     )
+
+
+def event_in_words(event: Event) -> str:
+    """Return an event as a person reads it.
+
+    >>> event_in_words(Event(name="contact", on=True, time=12.34, delay=0.03, confidence=0.98))
+    'touched at 12.34 s, decided 30 ms later, 98 %'
+    """
+    delay = f"{1e3 * event.delay:.0f} ms"
+    return f"{_change(event)} at {event.time:.2f} s, decided {delay} later, {_percent(event.confidence)}"
+
+
+def _events_in_words(events: Sequence[Event]) -> str:
+    """Return the newest events as the end of a plain line, and how many there were where not all are said."""
+    if not events:
+        return ""
+    more = f"{len(events)} events, the last: " if len(events) > MAX_EVENTS else ""
+    words = [f"{_change(e)} at {e.time:.2f} s ({_percent(e.confidence)})" for e in events[-MAX_EVENTS:]]
+    return f"; {more}{', '.join(words)}"
+
+
+def _change(event: Event) -> str:
+    return WORDS[event.name][event.on]
 
 
 def levels(channel: Audio) -> tuple[float, float]:
@@ -164,9 +272,13 @@ def _with_track(
     named = columns >= NAMED_COLUMNS
     width = min(columns - TRACK_COLUMN - (11 if named else 0) - (18 if truth else 2), 48)
     if scale is not None and width >= MIN_TRACK:
-        line.append(" " * (TRACK_COLUMN - len(line)))
-        ends = (f"{scale.left:>2} ", f" {scale.right:<7}") if named else ("", "")
-        line.append(ends[0], DIM).append(track(scale, estimate, true, width)).append(ends[1], DIM)
+        end = TRACK_COLUMN + width + (11 if named else 0)
+        if len(line.plain.rstrip()) < TRACK_COLUMN:
+            line.append(" " * (TRACK_COLUMN - len(line)))
+            ends = (f"{scale.left:>2} ", f" {scale.right:<7}") if named else ("", "")
+            line.append(ends[0], DIM).append(track(scale, estimate, true, width)).append(ends[1], DIM)
+        # A long reason takes the place of the track, which has no estimate then.
+        line.append(" " * (end - len(line)))
     return line.append(f"  truth {words:>9}", TRUTH) if words else line
 
 
@@ -202,6 +314,19 @@ def _meter(number: int, rms: float, peak: float, columns: int) -> Text:
     line.append(f" {rms:6.1f} dB" if math.isfinite(rms) else " silence", LABEL)
     # Full scale reached: the wave's top is cut off, and with it the spectrum is not the string's.
     return line.append("  clipped", WARN) if peak > -0.01 else line
+
+
+def _tracked(moment: Moment) -> Text:
+    """Return what is decided and tracked over time."""
+    decided = [WORDS[name][on] for name, on in moment.decided.items() if name == "contact"]
+    values = [
+        f"{quantity(each.value, each.unit)} ± {quantity(each.std, each.unit)}"
+        for name, each in _ordered(moment.tracked.items())
+        if each.valid and name not in WORDS
+    ]
+    slip = [WORDS["slip"][moment.decided["slip"]]] if values and "slip" in moment.decided else []
+    words = ", ".join([*decided, *values, *slip])
+    return Text.assemble(("  tracked  ", LABEL), words or ("nothing is decided", DIM))
 
 
 def _latency(latency: Percentiles) -> Text:
@@ -259,10 +384,15 @@ def probability_in_words(name: str, probability: float) -> tuple[str, str]:
     >>> probability_in_words("slip", 0.03)
     ('rests', '97 %')
     """
-    share = max(probability, 1.0 - probability)
+    return WORDS[name][probability >= 0.5], _percent(max(probability, 1.0 - probability))
+
+
+def _percent(share: float) -> str:
+    if not math.isfinite(share):
+        return "? %"
     digits = 0 if share < 0.99 else 1
     # Rounding must not make a certainty of what is none.
-    return WORDS[name][probability >= 0.5], f"{math.floor(share * 1000.0) / 10.0:.{digits}f} %"
+    return f"{math.floor(share * 1000.0) / 10.0:.{digits}f} %"
 
 
 def track(scale: Scale, estimate: Estimate, truth: float | None, width: int) -> Text:

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,9 @@ from monochord.core.screen import Screen, can_draw
 from monochord.core.timing import Histogram
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Seconds
-from monochord.live.sinks import _view
+from monochord.live.events import Event
+from monochord.live.health import Note
+from monochord.live.sinks import _notes, _view
 from monochord.live.sinks.base import Moment, Sink, Writer
 
 DEFAULT_LENGTH: Metres = 0.65  # to draw a string of unknown length
@@ -24,7 +26,12 @@ DEFAULT_LENGTH: Metres = 0.65  # to draw a string of unknown length
 class Terminal(Sink):
     """Draw the string with the touch on it, the estimates, levels, latency and the stream's health.
 
-    Several strings have a line each.
+    Below stand the last event and the notes on the sensor's health, the worst first, each with what to do. A
+    low terminal leaves out the least important; an error is the last to go. Several strings have a line each,
+    and one for the worst note.
+
+    Without a terminal a plain line is printed every second, with the events since the one before, and a line
+    at once where a note begins or ends.
 
     Parameters
     ----------
@@ -89,10 +96,13 @@ class _Picture(Writer):
         self._next: Seconds = 0.0
         self._newest: dict[str, Moment] = {}
         self._waiting: Moment | None = None
+        self._last: Event | None = None
 
     def write(self, moment: Moment) -> None:
         self._latency.add(moment.prediction.latency)
         self._newest[moment.string] = moment
+        if moment.events:
+            self._last = moment.events[-1]
         begin = time.monotonic()
         if begin < self._next:
             self._waiting = moment
@@ -110,38 +120,50 @@ class _Picture(Writer):
         self._waiting = None
         size = self._console.size
         latency = self._latency.percentiles()
-        columns = min(size.width, 110)
         if moment.string:
-            self._screen.show([Text(printable(_view.plain(m, latency))) for m in self._newest.values()])
+            self._screen.show(_view.several(self._newest.values(), latency, size.width, size.height))
             return
+        columns = min(size.width, 110)
         self._screen.show(
-            _view.frame(moment, self._signal, self._length, latency, columns, size.height, self._ends)
+            _view.frame(
+                moment, self._signal, self._length, latency, columns, size.height, self._ends, self._last
+            )
         )
 
 
 class _Lines(Writer):
-    """Prints one line a second of each string, and the last one."""
+    """Prints one line a second of each string, and the last one; notes as they begin and end."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
         self._latency = Histogram()
         self._next: dict[str, Seconds] = {}
         self._waiting: dict[str, Moment] = {}
+        self._events: dict[str, list[Event]] = {}
+        self._notes: dict[str, Mapping[str, Note]] = {}
 
     def write(self, moment: Moment) -> None:
         self._latency.add(moment.prediction.latency)
         now, name = time.monotonic(), moment.string
+        self._notes[name], news = _notes.news(self._notes.get(name, {}), moment)
+        for line in news:
+            self._print(line)
         self._waiting[name] = moment
+        if moment.events:
+            self._events.setdefault(name, []).extend(moment.events)
         if now >= self._next.get(name, 0.0):
             self._next[name] = now + 1.0
-            self._print(self._waiting.pop(name))
+            self._print_moment(self._waiting.pop(name))
 
     def close(self) -> None:
         """Print the newest moment of each string, unless it was printed."""
         for moment in self._waiting.values():
-            self._print(moment)
+            self._print_moment(moment)
 
-    def _print(self, moment: Moment) -> None:
-        line = _view.plain(moment, self._latency.percentiles())
+    def _print_moment(self, moment: Moment) -> None:
+        events = self._events.pop(moment.string, [])
+        self._print(_view.plain(moment, self._latency.percentiles(), events))
+
+    def _print(self, line: str) -> None:
         self._console.print(Text(printable(line)), soft_wrap=True)
         self._console.file.flush()
