@@ -1,15 +1,21 @@
 """Health: each trouble is said once it lasts, says what to do, and goes away with its cause."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 
+import monochord as mc
+from monochord.capture.sources import SOURCES
 from monochord.core.types import Audio, Estimate, Estimates, StreamHealth, Window
-from monochord.live import health
+from monochord.live import LiveRun, health
 from monochord.live.filter import FilterState
 from monochord.live.health import REASONS, HealthSettings, HealthState, Note
+from monochord.live.loop import opened
 from monochord.perception.estimators.base import Condition
+from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.model import load
 
 RATE, SIZE, HOP = 44100, 4410, 441
@@ -124,16 +130,50 @@ def test_a_detuned_string_is_said_with_by_how_much() -> None:
     assert not any(watched(STRING, condition=Condition(deviation=0.001)))
 
 
+def test_a_string_that_is_followed_hides_no_other_trouble() -> None:
+    notes = watched(STRING, "no harmonic structure", Condition(deviation=0.0142, follows=True))[-1]
+    assert {*keys(notes)} == {"abstaining", "detuned"}
+
+
 def test_lost_sound_and_skipped_windows_are_said_for_a_while() -> None:
     lost = [StreamHealth(dropped=0)] * 50 + [StreamHealth(dropped=128, gaps=1, xruns=2)]
     long = np.concatenate([STRING] * 4, axis=1)
     notes = watched(long, streams=lost, skipped=[0] * 100 + [3])
     assert not notes[49]
     assert keys(notes[50]) == ["sound_lost"]
-    assert "128 frames in 1 gaps, 2 xruns" in notes[50][0].sentence
+    assert notes[50][0].sentence == "Sound was lost: 128 frames in 1 gap, 2 xruns so far."
     assert keys(notes[100]) == ["sound_lost", "windows_skipped"]
     assert keys(notes[1080]) == ["windows_skipped"]
     assert not notes[-1]
+
+
+def test_an_xrun_that_lost_nothing_is_said_to_have_lost_nothing() -> None:
+    counted = [StreamHealth(dropped=64, gaps=1)] * 50 + [StreamHealth(dropped=64, gaps=1, xruns=1)]
+    long = np.concatenate([STRING] * 4, axis=1)
+    notes = watched(long, streams=counted)
+    assert not notes[49]
+    (note,) = notes[50]
+    assert (note.key, note.level) == ("xruns", "info")
+    assert (
+        note.sentence
+        == "The audio system was late, 1 xrun so far; no frame is counted as lost at the last one."
+    )
+    assert note.remedy
+    assert keys(notes[1040]) == ["xruns"]
+    assert not notes[-1]
+
+
+@pytest.mark.parametrize("late", [3, 0, -3])
+def test_an_xrun_beside_lost_sound_is_not_said_to_have_lost_nothing(late: int) -> None:
+    """The loss is counted so many windows after the xrun."""
+    streams = [
+        StreamHealth(xruns=int(k >= 50), dropped=64 * (k >= 50 + late), gaps=int(k >= 50 + late))
+        for k in range(200)
+    ]
+    notes = watched(STRING, streams=streams)
+    assert keys(notes[49]) == (["sound_lost"] if late < 0 else [])
+    assert keys(notes[52]) == (["xruns"] if late > 0 else ["sound_lost"])
+    assert keys(notes[53]) == keys(notes[199]) == ["sound_lost"]
 
 
 def test_what_was_counted_before_the_stream_began_is_no_news() -> None:
@@ -176,3 +216,33 @@ def test_notes_come_in_the_order_in_which_they_began_and_keep_it() -> None:
     notes = watched(sound, "one driver seems silent")
     assert keys(notes[-1]) == ["driver_silent", "clipping"]
     assert notes[-1][0].since < notes[-1][1].since
+
+
+@pytest.mark.parametrize("force", [0.0, 1.0])
+@pytest.mark.parametrize("floor", [-90.0, -70.0])
+def test_a_string_that_breaks_is_said_not_to_ring(force: float, floor: float, tmp_path: Path) -> None:
+    """It dies away within half a second, to the noise floor of the microphones, in dB of full scale."""
+    broken = 2.0
+    sensor = mc.VirtualSensor("prototype", build=1)
+    whole = sensor.advance(1.0)[0]
+    if force:
+        sensor.press(0.08, force=force)
+    sound = np.concatenate([whole, sensor.advance(3.0)[0]], axis=1)
+    time = np.arange(sound.shape[1]) / RATE
+    sound *= np.exp(-np.maximum(time - broken, 0.0) / 0.05)
+    sound += 10.0 ** (floor / 20.0) * np.random.default_rng(0).standard_normal(sound.shape)
+    soundfile.write(tmp_path / "broken.wav", sound.T, RATE, subtype="FLOAT")
+    source = SOURCES.build("wav", {"path": str(tmp_path / "broken.wav")})
+    run = LiveRun(source=source, estimator=ModelEstimator(path=Path("demo")), sensor="prototype")
+    with opened(run) as live:
+        moments = list(live)
+    said = [each for each in moments if "string_still" in keys(each.notes)]
+    (note,) = (note for note in said[0].notes if note.key == "string_still")
+    assert broken < note.since < said[0].prediction.time < broken + 1.5
+    assert note.level == "error"
+    assert note.sentence == "The string does not ring: nothing drives it, or it is broken."
+    assert "switch the drivers on" in note.remedy
+    assert said == moments[-len(said) :]
+    assert not any(each.valid for moment in said for each in moment.prediction.estimates.values())
+    assert not {"silence", "microphone_1_dead", "microphone_2_dead"} & {*keys(moments[-1].notes)}
+    assert any(each.valid for each in moments[150].prediction.estimates.values())

@@ -249,6 +249,8 @@ def step(
     if not math.isnan(onset) and followed.time - onset < window.duration - 1e-9:
         findings["settling"] = SETTLING
     lasting = state.lasting
+    if "sound_lost" in findings and "xruns" in lasting:  # it says that nothing was lost
+        lasting = {key: each for key, each in lasting.items() if key != "xruns"}
     if findings or lasting:
         lasting = _lasting(lasting, findings, now, settings)
     state = HealthState(
@@ -330,11 +332,11 @@ def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
     text = (
         f"The string sounds {100.0 * abs(off):.1f} % ({1200.0 * abs(math.log2(1.0 + off)):.0f} cents) {side}"
     )
-    findings.pop("abstaining", None)
     if condition.follows:
         sentence, remedy = f"{text} its known pitch; estimates follow it.", "To keep it, run monochord tune."
         findings["detuned"] = _finding("info", sentence, remedy)
     else:
+        findings.pop("abstaining", None)
         sentence, remedy = f"{text} what can be estimated from.", "Tune it, then run monochord tune."
         findings["detuned"] = _finding("error", sentence, remedy)
 
@@ -352,19 +354,30 @@ def _add_counted(
             appear=0.0,
             clear=0.0,
         )
-    elif stream.dropped > before.dropped or stream.xruns > before.xruns or stream.gaps > before.gaps:
-        text = f"Sound was lost: {stream.dropped} frames in {stream.gaps} gaps, {stream.xruns} xruns so far."
+    elif stream.dropped > before.dropped or stream.gaps > before.gaps:
+        lost = f"{_counted(stream.dropped, 'frame')} in {_counted(stream.gaps, 'gap')}"
         findings["sound_lost"] = Finding(
             level="warning",
-            sentence=text,
+            sentence=f"Sound was lost: {lost}, {_counted(stream.xruns, 'xrun')} so far.",
             remedy="Close other programs, or use longer periods; run monochord doctor.",
             appear=0.0,
             clear=HELD,
         )
+    elif stream.xruns > before.xruns and "sound_lost" not in state.lasting:
+        # The loss that belongs to an xrun may be counted a window later or before.
+        late = f"The audio system was late, {_counted(stream.xruns, 'xrun')} so far"
+        findings["xruns"] = Finding(
+            level="info",
+            sentence=f"{late}; no frame is counted as lost at the last one.",
+            remedy="If they go on, close other programs, or use longer periods; run monochord doctor.",
+            appear=0.0,
+            clear=HELD,
+        )
     if stream.reconnects > before.reconnects:
+        times = _counted(stream.reconnects, "time")
         findings["reconnected"] = Finding(
             level="warning",
-            sentence=f"The audio device went away and came back, {stream.reconnects} times so far.",
+            sentence=f"The audio device went away and came back, {times} so far.",
             remedy="Check its cable and its power.",
             appear=0.0,
             clear=HELD,
@@ -386,6 +399,10 @@ def _add_counted(
             appear=0.0,
             clear=HELD,
         )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _level_findings(window: Window) -> Mapping[str, Finding]:
