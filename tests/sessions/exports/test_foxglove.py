@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 from tests.sessions.made import make
 
 from monochord.core.errors import InputError
-from monochord.sessions import SessionReader, read_session
+from monochord.sessions import SessionReader, codec, read_session
 from monochord.sessions.exports.foxglove import Foxglove
 
 TYPES = {
@@ -143,6 +143,36 @@ def test_the_layout_shows_fields_that_are_there(bag: Path) -> None:
     assert layout["configById"]["RosOut!events"]["topicToRender"] == "/rosout"
     placed = json.dumps(layout["layout"])
     assert all(json.dumps(name) in placed for name in layout["configById"])
+
+
+def poses_in(frame: str, path: Path, patch: pytest.MonkeyPatch) -> SessionReader:
+    """Return a session whose poses are in a frame, as another program may write them."""
+    with patch.context() as context:
+        header = codec.header
+        context.setattr(codec, "header", lambda stamp, own="": header(stamp, frame if own else own))
+        make(path).close()
+    return read_session(path)
+
+
+@pytest.mark.parametrize(
+    ("frames", "panels"),
+    [
+        (("string",), {"3D!pose": "string"}),
+        (("robot_base",), {"3D!pose": "robot_base"}),
+        (("robot_base", "string", "robot_base"), {"3D!pose": "robot_base", "3D!pose2": "string"}),
+        (("",), {"3D!pose": None}),
+    ],
+)
+def test_the_pose_is_shown_in_its_own_frame(
+    frames: tuple[str, ...], panels: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sessions = [poses_in(frame, tmp_path / f"made{k}.mcap", monkeypatch) for k, frame in enumerate(frames)]
+    Foxglove().write(sessions, tmp_path / "out")
+    layout = json.loads((tmp_path / "out" / "layout.json").read_text(encoding="utf-8"))
+    shown = {name: panel for name, panel in layout["configById"].items() if name.startswith("3D!")}
+    assert {name: panel.get("followTf") for name, panel in shown.items()} == panels
+    assert all(panel["topics"] == {"/pose": {"visible": True}} for panel in shown.values())
+    assert all(json.dumps(name) in json.dumps(layout["layout"]) for name in shown)
 
 
 def test_a_gain_makes_quiet_sound_louder(session: SessionReader, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import heapq
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -70,19 +70,23 @@ class Foxglove(Export):
             raise InputError(f"gain {self.gain:g} dB", "-120 to 120 dB")
         written: list[Path] = []
         shown: dict[str, tuple[str, tuple[str, ...]]] = {}
+        poses: dict[str, dict[str, None]] = {}
         for session, folder in folder_each(sessions, out):
             bag = _Bag(session, self.gain)
             written += bag.write(folder)
             shown |= bag.topics
+            for frame, topics in bag.frames.items():
+                poses.setdefault(frame, {}).update(topics)
         layout = out / LAYOUT
-        layout.write_text(json.dumps(_layout(shown), indent=1) + "\n", encoding="utf-8")
+        layout.write_text(json.dumps(_layout(shown, poses), indent=1) + "\n", encoding="utf-8")
         return [*written, layout]
 
 
 class _Bag:
     """A session as messages of ROS 2 in the order of their times.
 
-    `topics` are the topics with their types and the fields that are numbers.
+    `topics` are the topics with their types and the fields that are numbers. `frames` are those of the poses
+    that were written, each with its topics in their order.
     """
 
     def __init__(self, session: SessionReader, gain: float) -> None:
@@ -93,6 +97,7 @@ class _Bag:
             "/rosout": (LOG, ()),
             "/description": (codec.TEXT, ()),
         }
+        self.frames: dict[str, dict[str, None]] = {}
         parts: list[Iterable[Stamped]] = [self._audio(), self._events(), self._description()]
         for stream in session.streams:
             feed = session.description.feed(stream)
@@ -161,7 +166,8 @@ class _Bag:
                 yield stamp, topic, self._encode(WRENCH, header=self._header(stamp, frame), wrench=value)
 
     def _poses(self, topic: str) -> Iterator[Stamped]:
-        for message, _ in self._session.decoded(topic):
+        for message, pose in self._session.decoded(topic):
+            self.frames.setdefault(pose.header.frame_id, {})[topic] = None
             yield message.log_time, topic, bytes(message.data)
 
     def _columns(self, topic: str, time: Any, columns: dict[str, Any]) -> Iterator[Stamped]:
@@ -235,16 +241,22 @@ def _field_names(columns: Iterable[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _layout(topics: dict[str, tuple[str, tuple[str, ...]]]) -> dict[str, Any]:
-    """Return a layout of Foxglove: the sound, a plot for each topic of numbers, poses, and the log."""
+def _layout(
+    topics: Mapping[str, tuple[str, tuple[str, ...]]], poses: Mapping[str, Iterable[str]]
+) -> dict[str, Any]:
+    """Return a layout of Foxglove: the sound, a plot for each topic of numbers, poses, and the log.
+
+    Poses of each frame have a view of their own, since there are no transforms between frames.
+    """
     panels: dict[str, dict[str, Any]] = {"Audio!sound": {"topic": "/audio"}}
-    poses = [topic for topic, (kind, _) in topics.items() if kind == codec.POSES]
     for topic, (_, fields) in topics.items():
         if fields:
             panels[f"Plot!{topic.strip('/')}"] = _plot(topic, fields)
-    if poses:
-        visible = {topic: {"visible": True} for topic in poses}
-        panels["3D!pose"] = {"followTf": "string", "topics": visible}
+    for k, (frame, shown) in enumerate(poses.items()):
+        visible = {topic: {"visible": True} for topic in shown}
+        # Without a frame Foxglove chooses one.
+        follow = {"followTf": frame} if frame else {}
+        panels[f"3D!pose{k + 1 if k else ''}"] = {**follow, "topics": visible}
     panels["RosOut!events"] = {"topicToRender": "/rosout", "minLogLevel": 1, "searchTerms": []}
     return {
         "configById": panels,
