@@ -12,8 +12,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from tests.e2e.conftest import ClockToSet
+from tests.e2e.conftest import HOUR, ClockToSet
 from tests.e2e.faults.conftest import RATE, Live, StartLive, notes, touched
 from tests.e2e.test_ros import DOMAIN, rclpy_node
 from tests.waiting import wait_for
@@ -131,16 +132,30 @@ def test_a_ros_subscriber_that_is_killed_costs_nothing_and_the_next_one_hears(
 
 
 def test_a_clock_that_is_set_is_said_and_the_times_go_on(
-    play: Any, touch: Path, start_live: StartLive, clock_to_set: ClockToSet
+    play: Any, touch: Path, start_live: StartLive, clock_to_set: ClockToSet, tmp_path: Path
 ) -> None:
     play(touch)
-    live = start_live(env=clock_to_set.environment)
+    take = tmp_path / "take.mcap"
+    live = start_live("--sink", f"mcap={take}", env=clock_to_set.environment)
     live.wait_for_touch()
     clock_to_set.set()
     live.wait_for_note("clock_set")
     later(live)
     live.end()
     whole(live)
+    times, stamps = (np.array([float(row[name]) for row in live.rows()]) for name in ("time", "stamp"))
+    assert np.diff(times).min() > 0.0
+    ahead = stamps - times
+    (jump,) = np.flatnonzero(np.abs(np.diff(ahead)) > 60.0)
+    assert ahead[jump + 1] - ahead[jump] == pytest.approx(HOUR, abs=0.5)
+    assert np.ptp(ahead[: jump + 1]) < 0.5
+    assert np.ptp(ahead[jump + 1 :]) < 0.5
+    noted = [number for number, row in enumerate(live.rows()) if "clock_set" in notes(row)]
+    assert jump < noted[0] < jump + 300
+    # A session runs on the monotonic clock from its first window on.
+    recorded = read_session(take).readings("estimates").time
+    assert np.diff(recorded).min() > 0.0
+    assert np.ptp(recorded) == pytest.approx(np.ptp(times), abs=0.5)
 
 
 def test_a_service_manager_ends_it_with_every_sink_whole(
