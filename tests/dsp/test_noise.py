@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.dsp.noise import NOISES, band, hum, mixed, pink, white
+from monochord.dsp.noise import NOISES, Shape, band, hum, mixed, noise_loop, pink, white
 
 RATE = 44100.0
 
@@ -61,6 +61,23 @@ def test_a_stretch_too_short_for_the_noise_is_refused() -> None:
         pink(np.random.default_rng(0), (1,), RATE)
     with pytest.raises(InputError, match="2000 to 8000 Hz in 4 samples"):
         band(np.random.default_rng(0), (4,), RATE)
+
+
+def test_a_loop_goes_on_without_a_jump_within_it_and_where_it_is_repeated() -> None:
+    def low(stream: np.random.Generator, shape: Shape, rate: float) -> np.ndarray:
+        return band(stream, shape, rate, low=100.0, high=500.0)
+
+    loop = noise_loop(low, np.random.default_rng(0), (2, 4410), RATE, stretches=5)
+    steps = np.abs(np.diff(np.concatenate([loop, loop[:, :1]], axis=1)))
+    assert steps.max() < 2.5 * 2 * np.pi * 500.0 / RATE  # of a sine of 500 Hz and 2.5 times the level
+    assert np.abs(np.diff(low(np.random.default_rng(0), (5, 4410), RATE)[:, [0, -1]].ravel())).max() > 1.0
+
+
+def test_a_loop_is_as_loud_where_its_stretches_meet() -> None:
+    loop = noise_loop(white, np.random.default_rng(0), (1, 44100), RATE, stretches=3, fade=0.5)
+    meeting, alone = (loop.reshape(3, 2, -1)[:, k] for k in (0, 1))
+    assert meeting.std() == pytest.approx(1.0, abs=0.02)
+    assert alone.std() == pytest.approx(1.0, abs=0.02)
 
 
 @pytest.mark.parametrize("ratio", [-5.0, 0.0, 25.0])

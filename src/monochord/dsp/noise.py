@@ -1,7 +1,8 @@
 """Noise of unit level, and mixing at a signal-to-noise ratio.
 
 Every generator takes a random generator, a shape (..., n) and the rate in Hz, and gives float64 noise whose
-root mean square over the last axis is one. They hold for a stretch by itself: two stretches do not join up.
+root mean square over the last axis is one. They hold for a stretch by itself: two stretches do not join up,
+but `noise_loop` makes a loop of several.
 """
 
 from collections.abc import Callable
@@ -195,6 +196,38 @@ NOISES: dict[str, Noise] = {
 """Every generator by name."""
 STEADY = ("white", "pink", "hum", "band")
 """Names of those that sound the same throughout."""
+
+
+def noise_loop(
+    noise: Noise,
+    stream: np.random.Generator,
+    shape: Shape,
+    sample_rate: float,
+    *,
+    stretches: int = 8,
+    fade: Seconds = 0.02,
+) -> Floats:
+    """Return a noise that goes on without a jump when it is repeated, of `stretches` as long as `shape`.
+
+    Each stretch fades into the next, and the last into the first, with powers that add up to one: the level
+    stays that of the stretches.
+
+    Examples
+    --------
+    >>> loop = noise_loop(motor, np.random.default_rng(0), (2, 4410), 44100.0, stretches=3)
+    >>> loop.shape, round(float(np.mean(loop**2)), 1)
+    ((2, 13230), 1.0)
+    """
+    size, overlap = shape[-1], round(fade * sample_rate)
+    parts = [noise(stream, (*shape[:-1], size + overlap), sample_rate) for _ in range(stretches)]
+    angle = 0.5 * np.pi * np.arange(overlap) / overlap
+    loop = np.concatenate([part[..., :size] for part in parts], axis=-1)
+    for k, before in enumerate(parts):
+        begin = (k + 1) % stretches * size
+        joint = loop[..., begin : begin + overlap]
+        joint *= np.sin(angle)
+        joint += before[..., size:] * np.cos(angle)
+    return loop
 
 
 def mixed(signal: Floats, noise: Floats, ratio: float) -> Floats:

@@ -33,8 +33,15 @@ ACROSS_STEP: MetresPerSecond = 1e-3
 """Smaller changes than these of place, force and speed across are the tremor of a hand."""
 AUTOMATIC, MANUAL = "automatic", "by hand"
 """Who touches the string."""
-NOISES: Mapping[str, float] = {"none": np.inf, "30 dB": 30.0, "20 dB": 20.0, "10 dB": 10.0}
-"""Ratios of the sound to the noise that is added to it."""
+NOISES: Mapping[str, tuple[str, float] | None] = {
+    "none": None,
+    **{
+        f"{name}, {ratio} dB": (kind, float(ratio))
+        for name, kind in (("white", "white"), ("music", "chord"), ("motor", "motor"))
+        for ratio in (30, 20, 10)
+    },
+}
+"""Noise that is added: its kind, of `monochord.dsp.noise.NOISES`, and the ratio of the sound to it in dB."""
 TUNINGS: Mapping[str, float] = {"-3 %": -0.03, "-1 %": -0.01, "as built": 0.0, "+1 %": 0.01, "+3 %": 0.03}
 """Changes of the untouched string's pitch."""
 
@@ -115,8 +122,8 @@ class Hand(Controls):
         return self._values["touches"] == MANUAL
 
     @property
-    def snr(self) -> float:
-        """Ratio of the sound to the noise that is to be added, in dB."""
+    def noise(self) -> tuple[str, float] | None:
+        """Kind of the noise that is to be added, and the ratio of the sound to it in dB; None for none."""
         return NOISES[self._values["noise"]]
 
     @property

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import soxr
 
+from monochord.capture.sources._added_noise import AddedNoise
 from monochord.capture.sources._audio_file import open_audio
 from monochord.capture.sources._hand import Hand, Led
 from monochord.capture.sources._paced_stream import PacedStream
@@ -204,7 +205,7 @@ class _TwinStream(PacedStream):
         self._led = Led(self._hand, plausible_seed)
         self._by_hand = False
         self._built, self._retuned = sensor, 0.0
-        self._loudness, self._random = 0.0, np.random.default_rng([options.seed, 5])
+        self._noise = AddedNoise(rate, options.seed)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
         """Return the labels of the frames [start, stop); see `TwinSource`."""
@@ -236,18 +237,20 @@ class _TwinStream(PacedStream):
             touches = self._led.touches(self._twin.start / self._signal.sample_rate)
             if touches is not None:
                 self._twin = retouch(self._twin, touches)
-            return self._noisy(self._advance(frames))
+            return self._advance(frames)
         while self._change is not None and self._change[0] <= self._twin.start:
             self._twin = retouch(self._twin, self._change[1])
             self._change = next(self._changes, None)
         if self._change is not None:
             frames = min(frames, self._change[0] - self._twin.start)
-        return self._noisy(self._advance(frames))
+        return self._advance(frames)
 
     def _advance(self, frames: Samples) -> Audio:
+        start = self._twin.start
         take, self._twin = advance(self._twin, frames)
         self._labels.add(take.labels)
-        return take.microphones
+        noise = self._hand.noise
+        return take.microphones if noise is None else self._noise.added(take.microphones, start, *noise)
 
     def _hand_over(self) -> None:
         """Begin or end the touches of a hand; the others go on where their time has come by then."""
@@ -270,16 +273,6 @@ class _TwinStream(PacedStream):
         )
         self._twin = replace(twin, start=before.start)
         self._led.take_over(())
-
-    def _noisy(self, sound: Audio) -> Audio:
-        """Add white noise as loud as the person asks, against the sound's own loudness over some seconds."""
-        if math.isinf(self._hand.snr):
-            return sound
-        power = float(np.mean(np.square(sound, dtype=np.float64)))
-        self._loudness += (power - self._loudness) * (0.01 if self._loudness else 1.0)
-        level = math.sqrt(self._loudness) * 10.0 ** (-0.05 * self._hand.snr)
-        noise = self._random.standard_normal(sound.shape, dtype=np.float32)
-        return (sound + level * noise).astype(np.float32)
 
 
 def _with_effects(
