@@ -23,7 +23,7 @@ from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.filter import FilterSettings
 from monochord.live.sinks.base import Listener, Moment, Sink, Writer
 from monochord.live.tracks import TrackSettings
-from monochord.perception.estimators.base import Estimator
+from monochord.perception.estimators.base import Condition, Estimator, Watching
 
 RATE = 1000
 NOISE = np.random.default_rng(5).standard_normal((2, 2000)).astype(np.float32)
@@ -301,6 +301,33 @@ def test_a_moment_says_when_its_sound_was_taken_and_at_hand() -> None:
         (pytest.approx(50.0), pytest.approx(50.11)),
         (pytest.approx(50.01), pytest.approx(50.11)),
     ]
+
+
+class Following(Estimator, Watching):
+    """An estimator that watches a string, which rises by 1 Hz a window."""
+
+    def __init__(self) -> None:
+        self.windows = 0
+
+    def prepare(self, signal: Signal, size: int) -> Prepared:
+        return self
+
+    def __call__(self, window: Window) -> dict[str, Estimate]:
+        self.windows += 1
+        return {}
+
+    @property
+    def condition(self) -> Condition:
+        return Condition(open_frequency=Estimate(value=float(self.windows), std=0.5, unit="Hz"))
+
+
+def test_a_moment_has_what_the_estimator_knows_of_the_string() -> None:
+    keep = Keep()
+    run(replace(session(Script(cut(NOISE, 64)), keep), estimator=Following()))
+    pitches = [m.condition and m.condition.open_frequency.value for m in keep.seen]
+    assert pitches == [float(k + 2) for k in range(191)]  # after one of the warm-up
+    run(session(Script(cut(NOISE, 64)), keep := Keep()))
+    assert {m.condition for m in keep.seen} == {None}
 
 
 @pytest.mark.parametrize(("speed", "paced"), [(0.0, False), (1.0, True), (20.0, True)])

@@ -190,6 +190,7 @@ class LiveStream:
                     decided=tracked.decided,
                     events=changes,
                     notes=notes,
+                    condition=condition,
                     adc_time=adc_time,
                     at_hand=feed.at_hand,
                     string=string.name,

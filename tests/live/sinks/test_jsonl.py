@@ -12,6 +12,7 @@ from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Win
 from monochord.live.health import Note
 from monochord.live.sinks.base import Moment
 from monochord.live.sinks.jsonl import Jsonl
+from monochord.perception.estimators.base import Condition
 
 SIGNAL = Signal(sample_rate=44100, channels=1)
 POSITION = Estimate(value=0.2275, std=2e-4, unit="m")
@@ -88,8 +89,16 @@ def test_everything_else_beside_it(tmp_path: Path) -> None:
 
 def test_what_is_followed_over_time_too(tmp_path: Path) -> None:
     sound = replace(moment({"position": POSITION}), tracked={"position": POSITION}, decided={"slip": True})
+    pitch = Condition(open_frequency=Estimate(value=322.4, std=0.5, unit="Hz"), deviation=0.03)
     note = Note(key="hum", level="error", sentence="Hum.", remedy="Look.", since=0.0)
-    (line,) = lines(tmp_path / "out.jsonl", replace(sound, notes=(note,)))
+    told = replace(sound, notes=(note,), condition=pitch)
+    line, early, other = lines(
+        tmp_path / "out.jsonl", told, replace(sound, condition=Condition()), replace(sound, condition=None)
+    )
+    names = ("open_frequency", "open_frequency_std", "open_frequency_deviation")
+    assert [line[name] for name in names] == [322.4, 0.5, 0.03]
+    assert [early[name] for name in names] == [None] * 3
+    assert not {*names} & {*other}
     assert (line["tracked_position"], line["tracked_position_std"]) == (0.2275, 2e-4)
     assert (line["decided_slip"], line["events"], line["notes"]) == (True, [], ["hum"])
 

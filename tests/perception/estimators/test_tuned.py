@@ -11,10 +11,12 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
 from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.estimators.base import Watching
 from monochord.perception.model import ModelState, load
 from monochord.perception.model.network import estimates_of
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.physics.sensors import load_sensor
+from monochord.physics.theory import open_frequency
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 RATE, SIZE, REST = 44100, 4410, 1.2
@@ -106,6 +108,20 @@ def test_before_a_model_follows_what_it_hears_untouched(percent: int) -> None:
     assert score.answered >= 0.9 * score.touched > 10
     assert score.worst < 1e-3
     assert score.contact >= 0.99
+
+
+@pytest.mark.parametrize("name", ESTIMATED)
+@pytest.mark.parametrize("percent", [-4, 2])
+def test_the_pitch_that_is_followed_is_told_once_it_is_measured(name: str, percent: int) -> None:
+    signal = Signal(sample_rate=RATE, channels=2, string=DESIGN)
+    estimate = ESTIMATORS.build(name, ESTIMATED[name]).prepare(signal, SIZE)
+    assert isinstance(estimate, Watching)
+    assert not estimate.condition.open_frequency.valid
+    for window in windows(played("prototype", percent, 0)[0]):
+        estimate(window)
+    told, true = estimate.condition.open_frequency, open_frequency(DESIGN) * (1.0 + percent / 100.0)
+    assert abs(told.value - true) < 3.0 * told.std < 0.01 * true
+    assert told.value / open_frequency(DESIGN) - 1.0 == pytest.approx(estimate.condition.deviation)
 
 
 def test_a_model_begins_anew_with_another_stream() -> None:

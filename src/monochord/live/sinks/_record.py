@@ -14,10 +14,11 @@ NANO = 1_000_000_000
 def record(moment: Moment, *, everything: bool) -> dict[str, Any]:
     """Return position and frequency, and with `everything` the rest of what is known of a window.
 
-    That is the other estimates, truth, latency, counters, and what is followed over time: ``tracked_NAME``
-    with its ``_std``, ``decided_NAME`` true or false, ``events`` of this window as objects, and the stable
-    keys of ``notes``. The name of one of several strings comes first. What is no finite number is None, as
-    JSON has neither NaN nor infinity.
+    That is the other estimates, truth, latency, counters, and what is followed over time: ``open_frequency``
+    in Hz with its ``_std`` and its ``_deviation``, the share by which it lies above the known one,
+    ``tracked_NAME`` with its ``_std``, ``decided_NAME`` true or false, ``events`` of this window as objects,
+    and the stable keys of ``notes``. The name of one of several strings comes first. What is no finite number
+    is None, as JSON has neither NaN nor infinity.
     """
     values = {"string": moment.string} if moment.string else {}
     values |= _position(moment.prediction)
@@ -69,6 +70,10 @@ def _context(moment: Moment) -> dict[str, Any]:
 
 def _followed(moment: Moment) -> dict[str, Any]:
     values: dict[str, Any] = {}
+    if (condition := moment.condition) is not None:
+        open_, off = condition.open_frequency, condition.deviation
+        values |= {"open_frequency": open_.value, "open_frequency_std": open_.std}
+        values["open_frequency_deviation"] = math.nan if off is None else off
     for name, estimate in moment.tracked.items():
         values |= {f"tracked_{name}": estimate.value, f"tracked_{name}_std": estimate.std}
     values |= {f"decided_{name}": decision for name, decision in moment.decided.items()}

@@ -15,6 +15,7 @@ from monochord.core.types import Estimate, Estimates, Prediction, Signal, Stream
 from monochord.core.units import Metres, Seconds
 from monochord.live.events import Event
 from monochord.live.health import Note
+from monochord.perception.estimators.base import Condition
 
 BACKLOG = 256
 """Windows that wait for most sinks: 2.5 s at the usual hop, and 9 MB of sound, which all sinks share."""
@@ -28,10 +29,11 @@ NOTHING_DECIDED: Mapping[str, bool] = MappingProxyType({})
 class Moment:
     """What a sink takes for each window: the prediction, and beside it what a view of it shows.
 
-    `prediction` is of this window alone. `tracked` are the estimates over time by the same names, which also
-    hold what was learned earlier of the same touch, and `decided` whether there is ``contact`` and ``slip``,
-    without flicker; a name is missing where nothing was decided yet. `events` are those of this window and
-    `notes` what a person should know of the sensor now.
+    `prediction` is of this window alone, and `condition` what its estimator knows of the string by then, None
+    where it does not watch it. `tracked` are the estimates over time by the same names, which also hold what
+    was learned earlier of the same touch, and `decided` whether there is ``contact`` and ``slip``, without
+    flicker; a name is missing where nothing was decided yet. `events` are those of this window and `notes`
+    what a person should know of the sensor now.
 
     `truth` is empty for real hardware; `skipped` counts windows left out so far because the reader was late.
     `adc_time` is the monotonic-clock time of the window's first frame at the converter, where the source
@@ -48,6 +50,7 @@ class Moment:
     decided: Mapping[str, bool] = field(default_factory=lambda: NOTHING_DECIDED)
     events: tuple[Event, ...] = ()
     notes: tuple[Note, ...] = ()
+    condition: Condition | None = None
     adc_time: Seconds | None = None
     at_hand: Seconds | None = None
     string: str = ""

@@ -29,8 +29,10 @@ class Jsonl(Sink):
         The file to write; ``-`` is standard output.
     everything
         Whether to add the other estimates with their ``_std``, what the source knows to be true as
-        ``true_NAME``, the latency, the stream's counters, and what is followed over time: ``tracked_NAME``
-        with ``_std``, ``decided_NAME``, ``events``, and ``notes`` on the sensor's health by their keys.
+        ``true_NAME``, the latency, the stream's counters, and what is followed over time: ``open_frequency``
+        of the string in Hz, with ``_std`` and ``_deviation``, the share by which it lies above the known one;
+        ``tracked_NAME`` with ``_std``, ``decided_NAME``, ``events``, and ``notes`` on the sensor's health by
+        their keys.
     """
 
     path: str = "-"

@@ -4,18 +4,22 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from monochord.core.types import Estimates, Prepared, Signal, Window
+from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
 from monochord.core.units import Metres, Samples
+
+NOT_MEASURED = Estimate.abstain("Hz", "not measured yet")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
     """What an estimator knows of the string besides its estimates of a touch.
 
-    `deviation` is the share by which its pitch lies above the known one, None where that was not measured.
-    `follows` says whether estimates are made for the pitch that was measured.
+    `open_frequency` is that of the untouched string in Hz, without stiffness, as last measured, and
+    `deviation` the share by which it lies above the known one, None where it was not measured. `follows` says
+    whether estimates are made for the pitch that was measured.
     """
 
+    open_frequency: Estimate = NOT_MEASURED
     deviation: float | None = None
     follows: bool = True
 

@@ -168,9 +168,11 @@ class _Followed(Watching):
 
     @property
     def condition(self) -> Condition:
-        """How far the string is off the pitch that it was known at."""
+        """The pitch of the string, and how far it is off the one that it was known at."""
         tuning = self._state.tuning
-        return Condition(deviation=None if tuning is None else tuning.deviation(self._own.string))
+        if tuning is None:
+            return Condition()
+        return Condition(open_frequency=tuning.open_frequency, deviation=tuning.deviation(self._own.string))
 
 
 def _either(far: Prepared, both: _Followed, *, knows_density: bool) -> Prepared:

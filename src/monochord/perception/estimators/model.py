@@ -128,10 +128,12 @@ class _Followed(_Stream, Watching):
 
     @property
     def condition(self) -> Condition:
-        """How far the string is off the pitch that it was known at."""
+        """The pitch of the string, and how far it is off the one that it was known at."""
         tuning = self._tuner.tuning
-        deviation = None if tuning is None else tuning.deviation(self._own.string)
-        return Condition(deviation=deviation, follows=not self._why_not)
+        if tuning is None:
+            return Condition(follows=not self._why_not)
+        deviation = tuning.deviation(self._own.string)
+        return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._why_not)
 
     def _use(self, model: Model, string: StringParams) -> None:
         """Read the windows to come by the model for a string."""

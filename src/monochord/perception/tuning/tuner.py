@@ -6,7 +6,7 @@ from math import gcd, hypot, inf, nan
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Floats, Signal, StringParams, Window
+from monochord.core.types import Estimate, Floats, Signal, StringParams, Window
 from monochord.core.units import Hertz, Newtons, Samples, Seconds
 from monochord.perception.closed_form.spectrum import LOWEST_LINE, MIN_BINS
 from monochord.perception.closed_form.usable import why_unusable
@@ -79,6 +79,11 @@ class Tuning:
     partials: tuple[int, ...] = ()
     windows: int = 0
     channels: tuple[int, ...] = (1, 2)
+
+    @property
+    def open_frequency(self) -> Estimate:
+        """The open frequency with its standard error."""
+        return Estimate(value=self.frequency, std=self.frequency_std, unit="Hz")
 
     def deviation(self, string: StringParams) -> float:
         """Return the share by which the open frequency lies above a string's own."""
