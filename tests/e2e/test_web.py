@@ -6,6 +6,7 @@ import pty
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -17,10 +18,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from tests.e2e.browser import Page, chromium, opened
 from websockets.sync.client import ClientConnection, connect
 
+from monochord.core.types import Floats
+from monochord.live.web.messages import FLOOR
 from monochord.sessions import read_session
 
 pytestmark = [
@@ -122,7 +126,7 @@ def test_the_page_needs_nothing_but_its_server(page: Page, address: str) -> None
     assert all(request.startswith(address) for request in page.requests), page.requests
     assert page.ask("document.getElementById('connection').dataset.state") == "live"
     assert page.ask("document.getElementById('simulated').hidden") is False
-    assert page.ask("document.querySelectorAll('.uplot').length") == 3
+    assert page.ask("document.querySelectorAll('.uplot').length") == 4
 
 
 def check_estimated(page: Page, position: float) -> None:
@@ -141,6 +145,14 @@ def test_a_press_is_estimated_where_it_is_and_a_drag_is_slip(page: Page) -> None
     check_estimated(page, 0.30 * length)
     words = page.ask("document.querySelector('#reading-position .value').textContent")
     assert float(words.split()[0]) == pytest.approx(300.0 * length, abs=5.0)
+    assert page.ask("monochord.history.rows.at(-1)")[-6:] == [
+        1.0,
+        0.0,
+        pytest.approx(0.30 * length, abs=1e-3),
+        pytest.approx(1.0, rel=0.1),
+        1,
+        0,
+    ]  # truth, and what is decided of contact and slip
     slid = False
     for step in range(200):
         string.mouse("mouseMoved", 0.30 + 0.002 * step)
@@ -151,6 +163,8 @@ def test_a_press_is_estimated_where_it_is_and_a_drag_is_slip(page: Page) -> None
     page.wait(f"Math.abs(monochord.moment.truth.position - {place * length}) < 1e-3")
     string.mouse("mouseReleased", place)
     page.wait("monochord.moment.truth.contact === 0 && monochord.moment.decided.contact === false")
+    event = page.wait("document.querySelector('#events li').textContent")
+    assert re.fullmatch(r"contact ends ?at [\d.]+ s, decided \d+ ms later, confidence \d+ %", event)
 
 
 def test_a_drag_across_the_string_is_slip_at_one_place(page: Page) -> None:
@@ -216,10 +230,73 @@ def test_a_calibration_asks_for_touches_and_takes_one_that_is_held(page: Page) -
     page.wait("document.getElementById('guided').hidden")
 
 
+def choose(page: Page, name: str, value: str) -> None:
+    """Choose a setting in its menu, and wait until it is in effect."""
+    page.ask(f"""(() => {{const s = document.querySelector('select[name={name}]');
+        s.value = '{value}'; s.dispatchEvent(new Event('change'))}})()""")
+    page.wait(f"monochord.moment.settings.find((s) => s.name === '{name}').value === '{value}'")
+
+
 def test_a_material_is_chosen(page: Page) -> None:
-    page.ask("""(() => {const s = document.querySelector('select[name=material]');
-        s.value = 'brass_rod'; s.dispatchEvent(new Event('change'))})()""")
-    page.wait("monochord.moment.settings.find((s) => s.name === 'material').value === 'brass_rod'")
+    choose(page, "material", "brass_rod")
+
+
+def spectrum(address: str) -> tuple[Floats, Floats]:
+    """Return the frequencies of a page's spectrum in Hz, and its decibels at pickup 1."""
+    with connect(address.replace("http", "ws") + "live", open_timeout=30) as client:
+        while not isinstance(content := client.recv(30), bytes):
+            pass
+    row = np.frombuffer(content[8:], np.uint8).reshape(content[0], -1)[0]
+    top = struct.unpack("<f", content[4:8])[0]
+    return (np.arange(row.size) + 0.5) * top / row.size, FLOOR * (1.0 - row / 255.0)
+
+
+def levels(address: str) -> dict[str, float]:
+    """Return the median level between the lines of the string, in dB, in three bands."""
+    hertz, decibels = spectrum(address)
+    bands = {"low": (200.0, 800.0), "middle": (3000.0, 6000.0), "high": (8000.0, 10_000.0)}
+    return {
+        name: float(np.median(decibels[(low < hertz) & (hertz < high)]))
+        for name, (low, high) in bands.items()
+    }
+
+
+def test_noise_is_heard_as_it_is_chosen(page: Page, address: str) -> None:
+    choose(page, "touches", "by hand")
+    page.wait("monochord.moment.truth.contact === 0")
+    quiet = levels(address)
+    expected = {"white": {"low", "middle", "high"}, "motor": {"low", "middle"}, "music": {"low"}}
+    for noise, bands in expected.items():
+        choose(page, "noise", f"{noise}, 10 dB")
+        deadline, raised = time.monotonic() + 60.0, set[str]()
+        while raised != bands:  # it is being made, or a window has the one before
+            noisy = levels(address)
+            raised = {band for band in quiet if noisy[band] > quiet[band] + 12.0}
+            assert time.monotonic() < deadline, (noise, quiet, noisy)
+    choose(page, "noise", "none")
+
+
+def test_the_pitch_that_is_followed_is_shown_and_marks_follow_it(page: Page, address: str) -> None:
+    choose(page, "touches", "by hand")
+    before = page.wait("monochord.moment.pitch.deviation !== null && 1 + monochord.moment.pitch.deviation")
+    choose(page, "tuning", "+3 %")
+    pitch = f"(1 + (monochord.moment.pitch.deviation ?? -1)) / {before}"
+    page.wait(f"Math.abs({pitch} - 1.03) < 0.005")
+    words = page.ask("document.getElementById('pitch').textContent")
+    shown_ = re.fullmatch(
+        r"Open pitch ([\d.]+) Hz ± [\d.]+ Hz, (\d+) cents above the known ([\d.]+) Hz", words
+    )
+    assert shown_, words
+    hertz, cents, known = map(float, shown_.groups())
+    assert hertz == pytest.approx(1.03 * before * known, rel=0.005)
+    assert cents == pytest.approx(1200.0 * np.log2(hertz / known), abs=1.0)
+    assert any(f"{hertz} Hz" in node["name"] for node in page.accessible() if node["role"] == "StaticText")
+    mark = page.ask("monochord.spectra.first(0, monochord.moment)")
+    frequencies, decibels = spectrum(address)
+    number = float(frequencies[decibels.argmax()]) / mark
+    assert number == pytest.approx(round(number), abs=0.015)
+    choose(page, "tuning", "as built")
+    page.wait(f"Math.abs({pitch} - 1) < 0.005")
 
 
 def test_a_reload_resumes_and_knows_what_was_before(page: Page) -> None:

@@ -30,6 +30,7 @@ from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Moment, Writer
 from monochord.live.web import messages
 from monochord.live.web.server import MAX_CLIENTS, MAX_MESSAGE, PAGE, RATE, Server
+from monochord.perception.estimators.base import Condition
 from monochord.sessions import read_session
 
 LENGTH, TOKEN = 0.2, "right"
@@ -51,6 +52,8 @@ def moment(number: int) -> Moment:
         skipped=0,
         events=(Event(name="contact", on=True, time=0.1, delay=0.02, confidence=0.9),) if number == 5 else (),
         notes=(Note(key="hum", level="warning", sentence="It hums.", remedy="Ground it.", since=0.0),),
+        decided={"contact": True},
+        condition=Condition(open_frequency=Estimate(value=322.4, std=0.5, unit="Hz"), deviation=0.03),
     )
 
 
@@ -244,6 +247,8 @@ def test_a_page_is_told_what_is_estimated_and_what_happened() -> None:
         assert told["window"]["position"]["unit"] == "m"
         assert told["truth"] == {"contact": 1.0}
         assert told["notes"][0]["sentence"] == "It hums."
+        pitch = {"frequency": 322.4, "std": 0.5, "deviation": 0.03, "follows": True}
+        assert told["pitch"] == pitch
         assert told["levels"][0] == pytest.approx([-3.0, 0.0], abs=0.1)
         assert [event["name"] for event in told["events"]] == ["contact"]
     with running() as (server, _):
@@ -252,6 +257,7 @@ def test_a_page_is_told_what_is_estimated_and_what_happened() -> None:
             history = messages_of(client, "hello")[0]["history"]
         assert len(history) > 3
         assert history[0][0] < history[-1][0]
+        assert history[0][-6:] == [1.0, None, None, None, 1.0, None]  # truth, and what is decided
 
 
 def test_a_tone_stands_in_the_spectrum_where_it_is() -> None:

@@ -17,6 +17,7 @@ from monochord.live.events import Event
 from monochord.live.sinks._view import levels
 from monochord.live.sinks.base import Moment
 from monochord.live.web.guided import Bench
+from monochord.perception.estimators.base import Condition
 
 TOP: Hertz = 10_000.0
 """Highest frequency of a spectrum that is sent."""
@@ -166,6 +167,7 @@ def state(moment: Moment) -> dict[str, Any]:
         "window": _estimates(moment.prediction.estimates),
         "tracked": _estimates(moment.tracked),
         "decided": dict(moment.decided),
+        "pitch": _pitch(moment.condition),
         "truth": {name: number(value) for name, value in moment.truth.items()},
         "levels": [[number(each, 1) for each in levels(row)] for row in moment.window.samples[:MAX_CHANNELS]],
         "notes": [
@@ -203,13 +205,15 @@ def row(moment: Moment) -> list[float | None]:
     tracked, estimates, truth = moment.tracked, moment.prediction.estimates, moment.truth
     position = tracked.get("position") or moment.prediction.estimate("position")
     force = tracked.get("force") or moment.prediction.estimate("force")
-    chances = [number(e.value, 3) if (e := estimates.get(name)) else None for name in ("contact", "slip")]
+    names = ("contact", "slip")
+    chances = [number(e.value, 3) if (e := estimates.get(name)) else None for name in names]
+    decided = [None if (on := moment.decided.get(name)) is None else float(on) for name in names]
     return [
         round(moment.prediction.time, 3),
         *chances,
         number(position.value, 5), number(position.std, 5), number(force.value, 3), number(force.std, 3),
-        *(number(truth[name], 5) if name in truth else None for name in ("contact", "slip")),
-        *(number(truth[name], 5) if name in truth else None for name in ("position", "force")),
+        *(number(truth[name], 5) if name in truth else None for name in (*names, "position", "force")),
+        *decided,
     ]  # fmt: skip
 
 
@@ -259,6 +263,18 @@ def number(value: float, digits: int = 6) -> float | None:
     (0.123457, None)
     """
     return round(float(value), digits) if math.isfinite(value) else None
+
+
+def _pitch(condition: Condition | None) -> dict[str, Any] | None:
+    if condition is None:
+        return None
+    open_, off = condition.open_frequency, condition.deviation
+    return {
+        "frequency": number(open_.value, 3),
+        "std": number(open_.std, 3),
+        "deviation": None if off is None else number(off),
+        "follows": condition.follows,
+    }
 
 
 def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:

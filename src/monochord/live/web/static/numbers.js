@@ -61,6 +61,21 @@ export function showNumbers(moment) {
   }, Boolean(contact && slip));
 }
 
+// The pitch of the untouched string, as it was last measured.
+export function showPitch({ pitch }) {
+  const place = element("pitch");
+  place.hidden = !pitch;
+  const text = pitch ? inWords(pitch) : "";
+  if (place.lastElementChild.textContent !== text) place.lastElementChild.textContent = text;
+}
+
+function inWords({ frequency, std, deviation, follows }) {
+  if (frequency === null || deviation === null) return "not measured yet";
+  const cents = Math.round(1200 * Math.log2(1 + deviation)), known = frequency / (1 + deviation);
+  const off = cents ? `${Math.abs(cents)} cents ${cents < 0 ? "below" : "above"} the known ${known.toFixed(1)} Hz` : "as known";
+  return `${frequency.toFixed(1)} Hz ± ${std.toFixed(1)} Hz, ${off}${follows ? "" : "; estimates do not follow"}`;
+}
+
 export function showNotes(moment) {
   const place = element("notes");
   const key = moment.notes.map((note) => note.key + note.sentence).join("|");
@@ -124,7 +139,8 @@ export function showEvents(events) {
     const line = document.createElement("li");
     const what = document.createElement("span"), when = document.createElement("span");
     what.textContent = EVENT[event.name]?.[event.on] ?? `${event.name} ${event.on ? "on" : "off"}`;
-    when.textContent = `at ${event.time.toFixed(2)} s, decided ${Math.round(1e3 * event.delay)} ms later`;
+    const sure = event.confidence === null ? "" : `, confidence ${Math.round(100 * event.confidence)} %`;
+    when.textContent = `at ${event.time.toFixed(2)} s, decided ${Math.round(1e3 * event.delay)} ms later${sure}`;
     line.append(what, when);
     return line;
   }));

@@ -1,7 +1,7 @@
 // The page: messages come in at their pace, and everything is drawn once a frame.
 
 import { History } from "./history.js";
-import { facts, showEvents, showNotes, showNumbers, showStream, speak } from "./numbers.js";
+import { facts, showEvents, showNotes, showNumbers, showPitch, showStream, speak } from "./numbers.js";
 import { Spectra } from "./spectrum.js";
 import { Connection } from "./state.js";
 import { StringView } from "./string.js";
@@ -82,6 +82,7 @@ function frame(now) {
       fresh = false;
       counts.drawn += 1;
       showNumbers(moment);
+      showPitch(moment);
       showNotes(moment);
       showEvents(moment.events);
       showStream(moment);
@@ -155,5 +156,5 @@ element("theme").addEventListener("click", () => {
 });
 
 // What a test or a curious person may ask of the page in the console.
-window.monochord = { get moment() { return moment; }, get run() { return run; }, counts, view, send };
+window.monochord = { get moment() { return moment; }, get run() { return run; }, counts, view, spectra, history: history_, send };
 requestAnimationFrame(frame);

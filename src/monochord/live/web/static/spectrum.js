@@ -129,13 +129,17 @@ export class Spectra {
     }
   }
 
-  // Partials of the segment at this microphone's side; of the whole string where nothing touches it.
-  partials(c, k, moment, x, colour) {
-    if (!moment || !this.run.speed || this.run.channels !== 2) return;
+  // First partial, in Hz, of the segment at this microphone's side; of the whole string where nothing touches it.
+  first(k, moment) {
+    if (!moment || !this.run.speed || this.run.channels !== 2) return null;
     const position = touched(moment) ? estimate(moment, "position") : null;
     const segment = position ? (k ? this.run.length - position.value : position.value) : this.run.length;
-    if (!(segment > 2e-3)) return;
-    const first = this.run.speed / (2 * segment);
+    return segment > 2e-3 ? this.run.speed * (1 + (moment.pitch?.deviation ?? 0)) / (2 * segment) : null;
+  }
+
+  partials(c, k, moment, x, colour) {
+    const first = this.first(k, moment);
+    if (first === null) return;
     c.fillStyle = c.strokeStyle = colour.mark;
     c.textAlign = "center";
     c.font = "600 11px system-ui, sans-serif";
