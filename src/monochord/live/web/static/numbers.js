@@ -72,7 +72,8 @@ export function showPitch({ pitch }) {
 function inWords({ frequency, std, deviation, follows }) {
   if (frequency === null || deviation === null) return "not measured yet";
   const cents = Math.round(1200 * Math.log2(1 + deviation)), known = frequency / (1 + deviation);
-  const off = cents ? `${Math.abs(cents)} cents ${cents < 0 ? "below" : "above"} the known ${known.toFixed(1)} Hz` : "as known";
+  const size = Math.abs(cents) === 1 ? "1 cent" : `${Math.abs(cents)} cents`, side = cents < 0 ? "below" : "above";
+  const off = cents ? `${size} ${side} the known ${known.toFixed(1)} Hz` : "as known";
   return `${frequency.toFixed(1)} Hz ± ${std.toFixed(1)} Hz, ${off}${follows ? "" : "; estimates do not follow"}`;
 }
 
