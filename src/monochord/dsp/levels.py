@@ -1,4 +1,6 @@
-"""Levels of a window, and how much of it is hum of the mains."""
+"""Levels of a window, how much of it is hum of the mains, and how far a tone stands above its noise."""
+
+import math
 
 import numba
 import numpy as np
@@ -9,6 +11,12 @@ from monochord.core.units import Hertz
 MAINS: tuple[Hertz, Hertz] = (50.0, 60.0)
 HARMONICS = 3
 """How many harmonics of the mains count as hum."""
+TONES: tuple[Hertz, Hertz] = (1000.0, 8000.0)
+"""Where tones are looked for: every string has partials there, and the mains' harmonics are weak."""
+NEIGHBOURHOOD: Hertz = 400.0
+"""Width of the bands whose median is the noise beside a tone."""
+MIN_LINES = 16
+"""Lines of a spectrum from which a median counts."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -62,3 +70,38 @@ def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
         if power > 0.0:
             measured[channel, 3] = 2.0 * loudest / (count * power)
     return measured
+
+
+def tone_prominence(samples: Audio, sample_rate: Hertz) -> float:
+    """Return the power of the strongest tone over that of the noise beside it, in any channel.
+
+    It is the largest line of a Hann-windowed spectrum over the median of the lines around it. Of white noise
+    it is 8 to 60, since the power of a line is exponentially distributed. Infinite where the window is too
+    short to say.
+
+    Parameters
+    ----------
+    samples
+        Window (channels, n).
+    sample_rate
+        In Hz.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).standard_normal((2, 4410)).astype(np.float32)
+    >>> tone = np.sin(2.0 * np.pi * 1920.0 * np.arange(4410) / 44100.0).astype(np.float32)
+    >>> tone_prominence(noise, 44100.0) < 40.0, tone_prominence(noise + tone, 44100.0) > 300.0
+    (True, True)
+    """
+    count = samples.shape[1]
+    step = sample_rate / count
+    width, first = round(NEIGHBOURHOOD / step), math.ceil(TONES[0] / step)
+    bands = int((min(TONES[1], sample_rate / 2.0) - TONES[0]) / step) // max(width, 1)
+    if width < MIN_LINES or bands < 1:
+        return math.inf
+    lines = slice(first, first + bands * width)
+    spectrum = np.fft.rfft(samples * np.hanning(count), axis=1)[:, lines]
+    power = (np.abs(spectrum) ** 2).reshape(-1, bands, width)
+    noise = np.median(power, axis=2, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.nan_to_num(power / noise, nan=0.0).max())

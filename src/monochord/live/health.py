@@ -28,6 +28,11 @@ QUIETER = 1.0e-3
 """Ratio of the channels' levels from which the quieter one is dead: 60 dB. The string reaches both ends."""
 CLIPPED_PEAK, CLIPPED_SHARE = 0.98, 2.0e-3
 """Peak in full scale, and share of the samples that are equal to it, of a clipped channel."""
+QUIET_LEVEL, PROMINENCE = 5.6e-3, 40.0
+"""Root mean square, -45 dB, and prominence of its strongest tone below which a string does not ring.
+
+Of 12 simulated builds in each world, drivers off, tones are at most 15 dB above the noise; of a string that
+rings they are at least 22 dB above it where it is touched, by any material, and 58 dB where it is not."""
 HUM_SHARE = 0.5
 """Share of the power that mains and their first harmonics have, of a window that is hum for the most part."""
 MIN_DEVIATION = 0.005
@@ -123,7 +128,7 @@ SILENT = _finding(
 STILL = _finding(
     "error",
     "The string does not ring: nothing drives it, or it is broken.",
-    "Look whether it is whole; switch the drivers on, check their batteries and their distance to it.",
+    "Look whether it is whole and nothing soft damps it; check the drivers' switches, batteries and height.",
 )
 ONE_DRIVER = _finding(
     "error", "One driver seems silent.", "Check the battery, the switch and the height of each driver."
@@ -241,9 +246,10 @@ def step(
     if now - looked >= settings.look - 1e-9 and not window.has_gap:
         from_levels, looked = _level_findings(window), now
     findings = dict(from_levels) if not stream.away else {}
-    _add_reasons(findings, estimates)
-    if condition is not None and condition.deviation is not None:
-        _add_deviation(findings, condition)
+    if "string_still" not in findings:  # of noise alone a model may say anything
+        _add_reasons(findings, estimates)
+        if condition is not None and condition.deviation is not None:
+            _add_deviation(findings, condition)
     _add_counted(findings, state, stream, skipped)
     onset = followed.onset
     if not math.isnan(onset) and followed.time - onset < window.duration - 1e-9:
@@ -407,7 +413,7 @@ def _counted(number: int, noun: str) -> str:
 
 def _level_findings(window: Window) -> Mapping[str, Finding]:
     """Return what the levels of a window show."""
-    from monochord.dsp.levels import measure_levels  # noqa: PLC0415 (compiled, and a sink imports this module)
+    from monochord.dsp.levels import measure_levels, tone_prominence  # noqa: PLC0415 (compiled, and a sink imports this module)
 
     measured = measure_levels(window.samples, window.sample_rate)
     level, peak, extreme, hum = measured.T
@@ -423,4 +429,6 @@ def _level_findings(window: Window) -> Mapping[str, Finding]:
         findings["clipping"] = CLIPPING
     if (hum > HUM_SHARE).any():
         findings["hum"] = HUMMING
+    if level.max() < QUIET_LEVEL and tone_prominence(window.samples, window.sample_rate) < PROMINENCE:
+        findings["string_still"] = STILL
     return findings or QUIET
