@@ -53,9 +53,9 @@ def of_the_page(address: str) -> None:
         page.size(1200, 1060)
         page.scheme("light")
         page.wait(READY)
+        time.sleep(SETTLED)  # notes may come and go meanwhile
         history = "document.getElementById('history-title').closest('.card')"
         page.size(1200, round(page.ask(f"{history}.getBoundingClientRect().top")))
-        time.sleep(SETTLED)
         slide(page)
         page.picture(FIGURES / "page_light.png")
         page.scheme("dark")
