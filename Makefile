@@ -14,6 +14,10 @@ ROS := .venv-ros
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 REPOSITORY_RULES := tests/contract/test_layout.py
 
+# Tests start hundreds of processes. Where bytecode may not be written, each one compiles numba, scipy and Monochord
+# again before it begins, which takes three times as long as its imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help system browser install check format test test-all fuzz bench ros docs demo clean
 

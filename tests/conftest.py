@@ -53,9 +53,11 @@ SERVERS = 4  # JACK's registry has room for eight on a machine
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests that run in real time."""
-    alone = [Path(__file__).parent / name for name in REAL_TIME]
+    places = [Path(__file__).parent / name for name in REAL_TIME]
+    files = {item.path for item in items}
+    alone = {file for file in files if any(file.is_relative_to(place) for place in places)}
     for item in items:
-        if any(item.path.is_relative_to(place) for place in alone):
+        if item.path in alone:
             item.add_marker("real_time")
 
 
