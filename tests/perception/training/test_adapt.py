@@ -30,9 +30,17 @@ pytestmark = pytest.mark.usefixtures("made_up_features")
 BIAS = 0.5
 
 
+@pytest.fixture(scope="module")
+def made() -> list[Model]:
+    """The model of `correctable`, once a test asked for it: it is a value, and its prior takes a second."""
+    return []
+
+
 @pytest.fixture
-def correctable(lesson_run: Path, learnable: Path) -> Model:
+def correctable(lesson_run: Path, learnable: Path, made: list[Model]) -> Model:
     """The model of `lesson` with corrections, whose prior knows biased sessions as well."""
+    if made:
+        return made[0]
     model, dataset = load(lesson_run), open_dataset(learnable)
     definition = with_variables(model.definition, {"position": (), "force": ()})
     model = replace(model, definition=definition)
@@ -44,6 +52,7 @@ def correctable(lesson_run: Path, learnable: Path) -> Model:
     dataset = replace(dataset, labels={**dataset.labels, "force": force})
     for name in ("position", "force"):
         model = with_prior(model, name, dataset, outputs, touches_of(dataset))
+    made.append(model)
     return model
 
 
