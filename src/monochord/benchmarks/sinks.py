@@ -128,6 +128,7 @@ class Sinks(Benchmark):
         yield row("windows estimated", summary.windows, "1", "due", self.due)
         yield row("windows skipped", summary.skipped, "1", "due", self.due)
         yield row("frames dropped", summary.health.dropped, "1")
+        yield row("xruns, which put JACK's times off", summary.health.xruns, "1")
         for percentile in ("p50", "p95", "p99"):
             own, other = (1e3 * getattr(each.stages["latency"], percentile) for each in (summary, alone))
             yield row(f"loop {percentile}", own, "ms", "the loop without sinks", other)
