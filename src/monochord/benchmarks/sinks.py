@@ -263,10 +263,12 @@ def _terminal() -> Generator[None]:
 
     looking = threading.Thread(target=look, daemon=True)
     looking.start()
-    with os.fdopen(follower, "w", encoding="utf-8") as screen, redirect_stderr(screen):
-        yield
-    looking.join()
-    os.close(leader)
+    try:
+        with os.fdopen(follower, "w", encoding="utf-8") as screen, redirect_stderr(screen):
+            yield
+    finally:
+        looking.join()
+        os.close(leader)
 
 
 @contextmanager
@@ -275,7 +277,7 @@ def _browser(binary: str, url: str, folder: Path) -> Generator[None]:
     command = [shutil.which(binary) or binary, *HEADLESS, f"--user-data-dir={folder / 'browser'}", url]
     quiet = subprocess.DEVNULL
     with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet) as process:  # noqa: S603  (found in PATH)  # nosec B603
-        os.sched_setscheduler(process.pid, os.SCHED_OTHER, os.sched_param(0))
+        os.sched_setscheduler(process.pid, os.SCHED_OTHER, os.sched_param(0))  # a page may wait
         yield
         process.terminate()
 

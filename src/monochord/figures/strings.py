@@ -71,7 +71,7 @@ class Strings(Measured):
             )
             right.plot(counts, [run["rate"] for run in runs], "o-", color=colour, markersize=4)
         left.set_ylim(bottom=0.0)
-        left.legend(loc="lower right", frameon=False)
+        left.legend(fontsize=_style.TICK, frameon=False, loc="lower right", labelcolor=_style.INK)
         right.axhline(1.0 / self.hop, color=_style.PALE, linestyle=_style.THEORY, linewidth=0.8)
         right.set_ylim(bottom=0.0)
         counts = sorted({run["strings"] for run in every})

@@ -362,49 +362,39 @@ def _add_counted(
         )
     elif stream.dropped > before.dropped or stream.gaps > before.gaps:
         lost = f"{_counted(stream.dropped, 'frame')} in {_counted(stream.gaps, 'gap')}"
-        findings["sound_lost"] = Finding(
-            level="warning",
-            sentence=f"Sound was lost: {lost}, {_counted(stream.xruns, 'xrun')} so far.",
-            remedy="Close other programs, or use longer periods; run monochord doctor.",
-            appear=0.0,
-            clear=HELD,
+        findings["sound_lost"] = _held(
+            f"Sound was lost: {lost}, {_counted(stream.xruns, 'xrun')} so far.",
+            "Close other programs, or use longer periods; run monochord doctor.",
         )
     elif stream.xruns > before.xruns and "sound_lost" not in state.lasting:
         # The loss that belongs to an xrun may be counted a window later or before.
         late = f"The audio system was late, {_counted(stream.xruns, 'xrun')} so far"
-        findings["xruns"] = Finding(
+        findings["xruns"] = _held(
+            f"{late}; no frame is counted as lost at the last one.",
+            "If they go on, close other programs, or use longer periods; run monochord doctor.",
             level="info",
-            sentence=f"{late}; no frame is counted as lost at the last one.",
-            remedy="If they go on, close other programs, or use longer periods; run monochord doctor.",
-            appear=0.0,
-            clear=HELD,
         )
     if stream.reconnects > before.reconnects:
         times = _counted(stream.reconnects, "time")
-        findings["reconnected"] = Finding(
-            level="warning",
-            sentence=f"The audio device went away and came back, {times} so far.",
-            remedy="Check its cable and its power.",
-            appear=0.0,
-            clear=HELD,
+        findings["reconnected"] = _held(
+            f"The audio device went away and came back, {times} so far.", "Check its cable and its power."
         )
     set_by = stream.clock_offsets.get("realtime", 0.0) - before.clock_offsets.get("realtime", 0.0)
     if before.clock_offsets and abs(set_by) > MIN_CLOCK_STEP:
-        findings["clock_set"] = Finding(
-            level="warning",
-            sentence=f"The clock of this computer was set by {set_by:+.3f} s.",
-            remedy="Stamps jump by that; let one service keep the clock. Times of the stream go on.",
-            appear=0.0,
-            clear=HELD,
+        findings["clock_set"] = _held(
+            f"The clock of this computer was set by {set_by:+.3f} s.",
+            "Stamps jump by that; let one service keep the clock. Times of the stream go on.",
         )
     if skipped > state.skipped:
-        findings["windows_skipped"] = Finding(
-            level="warning",
-            sentence=f"Windows are skipped because the computer is late: {skipped} so far.",
-            remedy="Close other programs, or use a longer hop.",
-            appear=0.0,
-            clear=HELD,
+        findings["windows_skipped"] = _held(
+            f"Windows are skipped because the computer is late: {skipped} so far.",
+            "Close other programs, or use a longer hop.",
         )
+
+
+def _held(sentence: str, remedy: str, level: Level = "warning") -> Finding:
+    """Return a finding that is reported at once, and for `HELD` after the last."""
+    return Finding(level=level, sentence=sentence, remedy=remedy, appear=0.0, clear=HELD)
 
 
 def _counted(number: int, noun: str) -> str:
