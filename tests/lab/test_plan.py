@@ -18,6 +18,12 @@ GRID = Group(name="a", grid=(5, 4), sessions=3, radii=(0.002, 0.004), days=(1, 2
 PLAN = Plan(name="p", groups=(GRID, Group(name="b", like="a", sessions=2, lifted=3e-3)))
 
 
+def _builds(group: Group) -> set[int]:
+    """Seeds of the builds of a group."""
+    own = range(0) if group.first_build is None else range(group.first_build, group.first_build + group.total)
+    return {*group.builds, *own}
+
+
 def test_every_cell_of_the_grid_is_used_once_for_each_radius() -> None:
     sessions = [one for one in assignments(PLAN) if one.group.name == "a"]
     for radius in GRID.radii:
@@ -93,7 +99,7 @@ def test_the_odd_plan_shares_no_build_with_a_test() -> None:
     builds = {build for group in load_plan("odd").groups for build in group.builds}
     tests = [
         group
-        for name in ("builds", "sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5")
+        for name in ("builds", "sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5", "sealed_6")
         for group in load_plan(name).groups
     ]
     assert not builds & {
@@ -204,7 +210,7 @@ def test_sessions_of_the_paper_last_about_a_minute() -> None:
     assert 45.0 < min(lengths) <= max(lengths) < 75.0
 
 
-@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5"])
+@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5", "sealed_6"])
 def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan: str) -> None:
     sealed = load_plan(plan)
     others = [group for name in plan_names() if name != plan for group in load_plan(name).groups]
@@ -212,7 +218,7 @@ def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan
     days = {day for group in sealed.groups for day in group.days}
     materials = {group.material for group in sealed.groups}
     assert len({build for group in sealed.groups if not group.design for build in group.builds}) == 20
-    assert not builds & {build for group in others for build in group.builds}
+    assert not builds & {build for group in others for build in _builds(group)}
     assert max(builds) < FIRST_BUILD  # those of the hardware suite begin there
     assert not days & {day for group in others for day in group.days}
     assert materials & {group.material for group in others} == {"plastic", "metal_tube", "wood", "allen_key"}
@@ -221,11 +227,11 @@ def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan
 
 def test_what_reads_modes_learns_from_no_build_or_day_that_a_model_learns_from_or_is_judged_by() -> None:
     # Builds of the plans designs and odd have drivers and microphones of their own besides.
-    apart = {"modes", "modes_2", "designs", "odd"}
-    reading = [group for name in ("modes", "modes_2") for group in load_plan(name).groups]
+    apart = {"modes", "modes_2", "modes_3", "designs", "odd"}
+    reading = [group for name in ("modes", "modes_2", "modes_3") for group in load_plan(name).groups]
     others = [group for name in plan_names() if name not in apart for group in load_plan(name).groups]
-    builds = {build for group in reading for build in group.builds}
-    assert not builds & {build for group in others for build in group.builds}
+    builds = {build for group in reading for build in _builds(group)}
+    assert not builds & {build for group in others for build in _builds(group)}
     assert not builds & {*range(FIRST_BUILD, FIRST_BUILD + max(one.builds for one in CONDITIONS))}
     days = {day for group in reading for day in group.days}
     assert not days & {day for group in others for day in group.days}
@@ -237,13 +243,13 @@ def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object
     builds = {build for group in touches.groups for build in group.builds}
     days = {day for group in touches.groups for day in group.days}
     assert len(builds) == 6
-    assert not builds & {build for group in others for build in group.builds}
+    assert not builds & {build for group in others for build in _builds(group)}
     assert not builds & {*Following().builds}
     assert max(builds) < FIRST_BUILD
     assert not days & {day for group in others for day in group.days}
     trained = [
         group
-        for name in ("builds", "designs", "modes", "modes_2", "odd")
+        for name in ("builds", "designs", "modes", "modes_2", "modes_3", "odd")
         for group in load_plan(name).groups
         if not group.name.startswith("test")
     ]
@@ -253,7 +259,7 @@ def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object
     assert {len(one.cells()) for one in held} == {600}
 
 
-@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5"])
+@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5", "sealed_6"])
 def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(plan: str) -> None:
     sessions = assignments(load_plan(plan))
     counts: dict[int | None, int] = {}
@@ -265,6 +271,14 @@ def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(pl
     pitch = [np.sqrt(1.0 + each.drift / each.string.tension) - 1.0 for each in sensors]
     assert min(pitch) < -0.02
     assert max(pitch) > 0.02
+
+
+def test_with_a_first_build_each_session_is_of_a_build_of_its_own() -> None:
+    group = Group(name="a", sessions=3, first_build=2001, days=(1, 2))
+    sessions = assignments(Plan(name="p", groups=(group,)))
+    assert [(one.build, one.day) for one in sessions] == [(2001, 1), (2002, 2), (2003, 1)]
+    with pytest.raises(InputError, match="builds and first_build"):
+        Group(name="a", builds=(1,), first_build=2)
 
 
 def test_an_unknown_plan_is_refused() -> None:

@@ -75,6 +75,9 @@ class Group:
         What deviates of its sensors and objects; by default the plan's.
     builds
         Seeds of the builds of the sessions, in turn; by default the plan's.
+    first_build
+        Seed of the build of the first session, where each session is of a build of its own: those that
+        follow have the seeds that follow. Instead of `builds`.
     days
         Seeds of the days of the sessions, in turn, once through all builds; day 0 is the day on which the
         sensor was tuned.
@@ -118,6 +121,7 @@ class Group:
     world: World | None = None
     deviation: Deviation | None = None
     builds: tuple[Annotated[int, Meta(ge=0)], ...] = ()
+    first_build: Annotated[int, Meta(ge=0)] | None = None
     days: tuple[Annotated[int, Meta(ge=0)], ...] = (0,)
     hold: Annotated[Seconds, Meta(ge=0.1, le=60.0)] = 1.0
     strokes: Count = 4
@@ -144,6 +148,8 @@ class Group:
             raise InputError(f"group {self.name}: {self.forces} N, {self.speeds} m/s", "5 N, 0.2 m/s at most")
         if self.grid[0] * self.grid[1] > MAX_TOUCHES:
             raise InputError(f"group {self.name}: grid {self.grid}", f"{MAX_TOUCHES} touches at most")
+        if self.builds and self.first_build is not None:
+            raise InputError(f"group {self.name}: builds and first_build", "one of them")
         if not self.days:
             raise InputError(f"group {self.name} without days", "one day or more")
 
@@ -307,6 +313,8 @@ class Assignment:
     @property
     def build(self) -> int | None:
         """Seed of its build; None for the design itself."""
+        if self.group.first_build is not None:
+            return self.group.first_build + self.index
         builds = self.group.builds
         return builds[self.index % len(builds)] if builds else self.plan.build
 

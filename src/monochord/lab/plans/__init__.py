@@ -15,7 +15,7 @@ def plan_names() -> list[str]:
     Examples
     --------
     >>> plan_names()[:7]
-    ['builds', 'designs', 'hardware', 'modes', 'modes_2', 'odd', 'paper']
+    ['builds', 'designs', 'hardware', 'modes', 'modes_2', 'modes_3', 'odd', 'paper']
     """
     return PLANS.names()
 
