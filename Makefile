@@ -67,8 +67,8 @@ export COMPILE_ESTIMATOR
 
 $(INSTALLED): pyproject.toml | $(DEMO_INSTALLED)
 	@echo "installing its development tools into $(VENV)"
-	@$(PIP) install 'torch==2.13.0' # by itself: any other way of asking brings gigabytes for a graphics card
-	@$(PIP) install --editable '.[dev,ros,cluster,export,pandas,figures,train,encoders,openvino]'
+	@$(PIP) install --no-compile 'torch==2.13.0' # by itself: any other way of asking brings gigabytes for a graphics card
+	@$(PIP) install --no-compile --editable '.[dev,ros,cluster,export,pandas,figures,train,encoders,openvino]'
 	@$(BIN)/python -c "$$COMPILE_REST" >/dev/null
 	@touch $@
 
@@ -79,7 +79,7 @@ endef
 export COMPILE_REST
 
 $(DOCS_INSTALLED): pyproject.toml | $(INSTALLED)
-	@$(PIP) install --editable '.[docs]'
+	@$(PIP) install --no-compile --editable '.[docs]'
 	@touch $@
 
 install: system $(INSTALLED) ## Set everything up: Debian packages, .venv, Monochord itself
@@ -126,7 +126,7 @@ ros: $(ROS)/.installed-colcon ## A ROS 2 client library and colcon in .venv-ros 
 
 $(ROS)/.installed: | system
 	@echo "installing rclpy into $(ROS)"; $(PYTHON) -m venv $(ROS)
-	@$(ROS)/bin/python -m pip --disable-pip-version-check --quiet install \
+	@$(ROS)/bin/python -m pip --disable-pip-version-check --quiet install --no-compile \
 	  ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp ros-geometry-msgs ros-diagnostic-msgs && touch $@ || \
 	  echo "rclpy could not be installed; the tests that talk to ROS 2 are skipped"
 

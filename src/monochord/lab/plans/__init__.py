@@ -14,8 +14,8 @@ def plan_names() -> list[str]:
 
     Examples
     --------
-    >>> plan_names()[:7]
-    ['builds', 'designs', 'hardware', 'modes', 'modes_2', 'modes_3', 'odd', 'paper']
+    >>> plan_names()[:3]
+    ['builds', 'designs', 'hardware']
     """
     return PLANS.names()
 
