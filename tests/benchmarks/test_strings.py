@@ -1,3 +1,5 @@
+import pytest
+
 from monochord.benchmarks.strings import Strings
 from monochord.evaluation.strings import strings_cost
 from monochord.figures.strings import Strings as Figure
@@ -11,6 +13,7 @@ def test_windows_of_all_strings_are_timed_and_counted() -> None:
     assert 0.0 <= seen.skipped <= 1.0
 
 
+@pytest.mark.slow
 def test_processes_share_the_strings() -> None:
     seen = strings_cost(3, seconds=0.4, hop=0.05, processes=2)
     assert seen.strings == 3

@@ -51,6 +51,7 @@ def test_variations_are_trained_judged_and_compared(
     assert "a variation of another grid" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_one_that_fails_ends_with_a_line_and_status_1(
     small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

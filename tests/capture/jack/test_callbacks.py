@@ -78,6 +78,7 @@ def cache_hits(folder: Path, code: str) -> int:
     return int(printed(f"{code}\nprint(callbacks.xrun.cache_hits)", folder))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled")
 def test_compiled_code_is_cached_but_not_for_another_layout(cache: Path) -> None:
     load = "from monochord.capture.jack import arena, callbacks"

@@ -92,7 +92,7 @@ def measure_harmonics(
     spacing
         Distance of two bins in Hz.
     """
-    channels, bins = power.shape
+    channels = power.shape[0]
     measured = np.zeros((channels, *partials.shape, QUANTITIES))
     for c in range(channels):
         least = MIN_POWER + MIN_CHANNEL_SHARE * power[c, 2:].sum() / 1.5
@@ -100,16 +100,9 @@ def measure_harmonics(
         for s in range(partials.shape[0]):
             for n in range(partials.shape[1]):
                 expected = partials[s, n] / spacing
-                reach = SEARCH_BINS + SEARCH_SHARE * expected
-                first, last = int(np.ceil(expected - reach)), int(np.floor(expected + reach))
-                if first <= SIDEBAND_END or last >= bins - SIDEBAND_END:
+                peak, line, side = line_near(power[c], expected)
+                if peak == 0:
                     continue
-                peak = first + int(power[c, first : last + 1].argmax())
-                line = power[c, peak - 1 : peak + 2].sum()
-                side = (
-                    power[c, peak - SIDEBAND_END + 1 : peak - SIDEBAND_FIRST + 1].sum()
-                    + power[c, peak + SIDEBAND_FIRST : peak + SIDEBAND_END].sum()
-                )
                 clarity = line / (line + 3.0 * side + least)
                 value, ratio = _hann(transform, c, peak)
                 other, _ = _hann(transform, (c + 1) % channels, peak)
@@ -124,6 +117,23 @@ def measure_harmonics(
                 measured[c, s, n, GROWTH] = clarity * min(max(growth, -MAX_GROWTH), MAX_GROWTH)
                 measured[c, s, n, LIKENESS] = clarity * likeness
     return measured
+
+
+@numba.njit(cache=True, error_model="numpy")
+def line_near(power: Floats, expected: float) -> tuple[int, float, float]:
+    """Return the bin of the line at an expected one, its power and that of its sidebands; bin 0 of none.
+
+    The line is the strongest bin in reach; none is where the reach or the sidebands end beyond the spectrum.
+    """
+    reach = SEARCH_BINS + SEARCH_SHARE * expected
+    first, last = int(np.ceil(expected - reach)), int(np.floor(expected + reach))
+    if first <= SIDEBAND_END or last >= power.size - SIDEBAND_END:
+        return 0, 0.0, 0.0
+    peak = first + int(power[first : last + 1].argmax())
+    line = power[peak - 1 : peak + 2].sum()
+    below = power[peak - SIDEBAND_END + 1 : peak - SIDEBAND_FIRST + 1].sum()
+    above = power[peak + SIDEBAND_FIRST : peak + SIDEBAND_END].sum()
+    return peak, line, below + above
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -18,6 +18,8 @@ from monochord.perception.features._combination_tones import (
 )
 from monochord.perception.features._gaps import COLUMNS as GAPS
 from monochord.perception.features._gaps import measure_gaps
+from monochord.perception.features._glides import COLUMNS as GLIDES
+from monochord.perception.features._glides import measure_glides
 from monochord.perception.features._harmonics import (
     HARMONICS,
     expected_harmonics,
@@ -108,8 +110,12 @@ class FftHarmonic(Feature):
     its mean density); and likeness, 2 Re(A B*) / (A A* + B B*), of its bins without lines, those whose
     powers together are at most both medians together.
 
-    With `seen`, the last two columns are the place that a network sees in the spectra themselves, whichever
+    With `seen`, two more columns are the place that a network sees in the spectra themselves, whichever
     lines are read, and the logarithm of its odds (`monochord.perception.closed_form.place_density`).
+
+    With `glides`, the last six columns say how fast the lines glide within the window: those of each segment,
+    how far its harmonics differ in that, the speed of the place at which the segments glide apart, and the
+    glide of the pitch that both share. Each is asinh of its magnitude; a touch at rest has none.
 
     Parameters
     ----------
@@ -119,6 +125,8 @@ class FftHarmonic(Feature):
         Whether there are columns of the sound between the lines.
     seen
         Whether there are columns of the place seen in the spectra.
+    glides
+        Whether there are columns of lines that glide.
     own
         With `tones`: share of its own end's force in a microphone's signal, above a half.
     gain
@@ -141,11 +149,14 @@ class FftHarmonic(Feature):
     ((1, 384), 'gaps likeness band 28')
     >>> FftHarmonic(seen=True).prepare(signal, 4410).columns[-2:]
     ('seen place', 'seen lead')
+    >>> FftHarmonic(glides=True).prepare(signal, 4410).columns[-1]
+    'glide pitch'
     """
 
     tones: bool = False
     gaps: bool = False
     seen: bool = False
+    glides: bool = False
     own: float = 0.85
     gain: float = 2.0
 
@@ -163,7 +174,8 @@ class FftHarmonic(Feature):
 class _Extractor(Extractor):
     def __init__(self, analyser: SpectrumAnalyser, options: FftHarmonic) -> None:
         self._analyser, self._options = analyser, options
-        more = (*(GAPS if options.gaps else ()), *(SEEN_COLUMNS if options.seen else ()))
+        optional = ((options.gaps, GAPS), (options.seen, SEEN_COLUMNS), (options.glides, GLIDES))
+        more = [name for there, names in optional if there for name in names]
         self._columns = (*_columns(tones=options.tones), *more)
 
     @property
@@ -179,7 +191,8 @@ class _Extractor(Extractor):
     def _row(self, spectrum: Spectrum) -> Floats:
         analyser, reading = self._analyser, spectrum.reading
         spacing, place = analyser.bin_spacing, reading.position / analyser.length
-        each = measure_harmonics(spectrum.transform, spectrum.power, self._partials(spectrum), spacing)
+        partials = self._partials(spectrum)
+        each = measure_harmonics(spectrum.transform, spectrum.power, partials, spacing)
         whole = measure_channels(spectrum.samples, spectrum.power, spacing)
         columns, timbre = of_microphones(each, whole, place)
         near = np.zeros(POINTS)
@@ -195,6 +208,7 @@ class _Extractor(Extractor):
                 self._of_reading(spectrum),
                 self._of_gaps(spectrum),
                 self._of_seen(spectrum),
+                self._of_glides(spectrum, partials),
             )
         )
 
@@ -221,6 +235,15 @@ class _Extractor(Extractor):
         if not self._options.seen:
             return np.zeros(0)
         return np.array((spectrum.reading.seen_position / self._analyser.length, spectrum.reading.seen_lead))
+
+    def _of_glides(self, spectrum: Spectrum, partials: Floats) -> Floats:
+        if not self._options.glides:
+            return np.zeros(0)
+        near = spectrum.reading.position
+        sides = (near, self._analyser.length - near if spectrum.reading.touched else 0.0)
+        return measure_glides(
+            spectrum.transform, spectrum.power, partials[:2], self._analyser.bin_spacing, sides
+        )
 
     def _of_reading(self, spectrum: Spectrum) -> tuple[float, ...]:
         reading, analyser = spectrum.reading, self._analyser
