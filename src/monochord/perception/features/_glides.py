@@ -42,7 +42,8 @@ def _views() -> NDArray[np.complex128]:
     # The transform of 1/2 + 1/2 cos over half a window, by its three sincs.
     taper = 0.5 * np.sinc(bins / 2.0) + 0.25 * (np.sinc(bins / 2.0 - 1.0) + np.sinc(bins / 2.0 + 1.0))
     centres = 0.5 + APART * (np.arange(VIEWS) - VIEWS // 2)
-    return taper * np.exp(2.0j * np.pi * centres[:, np.newaxis] * bins)
+    turns = np.exp(2.0j * np.pi * centres[:, np.newaxis] * bins)
+    return (taper * turns).astype(np.complex128)
 
 
 _VIEWS = _views()
