@@ -12,7 +12,7 @@ Loss: TypeAlias = Literal["logistic", "square", "gauss", "laplace"]
 and "laplace" learn one for each window, from errors so distributed."""
 CONTACT = "contact"
 """The label on which all heads that need a touch depend."""
-MAX_UNITS = 4096
+MAX_UNITS, MAX_MEMBERS = 4096, 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +41,9 @@ class Task:
     linear
         Whether a ridge regression, solved in closed form, is added; the hidden layers then learn what it
         leaves over. For a quantity alone.
+    members
+        Networks of hidden layers that differ in how they began; the estimate is their mean, and its standard
+        error grows with what they disagree by.
     weight
         Of its loss in the sum of losses.
     limit
@@ -62,6 +65,7 @@ class Task:
     reference: tuple[str, ...] = ()
     hidden: tuple[int, ...] = ()
     linear: bool = False
+    members: int = 1
     weight: float = 1.0
     limit: float = math.inf
     rise: bool = False
@@ -72,6 +76,9 @@ class Task:
         if not all(1 <= units <= MAX_UNITS for units in self.hidden):
             given = f"hidden layers of {', '.join(map(str, self.hidden))} units"
             raise InputError(given, f"1 to {MAX_UNITS} units each")
+        if not 1 <= self.members <= MAX_MEMBERS or (self.members > 1 and not self.hidden):
+            given = f"{self.members} members of {len(self.hidden)} hidden layers"
+            raise InputError(given, f"1 to {MAX_MEMBERS}, and hidden layers where there are several")
         if not 0.0 < self.weight < math.inf:
             raise InputError(f"weight {self.weight:g} of a loss", "a number above 0", "leave the head out")
         if self.linear and self.is_probability:

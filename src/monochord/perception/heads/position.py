@@ -19,6 +19,9 @@ class Position(Head):
         Units of each hidden layer.
     linear
         Add a ridge regression, solved in closed form; the hidden layers learn what it leaves over.
+    members
+        Networks of hidden layers that differ in how they began; what they disagree by adds to the standard
+        error.
     loss
         "square" as in the paper; "gauss" and "laplace" state a standard error for each window.
     columns
@@ -32,6 +35,7 @@ class Position(Head):
     weight: float = 1.0
     hidden: tuple[int, ...] = (128, 128, 128)
     linear: bool = True
+    members: int = 1
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     columns: tuple[str, ...] = ()
     context: bool = True
@@ -47,6 +51,7 @@ class Position(Head):
             context=self.context,
             hidden=self.hidden,
             linear=self.linear,
+            members=self.members,
             weight=self.weight,
             limit=self.limit,
         )

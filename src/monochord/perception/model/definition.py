@@ -319,8 +319,8 @@ class Definition:
 
         Scaling comes first, with the features of probe windows, then the layers of the detector, and each
         head's layers in the order in which they are applied, each with a matrix (outputs, inputs) and a bias
-        (outputs,), its linear path, and its correction, with the position, the force and the variables of
-        some touches of all kinds.
+        (outputs,), or so many of both as the head has members, its linear path, and its correction, with the
+        position, the force and the variables of some touches of all kinds.
         """
         base, context = self.widths
         shapes: dict[str, tuple[int, ...]] = {
@@ -341,9 +341,10 @@ class Definition:
                 shapes[f"{KNOWN}.{number}.bias"] = (outputs,)
         for name, record in self.heads.items():
             units = (self.inputs(name), *record.task.hidden, record.task.outputs)
+            members = (record.task.members,) if record.task.members > 1 else ()
             for number, (inputs, outputs) in enumerate(pairwise(units)):
-                shapes[f"{name}.{number}.weight"] = (outputs, inputs)
-                shapes[f"{name}.{number}.bias"] = (outputs,)
+                shapes[f"{name}.{number}.weight"] = (*members, outputs, inputs)
+                shapes[f"{name}.{number}.bias"] = (*members, outputs)
             if record.task.linear:
                 shapes[f"{name}.linear.weight"] = (1, self.inputs(name))
                 shapes[f"{name}.linear.bias"] = (1,)

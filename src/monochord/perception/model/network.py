@@ -19,6 +19,8 @@ NO_CONTACT, UNCERTAIN = "no contact", "too uncertain"
 """Why a head abstains."""
 MAX_LOGIT = 700.0
 """Largest logit whose exponential is a finite double."""
+MAX_LOG_SPREAD = 20.0
+"""Largest size of the logarithm of a spread."""
 NOTHING: Audio = np.zeros(0, np.float32)
 NO_CORRECTIONS: Mapping[str, Correction] = {}
 STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
@@ -99,14 +101,17 @@ def _outputs(rows: Audio, columns: Indices, units: Indices, weights: Audio) -> A
 class Network:
     """The scaling and the layers of all heads; `linear` holds the linear path of those that have one.
 
-    Layers see columns of `inputs`. The rise of the pitch is computed from `rise_columns`, empty for none.
+    A head has the layers of each of its members, which see columns of `inputs`. `unit` is the standard
+    deviation of its error where the spread is 1. The rise of the pitch is computed from `rise_columns`, empty
+    for none.
     """
 
     scaler: tuple[Audio, Audio]
     context_scaler: tuple[Audio, Audio] | None
     clip: float
-    layers: Mapping[str, Layers]
+    layers: Mapping[str, tuple[Layers, ...]]
     linear: Mapping[str, Layers]
+    unit: Mapping[str, float]
     rise_columns: tuple[int, ...]
 
     @classmethod
@@ -115,7 +120,7 @@ class Network:
         heads = definition.heads
         base, context = definition.widths
 
-        def layers(name: str, *parts: str) -> Layers:
+        def layers(name: str, *parts: str, member: tuple[int, ...] = ()) -> Layers:
             rise = range(RISES if heads[name].task.rise and definition.rise_columns else 0)
             columns = [
                 *definition.columns_of(name),
@@ -124,7 +129,10 @@ class Network:
             ]
             return Layers.of(
                 columns,
-                [(weights[f"{name}.{part}.weight"], weights[f"{name}.{part}.bias"]) for part in parts],
+                [
+                    (weights[f"{name}.{part}.weight"][member], weights[f"{name}.{part}.bias"][member])
+                    for part in parts
+                ],
             )
 
         return cls(
@@ -134,10 +142,14 @@ class Network:
             else None,
             clip=definition.clip,
             layers={
-                name: layers(name, *map(str, range(len(record.task.hidden) + 1)))
+                name: tuple(
+                    layers(name, *map(str, range(len(record.task.hidden) + 1)), member=member)
+                    for member in np.ndindex((record.task.members,) if record.task.members > 1 else ())
+                )
                 for name, record in heads.items()
             },
             linear={name: layers(name, "linear") for name, record in heads.items() if record.task.linear},
+            unit={name: STD_OF_SPREAD.get(record.task.loss, 1.0) for name, record in heads.items()},
             rise_columns=definition.rise_columns,
         )
 
@@ -166,12 +178,39 @@ class Network:
 
     def outputs(self, name: str, inputs: Audio) -> list[Output]:
         """Return the outputs of a head for each row of `inputs` (n, d + c + r)."""
-        values = self.layers[name].outputs(inputs).tolist()
+        members = [layers.outputs(inputs) for layers in self.layers[name]]
+        values = (members[0] if len(members) == 1 else together(np.stack(members), self.unit[name])).tolist()
         linear = self.linear[name].outputs(inputs).tolist() if name in self.linear else [[0.0]] * len(values)
         return [
             Output(value=value + added, log_spread=spread[0] if spread else 0.0)
             for (value, *spread), (added,) in zip(values, linear, strict=True)
         ]
+
+
+def together(members: Audio, unit: float) -> Audio:
+    """Return outputs (n, k) of all members (m, n, k) as one: their mean, and the spread of their mixture.
+
+    The variance of a mixture is the mean variance and the variance of the means (Lakshminarayanan, Pritzel
+    and Blundell, Simple and scalable predictive uncertainty estimation using deep ensembles, 2017).
+
+    Parameters
+    ----------
+    members
+        Values and, where they are learned, the logarithms of their spreads.
+    unit
+        Standard deviation of an error of spread 1.
+
+    Examples
+    --------
+    >>> same, apart = np.zeros((2, 1, 2), np.float32), np.array([[[-3.0, 0.0]], [[3.0, 0.0]]], np.float32)
+    >>> together(same, 1.0).tolist(), np.exp(together(apart, 1.0)).round(2).tolist()
+    ([[0.0, 0.0]], [[1.0, 3.16]])
+    """
+    mean = members.mean(axis=0)
+    if members.shape[2] > 1:
+        square = np.exp(2.0 * np.clip(members[:, :, 1], -MAX_LOG_SPREAD, MAX_LOG_SPREAD)).mean(axis=0)
+        mean[:, 1] = 0.5 * np.log(square + members[:, :, 0].var(axis=0) / unit**2)
+    return mean
 
 
 def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
@@ -225,7 +264,8 @@ def quantity(output: Output, record: HeadRecord, correction: Correction | None =
 
 def spread(output: Output, record: HeadRecord) -> float:
     """Return the calibrated standard error that a head states by itself, in units of its scale."""
-    own = STD_OF_SPREAD.get(record.task.loss, 1.0) * math.exp(min(max(output.log_spread, -20.0), 20.0))
+    log_spread = min(max(output.log_spread, -MAX_LOG_SPREAD), MAX_LOG_SPREAD)
+    own = STD_OF_SPREAD.get(record.task.loss, 1.0) * math.exp(log_spread)
     return record.calibration.factor * own
 
 

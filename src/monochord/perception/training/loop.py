@@ -242,10 +242,11 @@ def _weights(
         last = f"{name}.{len(task.hidden)}"
         for kind in ("weight", "bias"):
             array = weights[f"{last}.{kind}"].copy()
-            array[0] *= share * path.residual
+            at = (..., 0, slice(None)) if kind == "weight" else (..., 0)
+            array[at] *= share * path.residual
             weights[f"{last}.{kind}"] = array
         if task.outputs > 1:
-            weights[f"{last}.bias"][1] += np.log(path.residual)
+            weights[f"{last}.bias"][..., 1] += np.log(path.residual)
         weights[f"{name}.linear.weight"] = path.weight[None].astype(np.float32)
         weights[f"{name}.linear.bias"] = np.array([path.bias], np.float32)
     return weights

@@ -8,7 +8,7 @@ import numpy as np
 from monochord.core.types import Audio
 from monochord.perception.heads.base import Task
 from monochord.perception.model.definition import Definition
-from monochord.perception.model.network import scaled
+from monochord.perception.model.network import STD_OF_SPREAD, scaled
 from monochord.perception.model.rise import rises
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.examples import Examples
@@ -126,7 +126,7 @@ class TrainingTensors:
         """Return outputs (n, k) and targets (n,) of a head for all windows of a copy, without gradients."""
         with torch_library().no_grad():
             output = forward(name, task, weights, self._inputs(name, task, copy, slice(None), None))
-            return output, self._target(name, copy, slice(None), None)
+            return _together(task, output), self._target(name, copy, slice(None), None)
 
     def _target(self, name: str, copies: Any, batch: Any, shown: Any) -> Any:
         """Return the target of a head's layers: the label, or what its linear path leaves over."""
@@ -172,14 +172,14 @@ def initial(definition: Definition, seed: int) -> dict[str, Any]:
                 key = f"{name}.{number}.{kind}"
                 tensor = torch.zeros(shapes[key])
                 if number < last and kind == "weight":
-                    bound = float(np.sqrt(6.0 / shapes[key][1]))
+                    bound = float(np.sqrt(6.0 / shapes[key][-1]))
                     tensor.uniform_(-bound, bound, generator=generator)
                 weights[key] = tensor.requires_grad_()
     return weights
 
 
 def forward(name: str, task: Task, weights: Mapping[str, Any], rows: Any, generator: Any = None) -> Any:
-    """Return the outputs (n, outputs) of a head's layers for rows (n, inputs).
+    """Return the outputs (n, k) of a head's layers for rows (n, inputs), or those of its members (m, n, k).
 
     With a generator, as in training, the inputs are blurred and hidden units left out as the task says.
     Noise on the inputs is a penalty on how steeply outputs depend on them (Bishop, Training with noise is
@@ -190,14 +190,30 @@ def forward(name: str, task: Task, weights: Mapping[str, Any], rows: Any, genera
     if generator is not None and task.blur:
         rows = rows + task.blur * torch.randn(rows.shape, generator=generator)
     for number in range(len(task.hidden)):
-        rows = functional.relu(
-            functional.linear(rows, weights[f"{name}.{number}.weight"], weights[f"{name}.{number}.bias"])
-        )
+        rows = functional.relu(_linear(rows, weights, f"{name}.{number}"))
         if generator is not None and task.drop:
             kept = torch.rand(rows.shape, generator=generator) >= task.drop
             rows = rows * kept / (1.0 - task.drop)
-    last = len(task.hidden)
-    return functional.linear(rows, weights[f"{name}.{last}.weight"], weights[f"{name}.{last}.bias"])
+    return _linear(rows, weights, f"{name}.{len(task.hidden)}")
+
+
+def _linear(rows: Any, weights: Mapping[str, Any], layer: str) -> Any:
+    weight, bias = weights[f"{layer}.weight"], weights[f"{layer}.bias"]
+    if weight.ndim == 2:
+        return torch_library().nn.functional.linear(rows, weight, bias)
+    return rows @ weight.transpose(1, 2) + bias[:, None]
+
+
+def _together(task: Task, output: Any) -> Any:
+    """Return the outputs (n, k) of all members as one, as the model does."""
+    if task.members == 1:
+        return output
+    torch = torch_library()
+    mean = output.mean(dim=0)
+    if task.outputs > 1:
+        apart = output[..., 0].var(dim=0, unbiased=False) / STD_OF_SPREAD[task.loss] ** 2
+        mean[:, 1] = 0.5 * torch.log(torch.exp(2.0 * output[..., 1]).mean(dim=0) + apart)
+    return mean
 
 
 def arrays(weights: Mapping[str, Any]) -> dict[str, Audio]:
@@ -218,7 +234,7 @@ def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
     task
         Of the head.
     output
-        Tensor (n, outputs): logit, or scaled quantity and the log of its spread.
+        Tensor (..., n, outputs): logit, or scaled quantity and the log of its spread.
     target
         Tensor (n,): 0 or 1, or the quantity in the same scale.
     mask
@@ -230,13 +246,14 @@ def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
     Tavakoli, Antic and Martius, On the pitfalls of heteroscedastic uncertainty estimation (2022).
     """
     torch = torch_library()
-    value = output[:, 0]
+    value = output[..., 0]
+    target = target.expand_as(value)
     if task.loss == "logistic":
         each = torch.nn.functional.binary_cross_entropy_with_logits(value, target, reduction="none")
     elif task.loss == "square":
         each = (value - target) ** 2
     else:
-        log_spread = output[:, 1].clamp(-8.0, 8.0)
+        log_spread = output[..., 1].clamp(-8.0, 8.0)
         error = value - target
         if task.loss == "gauss":
             each = 0.5 * error**2 * torch.exp(-2.0 * log_spread) + log_spread
@@ -244,7 +261,7 @@ def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
         else:
             each = error.abs() * torch.exp(-log_spread) + log_spread
             each = each * torch.exp(SPREAD_POWER * log_spread).detach()
-    return (each * mask).sum() / mask.sum().clamp(min=1.0)
+    return (each * mask).sum() / mask.sum().clamp(min=1.0)  # of all members, which share no weights
 
 
 def joint_loss(
