@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, Seconds
-from monochord.perception.features._harmonics import line_near
 
 VIEWS, APART = 5, 0.125
 """Views, and their distance as a share of the window."""
@@ -52,7 +51,7 @@ _VIEWS = _views()
 @numba.njit(cache=True, error_model="numpy")
 def measure_glides(
     transform: NDArray[np.complex128],
-    power: Floats,
+    lines: Floats,
     partials: Floats,
     spacing: Hertz,
     sides: tuple[Metres, Metres],
@@ -66,10 +65,12 @@ def measure_glides(
 
     Parameters
     ----------
-    transform, power
-        Transform without a taper and Hann power of both microphones, (2, bins).
+    transform
+        Transform without a taper of both microphones, (2, bins).
+    lines
+        Bin, power and sidebands' power of each harmonic there, (2, 2, harmonics, 3); bin 0 is left out.
     partials
-        Expected frequencies of both segments' harmonics, (2, harmonics) in Hz; 0 is left out.
+        Expected frequencies of both segments' harmonics, (2, harmonics) in Hz.
     spacing
         Distance of two bins in Hz.
     sides
@@ -81,9 +82,9 @@ def measure_glides(
     glides = np.zeros(2)
     for s in range(2):
         total, first, second = LEAST, 0.0, 0.0
-        for c in range(power.shape[0]):
+        for c in range(lines.shape[0]):
             for n in range(partials.shape[1]):
-                peak, line, side = line_near(power[c], partials[s, n] / spacing)
+                peak, line, side = int(lines[c, s, n, 0]), lines[c, s, n, 1], lines[c, s, n, 2]
                 if peak == 0 or line <= 0.0:
                     continue
                 glide, square = _glide(transform[c], peak, 1.0 / spacing)

@@ -100,7 +100,7 @@ def measure_harmonics(
         for s in range(partials.shape[0]):
             for n in range(partials.shape[1]):
                 expected = partials[s, n] / spacing
-                peak, line, side = line_near(power[c], expected)
+                peak, line, side = _line_near(power[c], expected)
                 if peak == 0:
                     continue
                 clarity = line / (line + 3.0 * side + least)
@@ -120,7 +120,22 @@ def measure_harmonics(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def line_near(power: Floats, expected: float) -> tuple[int, float, float]:
+def lines_near(power: Floats, partials: Floats, spacing: Hertz) -> Floats:
+    """Return the bin, the power and the sidebands' power of each line, (channels, series, harmonics, 3).
+
+    Bin 0 is that of none. `power`, `partials` and `spacing` are as of `measure_harmonics`.
+    """
+    lines = np.zeros((power.shape[0], *partials.shape, 3))
+    for c in range(power.shape[0]):
+        for s in range(partials.shape[0]):
+            for n in range(partials.shape[1]):
+                peak, line, side = _line_near(power[c], partials[s, n] / spacing)
+                lines[c, s, n, 0], lines[c, s, n, 1], lines[c, s, n, 2] = peak, line, side
+    return lines
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _line_near(power: Floats, expected: float) -> tuple[int, float, float]:
     """Return the bin of the line at an expected one, its power and that of its sidebands; bin 0 of none.
 
     The line is the strongest bin in reach; none is where the reach or the sidebands end beyond the spectrum.

@@ -23,6 +23,7 @@ from monochord.perception.features._glides import measure_glides
 from monochord.perception.features._harmonics import (
     HARMONICS,
     expected_harmonics,
+    lines_near,
     measure_channels,
     measure_harmonics,
     of_microphones,
@@ -241,9 +242,9 @@ class _Extractor(Extractor):
             return np.zeros(0)
         near = spectrum.reading.position
         sides = (near, self._analyser.length - near if spectrum.reading.touched else 0.0)
-        return measure_glides(
-            spectrum.transform, spectrum.power, partials[:2], self._analyser.bin_spacing, sides
-        )
+        spacing = self._analyser.bin_spacing
+        lines = lines_near(spectrum.power, partials[:2], spacing)
+        return measure_glides(spectrum.transform, lines, partials[:2], spacing, sides)
 
     def _of_reading(self, spectrum: Spectrum) -> tuple[float, ...]:
         reading, analyser = spectrum.reading, self._analyser

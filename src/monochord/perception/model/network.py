@@ -203,8 +203,8 @@ def together(members: Audio, unit: float) -> Audio:
     Examples
     --------
     >>> same, apart = np.zeros((2, 1, 2), np.float32), np.array([[[-3.0, 0.0]], [[3.0, 0.0]]], np.float32)
-    >>> together(same, 1.0).tolist(), np.exp(together(apart, 1.0)).round(2).tolist()
-    ([[0.0, 0.0]], [[1.0, 3.16]])
+    >>> together(same, 1.0).tolist(), np.exp(2.0 * together(apart, 1.0)).round().tolist()
+    ([[0.0, 0.0]], [[1.0, 10.0]])
     """
     mean = members.mean(axis=0)
     if members.shape[2] > 1:
