@@ -68,6 +68,9 @@ def test_a_sensor_as_tuned_counts_where_a_session_was_recorded_without(write: Wr
     other = write("other", string=load_sensor("long").string)
     with pytest.raises(InputError, match=r"session other\.mcap with sensor"):
         build_dataset([other], tmp_path / "none", options)
+    skipping = replace(options, skip=True)
+    manifest = build_dataset([other, sessions[1]], tmp_path / "skipped", skipping).manifest
+    assert ([part.name for part in manifest.parts], list(manifest.refused)) == (["one"], ["other"])
 
 
 def test_labels_follow_the_touches(make: Make) -> None:

@@ -253,6 +253,7 @@ def take(job: Job) -> Taken:
         truth = truth_of(session, options.labels, options.thresholds, force=options.force)
         if not options.force:
             _refuse_damaged(session)  # and what was malformed in what has been read
+        tension, tuned = _tension_of(session, job.listen, options.sensor)
     except InputError as error:
         if not options.skip:
             raise
@@ -263,7 +264,6 @@ def take(job: Job) -> Taken:
     starts = window_starts(samples.shape[1], size, round(options.hop * rate))
     write_array(job.audio, samples)
     late = truth.alignment.lateness.get(AUDIO)
-    tension, tuned = _tension_of(session, job.listen, options.sensor)
     part = Part(
         name=job.name,
         source=job.path.name,
