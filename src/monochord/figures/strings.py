@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cache
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 from monochord.core.units import Seconds
-from monochord.evaluation.strings import refuse_options, strings_cost
+from monochord.evaluation.strings import StringsCost, refuse_options, strings_cost
 from monochord.figures import _style
 from monochord.figures.base import Measured, require_matplotlib
 
@@ -47,13 +48,7 @@ class Strings(Measured):
 
     def numbers(self) -> dict[str, Any]:
         """Return rate (1/s), cost (s), latency (s) and share of skipped windows for each number of both."""
-        runs: list[dict[str, Any]] = []
-        for processes in self.processes:
-            for count in (each for each in self.strings if each >= processes):
-                seen = strings_cost(
-                    count, seconds=self.seconds, hop=self.hop, model=self.model, processes=processes
-                )
-                runs.append({"processes": processes, **asdict(seen)})
+        runs = [{"processes": processes, **asdict(seen)} for processes, seen in _measured(self)]
         return {"hop": self.hop, "model": self.model, "simulated": True, "runs": runs}
 
     def draw(self) -> Canvas:
@@ -81,3 +76,19 @@ class Strings(Measured):
         _style.dress(left, "A", "processor time of an estimate", "strings", "ms")
         _style.dress(right, "B", "estimates of each string (dashed: asked for)", "strings", "1/s")
         return figure
+
+
+@cache
+def _measured(figure: Strings) -> list[tuple[int, StringsCost]]:
+    """Return the number of processes and what was measured, once, so that the numbers are those drawn."""
+    return [
+        (
+            processes,
+            strings_cost(
+                count, seconds=figure.seconds, hop=figure.hop, model=figure.model, processes=processes
+            ),
+        )
+        for processes in figure.processes
+        for count in figure.strings
+        if count >= processes
+    ]
