@@ -43,8 +43,9 @@ REAL_TIME = (
 )  # fmt: skip
 """Files and folders whose tests compare with the clock or need every frame of a real JACK server.
 
-They run one at a time, with nothing beside them. A single test of another file that does so has the marker
-``real_time`` itself; a test that merely waits, or starts a process, needs none.
+They run one at a time, beside them only what takes time that nothing else wants (Makefile). A single test of
+another file that does so has the marker ``real_time`` itself; a test that merely waits, or starts a process,
+needs none.
 """
 
 RATE = 44100
