@@ -58,7 +58,7 @@ start = 1e8
 """
 UNSAID = dict.fromkeys(
     ("source", "device", "rate", "length", "open_frequency", "estimator", "window", "hop", "string",
-     "seconds", "object", "simulated", "material", "radius", "sensor", "notes")
+     "seconds", "real_time", "object", "simulated", "material", "radius", "sensor", "notes")
 )  # fmt: skip
 ASSIGNMENTS = """seed=3
 window.hop=0.02
