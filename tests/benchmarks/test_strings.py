@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 
 from monochord.benchmarks.strings import Strings
@@ -30,6 +31,10 @@ def test_each_number_of_strings_is_compared_with_the_first() -> None:
 
 
 def test_the_figure_shows_cost_and_rate() -> None:
-    left, right = Figure(strings=(1,), seconds=0.8, hop=0.05, processes=(1,)).draw().axes
+    figure = Figure(strings=(1,), seconds=0.8, hop=0.05, processes=(1,))
+    left, right = figure.draw().axes
     assert left.get_ylabel() == "ms"
     assert right.get_ylabel() == "1/s"
+    (run,) = figure.numbers()["runs"]
+    drawn = [float(np.ravel(axes.lines[0].get_ydata())[0]) for axes in (left, right)]
+    assert drawn == [1e3 * run["cost"], run["rate"]]
