@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from tests.lab.tiny import session, tiny
@@ -16,6 +18,7 @@ from monochord.physics.twin.world import only
 
 GRID = Group(name="a", grid=(5, 4), sessions=3, radii=(0.002, 0.004), days=(1, 2), forces=(0.1, 2.0))
 PLAN = Plan(name="p", groups=(GRID, Group(name="b", like="a", sessions=2, lifted=3e-3)))
+SEALED = [name for name in plan_names() if name.startswith("sealed")]
 
 
 def _builds(group: Group) -> set[int]:
@@ -97,11 +100,7 @@ def test_a_drawn_design_is_a_sessions_own_and_described() -> None:
 
 def test_the_odd_plan_shares_no_build_with_a_test() -> None:
     builds = {build for group in load_plan("odd").groups for build in group.builds}
-    tests = [
-        group
-        for name in ("builds", "sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5", "sealed_6")
-        for group in load_plan(name).groups
-    ]
+    tests = [group for name in ("builds", *SEALED) for group in load_plan(name).groups]
     assert not builds & {
         each
         for group in tests
@@ -210,7 +209,7 @@ def test_sessions_of_the_paper_last_about_a_minute() -> None:
     assert 45.0 < min(lengths) <= max(lengths) < 75.0
 
 
-@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5", "sealed_6"])
+@pytest.mark.parametrize("plan", SEALED)
 def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan: str) -> None:
     sealed = load_plan(plan)
     others = [group for name in plan_names() if name != plan for group in load_plan(name).groups]
@@ -259,7 +258,7 @@ def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object
     assert {len(one.cells()) for one in held} == {600}
 
 
-@pytest.mark.parametrize("plan", ["sealed", "sealed_2", "sealed_3", "sealed_4", "sealed_5", "sealed_6"])
+@pytest.mark.parametrize("plan", SEALED)
 def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(plan: str) -> None:
     sessions = assignments(load_plan(plan))
     counts: dict[int | None, int] = {}
@@ -271,6 +270,40 @@ def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(pl
     pitch = [np.sqrt(1.0 + each.drift / each.string.tension) - 1.0 for each in sensors]
     assert min(pitch) < -0.02
     assert max(pitch) > 0.02
+
+
+AGAIN = """
+notes = "With another object, and music."
+[again]
+plan = "sealed_3"
+builds = 2000
+designs = 3000
+days = 1000
+materials = { copper_pipe = "brass_rod" }
+[[groups]]
+name = "more"
+music = "synthetic"
+"""
+
+
+def test_a_plan_again_has_other_builds_days_and_objects_and_groups_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(AGAIN, encoding="utf-8")
+    plan, other = load_plan(str(tmp_path / "mine.toml")), load_plan("sealed_3")
+    assert (plan.name, plan.title, plan.world) == ("mine", other.title, "plausible")
+    assert plan.notes == "With another object, and music."
+    *again, more = plan.groups
+    assert more == Group(name="more", music="synthetic")
+    for group, was in zip(again, other.groups, strict=True):
+        assert group.material == {"copper_pipe": "brass_rod"}.get(was.material, was.material)
+        assert group.builds[0] == was.builds[0] + (3000 if was.design else 2000)
+        assert group.days == tuple(day + 1000 for day in was.days)
+    assert "hold_brass_rod" in {group.name for group in again}
+    (tmp_path / "mine.toml").write_text(AGAIN.replace("copper_pipe", "copper_pip"), encoding="utf-8")
+    with pytest.raises(InputError, match="did you mean 'copper_pipe'"):
+        load_plan(str(tmp_path / "mine.toml"))
+    (tmp_path / "mine.toml").write_text(AGAIN.replace("builds =", "buildss ="), encoding="utf-8")
+    with pytest.raises(InputError, match=r"plan mine, again.*did you mean 'builds'"):
+        load_plan(str(tmp_path / "mine.toml"))
 
 
 def test_with_a_first_build_each_session_is_of_a_build_of_its_own() -> None:

@@ -1,12 +1,76 @@
-"""Presets of plans, one TOML file each, found by its name."""
+"""Presets of plans, one TOML file each, found by its name.
+
+A plan may be another one again, with other builds, days and objects: its table ``again`` says of which and how
+they differ, see `Again`; what the file states besides replaces the other plan's, and its groups are added.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
-from monochord.core.config import from_tree
+from monochord.core.config import from_tree, to_tree
+from monochord.core.errors import InputError, did_you_mean
 from monochord.core.presets import Presets
-from monochord.lab.plan import Plan
+from monochord.lab.plan import Group, Plan
 
-PLANS = Presets(package=__name__, kind="plan", read=lambda tree, where: from_tree(Plan, tree, where))
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Again:
+    """How the groups of a plan differ from those of another one.
+
+    Parameters
+    ----------
+    plan
+        The other plan: a name from `plan_names`.
+    builds, designs
+        Added to each build of its groups of the plan's own sensor, and of those with a drawn design.
+    days
+        Added to each day.
+    materials
+        Objects in the place of its own. A group that is named after its object gets the other's name.
+    """
+
+    plan: str
+    builds: int = 0
+    designs: int = 0
+    days: int = 0
+    materials: dict[str, str] = field(default_factory=dict[str, str])
+
+    def groups(self) -> tuple[Group, ...]:
+        """Return the groups of the other plan as they are here."""
+        groups = load_plan(self.plan).groups
+        objects = {group.material for group in groups}
+        for material in self.materials:
+            if material not in objects:
+                given = f"again.materials '{material}'"
+                raise InputError(
+                    given, ", ".join(sorted(objects)) + f" of {self.plan}", did_you_mean(material, objects)
+                )
+        return tuple(map(self._group, groups))
+
+    def _group(self, group: Group) -> Group:
+        further = self.designs if group.design else self.builds
+        material = self.materials.get(group.material, group.material)
+        return replace(
+            group,
+            name=group.name.replace(group.material, material),
+            material=material,
+            builds=tuple(build + further for build in group.builds),
+            days=tuple(day + self.days for day in group.days),
+        )
+
+
+def _read(tree: dict[str, Any], where: str) -> Plan:
+    """Return a plan by its table; raises `InputError` if it cannot be used."""
+    if "again" in tree:
+        again = from_tree(Again, tree["again"], f"{where}, again")
+        groups = [to_tree(group) for group in again.groups()]
+        own = {key: value for key, value in tree.items() if key != "again"}
+        tree = {**to_tree(load_plan(again.plan)), **own, "groups": [*groups, *tree.get("groups", [])]}
+    return from_tree(Plan, tree, where)
+
+
+PLANS = Presets(package=__name__, kind="plan", read=_read)
 
 
 def plan_names() -> list[str]:
