@@ -39,11 +39,12 @@ def watched(
     streams: Sequence[StreamHealth] = (),
     skipped: Sequence[int] = (),
     state: HealthState | None = None,
+    contact: Estimate | None = None,
 ) -> list[tuple[Note, ...]]:
     """Return the notes after each window of a sound."""
     state, notes = state or HealthState(), list[tuple[Note, ...]]()
     each = Estimate.abstain("", why_not) if why_not else GOOD
-    estimates: Estimates = {"contact": each, "position": each}
+    estimates: Estimates = {"contact": contact or each, "position": each}
     for k, start in enumerate(range(0, sound.shape[1] - SIZE, HOP)):
         window = Window(samples=sound[:, start : start + SIZE], start=start, sample_rate=RATE)
         stream = streams[min(k, len(streams) - 1)] if streams else StreamHealth()
@@ -103,6 +104,7 @@ def test_reasons_to_abstain_are_said_with_what_to_do(why_not: str) -> None:
     assert [(note.key, note.since) for note in notes] == [(key, 0.0)]
     assert notes[0].sentence == finding.sentence
     assert notes[0].remedy
+    assert watched(STRING, why_not, contact=GOOD)[-1] == notes  # contact may be estimated all the same
 
 
 def test_the_bundled_model_gives_no_reason_that_is_not_known_here() -> None:

@@ -18,7 +18,7 @@ from monochord.core.clock import MIN_CLOCK_STEP
 from monochord.core.errors import InputError
 from monochord.core.types import Estimates, StreamHealth, Window
 from monochord.core.units import Seconds
-from monochord.live.filter import FilterState
+from monochord.live.filter import CONTACT, FilterState
 from monochord.perception.estimators.base import Condition
 
 Level: TypeAlias = Literal["info", "warning", "error"]
@@ -312,9 +312,11 @@ def _appear(finding: Finding, settings: HealthSettings) -> Seconds:
 
 
 def _add_reasons(findings: dict[str, Finding], estimates: Estimates) -> None:
-    """Add why all estimates of a window abstain, where they do for one reason."""
+    """Add why all estimates of a window but contact abstain, where they do for one reason."""
     reason = ""
-    for each in estimates.values():
+    for name, each in estimates.items():
+        if name == CONTACT and each.valid:
+            continue
         if each.valid or (reason and each.why_not != reason):
             return
         reason = each.why_not

@@ -1,4 +1,4 @@
-"""Sound unlike that of the training: all heads abstain with the reason, and no reference learns it."""
+"""Sound unlike that of the training: heads abstain with the reason, and no reference learns it."""
 
 import dataclasses
 from collections.abc import Callable
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.core.types import Window
+from monochord.core.types import Estimate, Window
 from monochord.perception.model import Definition, Model, ModelState, load, save
 from monochord.perception.model.definition import KNOWN, KnownRecord
 from monochord.perception.model.known import UNLIKE, Detector, KnownState, step
@@ -19,9 +19,11 @@ REASONS = ("microphone 2 is silent", "two things seem to touch")
 MEMORY = (2.0, 0.2)
 
 
-def with_detector(model: Model, bias: tuple[float, ...], limit: float = 0.0) -> Model:
+def with_detector(
+    model: Model, bias: tuple[float, ...], limit: float = 0.0, **lists: tuple[str, ...]
+) -> Model:
     """Return a model whose detector has the same logits for every window."""
-    record = KnownRecord(hidden=(4,), reasons=REASONS, memory=MEMORY, limit=limit)
+    record = KnownRecord(hidden=(4,), reasons=REASONS, memory=MEMORY, limit=limit, **lists)
     definition = dataclasses.replace(model.definition, known=record)
     shapes = {name: shape for name, shape in definition.shapes().items() if name.startswith(f"{KNOWN}.")}
     weights = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
@@ -43,6 +45,34 @@ def test_every_head_abstains_with_the_likely_reason(
     _, estimates = with_detector(drawn, bias).predict(ModelState(), sound(0))
     assert {each.why_not for each in estimates.values()} == {reason}
     assert set(estimates) == set(drawn.definition.heads)
+
+
+def test_contact_is_estimated_beside_a_reason_that_leaves_it_right(drawn: Model, sound: Sound) -> None:
+    expected = drawn.predict(ModelState(), sound(0))[1]["contact"]
+    for bias, reason in (((0.0, 4.0, 0.0), REASONS[0]), ((0.0, 0.0, 4.0), REASONS[1])):
+        model = with_detector(drawn, bias, contact_holds=REASONS[1:])
+        estimates = model.predict(ModelState(), sound(0))[1]
+        withheld = Estimate.abstain("", reason)
+        assert str(estimates["contact"]) == str(expected if reason == REASONS[1] else withheld)
+        assert {each.why_not for name, each in estimates.items() if name != "contact"} == {reason}
+        silence = dataclasses.replace(sound(0), samples=np.zeros_like(sound(0).samples))
+        assert not model.predict(ModelState(), silence)[1]["contact"].valid
+    for field in ("contact_holds", "brief"):
+        with pytest.raises(InputError, match="did you mean 'two things seem to touch'"):
+            with_detector(drawn, (0.0, 0.0, 0.0), **{field: ("two things seems to touch",)})
+
+
+@pytest.mark.parametrize("touched", [True, False])
+def test_contact_abstains_where_it_denies_a_touch_that_the_reason_speaks_of(
+    drawn: Model, sound: Sound, *, touched: bool
+) -> None:
+    model = with_detector(drawn, (0.0, 0.0, 4.0), brief=REASONS[1:])
+    gate = model.definition.gate
+    last = max(name for name in model.weights if name.startswith(f"{gate}.") and name.endswith("bias"))
+    sure = np.full_like(model.weights[last], 60.0 if touched else -60.0)
+    model = dataclasses.replace(model, weights={**model.weights, last: sure})
+    contact = model.predict(ModelState(), sound(0))[1][gate]
+    assert (contact.valid, contact.why_not) == ((True, "") if touched else (False, REASONS[1]))
 
 
 def test_known_sound_is_estimated_as_without_a_detector(drawn: Model, sound: Sound) -> None:

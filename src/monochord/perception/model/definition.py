@@ -109,7 +109,9 @@ class KnownRecord:
     It sees the feature's `columns`, names or patterns as of a head, all for none.
     The log odds of each are averaged over its time in `memory`, and a window is abstained from where the
     score that follows is above `limit`. Reasons in `touched` are detected in touched windows alone: no other
-    counts in their average, which so stays until the next touch. `measured` holds the shares of windows that
+    counts in their average, which so stays until the next touch. Beside reasons in `contact_holds` the head
+    of contact is as right as ever, and only the others abstain; reasons in `brief` say that something
+    touches, and contact abstains only where its head denies that. `measured` holds the shares of windows that
     are so in validation: of ordinary ones, and of each kind that was shown.
     """
 
@@ -118,6 +120,8 @@ class KnownRecord:
     reasons: tuple[str, ...] = ()
     memory: tuple[Seconds, ...] = ()
     touched: tuple[str, ...] = ()
+    brief: tuple[str, ...] = ()
+    contact_holds: tuple[str, ...] = ()
     limit: float = 0.0
     measured: dict[str, float] = field(default_factory=dict[str, float])
 
@@ -128,9 +132,9 @@ class KnownRecord:
         if len(self.hidden) > MAX_LAYERS or not 1 <= len(self.reasons) <= MAX_PATTERNS:
             given = f"{len(self.hidden)} hidden layers and {len(self.reasons)} reasons of a detector"
             raise InputError(given, f"{MAX_LAYERS} at most, and 1 to {MAX_PATTERNS}")
-        for reason in self.touched:
+        for reason in (*self.touched, *self.brief, *self.contact_holds):
             if reason not in self.reasons:
-                given = f"reason '{reason}' of a detector, detected in touched windows"
+                given = f"reason '{reason}', which is none of the detector's"
                 raise InputError(given, ", ".join(self.reasons), did_you_mean(reason, self.reasons))
         if len(self.columns) > MAX_PATTERNS:
             raise InputError(

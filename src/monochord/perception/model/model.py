@@ -150,11 +150,14 @@ class Model:
         results: list[tuple[ModelState, Estimates]] = []
         for (model, _), (state, outputs, why_not) in zip(streams, Model._read(streams, windows), strict=True):
             trained = model.definition
-            estimates = (
-                {name: Estimate.abstain(each.task.unit, why_not) for name, each in trained.heads.items()}
-                if why_not
-                else model.at_own_tension(estimates_of(trained, outputs, model.corrections))
-            )
+            estimates: dict[str, Estimate] = {}
+            if outputs:
+                estimates = model.at_own_tension(estimates_of(trained, outputs, model.corrections))
+            if why_not:
+                withheld = {name: each.task.unit for name, each in trained.heads.items()}
+                if outputs and model.contact_holds(estimates[trained.gate], why_not):
+                    del withheld[trained.gate]
+                estimates |= {name: Estimate.abstain(unit, why_not) for name, unit in withheld.items()}
             results.append((state, estimates))
         return results
 
@@ -214,6 +217,13 @@ class Model:
             samples = window.samples[np.newaxis]
             state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
         return state, outputs, why_not
+
+    def contact_holds(self, contact: Estimate, why_not: str) -> bool:
+        """Return whether contact can be told in a window beside why the detector says not to use it."""
+        record = self.definition.known
+        if record is None:
+            return False
+        return why_not in record.contact_holds or (why_not in record.brief and contact.value >= DECISION)
 
     def why_not(self, window: Window) -> str:
         """Return why a window cannot be used, or an empty string."""

@@ -116,6 +116,8 @@ def with_detector(
         reasons=reasons,
         memory=tuple(options.touch_memory if each in brief else options.memory for each in reasons),
         touched=tuple(each for each in reasons if each in touching - brief),
+        brief=tuple(each for each in reasons if each in brief),
+        contact_holds=tuple(each for each in reasons if each in options.contact_holds),
     )
     definition = dataclasses.replace(definition, known=record)
     torch = torch_library()

@@ -125,6 +125,9 @@ class KnownSettings:
         Those of them that are as any other again when the touch has ended.
     faults
         Reason to abstain for each of `monochord.datasets.faults.FAULTS` that is made of training windows.
+    contact_holds
+        Reasons beside which contact is estimated all the same, as its head is right there: not those of a
+        dead microphone, hum or clipping. Beside reasons of patterns in `brief` it is where it says "touched".
     spared
         Patterns of the names of training sessions that no fault is made of: those of other designs, which
         with their microphones exchanged are one more such design, and no fault.
@@ -163,6 +166,7 @@ class KnownSettings:
             "hum": "hum louder than the string",
         }
     )
+    contact_holds: tuple[str, ...] = ("one driver seems silent", "the microphones seem swapped")
     spared: tuple[str, ...] = ()
     memory: Seconds = 2.0
     touch_memory: Seconds = 0.2
