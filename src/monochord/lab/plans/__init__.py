@@ -1,7 +1,7 @@
 """Presets of plans, one TOML file each, found by its name.
 
-A plan may be another one again, with other builds, days and objects: its table ``again`` says of which and how
-they differ, see `Again`; what the file states besides replaces the other plan's, and its groups are added.
+A plan may be another one again, with other builds, days and objects: its table ``again`` says which one and
+how it differs, see `Again`; what the file states besides replaces the other plan's, and its groups are added.
 """
 
 from collections.abc import Sequence
