@@ -20,10 +20,16 @@ MEMORY = (2.0, 0.2)
 
 
 def with_detector(
-    model: Model, bias: tuple[float, ...], limit: float = 0.0, **lists: tuple[str, ...]
+    model: Model,
+    bias: tuple[float, ...],
+    limit: float = 0.0,
+    brief: tuple[str, ...] = (),
+    contact_holds: tuple[str, ...] = (),
 ) -> Model:
     """Return a model whose detector has the same logits for every window."""
-    record = KnownRecord(hidden=(4,), reasons=REASONS, memory=MEMORY, limit=limit, **lists)
+    record = KnownRecord(
+        hidden=(4,), reasons=REASONS, memory=MEMORY, limit=limit, brief=brief, contact_holds=contact_holds
+    )
     definition = dataclasses.replace(model.definition, known=record)
     shapes = {name: shape for name, shape in definition.shapes().items() if name.startswith(f"{KNOWN}.")}
     weights = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
@@ -57,9 +63,11 @@ def test_contact_is_estimated_beside_a_reason_that_leaves_it_right(drawn: Model,
         assert {each.why_not for name, each in estimates.items() if name != "contact"} == {reason}
         silence = dataclasses.replace(sound(0), samples=np.zeros_like(sound(0).samples))
         assert not model.predict(ModelState(), silence)[1]["contact"].valid
-    for field in ("contact_holds", "brief"):
-        with pytest.raises(InputError, match="did you mean 'two things seem to touch'"):
-            with_detector(drawn, (0.0, 0.0, 0.0), **{field: ("two things seems to touch",)})
+    misspelt, line = ("two things seems to touch",), "did you mean 'two things seem to touch'"
+    with pytest.raises(InputError, match=line):
+        with_detector(drawn, (0.0, 0.0, 0.0), contact_holds=misspelt)
+    with pytest.raises(InputError, match=line):
+        with_detector(drawn, (0.0, 0.0, 0.0), brief=misspelt)
 
 
 @pytest.mark.parametrize("touched", [True, False])
