@@ -9,7 +9,7 @@ import click
 
 from monochord.cli._output import echo, progress_bar
 from monochord.datasets.build import Labelling
-from monochord.perception.training.adapt import Adaptation
+from monochord.perception.training.adapt import Adaptation, Objects
 from monochord.perception.training.calibration import calibrated
 
 
@@ -21,6 +21,12 @@ from monochord.perception.training.calibration import calibrated
     type=click.IntRange(min=0),
     metavar="N",
     help="Use the first N; 0 changes nothing and judges by all.  [default: all]",
+)
+@click.option(
+    "--objects",
+    type=click.Choice(["same", "others"]),
+    default="same",
+    help="What will touch it: the object of these touches, or others too.  [default: same]",
 )
 @click.option(
     "--labels",
@@ -37,6 +43,7 @@ def calibrate(
     *,
     sessions: tuple[str, ...],
     touches: int | None,
+    objects: Objects,
     labels: Labelling | None,
     out: Path | None,
     force: bool,
@@ -46,9 +53,10 @@ def calibrate(
 
     A few touches at different places and forces are enough: record them, or import a sound file and a table
     of what a ruler and a kitchen scale showed (monochord sessions import). What the model was adapted to
-    before stays known. The sensor is taken to be in order: what it sounds like is no fault from then on.
-    Every error is of touches that were left out. With 0 touches the model stays as it is, and all of them say
-    how good it is.
+    before stays known. Most of what they teach is the object's: with --objects others, each session of one
+    object, the sensor alone is learned. The sensor is taken to be in order: what it sounds like is no fault
+    from then on. Every error is of touches that were left out. With 0 touches the model stays as it is, and
+    all of them say how good it is.
 
     \b
     monochord calibrate demo --sessions touches.mcap --out mine
@@ -57,7 +65,14 @@ def calibrate(
     """  # noqa: D301
     with progress_bar() as progress:
         result = calibrated(
-            model, sessions, out, touches=touches, labels=labels or "", force=force, progress=progress
+            model,
+            sessions,
+            out,
+            touches=touches,
+            objects=objects,
+            labels=labels or "",
+            force=force,
+            progress=progress,
         )
     if as_json:
         echo(json.dumps(_tree(result, out)))

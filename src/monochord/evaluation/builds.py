@@ -32,7 +32,7 @@ from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import Model, save
 from monochord.perception.model import load as load_model
-from monochord.perception.training.adapt import REMEDY, adapt
+from monochord.perception.training.adapt import REMEDY, Objects, adapt
 from monochord.perception.training.correct import Replayed
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.train import read_in_turn
@@ -59,10 +59,11 @@ Curves: TypeAlias = dict[tuple[str, int], Results]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group:
-    """Sessions of one build, which are adapted to together; `world` is "" for real sound."""
+    """Sessions of one build, which are adapted to together for `objects`; `world` is "" for real sound."""
 
     files: tuple[Path, ...]
     world: str
+    objects: Objects = "same"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +106,8 @@ def evaluate_builds(
     touches
         Numbers of known touches.
     per
-        Whether each session is adapted to by itself, as each has an object of its own, or a build's together.
+        Whether each session is adapted to by itself, as each has an object of its own, or a build's together,
+        for other objects than those of the known touches.
     condition
         Of the rows.
     labels
@@ -170,7 +172,8 @@ def groups_of(files: Sequence[Path], per: Per = "session") -> list[Group]:
         world = description.more.get("world", "ideal") if description.simulated else ""
         build = "" if description.build is None else str(description.build)
         groups.setdefault((world, build, *([file.name] if per == "session" else [])), []).append(file)
-    return [Group(files=tuple(own), world=key[0]) for key, own in groups.items()]
+    objects: Objects = "same" if per == "session" else "others"
+    return [Group(files=tuple(own), world=key[0], objects=objects) for key, own in groups.items()]
 
 
 def _rows_of(parts: Mapping[tuple[str, str, int], list[Results]], condition: str) -> list[SummaryRow]:
@@ -214,7 +217,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
         estimators: list[Estimator] = []
         for count in counts:
             folder = scratch / f"model_{count}"
-            save(_adapted(rivals.model, dataset, known[count], replayed_rows), folder)
+            save(_adapted(rivals.model, dataset, known[count], group.objects, replayed_rows), folder)
             estimators.append(ESTIMATORS.build("model", {"path": str(folder)}))
         replayed: list[list[Results]] = [[] for _ in counts]
         by_session = [{each.sessions[0]: each for each in _by_string(every)} for every in others]
@@ -239,13 +242,13 @@ def _labelled(dataset: Dataset) -> Flags:
     return touched & (np.isfinite(dataset.label("position")) | np.isfinite(dataset.label("force")))
 
 
-def _adapted(model: Model, dataset: Dataset, known: Flags, replayed: Replayed) -> Model:
+def _adapted(model: Model, dataset: Dataset, known: Flags, objects: Objects, replayed: Replayed) -> Model:
     """Return a model adapted to the known windows (n,), if any can be used; no other label can be seen."""
     if not known.any():
         return model
     seen = {name: valid & known for name, valid in dataset.valid.items()}
     try:
-        return adapt(model, replace(dataset, valid=seen), replayed=replayed).model
+        return adapt(model, replace(dataset, valid=seen), objects=objects, replayed=replayed).model
     except InputError:  # none of these touches was detected
         return model
 

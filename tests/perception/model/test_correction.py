@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Floats
-from monochord.perception.model.correction import Correction, Indices, prior
+from monochord.perception.model.correction import BUILD_SHARE, Correction, Indices, prior
 
 WEIGHTS = np.array([0.2, 0.3, -0.1, 0.1, 0.05, 0.1])
 """Standard deviations of the weights of 1, a, b, a^2, a b, b^2 between groups."""
@@ -138,3 +138,38 @@ def test_far_variables_are_bounded(unknown: Correction) -> None:
     assert np.abs(far).max() <= 16.0
     moved = replace(unknown, centre=unknown.centre + 1e9)
     assert np.abs(moved.terms(np.zeros((1, 2)))).max() <= 16.0
+
+
+def test_what_objects_have_in_common_is_the_builds_and_another_object_is_as_uncertain_as_it_is() -> None:
+    rng = np.random.default_rng(5)
+    flat, wide, noise = np.zeros(3), np.diag([0.25, 0.04, 0.01]), 0.05
+    unknown = Correction(centre=flat[:1], scale=np.ones(1), mean=flat, covariance=wide, noise=1.0)
+    variables = rng.normal(size=(1000, 1))
+    terms, std, touch = unknown.terms(variables), np.full(1000, noise), np.arange(1000)
+    group = touch // 100  # ten objects
+    left: dict[str, list[float]] = {"none": [], "same": [], "one": [], "eight": []}
+    inside: dict[str, list[bool]] = {name: [] for name in left}
+    for _ in range(120):
+        build = rng.normal(size=3) * np.sqrt(BUILD_SHARE * np.diag(wide))
+        own = rng.normal(size=(10, 3)) * np.sqrt((1.0 - BUILD_SHARE) * np.diag(wide))
+        error = np.einsum("ni,ni->n", terms, (build + own)[group]) + noise * rng.normal(size=1000)
+        known = {each: (terms[group < each], error[group < each], std[group < each]) for each in (1, 8)}
+        learned = {
+            "none": unknown,
+            "same": unknown.given(*known[1], touch[group < 1]),
+            "one": unknown.of_the_build(*known[1], touch[group < 1], group[group < 1]),
+            "eight": unknown.of_the_build(*known[8], touch[group < 8], group[group < 8]),
+        }
+        for name, each in learned.items():
+            expected, uncertain = each.error(terms[group == 9])
+            off = error[group == 9] - expected
+            left[name].append(float(np.mean(np.abs(off))))
+            inside[name] += (np.abs(off) < np.hypot(uncertain, noise)).tolist()
+        assert learned["one"].mean == pytest.approx(BUILD_SHARE * learned["same"].mean, abs=1e-6)
+    error_of = {name: float(np.mean(values)) for name, values in left.items()}
+    covered = {name: float(np.mean(values)) for name, values in inside.items()}
+    assert error_of["eight"] < 0.93 * error_of["none"]
+    assert error_of["one"] < error_of["none"] < 0.9 * error_of["same"]
+    for name in ("none", "one", "eight"):
+        assert 0.62 < covered[name] < 0.74, (name, covered)
+    assert covered["same"] < 0.3

@@ -87,6 +87,26 @@ def test_known_touches_of_another_build_take_its_bias_away(correctable: Model, f
     assert 0.0 < result.next_touch.gain < 1.0
 
 
+def test_for_other_objects_a_sensor_is_learned_in_part_and_its_objects_stay_uncertain(
+    correctable: Model, foreign: Dataset
+) -> None:
+    same, others = (adapt(correctable, foreign, touches=8, objects=each) for each in ("same", "others"))
+    before, *learned = (each.correction("force") for each in (correctable, same.model, others.model))
+    assert before is not None
+    at = before.terms(np.zeros(len(before.centre))[np.newaxis])
+    (own, own_std), (further, further_std) = (each.error(at) for each in learned if each)
+    assert (
+        0.15 < float(further[0] / own[0]) < 0.45
+    )  # of a bias of one object, a third is taken for the build's
+    assert own_std[0] < 0.5 * further_std[0]
+    assert others.heads["force"].used
+    assert same.heads["force"].after < others.heads["force"].after < others.heads["force"].before
+    assert "objects" in same.trust.line()
+    assert "objects" not in others.trust.line()
+    with pytest.raises(InputError, match="a model that was adapted to 8 touches, for other objects"):
+        adapt(same.model, foreign, objects="others")
+
+
 def test_an_adapted_model_is_saved_and_remembers_what_it_heard(
     correctable: Model, foreign: Dataset, tmp_path: Path
 ) -> None:

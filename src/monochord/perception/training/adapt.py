@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.rows import Progress
 from monochord.perception.training.train import as_of_the_design, read_in_turn
 
+Objects: TypeAlias = Literal["same", "others"]
+"""What an adapted model is to be touched by: the object of the known touches, or others too."""
 MAX_FOLDS = 10
 """Folds of the cross-validation; with as many touches or fewer each touch is left out by itself."""
 ACCUSTOMED_SHARE = 0.01
@@ -99,6 +102,7 @@ class Trust:
     force: tuple[Newtons, Newtons] | None
     errors: dict[str, float]
     sliding: bool
+    objects: Objects = "same"
 
     def line(self) -> str:
         """Return it as one sentence."""
@@ -116,7 +120,8 @@ class Trust:
         which = "1 known touch lies" if self.touches == 1 else f"{self.touches} known touches lie"
         return (
             f"trust it at {' and '.join(spans)}, where the {which}: expect a mean error of "
-            f"{' and '.join(errors)} there; not covered: other positions, forces, objects or mounts"
+            f"{' and '.join(errors)} there; not covered: other positions, forces, "
+            + ("objects or mounts" if self.objects == "same" else "or mounts")
             + ("" if self.sliding else ", and sliding")
         )
 
@@ -160,6 +165,7 @@ def adapt(
     dataset: Dataset,
     *,
     touches: int | None = None,
+    objects: Objects = "same",
     replayed: Replayed | None = None,
     progress: Progress = lambda *_: None,
 ) -> Adaptation:
@@ -174,9 +180,12 @@ def adapt(
     model
         Trained with corrections. What it was adapted to before stays known.
     dataset
-        Windows with labels, of one build and one object.
+        Windows with labels, of one build; of one object, or of one in each session where `objects` says so.
     touches
         How many touches to use, the first in time, 1 or more; all by default.
+    objects
+        "others" learns of the sensor alone, for objects that are not known: less, since most of the error is
+        the object's.
     replayed
         What the model makes of the dataset's windows, where it is known already; see `train.read_in_turn`.
     progress
@@ -186,10 +195,9 @@ def adapt(
     ------
     InputError
         If the model has no corrections, the dataset fewer touches than `touches`, or none, or its positions
-        are from the string's other end.
+        are from the string's other end; or for other objects if the model was adapted before.
     """
-    if not model.corrections:
-        raise InputError("a model without corrections", "a model that can be adapted", REMEDY)
+    _refuse_unfit(model, objects)
     given, dataset = dataset, as_of_the_design(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
     if replayed is None:
@@ -222,8 +230,9 @@ def adapt(
                 heads[name] = _adaptation(record, errors.error, errors.error, errors.std, own)
             continue
         terms = correction.terms(errors.variables)
-        heads[name] = _judged(record, correction, errors, terms, own)
-        known[name] = _learned(correction, terms, errors, own) if heads[name].used else correction
+        group = dataset.session[errors.rows].astype(np.int64) if objects == "others" else None
+        heads[name] = _judged(record, correction, errors, terms, own, group)
+        known[name] = _learned(correction, terms, errors, own, group) if heads[name].used else correction
         spreads[name] = float(np.median(errors.std))
         before = record.correction
         model = with_correction(
@@ -246,7 +255,7 @@ def adapt(
         heads=heads,
         next_touch=_suggestion(model, known, spreads),
         mistaken=mistaken,
-        trust=_trust(given, np.isin(touch, known_touches), heads),
+        trust=replace(_trust(given, np.isin(touch, known_touches), heads), objects=objects),
     )
 
 
@@ -358,24 +367,42 @@ def _part(errors: KnownErrors, used: np.ndarray) -> KnownErrors:
     )
 
 
-def _learned(correction: Correction, terms: Floats, errors: KnownErrors, touch: Indices) -> Correction:
-    """Return a correction once the errors of some windows are known; without any, as it is."""
+def _learned(
+    correction: Correction, terms: Floats, errors: KnownErrors, touch: Indices, group: Indices | None
+) -> Correction:
+    """Return a correction once the errors of some windows are known; without any, as it is.
+
+    It is for the object of these windows, or for others, where the object (n,) of each is given.
+    """
     if not touch.size:
         return correction
-    fitted = correction.fitted(terms, errors.error, errors.std, touch)
-    return fitted.given(terms, errors.error, errors.std, touch)
+    fitted = correction.fitted(terms, errors.error, errors.std, touch, group)
+    if group is None:
+        return fitted.given(terms, errors.error, errors.std, touch)
+    return fitted.of_the_build(terms, errors.error, errors.std, touch, group)
 
 
 def _judged(
-    record: HeadRecord, correction: Correction, errors: KnownErrors, terms: Floats, touch: Indices
+    record: HeadRecord,
+    correction: Correction,
+    errors: KnownErrors,
+    terms: Floats,
+    touch: Indices,
+    group: Indices | None,
 ) -> HeadAdaptation:
-    """Return the errors of a head before, and of each touch after correction by the others."""
-    numbers = np.unique(touch)
+    """Return the errors of a head before, and of each touch after correction by the others.
+
+    Where it is for other objects, and there are several, each object is judged by the others.
+    """
+    of, numbers = touch, np.unique(touch)
+    if group is not None and len(np.unique(group)) > 1:
+        of, numbers = group, np.unique(group)
     folds = np.array_split(numbers, min(MAX_FOLDS, len(numbers)))
     left, std = np.empty(len(touch)), np.empty(len(touch))
     for fold in folds:
-        out = np.isin(touch, fold)
-        others = _learned(correction, terms[~out], _part(errors, ~out), touch[~out])
+        out = np.isin(of, fold)
+        own = None if group is None else group[~out]
+        others = _learned(correction, terms[~out], _part(errors, ~out), touch[~out], own)
         expected, uncertain = others.error(terms[out])
         left[out] = errors.error[out] - expected
         std[out] = np.sqrt(others.noise * errors.std[out] ** 2 + uncertain**2)
@@ -400,6 +427,16 @@ def _adaptation(
         used=means[1] < means[0],
         corrected=record.correction is not None,
     )
+
+
+def _refuse_unfit(model: Model, objects: Objects) -> None:
+    """Refuse a model that cannot be adapted, or not for these objects."""
+    if not model.corrections:
+        raise InputError("a model without corrections", "a model that can be adapted", REMEDY)
+    records = (each.correction for each in model.definition.heads.values())
+    if objects == "others" and (touches := max(each.touches for each in records if each)):
+        given = f"a model that was adapted to {touches} touches, for other objects"
+        raise InputError(given, "the model as it was trained", "give it all sessions at once")
 
 
 def _refuse_other_end(definition: Definition, record: HeadRecord, errors: KnownErrors) -> None:

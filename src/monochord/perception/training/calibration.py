@@ -8,7 +8,7 @@ from pathlib import Path
 from monochord.core.errors import InputError
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.perception.model import load, save
-from monochord.perception.training.adapt import Adaptation, adapt, judge
+from monochord.perception.training.adapt import Adaptation, Objects, adapt, judge
 from monochord.perception.training.rows import Progress
 from monochord.perception.tuning.sessions import tension_estimator
 
@@ -19,6 +19,7 @@ def calibrated(
     out: Path | None,
     *,
     touches: int | None = None,
+    objects: Objects = "same",
     labels: Labelling = "",
     force: bool = False,
     progress: Progress = lambda *_: None,
@@ -36,6 +37,8 @@ def calibrated(
     touches
         How many touches to use, the first in time; all by default. With 0 the model stays as it is, and all
         touches say how good it is.
+    objects
+        What the sensor is to be touched by: the object of these touches, or others too; see `adapt`.
     labels
         Which labels to take; see `BuildOptions`.
     force
@@ -50,6 +53,10 @@ def calibrated(
         `adapt`.
     """
     given = load(model)
+    if touches == 0 and objects == "others":
+        raise InputError(
+            "--objects others with --touches 0", "touches to learn from", "leave one of both out"
+        )
     if out is None and touches != 0:
         raise InputError("no --out", "a new folder for the model", "or --touches 0, which judges it alone")
     if out is not None and out.exists():
@@ -67,5 +74,5 @@ def calibrated(
         if touches == 0:
             result = judge(given, dataset, progress=progress)
         else:
-            result = adapt(given, dataset, touches=touches, progress=progress)
+            result = adapt(given, dataset, touches=touches, objects=objects, progress=progress)
     return result if out is None else dataclasses.replace(result, model=save(result.model, out))
