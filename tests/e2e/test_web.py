@@ -35,6 +35,8 @@ pytestmark = [
 ]
 SECONDS = 240
 READY = "window.monochord?.moment ? 1 : 0"
+NONE = "\N{EN DASH}"
+"""What stands for a number that is not known."""
 
 
 FIRST_ESTIMATE = 5.0
@@ -436,6 +438,25 @@ def test_it_says_when_a_touch_begins(page: Page) -> None:
     assert re.fullmatch(r"touched at \d+ millimetres, \d\.\d newtons", told)
     string.mouse("mouseReleased", 0.5)
     page.wait("window.spoken.at(-1) === 'untouched'")
+
+
+@pytest.mark.parametrize(
+    ("contact", "shown_as"),
+    [("null", [NONE, "microphone 1 is silent"]), ("0.97", ["touched", "97 % likely"])],
+)
+def test_where_contact_is_not_known_it_is_not_called_untouched(
+    page: Page, contact: str, shown_as: list[str]
+) -> None:
+    why = "microphone 1 is silent"
+    texts = page.ask(f"""import("/static/numbers.js").then((numbers) => {{
+        const why = {{ value: null, std: null, unit: "", why: {json.dumps(why)} }};
+        const contact = {contact} === null ? why : {{ value: {contact}, std: 0.1, unit: "", why: "" }};
+        const window = {{ contact, position: why, force: why, slip: why }};
+        numbers.showNumbers({{ ...monochord.moment, window, tracked: window, decided: {{}}, truth: {{}} }});
+        const texts = (name) => [...document.getElementById(`reading-${{name}}`).children].slice(1);
+        return ["contact", "position"].map((name) => texts(name).map((each) => each.textContent));
+    }})""")
+    assert texts == [shown_as, [NONE, why]]
 
 
 def test_every_choice_fits_its_menu_on_a_phone(page: Page) -> None:

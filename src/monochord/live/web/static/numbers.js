@@ -45,18 +45,18 @@ function chance(moment, name) {
 export function showNumbers(moment) {
   const contact = touched(moment), slip = decision(moment, "slip");
   const yes = (a, b) => (value) => (value > 0.5 ? a : b);
-  put("reading-contact", contact ? "touched" : "untouched", "", {
+  put("reading-contact", contact === null ? "–" : contact ? "touched" : "untouched", "", {
     text: chance(moment, "contact"), truth: truthOf(moment, "contact", yes("touched", "untouched")),
-  }, contact);
+  }, Boolean(contact));
   for (const [name, unit] of [["position", "m"], ["force", "N"]]) {
     const each = contact ? estimate(moment, name) : null;
-    const why = each ? "" : contact ? moment.window[name]?.why || "not estimated" : "no contact";
+    const why = each ? "" : contact === false ? "no contact" : moment.window[name]?.why || "not estimated";
     put(`reading-${name}`, each ? inUnit(each.value, unit) : "–",
       each && each.std !== null ? inUnit(each.std, unit) : "",
       { text: why, truth: truthOf(moment, name, (value) => inUnit(value, unit)) }, each !== null);
   }
   put("reading-slip", !contact || slip === null ? "–" : slip ? "sliding" : "at rest", "", {
-    text: contact ? chance(moment, "slip") : "no contact",
+    text: contact === false ? "no contact" : chance(moment, "slip"),
     truth: truthOf(moment, "slip", yes("sliding", "at rest")),
   }, Boolean(contact && slip));
 }
@@ -162,7 +162,7 @@ export function speak(moment) {
     return;
   }
   const contact = touched(moment), slip = decision(moment, "slip");
-  const state = contact ? (slip ? "sliding" : "touched") : "untouched";
+  const state = contact === null ? "not known" : contact ? (slip ? "sliding" : "touched") : "untouched";
   if (state === speech.text) return;
   speech.text = state;
   speech.next = now + 1000;

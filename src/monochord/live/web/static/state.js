@@ -73,6 +73,7 @@ export function decision(moment, name) {
   return each && each.value !== null ? each.value > 0.5 : null;
 }
 
+// Whether something touches: null where it is not known. An estimator without contact says so by its position.
 export function touched(moment) {
-  return decision(moment, "contact") ?? estimate(moment, "position") !== null;
+  return "contact" in moment.window ? decision(moment, "contact") : estimate(moment, "position") !== null;
 }
