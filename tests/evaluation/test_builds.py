@@ -177,6 +177,8 @@ def test_groups_are_sessions_or_builds(tmp_path: Path) -> None:
     by_build = groups_of(renamed, "build")
     assert [group.files for group in by_build] == [(renamed[0], renamed[2]), (renamed[1],)]
     assert {group.world for group in by_build} == {"plausible"}
+    assert {group.objects for group in by_build} == {"others"}
+    assert {group.objects for group in groups_of(renamed)} == {"same"}
 
 
 def test_a_correction_finds_an_offset_and_a_slope(oracle: Any) -> None:

@@ -32,7 +32,7 @@ from monochord.lab.workers import run_all
     type=click.Choice(["session", "build"]),
     default="session",
     show_default=True,
-    help="What a model is adapted to: each session, with its object, or all sessions of a build.",
+    help="Adapted to: each session, with its object, or a build by all of its sessions, for other objects.",
 )
 @click.option("--condition", default=UNSEEN, show_default=True, metavar="TEXT", help="Name of the condition.")
 @click.option(
