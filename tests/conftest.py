@@ -116,7 +116,8 @@ def own_name() -> Generator[str]:
                 continue
             name = f"monochord-test-{slot}"
             for process in psutil.process_iter(["name", "cmdline"]):
-                if process.info["name"] == "jackd" and name in " ".join(process.info["cmdline"]).split():
+                words = process.info["cmdline"] or ()  # none of a process that has ended meanwhile
+                if process.info["name"] == "jackd" and name in " ".join(words).split():
                     process.kill()  # of a run that was killed: the lock says that no other has this name
                     process.wait(5.0)
             yield name
