@@ -301,9 +301,35 @@ def test_a_plan_again_has_other_builds_days_and_objects_and_groups_of_its_own(tm
     (tmp_path / "mine.toml").write_text(AGAIN.replace("copper_pipe", "copper_pip"), encoding="utf-8")
     with pytest.raises(InputError, match="did you mean 'copper_pipe'"):
         load_plan(str(tmp_path / "mine.toml"))
+    (tmp_path / "mine.toml").write_text(AGAIN.replace("sealed_3", f"{tmp_path}/mine.toml"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"again \(nested too deep\)"):
+        load_plan(str(tmp_path / "mine.toml"))
     (tmp_path / "mine.toml").write_text(AGAIN.replace("builds =", "buildss ="), encoding="utf-8")
     with pytest.raises(InputError, match=r"plan mine, again.*did you mean 'builds'"):
         load_plan(str(tmp_path / "mine.toml"))
+
+
+def test_a_plan_again_keeps_which_group_is_like_which_and_moves_first_builds(tmp_path: Path) -> None:
+    other = """
+    [[groups]]
+    name = "hold_wood"
+    material = "wood"
+    first_build = 100
+    [[groups]]
+    name = "clear"
+    like = "hold_wood"
+    lifted = 0.003
+    """
+    again = f"""
+    [again]
+    plan = "{tmp_path}/other.toml"
+    builds = 20
+    materials = {{ wood = "cork" }}
+    """
+    (tmp_path / "other.toml").write_text(other, encoding="utf-8")
+    (tmp_path / "again.toml").write_text(again, encoding="utf-8")
+    held, clear = load_plan(str(tmp_path / "again.toml")).groups
+    assert (held.name, held.first_build, clear.like) == ("hold_cork", 120, "hold_cork")
 
 
 def test_with_a_first_build_each_session_is_of_a_build_of_its_own() -> None:

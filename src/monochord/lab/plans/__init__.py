@@ -4,7 +4,7 @@ A plan may be another one again, with other builds, days and objects: its table 
 how it differs, see `Again`; what the file states besides replaces the other plan's, and its groups are added.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -46,16 +46,21 @@ class Again:
                 raise InputError(
                     given, ", ".join(sorted(objects)) + f" of {self.plan}", did_you_mean(material, objects)
                 )
-        return tuple(map(self._group, groups))
+        names = {group.name: group.name.replace(group.material, self._material(group)) for group in groups}
+        return tuple(self._group(group, names) for group in groups)
 
-    def _group(self, group: Group) -> Group:
+    def _material(self, group: Group) -> str:
+        return self.materials.get(group.material, group.material)
+
+    def _group(self, group: Group, names: Mapping[str, str]) -> Group:
         further = self.designs if group.design else self.builds
-        material = self.materials.get(group.material, group.material)
         return replace(
             group,
-            name=group.name.replace(group.material, material),
-            material=material,
+            name=names[group.name],
+            like=names.get(group.like, group.like),
+            material=self._material(group),
             builds=tuple(build + further for build in group.builds),
+            first_build=None if group.first_build is None else group.first_build + further,
             days=tuple(day + self.days for day in group.days),
         )
 
