@@ -103,7 +103,9 @@ REFUSED = {
     "collect small --out {out} --workers 2 --cluster tcp://127.0.0.1:9": "--workers",
     "collect small --out {out} --real-time --workers 2": "--real-time with --workers or --cluster",
     "collect small --out {out} --server x": "--server: allowed is with --real-time",
-    # build, evaluate, ablate
+    # calibrate, build, evaluate, ablate
+    "calibrate demo --sessions {session} --touches 0 --objects others": "--objects others with --touches 0",
+    "calibrate demo --sessions {session} --objects other --out {out}": "'other' is not one of",
     "evaluate": "no sessions to evaluate",
     "evaluate nowhere": "model nowhere",
     "evaluate --dataset nowhere": "dataset",
