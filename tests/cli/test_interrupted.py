@@ -16,6 +16,7 @@ from tests.lab.tiny import tiny
 from monochord import cli
 from monochord.lab.offline import make
 from monochord.lab.plan import assignments
+from monochord.sessions import check
 
 COMMANDS = {
     "build": ["build", "{home}/hold_000.mcap", "--out", "{out}"],
