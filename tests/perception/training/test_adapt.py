@@ -56,17 +56,22 @@ def correctable(lesson_run: Path, learnable: Path, made: list[Model]) -> Model:
     return model
 
 
-@pytest.fixture
-def foreign_session(tmp_path: Path) -> Path:
-    """A session of a build on which the same sound means half a newton more."""
-    samples, time, labels = sung(77)
-    labels["force"] = labels["force"] + BIAS
-    file = tmp_path / "foreign.mcap"
-    description = Description(name="foreign", sample_rate=LEARNABLE, simulated=True)
+def biased(tmp_path: Path, name: str, seed: int, bias: float) -> Path:
+    """Return a session of an object on which the same sound means another force."""
+    samples, time, labels = sung(seed)
+    labels["force"] = labels["force"] + bias
+    file = tmp_path / f"{name}.mcap"
+    description = Description(name=name, sample_rate=LEARNABLE, simulated=True)
     with SessionWriter(file, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
         writer.audio(Block(samples=samples, start=0, adc_time=0.0))
         writer.labels(time, labels)
     return file
+
+
+@pytest.fixture
+def foreign_session(tmp_path: Path) -> Path:
+    """A session of a build on which the same sound means half a newton more."""
+    return biased(tmp_path, "foreign", 77, BIAS)
 
 
 @pytest.fixture
@@ -95,16 +100,31 @@ def test_for_other_objects_a_sensor_is_learned_in_part_and_its_objects_stay_unce
     assert before is not None
     at = before.terms(np.zeros(len(before.centre))[np.newaxis])
     (own, own_std), (further, further_std) = (each.error(at) for each in learned if each)
-    assert (
-        0.15 < float(further[0] / own[0]) < 0.45
-    )  # of a bias of one object, a third is taken for the build's
+    # Of a bias of one object, a third is taken for the build's.
+    assert 0.15 < float(further[0] / own[0]) < 0.45
     assert own_std[0] < 0.5 * further_std[0]
     assert others.heads["force"].used
     assert same.heads["force"].after < others.heads["force"].after < others.heads["force"].before
-    assert "objects" in same.trust.line()
-    assert "objects" not in others.trust.line()
+    assert not others.trust.others  # one object says nothing of others
     with pytest.raises(InputError, match="a model that was adapted to 8 touches, for other objects"):
         adapt(same.model, foreign, objects="others")
+
+
+def test_an_object_is_judged_by_the_others_where_there_are_several(
+    correctable: Model, foreign_session: Path, tmp_path: Path
+) -> None:
+    files = [foreign_session, biased(tmp_path, "further", 78, BIAS), biased(tmp_path, "third", 79, BIAS)]
+    dataset = build_dataset(files, tmp_path / "several")
+    one, several = (
+        adapt(correctable, each, objects="others").heads["force"]
+        for each in (build_dataset(files[:1], tmp_path / "one"), dataset)
+    )
+    assert several.used
+    assert several.after < one.after  # what all of them err alike is the build's
+    trust = adapt(correctable, dataset, objects="others").trust
+    assert trust.others
+    assert "positions, forces or mounts" in trust.line()
+    assert "forces, objects or mounts" in adapt(correctable, dataset).trust.line()
 
 
 def test_an_adapted_model_is_saved_and_remembers_what_it_heard(

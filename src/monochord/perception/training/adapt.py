@@ -102,7 +102,7 @@ class Trust:
     force: tuple[Newtons, Newtons] | None
     errors: dict[str, float]
     sliding: bool
-    objects: Objects = "same"
+    others: bool = False
 
     def line(self) -> str:
         """Return it as one sentence."""
@@ -120,8 +120,8 @@ class Trust:
         which = "1 known touch lies" if self.touches == 1 else f"{self.touches} known touches lie"
         return (
             f"trust it at {' and '.join(spans)}, where the {which}: expect a mean error of "
-            f"{' and '.join(errors)} there; not covered: other positions, forces, "
-            + ("objects or mounts" if self.objects == "same" else "or mounts")
+            f"{' and '.join(errors)} there; not covered: other positions, "
+            + ("forces or mounts" if self.others else "forces, objects or mounts")
             + ("" if self.sliding else ", and sliding")
         )
 
@@ -255,7 +255,7 @@ def adapt(
         heads=heads,
         next_touch=_suggestion(model, known, spreads),
         mistaken=mistaken,
-        trust=replace(_trust(given, np.isin(touch, known_touches), heads), objects=objects),
+        trust=_trust(given, np.isin(touch, known_touches), heads, objects),
     )
 
 
@@ -311,7 +311,9 @@ def judge(model: Model, dataset: Dataset, *, progress: Progress = lambda *_: Non
     )
 
 
-def _trust(dataset: Dataset, known: Flags, heads: Mapping[str, HeadAdaptation]) -> Trust:
+def _trust(
+    dataset: Dataset, known: Flags, heads: Mapping[str, HeadAdaptation], objects: Objects = "same"
+) -> Trust:
     """Return what touches whose windows are known (n,) cover, in forces as they were given."""
 
     def span(name: str) -> tuple[float, float] | None:
@@ -326,6 +328,7 @@ def _trust(dataset: Dataset, known: Flags, heads: Mapping[str, HeadAdaptation]) 
         force=span("force"),
         errors={name: head.expected for name, head in heads.items() if name in ("position", "force")},
         sliding=sliding,
+        others=objects == "others" and len(np.unique(dataset.session[known])) > 1,
     )
 
 

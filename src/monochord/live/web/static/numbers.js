@@ -162,7 +162,7 @@ export function speak(moment) {
     return;
   }
   const contact = touched(moment), slip = decision(moment, "slip");
-  const state = contact === null ? "not known" : contact ? (slip ? "sliding" : "touched") : "untouched";
+  const state = contact === null ? "contact not known" : contact ? (slip ? "sliding" : "touched") : "untouched";
   if (state === speech.text) return;
   speech.text = state;
   speech.next = now + 1000;
