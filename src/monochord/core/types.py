@@ -112,6 +112,8 @@ class Estimate:
         return cls(value=float("nan"), std=float("nan"), unit=unit, valid=False, why_not=why_not)
 
 
+OUTSIDE_RANGE = "outside the sensing range"
+"""The reason why position, force and slip of a touch are withheld where the sensor cannot tell its place."""
 Estimates: TypeAlias = Mapping[str, Estimate]
 """What an estimator says of a window, by name; an open set."""
 Prepared: TypeAlias = Callable[[Window], Estimates]
@@ -158,13 +160,15 @@ class Signal:
     """What an open source says of its audio: rate, channels, and the string if it knows that.
 
     `string` is as it is tuned. `design` is the same wire as something learned knows it, where that is tuned
-    otherwise: a feature in hertz or newtons is then stated as of that one.
+    otherwise: a feature in hertz or newtons is then stated as of that one. `sensing_range` is where along the
+    string the sensor can tell the place of a touch, None where no sensor is known.
     """
 
     sample_rate: int
     channels: int
     string: StringParams | None = None
     design: StringParams | None = None
+    sensing_range: tuple[Metres, Metres] | None = None
 
     @property
     def tension_scale(self) -> float:

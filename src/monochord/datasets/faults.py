@@ -22,7 +22,11 @@ OVERDRIVE = 2.0, 20.0
 """Peak over full scale of a window that clips badly."""
 HUM = 1.0, 10.0
 """Rms of a hum that covers the string, over that of the window."""
-FAULTS = ("microphone 1 dead", "microphone 2 dead", "microphones swapped", "clipping", "hum")
+SECOND_LEVEL = 0.5, 1.5
+"""Rms of a second string in the same channels, over that of the window."""
+SECOND_PITCH = 0.03, 0.3
+"""Share by which its lines lie above or below the window's."""
+FAULTS = ("microphone 1 dead", "microphone 2 dead", "microphones swapped", "clipping", "hum", "second string")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +34,8 @@ class Fault:
     """Makes windows of one fault; what a window gets depends on `seed`, the epoch and its row alone.
 
     A dead microphone's channel is silent, or has hiss and the mains; swapped microphones are exchanged; with
-    clipping most of a window lies beyond full scale; hum is louder than the string.
+    clipping most of a window lies beyond full scale; hum is louder than the string. A second string is the
+    window itself with the lines of each channel elsewhere, as of a string that is touched at another place.
 
     Parameters
     ----------
@@ -79,6 +84,12 @@ class Fault:
             rms = float(np.sqrt(np.mean(np.square(window, dtype=float))))
             mains = hum(random, window.shape, float(self.sample_rate))
             np.clip(window + rms * _between(random, HUM) * mains, -1.0, 1.0, out=window)
+        elif self.kind == "second string":
+            level = _between(random, SECOND_LEVEL)
+            for channel in range(len(window)):
+                pitch = (1.0 + _between(random, SECOND_PITCH)) ** float(random.choice((-1.0, 1.0)))
+                window[channel] += level * _at_pitch(window[channel], pitch)
+            window /= max(float(np.abs(window).max()), 1.0)
         else:
             window[int(self.kind == "microphone 2 dead")] = self._dead(random, window.shape[1])
 
@@ -91,6 +102,12 @@ class Fault:
             mains = hum(random, (1, frames), float(self.sample_rate), mains=float(random.choice(MAINS)))
             sound += _between(random, MAINS_LEVEL) * mains[0]
         return sound
+
+
+def _at_pitch(samples: Audio, pitch: float) -> Floats:
+    """Return samples (frames,) whose lines lie `pitch` times as high; what lacks is their end backwards."""
+    there_and_back = np.concatenate([samples, samples[-2:0:-1]])
+    return np.interp(pitch * np.arange(samples.size), np.arange(there_and_back.size), there_and_back)
 
 
 def _between(random: np.random.Generator, span: tuple[float, float]) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimates, Floats, Indices, Signal, StringParams, Window
+from monochord.core.units import Metres
 from monochord.datasets.manifest import Part
 from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
@@ -30,15 +31,17 @@ class Selection:
 
     Every session that has one is replayed from its beginning, so that an estimator with a memory has had the
     windows that it would have had live; the estimates of windows that are no rows are discarded. `string` is
-    the sensor's string, for estimators that use it. `ambient_noise` names the noise that was present during
-    the recording by pattern of session name, for sessions that do not state whether there was music. With
-    `tuned` the string of a session is as tuned, estimated from its untouched sound as by ``monochord tune``;
-    one that was recorded as tuned is so anyway, as it is live.
+    the sensor's string, and `sensing_range` where along it, in m, the sensor can tell places, for estimators
+    that use them. `ambient_noise` names the noise that was present during the recording by pattern of session
+    name, for sessions that do not state whether there was music. With `tuned` the string of a session is as
+    tuned, estimated from its untouched sound as by ``monochord tune``; one that was recorded as tuned is so
+    anyway, as it is live.
     """
 
     dataset: Dataset
     rows: Indices
     string: StringParams | None = None
+    sensing_range: tuple[Metres, Metres] | None = None
     ambient_noise: Mapping[str, str] = field(default_factory=lambda: AMBIENT_NOISE)
     tuned: bool = False
 
@@ -50,7 +53,12 @@ class Selection:
     def signal(self) -> Signal:
         """The signal that an estimator is prepared for."""
         manifest = self.dataset.manifest
-        return Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=self.string)
+        return Signal(
+            sample_rate=manifest.sample_rate,
+            channels=manifest.channels,
+            string=self.string,
+            sensing_range=self.sensing_range,
+        )
 
     def signal_of(self, session: int) -> Signal:
         """Return the signal of a session, with its string as tuned."""

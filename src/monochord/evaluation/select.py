@@ -186,7 +186,8 @@ def select(
     ``monochord evaluate --dataset DIR`` selects its test part.
     """
     definition, config = candidate.definition, candidate.config
-    string = load_sensor(settings.sensor).string if settings.sensor else None
+    sensor = load_sensor(settings.sensor) if settings.sensor else None
+    string, sensing_range = (sensor.string, sensor.range) if sensor else (None, None)
     if string is None and definition is not None:
         string = definition.string
     split: Split | None = None
@@ -195,7 +196,7 @@ def select(
             raise InputError("--sessions beside --dataset", "one of both")
         dataset, floors, own = _dataset_of_sessions(settings.sessions, definition, scratch, progress)
         rows = np.arange(len(dataset))
-        selection = Selection(dataset=dataset, rows=rows, string=string or own, tuned=settings.tuned)
+        string = string or own
         notes: tuple[str, ...] = ()
     else:
         folder = settings.dataset or (Path(config["dataset"]) if config.get("dataset") else None)
@@ -207,9 +208,10 @@ def select(
         notes = audited(dataset, split, learned=definition is not None)
         if settings.part != "test":
             notes += (f"the {settings.part} part, by which choices were made, and no test",)
-        selection = Selection(
-            dataset=dataset, rows=split.parts[settings.part], string=string, tuned=settings.tuned
-        )
+        rows = split.parts[settings.part]
+    selection = Selection(
+        dataset=dataset, rows=rows, string=string, sensing_range=sensing_range, tuned=settings.tuned
+    )
     refuse_unusable_labels(selection)
     if definition is not None and not (split and settings.part != "test"):
         notes += refuse_trained_on(selection, definition, split)

@@ -308,12 +308,12 @@ def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:
     A string is refused where the source knows its own, and a sensor where that one is of another length.
     """
     if sensor:
-        string = load_sensor(sensor).string
-        own = signal.string
+        design = load_sensor(sensor)
+        string, own = design.string, signal.string
         if own is not None and abs(string.length / own.length - 1.0) > LENGTH_TOLERANCE:
             given = f"sensor '{sensor}' with a string of {string.length:g} m"
             raise InputError(given, f"{own.length:g} m, as the source says of its own", "name that sensor")
-        return dataclasses.replace(signal, string=string)
+        return dataclasses.replace(signal, string=string, sensing_range=design.range)
     if not preset:
         return signal
     string = load_string(preset).string

@@ -181,7 +181,7 @@ class TwinSource(Source):
 class _TwinStream(PacedStream):
     def __init__(self, options: TwinSource, design: Sensor, sensor: Sensor) -> None:
         rate = options.sample_rate
-        signal = Signal(sample_rate=rate, channels=2, string=design.string)
+        signal = Signal(sample_rate=rate, channels=2, string=design.string, sensing_range=design.range)
         end = round(options.duration * rate) if options.duration else math.inf
         super().__init__(signal, block=options.block, speed=options.speed, end=end)
         length = sensor.string.length

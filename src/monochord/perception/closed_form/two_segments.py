@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
+from monochord.core.types import OUTSIDE_RANGE, Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Hertz, Metres, Newtons
 from monochord.dsp.spectrum import BEAT, BLUR, FLOOR_WIDTH, noise_floor
 from monochord.perception.closed_form.modes import ModeReading
@@ -31,6 +31,9 @@ MIN_SALIENCE = 7.0
 """Least height of a microphone's strongest line over the noise floor, in nepers of power."""
 MIN_SCORE = 0.25
 """Least score of a reading, and least lead of contact over none or the other way round."""
+MAX_OPEN_FALL = 0.025
+"""Largest share by which the open pitch of a reading may lie below the string's own. A touch that gives way
+lengthens both segments by a few millimetres at most; wrong modes may lower it by any amount."""
 MIN_LEAD = 2.0
 """Least logarithm of the odds of a place, some 7 to 1; see docs/design/0026-learned-ranking.md."""
 CLAMP_POSITION_STD, CLAMP_TENSION_STD = 2.5e-3, 2.5e-2
@@ -48,6 +51,7 @@ class TwoSegments:
     string: StringParams
     law: TensionLaw
     most_force: Newtons
+    sensing_range: tuple[Metres, Metres] | None = None
 
     def prepare(self, sample_rate: int, size: int) -> Prepared:
         """Return the function from a window of two channels to the estimates that `UNITS` names."""
@@ -84,6 +88,12 @@ class TwoSegments:
             }
         if reading.contact_lead < MIN_SCORE or reading.lead < MIN_LEAD:
             return abstain("two candidates")
+        touched = {"contact": Estimate(value=1.0, std=_contact_std(reading.contact_lead), unit="")}
+        low, high = self.sensing_range or (0.0, self.string.length)
+        if not low <= reading.position <= high:
+            return abstain(OUTSIDE_RANGE) | touched
+        if reading.open_frequency < (1.0 - MAX_OPEN_FALL) * analyser.nominal:
+            return abstain("two candidates") | touched
         std_1 = line_std(reading.line_1) / reading.mode_1
         return self._locate(reading, std_1, line_std(reading.line_2) / reading.mode_2)
 

@@ -89,7 +89,12 @@ class ClosedForm(Estimator):
             return estimate
         string = _string_of(far, signal.string)
         with suppress(InputError):  # windows too short or a rate too low for two segments
-            form = TwoSegments(string=string, law=self.tension_law, most_force=self.most_force)
+            form = TwoSegments(
+                string=string,
+                law=self.tension_law,
+                most_force=self.most_force,
+                sensing_range=signal.sensing_range,
+            )
             both_sides = _Followed(form, replace(signal, string=string), size)
             return _either(estimate, both_sides, knows_density=signal.string is not None)
         return estimate
@@ -112,7 +117,12 @@ class ClosedForm(Estimator):
             raise InputError(given, "two channels of a known string", "name it with --string")
         if not self.most_force > 0.0:
             raise InputError(f"most_force {self.most_force:g} N", "above 0 N")
-        return TwoSegments(string=signal.string, law=self.tension_law, most_force=self.most_force)
+        return TwoSegments(
+            string=signal.string,
+            law=self.tension_law,
+            most_force=self.most_force,
+            sensing_range=signal.sensing_range,
+        )
 
     def _far_segment(self, signal: Signal) -> FarSegment:
         string = signal.string

@@ -47,6 +47,7 @@ class ModelEstimator(Estimator):
         """Load the model for the string as it is tuned, and check that it fits the signal."""
         model = load(self.path)
         model = model.tuned(signal.string) if signal.string else model
+        model = model.within(signal.sensing_range) if signal.sensing_range else model
         model.check(signal, size)
         string = model.string or model.definition.string
         if string is not None and model.definition.channels == 2:

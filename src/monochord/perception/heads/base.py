@@ -12,6 +12,8 @@ Loss: TypeAlias = Literal["logistic", "square", "gauss", "laplace"]
 and "laplace" learn one for each window, from errors so distributed."""
 CONTACT = "contact"
 """The label on which all heads that need a touch depend."""
+POSITION = "position"
+"""The label of where something touches, in m from pickup 1."""
 MAX_UNITS, MAX_MEMBERS = 4096, 16
 
 

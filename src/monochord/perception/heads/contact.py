@@ -1,5 +1,6 @@
 """Whether something touches."""
 
+import math
 from dataclasses import dataclass
 
 from monochord.perception.heads.base import CONTACT, Head, Task
@@ -17,10 +18,14 @@ class Contact(Head):
         Of its loss, the paper's lambda_c.
     hidden
         Units of each hidden layer; none is logistic regression.
+    limit
+        Largest standard error of the yes or no, sqrt(p (1 - p)), that is stated: with 0.4 it abstains where
+        the probability p is between 0.2 and 0.8. A wrong "no contact" is worse than none.
     """
 
     weight: float = 1.0
     hidden: tuple[int, ...] = ()
+    limit: float = math.inf
 
     def task(self) -> Task:
         """Return a probability that has a meaning in every window."""
@@ -31,4 +36,5 @@ class Contact(Head):
             context=False,
             hidden=self.hidden,
             weight=self.weight,
+            limit=self.limit,
         )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from monochord.core.units import Metres
-from monochord.perception.heads.base import Head, Task
+from monochord.perception.heads.base import POSITION, Head, Task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +44,7 @@ class Position(Head):
     def task(self) -> Task:
         """Return a quantity in m."""
         return Task(
-            label="position",
+            label=POSITION,
             unit="m",
             loss=self.loss,
             columns=self.columns,

@@ -8,8 +8,8 @@ from typing import Any
 
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import StringParams
-from monochord.core.units import Samples, Seconds
-from monochord.perception.heads.base import CONTACT, Task
+from monochord.core.units import Metres, Samples, Seconds
+from monochord.perception.heads.base import CONTACT, POSITION, Task
 from monochord.perception.model import rise
 
 FORMAT = 2
@@ -176,7 +176,9 @@ class Definition:
     `window` and `hop` are those of the training data, in frames. `known`, where there is one, detects sound
     unlike that of the training. `clip` bounds the scaled columns, so that an
     outlier is no larger than that; a window whose root mean square is below `quietest` is silence: the
-    drivers do not drive the string. `string` is the string as the sensor's design states it.
+    drivers do not drive the string. `string` is the string as the sensor's design states it, and
+    `sensing_range` where along it, in m, the design can tell the place of a touch; where it states none, the
+    places that the training had; None where neither is known.
     `sessions` are the checksums of the sessions that it was trained and calibrated on, by name; `dataset` is
     that of their dataset. `weights` is the sha256 of the file of weights.
     """
@@ -194,6 +196,7 @@ class Definition:
     clip: float = 8.0
     quietest: float = 0.0
     string: StringParams | None = None
+    sensing_range: tuple[Metres, Metres] | None = None
     simulated: bool = False
     dataset: str = ""
     sessions: dict[str, str] = field(default_factory=dict[str, str])
@@ -214,6 +217,9 @@ class Definition:
         if not (0.0 < self.clip < inf and 0.0 <= self.quietest < inf):
             given = f"clip {self.clip:g} or quietest {self.quietest:g} of a model"
             raise InputError(given, "a finite clip above 0, and quietest 0 or more")
+        if self.sensing_range is not None and not -inf < self.sensing_range[0] < self.sensing_range[1] < inf:
+            given = f"sensing_range {self.sensing_range} of a model"
+            raise InputError(given, "two places in m, the nearer one to pickup 1 first")
         if KNOWN in self.heads:
             raise InputError(f"a head called {KNOWN}", "another name: the detector's arrays are called so")
         if sum(record.task.label == CONTACT for record in self.heads.values()) != 1:
@@ -224,6 +230,12 @@ class Definition:
     def gate(self) -> str:
         """Name of the head that estimates whether something touches."""
         return next(name for name, record in self.heads.items() if record.task.label == CONTACT)
+
+    @property
+    def place(self) -> str | None:
+        """Name of the head that estimates the position of a touch; None without one."""
+        heads = self.heads.items()
+        return next((name for name, record in heads if record.task.label == POSITION), None)
 
     @property
     def widths(self) -> tuple[int, int]:

@@ -3,12 +3,22 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Estimate, Estimates, Floats, Signal, StringParams, Window
-from monochord.core.units import Samples
+from monochord.core.types import (
+    OUTSIDE_RANGE,
+    Audio,
+    Estimate,
+    Estimates,
+    Floats,
+    Signal,
+    StringParams,
+    Window,
+)
+from monochord.core.units import Metres, Samples
 from monochord.metrics import DECISION
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.features import FEATURES
@@ -17,7 +27,8 @@ from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.known import Detector
-from monochord.perception.model.network import Network, Output, estimates_of, probability
+from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
+from monochord.perception.model.place import LEAD, NO_PLACE, PLACE, PlaceByLines, why_not_stated
 from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.tuning.sessions import force_scale, refuse_other_length
 from monochord.physics.sensors import retuned
@@ -27,6 +38,19 @@ MAX_RETUNING = 0.12
 """Share by which a string's pitch may differ from that of the training, where it is known."""
 UNUSABLE = ("gap", "silence", "samples that are not numbers")
 """Windows that a model cannot use; it is trained on clipped windows as on others."""
+
+
+class WindowReading(NamedTuple):
+    """What a model makes of a window, before any estimate is stated.
+
+    `state` is that after the window, `outputs` those of the heads, empty where it cannot be used, `why_not`
+    why to abstain, empty for no reason, and `lines` the place that its lines tell.
+    """
+
+    state: ModelState
+    outputs: Mapping[str, Output]
+    why_not: str
+    lines: PlaceByLines = NO_PLACE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +66,8 @@ class Model:
     string
         The string that features are relative to: that of the training as it is tuned now; None for as it was
         in training.
+    sensing_range
+        Where the sensor can tell the place of a touch, in m, if it states that; see `places`.
 
     Examples
     --------
@@ -57,6 +83,15 @@ class Model:
     definition: Definition
     weights: Mapping[str, Audio]
     string: StringParams | None = None
+    sensing_range: tuple[Metres, Metres] | None = None
+
+    @property
+    def places(self) -> tuple[Metres, Metres] | None:
+        """Where a place is stated, in m: what sensor and training have in common; None for anywhere."""
+        own, trained = self.sensing_range, self.definition.sensing_range
+        if own is None or trained is None:
+            return own or trained
+        return max(own[0], trained[0]), min(own[1], trained[1])
 
     def tuned(self, string: StringParams) -> "Model":
         """Return the model for a sensor whose string is tuned as this one: features are relative to it.
@@ -78,6 +113,24 @@ class Model:
             allowed = f"within {100.0 * MAX_RETUNING:.0f} % of {known:.1f} Hz, as it was trained"
             raise InputError(given, allowed, "tune the sensor, or train one for it")
         return self if own == known else replace(self, string=retuned(trained, own))
+
+    def within(self, sensing_range: tuple[Metres, Metres]) -> "Model":
+        """Return the model for a sensor that can tell places in this range, in m.
+
+        Raises
+        ------
+        InputError
+            If none of them is among those of the training.
+        """
+        model = replace(self, sensing_range=sensing_range)
+        if model.places is not None and not model.places[0] < model.places[1]:
+            own, trained = (
+                " to ".join(f"{1e3 * place:g}" for place in each or ())
+                for each in (sensing_range, self.definition.sensing_range)
+            )
+            given = f"a sensor that senses from {own} mm for a model"
+            raise InputError(given, f"a part of {trained} mm, as it was trained", "train one for that sensor")
+        return model
 
     def check(self, signal: Signal, size: Samples | None = None) -> None:
         """Raise `InputError` unless such a signal can be read, in windows of `size` frames; prepare for it.
@@ -128,8 +181,8 @@ class Model:
         outputs and leaves the reference as it is; one of sound unlike that of the training counts as
         touched there.
         """
-        ((state, outputs, _),) = Model._read([(self, state)], [window])
-        return state, outputs
+        (reading,) = Model._read([(self, state)], [window])
+        return reading.state, reading.outputs
 
     @staticmethod
     def predict_all(
@@ -148,43 +201,65 @@ class Model:
             The window of each, of the length of the training.
         """
         results: list[tuple[ModelState, Estimates]] = []
-        for (model, _), (state, outputs, why_not) in zip(streams, Model._read(streams, windows), strict=True):
-            trained = model.definition
+        for (model, _), reading in zip(streams, Model._read(streams, windows), strict=True):
+            trained, outputs = model.definition, reading.outputs
             estimates: dict[str, Estimate] = {}
             if outputs:
                 estimates = model.at_own_tension(estimates_of(trained, outputs, model.corrections))
-            if why_not:
-                withheld = {name: each.task.unit for name, each in trained.heads.items()}
-                if outputs and model.contact_holds(estimates[trained.gate], why_not):
-                    del withheld[trained.gate]
-                estimates |= {name: Estimate.abstain(unit, why_not) for name, unit in withheld.items()}
-            results.append((state, estimates))
+            why_not, withheld = reading.why_not, set(trained.heads)
+            if not why_not:
+                why_not, withheld = model.why_not_here(reading, estimates)
+            elif outputs and model.contact_holds(estimates[trained.gate], why_not):
+                withheld.remove(trained.gate)
+            for name in withheld:
+                estimates[name] = Estimate.abstain(trained.heads[name].task.unit, why_not)
+            results.append((reading.state, estimates))
         return results
+
+    def why_not_here(self, reading: WindowReading, estimates: Estimates) -> tuple[str, set[str]]:
+        """Return why a touch cannot be estimated where it is, and which heads abstain; empty for no reason.
+
+        Outside the sensing range all that needs a touch abstains. Where the lines tell another place, what
+        depends on the place does: position and force.
+        """
+        trained, name = self.definition, self.definition.place
+        contact = estimates[trained.gate]
+        if name is None or not (contact.valid and contact.value >= DECISION):
+            return "", set()
+        output, correction = reading.outputs[name], self.corrections.get(name)
+        place, std = quantity(output, trained.heads[name], correction)
+        why_not = why_not_stated(place, std, reading.lines, self.places)
+        tasks = {head: record.task for head, record in trained.heads.items() if why_not}
+        return why_not, {
+            head
+            for head, task in tasks.items()
+            if task.touched and (why_not == OUTSIDE_RANGE or not task.is_probability)
+        }
 
     @staticmethod
     def _read(
         streams: Sequence[tuple["Model", ModelState]], windows: Sequence[Window]
-    ) -> list[tuple[ModelState, Mapping[str, Output], str]]:
-        """Return state, outputs, and why to abstain, empty for no reason, for the window of each stream."""
-        results: list[tuple[ModelState, Mapping[str, Output], str]] = []
+    ) -> list[WindowReading]:
+        """Return what is made of the window of each stream."""
+        results: list[WindowReading] = []
         for (model, before), window in zip(streams, windows, strict=True):
             model.check_size(window.samples.shape[-1])
             state = replace(before if window.start > before.start else ModelState(), start=window.start)
-            results.append((state, {}, model.why_not(window)))
-        usable = [k for k, (_, _, why_not) in enumerate(results) if not why_not]
+            results.append(WindowReading(state, {}, model.why_not(window)))
+        usable = [k for k, reading in enumerate(results) if not reading.why_not]
         if not usable:
             return results
         first = streams[usable[0]][0]
         trained, network, detector = first.definition, first.network, first.detector
         rows = np.stack([streams[k][0].extractors[0](windows[k].samples[np.newaxis])[0] for k in usable])
-        known = np.stack([context_row(results[k][0], trained.widths[1]) for k in usable])
+        known = np.stack([context_row(results[k].state, trained.widths[1]) for k in usable])
         inputs = network.inputs(rows, known)
         outputs = {name: network.outputs(name, inputs) for name in trained.heads}
         logits = detector.logits(inputs) if detector else None
         for at, k in enumerate(usable):
             own = {name: each[at] for name, each in outputs.items()}
             odds = None if logits is None else logits[at]
-            results[k] = streams[k][0].after(results[k][0], windows[k], own, (rows[at], known[at]), odds)
+            results[k] = streams[k][0].after(results[k].state, windows[k], own, (rows[at], known[at]), odds)
         return results
 
     def after(
@@ -194,7 +269,7 @@ class Model:
         outputs: dict[str, Output],
         rows: tuple[Audio, Audio],
         logits: Floats | None,
-    ) -> tuple[ModelState, Mapping[str, Output], str]:
+    ) -> WindowReading:
         """Return the state after a window, its outputs with variables, and why to abstain from it.
 
         `rows` are its features and the reference, `logits` those of the detector, where there is one.
@@ -216,7 +291,14 @@ class Model:
             contact = 1.0 if why_not else contact
             samples = window.samples[np.newaxis]
             state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
-        return state, outputs, why_not
+        return WindowReading(state, outputs, why_not, self._lines(row))
+
+    def _lines(self, row: Audio) -> PlaceByLines:
+        """Return the place that the lines of a window tell, by the columns of its features that hold it."""
+        if self._line_columns is None or self.definition.string is None:
+            return NO_PLACE
+        place, lead = (float(row[column]) for column in self._line_columns)
+        return PlaceByLines(place * self.definition.string.length, lead) if place > 0.0 else NO_PLACE
 
     def contact_holds(self, contact: Estimate, why_not: str) -> bool:
         """Return whether contact can be told in a window beside why the detector says not to use it."""
@@ -277,6 +359,11 @@ class Model:
     def _variables(self) -> dict[str, tuple[tuple[int, int], ...]]:
         heads = self.definition.heads.items()
         return {name: self.definition.variables_of(name) for name, record in heads if record.correction}
+
+    @cached_property
+    def _line_columns(self) -> tuple[int, int] | None:
+        columns = self.definition.feature.columns
+        return (columns.index(PLACE), columns.index(LEAD)) if {PLACE, LEAD} <= set(columns) else None
 
     @cached_property
     def network(self) -> Network:

@@ -279,13 +279,14 @@ def estimates_of(
     `corrections` are those of the heads that have one. The standard error of a probability p is that of the
     yes or no, sqrt(p (1 - p)).
     """
-    gate = definition.gate
-    touched = probability(outputs[gate], definition.heads[gate]) >= DECISION
+    gate = definition.heads[definition.gate]
+    contact = probability(outputs[definition.gate], gate)
+    is_certain = math.sqrt(contact * (1.0 - contact)) <= gate.task.limit
     estimates: dict[str, Estimate] = {}
     for name, record in definition.heads.items():
         task = record.task
-        if task.touched and not touched:
-            estimates[name] = Estimate.abstain(task.unit, NO_CONTACT)
+        if task.touched and contact < DECISION:
+            estimates[name] = Estimate.abstain(task.unit, NO_CONTACT if is_certain else UNCERTAIN)
             continue
         if task.is_probability:
             value = probability(outputs[name], record)

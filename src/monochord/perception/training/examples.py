@@ -10,11 +10,12 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Flags, Floats, Indices, Signal
+from monochord.core.units import Metres
 from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset
 from monochord.perception.features.base import SupportsCompliance
-from monochord.perception.heads.base import CONTACT, Task
+from monochord.perception.heads.base import CONTACT, POSITION, Task
 from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.probe import probed
@@ -25,6 +26,8 @@ from monochord.physics.sensors import load_sensor
 
 MIN_DEVIATION = 1e-6
 """Columns that vary by less are not scaled."""
+TOUCH_SPACING: Metres = 2e-3
+"""How far beyond the outermost touches of the training a place still counts as one that it had."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +82,8 @@ def training_data(settings: TrainingSettings, dataset: Dataset, split: Split) ->
     InputError
         For an unknown feature, head or sensor, or options that they refuse.
     """
-    manifest, string = dataset.manifest, load_sensor(settings.sensor).string
+    manifest, sensor = dataset.manifest, load_sensor(settings.sensor)
+    string = sensor.string
     signal = Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=string)
     folder = settings.cache or dataset.path / "features"
 
@@ -104,12 +108,30 @@ def training_data(settings: TrainingSettings, dataset: Dataset, split: Split) ->
         reference=rule,
         heads={name: HeadRecord(task=task) for name, task in settings.tasks().items()},
         string=string,
+        sensing_range=_sensing_range(sensor.range, dataset, split),
         simulated=any(manifest.parts[number].simulated for number in used),
         dataset=file_checksum(dataset.path / FILE),
         sessions={manifest.parts[number].name: manifest.parts[number].checksum for number in used},
         versions={name: version(name) for name in ("monochord", "numpy", "torch")},
     )
     return TrainingData(dataset=dataset, definition=definition, feature=feature, reference=reference)
+
+
+def _sensing_range(
+    design: tuple[Metres, Metres], dataset: Dataset, split: Split
+) -> tuple[Metres, Metres] | None:
+    """Return where a model can tell places: in the design's range, and where training touched.
+
+    None where training touched at no known place within it.
+    """
+    if POSITION not in dataset.labels:
+        return None
+    place = dataset.label(POSITION)[split.train][dataset.valid[POSITION][split.train]]
+    if not place.size:
+        return None
+    low = max(design[0], float(place.min()) - TOUCH_SPACING)
+    high = min(design[1], float(place.max()) + TOUCH_SPACING)
+    return (low, high) if low < high else None
 
 
 def masks_of(dataset: Dataset, tasks: Mapping[str, Task]) -> dict[str, Flags]:

@@ -1,0 +1,68 @@
+"""Whether the place of a touch can be stated: inside the sensing range, and not against the lines.
+
+A network that has learned places inside the sensing range alone answers inside it wherever it is touched. The
+lines of both microphones, read as modes of two segments (`monochord.perception.closed_form.modes`), tell a
+place by physics, along the whole string. Where that place is clear and another one than the network's, the
+network is not believed.
+"""
+
+import math
+from typing import NamedTuple
+
+from monochord.core.types import OUTSIDE_RANGE
+from monochord.core.units import Metres
+
+PLACE, LEAD = "ratio place", "ratio lead"
+"""Columns of a feature that hold the place by the lines, over the length, and the logarithm of its odds."""
+CONTRADICTED = "two candidates"
+"""The reason where the lines clearly tell another place inside the sensing range."""
+MIN_LEAD = 2.0
+"""Least logarithm of the odds of a place by the lines that counts against another one: some 7 to 1."""
+MAX_DEVIATIONS = 5.0
+"""Standard errors of the stated place by which the lines may contradict it."""
+MIN_DISAGREEMENT: Metres = 2e-3
+"""Least distance of both places that is a contradiction."""
+
+
+class PlaceByLines(NamedTuple):
+    """The place that a window's lines tell, in m from pickup 1, and the logarithm of its odds."""
+
+    place: Metres
+    lead: float
+
+
+NO_PLACE = PlaceByLines(math.nan, -math.inf)
+
+
+def why_not_stated(
+    place: Metres, std: Metres, lines: PlaceByLines, sensing_range: tuple[Metres, Metres] | None
+) -> str:
+    """Return why an estimated place cannot be stated, or an empty string.
+
+    Parameters
+    ----------
+    place, std
+        The estimate and its standard error, in m.
+    lines
+        What the lines of the window tell; `NO_PLACE` where they tell nothing.
+    sensing_range
+        Where a place can be told, in m; None for the whole string.
+
+    Examples
+    --------
+    >>> why_not_stated(0.147, 3e-4, PlaceByLines(0.1598, 10.0), (0.05, 0.15))
+    'outside the sensing range'
+    >>> why_not_stated(0.147, 3e-4, PlaceByLines(0.120, 10.0), (0.05, 0.15))
+    'two candidates'
+    >>> why_not_stated(0.147, 3e-4, PlaceByLines(0.1471, 10.0), (0.05, 0.15))
+    ''
+    """
+    if not _is_inside(place, sensing_range):
+        return OUTSIDE_RANGE
+    if lines.lead < MIN_LEAD or abs(lines.place - place) <= max(MAX_DEVIATIONS * std, MIN_DISAGREEMENT):
+        return ""
+    return CONTRADICTED if _is_inside(lines.place, sensing_range) else OUTSIDE_RANGE
+
+
+def _is_inside(place: Metres, sensing_range: tuple[Metres, Metres] | None) -> bool:
+    return sensing_range is None or sensing_range[0] <= place <= sensing_range[1]
