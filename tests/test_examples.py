@@ -74,14 +74,21 @@ def test_locate_a_touch(output: Output) -> None:
 
 
 def test_design_a_sensor(output: Output) -> None:
-    rows = [
+    *rows, achieved = [
         [float(x) for x in re.findall(r"-?\d+\.?\d*", line)]
-        for line in output("design_a_sensor.py").splitlines()[1:]
+        for line in output("design_a_sensor.py").splitlines()[2:]
     ]
-    lengths, slopes = [row[0] for row in rows], [row[3] for row in rows]
+    lengths, slopes = [row[0] for row in rows], [row[1] for row in rows]
     assert lengths == [100.0, 200.0, 300.0, 400.0]
     for length, slope in zip(lengths, slopes, strict=True):  # f/x: falls with the square of the length
         assert slope * length**2 == pytest.approx(slopes[0] * lengths[0] ** 2, rel=0.01)
+    for noise, built, contact in (np.reshape(row[3:], (3, 2)) for row in rows):
+        assert (noise < [0.1, 0.1]).all()  # um, mN: what no sensor reaches
+        assert (noise < built).all()
+        assert (built < contact).all()
+    limits, errors = np.array(rows[1][-2:]), np.array(achieved[-2:])
+    assert (0.5 * limits < errors).all()
+    assert (errors < 10.0 * limits).all()
 
 
 def test_follow_a_stream(output: Output) -> None:

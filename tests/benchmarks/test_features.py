@@ -1,4 +1,4 @@
-"""The benchmark of features by physics."""
+"""The benchmark of features of the string's lines."""
 
 import pytest
 

@@ -60,7 +60,7 @@ def test_it_keeps_the_pace_of_real_time(result: dict[str, Any]) -> None:
     assert result["skipped"] < 0.2 * total
 
 
-def test_by_physics_alone_it_finds_the_position() -> None:
+def test_the_closed_form_finds_the_position() -> None:
     assert result_of("--seconds", "2", "--estimator", "closed-form")["median_error"] < 1e-3
 
 

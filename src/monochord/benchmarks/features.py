@@ -1,4 +1,4 @@
-"""What a window costs a feature that is worked out by physics, alone and in a batch."""
+"""What a window costs a feature of the string's lines, by itself and in a batch."""
 
 import time
 from collections.abc import Callable, Iterator

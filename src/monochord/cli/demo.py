@@ -55,7 +55,7 @@ UNSEEN: Mapping[str, Any] = {
     default=LEARNED,
     show_default=True,
     metavar="NAME",
-    help=f"{LEARNED}: the bundled trained one; {PHYSICS}: physics alone.",
+    help=f"{LEARNED}: the bundled trained one; {PHYSICS}: physics, with modes chosen by trained networks.",
     **completes(lambda: (LEARNED, PHYSICS)),
 )
 @click.option(

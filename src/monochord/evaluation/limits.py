@@ -15,7 +15,7 @@ from monochord.sessions import SessionReader
 MAX_BOUND_WINDOWS = 200
 """The bound is computed for this many windows, spread evenly over all."""
 TENSION_KNOWN, ENDS_KNOWN = 1e-3, 1e-4
-"""Assumed: the share of its tension, and the metres of its ends, to which a tuned sensor is known."""
+"""Assumed: the share of its tension, and the metres of its ends, to which a sensor is known."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median absolute value of a normal variable of unit standard deviation."""
 
@@ -25,9 +25,10 @@ class BoundComparison:
     """Errors beside the smallest that a window allows, both as medians, in m or N.
 
     `ratio` is the assumed signal-to-noise ratio of each partial in dB. `error` is the standard deviation of a
-    normal error with the measured median absolute error; `times` is `error` over `bound`, that of a sensor
-    known exactly, and `times_built` over `bound_built`, that of one whose tension and ends are known to
-    `TENSION_KNOWN` and `ENDS_KNOWN`.
+    normal error with the measured median absolute error; `times` is `error` over `bound`, that of white noise
+    alone, and `times_built` over `bound_built`, that of two pitches where tension and ends are known to
+    `TENSION_KNOWN` and `ENDS_KNOWN`. Neither counts the untouched pitch, which lowers `bound_built`, nor how
+    much contact and mount lengthen the segments, which raises it.
     """
 
     ratio: float
@@ -51,9 +52,9 @@ def compare_with_bound(
     """Return the errors of "position" or "force" beside the Cramer-Rao bound; None if there are no errors.
 
     The bound is that of `monochord.physics.theory.contact_bound` for the clamped string at each window's true
-    position and force, for a sensor known exactly and for one known as well as a built one. Near a ratio of
-    one the pitch holds no more information; far above it, the error is not due to noise but to what the
-    estimator does not know of the sensor or of the touch.
+    position and force, for a sensor known exactly and for one whose tension and ends are known as assumed.
+    The error is not due to noise where it is far above the first; see `BoundComparison` for what the second
+    leaves out.
 
     Parameters
     ----------

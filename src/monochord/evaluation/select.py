@@ -53,7 +53,7 @@ class EvaluationSettings:
         Folder of a model or of the training run that made it, or the name of a bundled model; None for
         `estimator`.
     estimator, options
-        Name of an estimator that learned nothing, and options of whichever is evaluated.
+        Name of an estimator that is no model, and options of whichever is evaluated.
     dataset, split, part
         A dataset, the file of its split, and the part that is evaluated. By default those of the training
         run.
@@ -228,7 +228,8 @@ def select(
 def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[str, ...]:
     """Return the notes of a split's audit; refuse a split that leaks or belongs to another dataset.
 
-    For an estimator that has learned nothing the sounds are not compared, since nothing can leak.
+    Where nothing is learned from the dataset the sounds are not compared. The networks that choose the closed
+    form's modes learned from the plans `modes` and `modes_2`, which is not checked.
 
     Raises
     ------

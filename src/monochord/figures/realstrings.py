@@ -1,4 +1,4 @@
-"""How far off the closed form is on real recorded strings, clean and with music and speech mixed in."""
+"""How far off the closed form of one segment is on real strings, clean and with music and speech mixed in."""
 
 from __future__ import annotations
 

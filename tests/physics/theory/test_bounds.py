@@ -18,7 +18,7 @@ from monochord.physics.theory.segments import (
     tension_from_segments,
 )
 from monochord.physics.theory.stiffness import inharmonicity, partial_numbers
-from monochord.physics.theory.tension import TensionLaw, force_from_tension
+from monochord.physics.theory.tension import TensionLaw, force_from_tension, tension_from_force
 
 STRING = StringParams(
     length=0.65, linear_density=6.5e-4, tension=65.0, core_diameter=2.54e-4, tension_per_force=6.0
@@ -128,6 +128,93 @@ def test_contact_bound_counts_what_is_not_known_of_tuning_and_ends(law: TensionL
     assert np.std(read, axis=0) == pytest.approx(bound, rel=0.06)
 
 
+TENSION, END, OPEN, LONGER, ALIKE = 0.3, 2e-4, 0.05, 1e-4, 0.4
+"""Standard errors of all that is unknown below, and the correlation of both lengthenings."""
+
+
+def _pitches(law: TensionLaw, x: float, force: float, tension: float, *lengths: float) -> Floats:
+    """Return both segments' and the untouched frequency of a sensor with errors of tension, ends, contact."""
+    end_1, end_2, longer_1, longer_2 = lengths
+    own = replace(STRING, tension=STRING.tension + tension)
+    touched = tension_from_force(
+        own, force, x, law
+    )  # as if the ends were right: what is left out is of second order
+    speeds = np.sqrt(np.array([touched, touched, own.tension]) / own.linear_density)
+    segments = [x + end_1 + longer_1, own.length - x + end_2 + longer_2, own.length + end_1 + end_2]
+    return speeds / (2.0 * np.array(segments))
+
+
+@pytest.mark.parametrize("law", ["linear", "geometric"])
+def test_contact_bound_equals_the_fisher_matrix_of_all_that_is_unknown(law: TensionLaw) -> None:
+    # Position, force, tension, both ends and both lengthenings, differentiated numerically.
+    x, force, snr = 0.2, 2.0, 0.1
+    values = np.array([x, force, 0.0, 0.0, 0.0, 0.0, 0.0])
+    steps = np.array([1e-6, 1e-4, 1e-4, 1e-6, 1e-6, 1e-6, 1e-6])
+    slopes = np.array(
+        [
+            (_pitches(law, *(values + step)) - _pitches(law, *(values - step))) / (2.0 * step.max())
+            for step in np.diag(steps)
+        ]
+    )
+    noise = np.array([0.0, 0.0, OPEN])
+    for side, (f, length) in enumerate(zip(split_frequencies(STRING, x, force, law), (x, 0.45), strict=True)):
+        b = inharmonicity(STRING, length)
+        numbers = partial_numbers(3000.0, f, b)
+        noise[side] = series_bound(f, numbers, snr, duration=0.1, sample_rate=8000.0, inharmonicity=b)
+    prior = np.zeros((7, 7))
+    prior[2:5, 2:5] = np.diag(np.array([TENSION, END, END]) ** -2.0)
+    correlated = LONGER**2 * np.array([[1.0, ALIKE], [ALIKE, 1.0]])
+    prior[5:, 5:] = np.linalg.inv(correlated)
+    scale = np.array([1e-4, 0.1, 0.3, 1e-4, 1e-4, 1e-4, 1e-4])
+    fisher = slopes @ np.diag(noise**-2.0) @ slopes.T + prior
+    expected = scale * np.sqrt(np.diag(np.linalg.inv(fisher * np.outer(scale, scale))))
+    bound = contact_bound(
+        STRING, Contact(position=x, force=force), snr, highest=3000.0, duration=0.1, sample_rate=8000.0,
+        law=law, tension_std=TENSION, end_std=END, open_frequency_std=OPEN, lengthening_std=LONGER,
+        lengthening_correlation=ALIKE,
+    )  # fmt: skip
+    assert bound == pytest.approx(expected[:2], rel=1e-3)
+
+
+def test_the_ratio_to_the_untouched_pitch_reaches_the_bound_whatever_tension_and_ends() -> None:
+    # Read by f1 f2 / (f1 + f2) over f0, which is sqrt(T / T0), with T0 as f0 says it is.
+    rng, x, force = np.random.default_rng(4), 0.2, 2.0
+    read: list[float] = []
+    for _ in range(2000):
+        spread = np.array([2.0, 1e-3, 1e-3, 1e-4, 1e-4])
+        f1, f2, f0 = _pitches("linear", x, force, *(spread * rng.normal(size=5)))
+        f0 += 0.05 * rng.normal()
+        untouched = STRING.linear_density * (2.0 * STRING.length * f0) ** 2
+        rise = untouched * ((f1 * f2 / (f1 + f2) / f0) ** 2 - 1.0)
+        read.append(rise / STRING.tension_per_force)
+    touch = Contact(position=x, force=force)
+    _, bound = contact_bound(
+        STRING, touch, 1e6, duration=0.1, sample_rate=44100.0, tension_std=2.0, end_std=1e-3,
+        open_frequency_std=0.05, lengthening_std=1e-4,
+    )  # fmt: skip
+    assert np.std(read) == pytest.approx(bound, rel=0.06)
+
+
+def test_the_untouched_pitch_removes_the_ends_from_the_force_and_leaves_the_contact() -> None:
+    force = 1.0
+
+    def bound(end: float, open_std: float, longer: float = 0.0, alike: float = 0.0) -> float:
+        return contact_bound(
+            STRING, Contact(position=0.2, force=force), 1e6, duration=0.1, sample_rate=44100.0,
+            tension_std=2.0, end_std=end, open_frequency_std=open_std, lengthening_std=longer,
+            lengthening_correlation=alike,
+        )[1]  # fmt: skip
+
+    firm, loose = bound(0.0, 0.01), bound(2e-4, 0.01)
+    # What is left of the ends is the scale of the tension: an error in proportion to the force.
+    assert loose == pytest.approx(np.hypot(firm, force * 2.0 * 2.0**0.5 * 2e-4 / STRING.length), rel=0.05)
+    assert bound(2e-4, np.inf) > 100.0 * loose
+    soft, softer = bound(0.0, 0.01, 2e-4), bound(0.0, 0.01, 4e-4)
+    assert soft > 5.0 * loose
+    assert softer == pytest.approx(2.0 * soft, rel=0.05)
+    assert bound(0.0, 0.01, 4e-4, 1.0) == pytest.approx(2.0**0.5 * softer, rel=0.05)
+
+
 def test_string_without_force_coupling_still_tells_position() -> None:
     # The ratio of the two frequencies locates, whatever the tension does.
     touch = Contact(position=0.2, force=0.0)
@@ -155,6 +242,15 @@ def test_impossible_is_refused() -> None:
         contact_bound(
             STRING, Contact(position=0.6, force=0.0), 10.0, highest=400.0, duration=0.1, sample_rate=8000.0
         )
+
+
+@pytest.mark.parametrize(("open_std", "alike"), [(0.0, 0.0), (np.inf, 1.5)])
+def test_impossible_knowledge_is_refused(open_std: float, alike: float) -> None:
+    with pytest.raises(InputError):
+        contact_bound(
+            STRING, Contact(position=0.2, force=1.0), 10.0, duration=0.1, sample_rate=8000.0,
+            open_frequency_std=open_std, lengthening_correlation=alike,
+        )  # fmt: skip
 
 
 PLAIN = StringParams(

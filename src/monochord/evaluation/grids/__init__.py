@@ -37,7 +37,7 @@ class Variation:
     sessions
         Other sessions of the same names, such as those recorded with one driver: files, folders, patterns.
     estimator, estimator_set
-        An estimator that learns nothing, and its options, in place of a training.
+        An estimator that learns nothing from the dataset, and its options, in place of a training.
     feature
         Name of its rows in the paper's table. By default that of its feature, followed by that of the
         variation if it is another.

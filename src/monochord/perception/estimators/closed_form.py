@@ -1,4 +1,4 @@
-"""The closed-form estimator: position and force by physics, from the pitch of what sounds."""
+"""The closed-form estimator: position and force from pitch, by the exact inverse of the clamped string."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -26,11 +26,12 @@ BOTH_ONLY = ("tension_law", "most_force")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedForm(Estimator):
-    """Position from pitch alone, with nothing learned: the exact inverse of the clamped string.
+    """Position and force from pitch, by the exact inverse of the clamped string.
 
-    The far form uses the pitch of one segment, as on a fretted instrument: x = L (1 - f_open / f). The
-    two-sided form uses both, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 + f2) gives tension,
-    hence force.
+    The far form uses the pitch of one segment, as on a fretted instrument: x = L (1 - f_open / f). Nothing in
+    it is learned. The two-sided form uses both, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 +
+    f2) gives tension, hence force. It is physics, with modes chosen by networks trained on simulated builds
+    (`monochord.perception.closed_form.ranking` and `place_density` there).
     A window that is silent, clipped, torn by a gap, without harmonic structure or with two candidates gives
     an abstention that says so. The two-sided form follows the string's own tuning, within 10 % of the known
     one, by the windows in which nothing touches it; the rest is judged window by window.

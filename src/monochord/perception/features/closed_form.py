@@ -1,4 +1,4 @@
-"""Position and tension by physics alone, with the scores for and against them."""
+"""Position and tension by the inverse of the clamped string, with the scores for and against them."""
 
 from dataclasses import dataclass
 
@@ -47,8 +47,8 @@ class ClosedForm(Feature):
     """The inverse of the clamped, stiff string from its two strongest lines, their harmonic numbers resolved.
 
     x = L f2 / (f1 + f2) and T = mu (2 L f1 f2 / (f1 + f2))^2, where f1 and f2 are the fundamentals of the
-    segments with stiffness taken off. `monochord.perception.closed_form.modes` decides which modes the lines
-    are, for this feature and for the estimator of the same name alike.
+    segments with stiffness taken off. `monochord.perception.closed_form.modes` chooses their modes by
+    networks trained on simulated builds, for this feature and for the estimator of the same name alike.
 
     Columns: `position` in m, `tension` in N, `open`, the open frequency that follows from it in thousandths
     over nominal, and `force` in N by the geometric law if the untouched string has its nominal tension, 0

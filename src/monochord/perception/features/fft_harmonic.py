@@ -72,10 +72,11 @@ class FftHarmonic(Feature):
     Recipe. The plain transform of the whole window, about its mean, gives spectra under a Hann taper and,
     from three bins, the exact frequency and growth of a line. The strongest lines are read as modes of two
     segments, whichever modes the drivers sustain, or as partials of the untouched string
-    (`monochord.perception.closed_form`). Three series of harmonics follow: n = 1 to 8 of the segment at
-    microphone 1, of the segment at microphone 2, and of the whole string, at their stiff partials, or at
-    multiples of the line that a driver sustains where n is one. A harmonic is the strongest bin within 1.5
-    bins and 0.4 % of its expected frequency. Its measures are:
+    (`monochord.perception.closed_form`: physics, with modes chosen by networks trained on simulated builds).
+    Three series of harmonics follow: n = 1 to 8 of the segment at microphone 1, of the segment at microphone
+    2, and of the whole string, at their stiff partials, or at multiples of the line that a driver sustains
+    where n is one. A harmonic is the strongest bin within 1.5 bins and 0.4 % of its expected frequency. Its
+    measures are:
 
     - level: log10 of its power, not below 1e-7 of the channel's;
     - offset: how far it lies from the expected frequency, in thousandths, within 5;
@@ -117,6 +118,8 @@ class FftHarmonic(Feature):
     With `glides`, the last six columns say how fast the lines glide within the window: those of each segment,
     how far its harmonics differ in that, the speed of the place at which the segments glide apart, and the
     glide of the pitch that both share. Each is asinh of its magnitude; a touch at rest has none.
+
+    The 300 are as many as the paper has. The bundled model `demo` uses all options: 392 columns.
 
     Parameters
     ----------

@@ -2,16 +2,18 @@
 
 A bound is the least standard error of any unbiased estimator from a window of a given length: white Gaussian
 noise, known noise level, stationary partials that the window resolves. The signal-to-noise ratio is a power
-ratio (no decibels): half the squared amplitude of a partial over the noise's variance.
+ratio (no decibels): half the squared amplitude of a partial over the noise's variance. Noise is seldom what
+limits a sensor: `contact_bound` also takes what is not known of its tuning, its ends and the contact.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Newtons, Seconds
 from monochord.physics.theory._checks import Number, refuse_not_positive
-from monochord.physics.theory.segments import split_frequencies
+from monochord.physics.theory.segments import open_frequency, split_frequencies
 from monochord.physics.theory.stiffness import inharmonicity, partial_numbers, stiff_partials
 from monochord.physics.theory.tension import TensionLaw, stretch_stiffness, tension_from_force
 
@@ -219,13 +221,28 @@ def contact_bound(
     law: TensionLaw = "linear",
     tension_std: Newtons = 0.0,
     end_std: Metres = 0.0,
+    open_frequency_std: Hertz = np.inf,
+    lengthening_std: Metres = 0.0,
+    lengthening_correlation: float = 0.0,
 ) -> tuple[Metres, Newtons]:
-    """Return the least standard errors of position and force, from both segments.
+    """Return the least standard errors of position and force, from both segments and the untouched pitch.
 
     Both fundamentals are estimated from their partials up to `highest`, each partial at the same ratio to the
-    noise, its amplitude and phase unknown; the inverse of `frequency_sensitivities` transforms their
-    variances to (x, F). Two frequencies determine no third number, so what is not known of the sensor itself
-    adds to these variances.
+    noise, its amplitude and phase unknown. By default everything else is known exactly, so that noise alone
+    counts. What is not known enters as normal errors: of the untouched tension T0, of where each end is (e1,
+    e2), and of how much the contact and its mount lengthen each segment (d1, d2):
+
+        f1 = v / (2 (x + e1 + d1)),  f2 = v / (2 (L - x + e2 + d2)),  f0 = v0 / (2 (L + e1 + e2)).
+
+    With N the derivatives of the frequencies by these five and P their covariance, the frequencies have the
+    covariance C = R + N P N^T, R being that of the noise, and (x, F) has the covariance (A^T C^-1 A)^-1, A
+    being `frequency_sensitivities` with zeros for f0.
+
+    To first order f1 f2 / (f1 + f2) over f0 is sqrt(T / T0) (1 - (d1 + d2) / L), whatever the ends: where the
+    untouched pitch is measured, they leave the force an error of 2 (e1 + e2) / L of itself, and what limits
+    it is the lengthening. Left out are other evidence of the contact, such as further partials on a mount
+    that resonates, combination tones and levels, and how likely each force is beforehand: an estimator that
+    uses them can be better.
 
     Parameters
     ----------
@@ -241,6 +258,14 @@ def contact_bound(
         Standard error to which the untouched string's tension is known, in N.
     end_std
         The same of where each end of the string effectively is, in m.
+    open_frequency_std
+        The same of the untouched string's pitch, in Hz; infinite where that is not measured.
+    lengthening_std
+        The same of how much contact and mount lengthen each segment, in m: a spring of K in N/m lengthens it
+        by T / K, a mass above its resonance shortens it.
+    lengthening_correlation
+        Correlation of the lengthening of both segments, -1 to 1: 1 for one spring under both, 0 where
+        resonances of the mount shift each line by itself.
 
     Returns
     -------
@@ -250,7 +275,13 @@ def contact_bound(
     Raises
     ------
     InputError
-        If the contact is not on the string, or a segment has no partial below `highest`.
+        If the contact is not on the string, a segment has no partial below `highest`, the untouched pitch is
+        known without error, or the correlation is outside its range.
+
+    References
+    ----------
+    Kay (1993), Estimation Theory, section 4.5 (linear model, coloured noise); Van Trees (1968), Detection,
+    Estimation and Modulation Theory I, section 2.4 (nuisance parameters with a prior).
 
     Examples
     --------
@@ -258,17 +289,30 @@ def contact_bound(
 
     >>> string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0, tension_per_force=6.0)
     >>> touch = Contact(position=0.2275, force=0.5)
-    >>> x, force = contact_bound(string, touch, 100.0, duration=0.1, sample_rate=44100.0)
+    >>> window = {"duration": 0.1, "sample_rate": 44100.0}
+    >>> x, force = contact_bound(string, touch, 100.0, **window)
     >>> round(1e6 * x, 2), round(1e3 * force, 2)
     (0.1, 0.01)
 
-    Its own tuning and ends do, where they are known to a thousandth and to a tenth of a millimetre:
+    Its tuning and its ends count for more, where they are known to a thousandth and to 0.1 mm:
 
     >>> built = {"tension_std": 0.065, "end_std": 1e-4}
-    >>> x, force = contact_bound(string, touch, 100.0, duration=0.1, sample_rate=44100.0, **built)
+    >>> x, force = contact_bound(string, touch, 100.0, **window, **built)
     >>> round(1e6 * x), round(1e3 * force)
     (74, 12)
+
+    The untouched pitch, measured to 0.01 Hz, leaves a thirteenth of the force's error. An unknown lengthening
+    of 0.1 mm by contact and mount then outweighs all else:
+
+    >>> built["open_frequency_std"] = 0.01
+    >>> round(1e3 * contact_bound(string, touch, 100.0, **window, **built)[1])
+    1
+    >>> round(1e3 * contact_bound(string, touch, 100.0, **window, **built, lengthening_std=1e-4)[1])
+    5
     """
+    if not -1.0 <= lengthening_correlation <= 1.0:
+        raise InputError(f"lengthening_correlation {lengthening_correlation:g}", "-1 to 1")
+    refuse_not_positive(open_frequency_std=open_frequency_std)
     lengths = np.array([contact.position, string.length - contact.position])
     f = np.array(split_frequencies(string, contact.position, contact.force, law))
     variances = np.empty(2)
@@ -284,15 +328,21 @@ def contact_bound(
     tension = tension_from_force(string, contact.force, contact.position, law)
     # A string that is tighter from the beginning stretches less: from T^2 (T - T0) = const, differentiated.
     gain = 1.0 if law == "linear" else tension / (3.0 * tension - 2.0 * string.tension)
-    by_tension = gain * f / (2.0 * tension)
-    covariance = np.diag(variances + (end_std * f / lengths) ** 2)
-    covariance += tension_std**2 * np.outer(by_tension, by_tension)
+    longer = np.diag(-f / lengths)
+    by_unknown = np.column_stack([gain * f / (2.0 * tension), longer, longer])
+    prior = np.diag([tension_std, end_std, end_std, lengthening_std, lengthening_std]) ** 2
+    prior[3, 4] = prior[4, 3] = lengthening_correlation * lengthening_std**2
+    if np.isfinite(open_frequency_std):
+        in_relation = [0.5 / string.tension, -1.0 / string.length, -1.0 / string.length, 0.0, 0.0]
+        by_unknown = np.vstack([by_unknown, open_frequency(string) * np.array(in_relation)])
+        variances = np.append(variances, open_frequency_std**2)
+        slopes = np.vstack([slopes, np.zeros(2)])
+    covariance = np.diag(variances) + by_unknown @ prior @ by_unknown.T
     if slopes[0, 1] == 0.0:
         # The position still follows, from the ratio of the two frequencies.
         by_ratio = string.length * np.array([-f[1], f[0]]) / f.sum() ** 2
-        return float(np.sqrt(by_ratio @ covariance @ by_ratio)), np.inf
-    inverse = np.linalg.inv(slopes)
-    errors = np.sqrt(np.diag(inverse @ covariance @ inverse.T))
+        return float(np.sqrt(by_ratio @ covariance[:2, :2] @ by_ratio)), np.inf
+    errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ np.linalg.solve(covariance, slopes))))
     return float(errors[0]), float(errors[1])
 
 
