@@ -43,6 +43,18 @@ def test_clipping_and_hum_cover_the_string(windows: Audio) -> None:
     assert (np.mean((hum - windows) ** 2, axis=(1, 2)) > 0.5 * np.mean(windows**2, axis=(1, 2))).all()
 
 
+def test_a_second_string_adds_lines_elsewhere() -> None:
+    sine = (0.1 * np.sin(2.0 * np.pi * 1000.0 / 44100.0 * np.arange(4410))).astype(np.float32)
+    spoilt = Fault(kind="second string")(np.stack([[sine, sine]] * 8), np.arange(8))
+    power = np.abs(np.fft.rfft(spoilt * np.hanning(4410))) ** 2
+    own, others = power[:, :, 98:103].sum(axis=2), power.copy()
+    others[:, :, 98:103] = 0.0
+    second = others.argmax(axis=2) * 10.0
+    assert (others.sum(axis=2) > 0.1 * own).all()
+    assert (np.abs(second / 1000.0 - 1.0) > 0.02).all()
+    assert (np.abs(second / 1000.0 - 1.0) < 0.4).all()
+
+
 def test_an_unknown_fault_is_refused() -> None:
     with pytest.raises(InputError, match="did you mean"):
         Fault(kind="microphone 3 dead")

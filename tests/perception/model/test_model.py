@@ -363,6 +363,17 @@ def test_without_contact_the_other_heads_abstain(drawn: Model) -> None:
     assert estimates["contact"].value == pytest.approx(0.475, abs=1e-3)
 
 
+@pytest.mark.parametrize("contact", [-1.0, 1.0])
+def test_contact_that_is_uncertain_is_not_denied(drawn: Model, contact: float) -> None:
+    record = drawn.definition.heads["contact"]
+    careful = dataclasses.replace(record, task=dataclasses.replace(record.task, limit=0.3))
+    definition = dataclasses.replace(drawn.definition, heads={**drawn.definition.heads, "contact": careful})
+    estimates = estimates_of(definition, outputs(contact=contact))
+    assert estimates["contact"].why_not == "too uncertain"
+    assert "no contact" not in {each.why_not for each in estimates.values()}
+    assert estimates_of(definition, outputs(contact=9.0 * contact))["contact"].valid
+
+
 def test_too_large_an_uncertainty_is_an_abstention(drawn: Model) -> None:
     position = Output(value=0.0, log_spread=math.log(50.0))
     estimates = estimates_of(drawn.definition, outputs(position=position))

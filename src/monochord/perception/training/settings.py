@@ -164,6 +164,7 @@ class KnownSettings:
             "microphones swapped": "the microphones seem swapped",
             "clipping": "mostly clipped",
             "hum": "hum louder than the string",
+            "second string": "two strings sound at once",
         }
     )
     contact_holds: tuple[str, ...] = ("one driver seems silent", "the microphones seem swapped")
