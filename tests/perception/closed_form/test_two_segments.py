@@ -1,11 +1,12 @@
 """The two-sided form on sound whose lines are known, and why a window cannot be used."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from monochord.core.types import Audio, Contact, Estimates, Floats, Signal, Window
+from monochord.core.types import OUTSIDE_RANGE, Audio, Contact, Estimates, Floats, Signal, Window
 from monochord.perception.closed_form.two_segments import UNITS, TwoSegments
 from monochord.perception.closed_form.usable import CLIPPED_SHARE, SILENCE, why_unusable
 from monochord.perception.features import FEATURES
@@ -30,9 +31,11 @@ def sound(frequencies: tuple[float, float], *, noise: float = 1e-4) -> Floats:
     return both + noise * np.random.default_rng(1).standard_normal(both.shape)
 
 
-def estimated(contact: Contact, *, noise: float = 1e-4, shift: float = 0.0) -> Estimates:
+def estimated(
+    contact: Contact, *, noise: float = 1e-4, shift: float = 0.0, form: TwoSegments = FORM
+) -> Estimates:
     f1, f2 = segment_frequencies(STRING, contact)
-    return FORM.prepare(RATE, SIZE)(window(sound((f1 * (1.0 + shift), f2 * (1.0 + shift)), noise=noise)))
+    return form.prepare(RATE, SIZE)(window(sound((f1 * (1.0 + shift), f2 * (1.0 + shift)), noise=noise)))
 
 
 @pytest.mark.parametrize("position", [0.09, 0.2, 0.31, 0.43, 0.54])
@@ -44,6 +47,14 @@ def test_position_tension_and_force_are_those_of_the_clamp(position: float, forc
     assert estimates["tension"].value == pytest.approx(65.0 + 6.0 * force, abs=0.15)
     assert estimates["force"].value == pytest.approx(force, abs=0.03)
     assert {name: estimate.unit for name, estimate in estimates.items()} == UNITS
+
+
+@pytest.mark.parametrize(("position", "reason"), [(0.14, OUTSIDE_RANGE), (0.23, ""), (0.5, OUTSIDE_RANGE)])
+def test_outside_the_sensing_range_contact_alone_is_told(position: float, reason: str) -> None:
+    form = replace(FORM, sensing_range=(0.16, 0.48))
+    estimates = estimated(Contact(position=position, force=1.0), form=form)
+    assert estimates["contact"].value == 1.0
+    assert {estimates[name].why_not for name in ("position", "force", "tension")} == {reason}
 
 
 def test_the_lower_of_both_is_the_frequency() -> None:
