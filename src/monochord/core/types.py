@@ -158,13 +158,17 @@ class Signal:
     """What an open source says of its audio: rate, channels, and the string if it knows that.
 
     `string` is as it is tuned. `design` is the same wire as something learned knows it, where that is tuned
-    otherwise: a feature in hertz or newtons is then stated as of that one.
+    otherwise: a feature in hertz or newtons is then stated as of that one. `sensing_range` is where on the
+    string the sensor tells places, None where no sensor is known. `drivers` are the places of the coils of
+    each driver that is on, sense and drive; empty where none is known.
     """
 
     sample_rate: int
     channels: int
     string: StringParams | None = None
     design: StringParams | None = None
+    sensing_range: tuple[Metres, Metres] | None = None
+    drivers: tuple[tuple[Metres, Metres], ...] = ()
 
     @property
     def tension_scale(self) -> float:
