@@ -83,11 +83,9 @@ export function isOutside(moment) {
   return Boolean(touched(moment)) && reason(moment, "position") === "outside the sensing range";
 }
 
-// A range in words, as "50 to 150 mm".
-export function span([low, high]) {
-  const mm = (metres) => String(Number((1e3 * metres).toFixed(1)));
-  return `${mm(low)} to ${mm(high)} mm`;
-}
+// Metres in mm without needless digits, and a range in words, "50 to 150 mm", that stays in one line.
+export function millimetres(metres) { return String(Number((1e3 * metres).toFixed(1))); }
+export function span([low, high]) { return `${millimetres(low)}\u00a0to\u00a0${millimetres(high)}\u00a0mm`; }
 
 // Whether something touches: null where it is not known. An estimator without contact says so by its position.
 export function touched(moment) {

@@ -1,6 +1,6 @@
 // The drawn string: position, force as deflection, uncertainty as width, slip as motion.
 
-import { decision, estimate, reason, touched } from "./state.js";
+import { decision, estimate, millimetres, reason, touched } from "./state.js";
 
 const STILL = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -135,9 +135,8 @@ export class StringView {
     c.fillStyle = colour.range;
     c.fillRect(left, 0, right - left, y);
     for (const x of [left, right]) this.line([[x, 0], [x, y]], colour.muted, 1, [2, 4]);
-    const mm = (metres) => `${Number((1e3 * metres).toFixed(1))} mm`;
-    this.text(mm(low), left + 6, y - 7, colour.ink, "left");
-    this.text(mm(high), right - 6, y - 7, colour.ink, "right");
+    this.text(`${millimetres(low)} mm`, left + 6, y - 7, colour.ink, "left");
+    this.text(`${millimetres(high)} mm`, right - 6, y - 7, colour.ink, "right");
     if (right - left > 260) this.text("sensing range", (left + right) / 2, y - 7, colour.muted, "center");
   }
 
