@@ -157,7 +157,8 @@ class Calibration(Guided):
             self._touch_windows, self._free = [], False  # the next one follows a release
 
     def _is_outside(self, position: Metres) -> bool:
-        return self._range is not None and not self._range[0] <= position <= self._range[1]
+        rounded = round(position, 6)  # a label at an end may be off by its 32 bits
+        return self._range is not None and not self._range[0] <= rounded <= self._range[1]
 
     def _proposed(self, number: int) -> tuple[Metres, Newtons]:
         """Return the position and force of a touch: however many there are, both are spread evenly."""
