@@ -21,9 +21,11 @@ from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, StreamHealth, Truth, Window
 from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.filter import FilterSettings
+from monochord.live.loop import opened
 from monochord.live.sinks.base import Listener, Moment, Sink, Writer
 from monochord.live.tracks import TrackSettings
 from monochord.perception.estimators.base import Condition, Estimator, Watching
+from monochord.physics.sensors import load_sensor
 
 RATE = 1000
 NOISE = np.random.default_rng(5).standard_normal((2, 2000)).astype(np.float32)
@@ -364,3 +366,19 @@ def test_a_user_who_may_not_have_real_time_priority_is_told(monkeypatch: pytest.
     with pytest.raises(InputError, match="not permitted"):
         run(replace(session(source, Keep()), real_time=True))
     assert not source.given
+
+
+def test_the_signal_of_a_run_has_what_is_known_of_the_sensor() -> None:
+    design = load_sensor("prototype")
+    places = tuple((each.sense, each.drive) for each in design.drivers)
+    unknown = session(Script(cut(NOISE, 100)), Keep())
+    twin = session(SOURCES.build("twin", {"speed": 0.0}), Keep())
+    for setup, expected in (
+        (unknown, (None, ())),
+        (replace(unknown, string="appendix"), (None, ())),
+        (replace(unknown, sensor="prototype"), (design.range, places)),
+        (twin, (design.range, places)),
+    ):
+        with opened(setup) as live:
+            assert (live.signal.sensing_range, live.signal.drivers) == expected
+            assert [each.signal for each in live.strings] == [live.signal]

@@ -90,5 +90,7 @@ def _tree(result: Adaptation, out: Path | None) -> dict[str, Any]:
         "mistaken": result.mistaken,
         "trust": dataclasses.asdict(result.trust),
         "next_touch": dataclasses.asdict(result.next_touch) if result.next_touch else None,
+        "sensing_range": result.sensing_range,
+        "outside": result.outside,
         "weights": result.model.definition.weights,
     }

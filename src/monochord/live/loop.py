@@ -26,7 +26,7 @@ from monochord.live.settings import LiveRun, channels_of
 from monochord.live.sinks.base import Moment
 from monochord.live.summary import Meter, Summary
 from monochord.perception.estimators.base import Watching
-from monochord.physics.sensors import load_sensor
+from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.physics.strings import load_string
 
 LENGTH_TOLERANCE = 0.02
@@ -303,17 +303,17 @@ def _strings(signal: Signal, setup: LiveRun) -> tuple[Signal, tuple[LiveString, 
 
 
 def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:
-    """Return the signal with the string of a preset, or with that of a sensor as tuned.
+    """Return the signal with the string of a preset, or with what is known of a sensor as tuned.
 
     A string is refused where the source knows its own, and a sensor where that one is of another length.
     """
     if sensor:
-        design = load_sensor(sensor)
-        string, own = design.string, signal.string
-        if own is not None and abs(string.length / own.length - 1.0) > LENGTH_TOLERANCE:
-            given = f"sensor '{sensor}' with a string of {string.length:g} m"
+        known, own = load_sensor(sensor), signal.string
+        length = known.string.length
+        if own is not None and abs(length / own.length - 1.0) > LENGTH_TOLERANCE:
+            given = f"sensor '{sensor}' with a string of {length:g} m"
             raise InputError(given, f"{own.length:g} m, as the source says of its own", "name that sensor")
-        return dataclasses.replace(signal, string=string, sensing_range=design.range)
+        return with_sensor(signal, known)
     if not preset:
         return signal
     string = load_string(preset).string

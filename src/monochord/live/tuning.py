@@ -14,7 +14,14 @@ from monochord.core.windows import windows
 from monochord.live.listen import source_of
 from monochord.live.settings import WindowSettings
 from monochord.perception.tuning import Tuner, TunerState, Tuning
-from monochord.physics.sensors import SensorTuning, load_sensor, sensor_design, sensor_names, sensor_toml
+from monochord.physics.sensors import (
+    SensorTuning,
+    designs_with,
+    load_sensor,
+    sensor_design,
+    sensor_names,
+    sensor_toml,
+)
 from monochord.physics.theory import inharmonicity, open_frequency
 from monochord.physics.twin import Sensor
 
@@ -236,10 +243,7 @@ def preset_of(string: StringParams | None) -> str:
     >>> preset_of(load_sensor("long").string)
     'long'
     """
-    names = sensor_names()
-    for name in names if string is not None else ():
-        own = load_sensor(name).string
-        if string is not None and replace(own, tension=string.tension) == string:
-            return name
+    if names := designs_with(string):
+        return names[0]
     given = "a source that does not know its string" if string is None else "a string of no preset"
-    raise InputError(given, ", ".join(names), "name the sensor: --sensor prototype")
+    raise InputError(given, ", ".join(sensor_names()), "name the sensor: --sensor prototype")

@@ -9,12 +9,13 @@ from typing import Any
 import pytest
 
 from monochord.capture.sources import SOURCES
+from monochord.core.types import Signal
 from monochord.live.loop import opened
 from monochord.live.settings import LiveSettings
 from monochord.live.sinks.base import Moment
-from monochord.live.web.guided import Bench
+from monochord.live.web.guided import Bench, Calibration
 from monochord.perception.model import load
-from monochord.physics.sensors import load_sensor
+from monochord.physics.sensors import load_sensor, with_sensor
 
 TOUCHES = [
     {"start": 2.5 + 2.0 * k, "position": 0.05 + 0.03 * k, "force": 0.5 + 0.4 * k, "seconds": 1.7}
@@ -87,6 +88,46 @@ def test_a_model_is_adapted_to_touches_that_are_held(bench: Bench, tmp_path: Pat
     assert before is not None
     assert after is not None
     assert after.touches in (before.touches, before.touches + 3)  # as it was, where they did not help
+    bench.close()
+
+
+def test_touches_are_proposed_within_the_sensing_range(tmp_path: Path) -> None:
+    sensors = {name: load_sensor(name) for name in ("prototype", "long")}
+    signal = Signal(sample_rate=44100, channels=2)
+    for name, sensor in sensors.items():
+        length, (low, high) = sensor.string.length, sensor.range
+        guided = Calibration(with_sensor(signal, sensor), tmp_path, length, "demo", 30)
+        guided.recording.seconds = 10.0
+        places: list[float] = []
+        for _ in range(30):
+            state = guided.state()
+            places.append(state["position"])
+            guided.rows.append((0.0, 1.0, state["position"], state["force"]))
+        assert low < min(places) < max(places) < high, name
+        assert max(places) - min(places) > 0.8 * (high - low)
+        assert not guided.hold(0.5 * low, 1.0)
+        guided.close()
+
+
+def test_a_touch_outside_the_sensing_range_is_told_and_not_counted(bench: Bench) -> None:
+    assert bench.calibrate(3)
+    begun(bench)
+    script = [
+        {"start": 2.3, "position": 0.03, "force": 1.0, "seconds": 2.0},
+        {"start": 4.8, "position": 0.15, "force": 1.0, "seconds": 2.0},  # its very end, as 32 bits have it
+    ]
+    source = {"name": "twin", "speed": 0.0, "script": script}
+    tree = {"source": source, "estimator": {"name": "closed_form"}, "sinks": {}, "seconds": 6.6}
+    says: list[tuple[float, str]] = []
+    with opened(LiveSettings.read({**tree, "window": {"hop": 0.05}}).build()) as live:
+        for moment in live:
+            bench.take(moment)
+            says.append((moment.prediction.time, bench.state()["guided"]["says"]))
+    outside = [time_ for time_, words in says if "outside the sensing range, 50 to 150 mm" in words]
+    assert 2.2 < min(outside) < max(outside) < 4.4
+    assert len(outside) > 30
+    assert bench.state()["guided"]["count"] == 1
+    assert bench.cancel()
     bench.close()
 
 

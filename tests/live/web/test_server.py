@@ -31,6 +31,7 @@ from monochord.live.sinks.base import Moment, Writer
 from monochord.live.web import messages
 from monochord.live.web.server import MAX_CLIENTS, MAX_MESSAGE, PAGE, RATE, Server
 from monochord.perception.estimators.base import Condition
+from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.sessions import read_session
 
 LENGTH, TOKEN = 0.2, "right"
@@ -243,6 +244,7 @@ def test_a_page_is_told_what_is_estimated_and_what_happened() -> None:
         hello = messages_of(client, "hello")[0]
         assert (hello["length"], hello["channels"], hello["controls"]) == (LENGTH, 2, None)
         assert hello["speed"] == pytest.approx((65.0 / 4e-4) ** 0.5)
+        assert (hello["range"], hello["drivers"]) == (None, [])  # of a sensor that is not known
         told = messages_of(client, "moment", 20)[-1]
         assert told["window"]["position"]["unit"] == "m"
         assert told["truth"] == {"contact": 1.0}
@@ -258,6 +260,16 @@ def test_a_page_is_told_what_is_estimated_and_what_happened() -> None:
         assert len(history) > 3
         assert history[0][0] < history[-1][0]
         assert history[0][-6:] == [1.0, None, None, None, 1.0, None]  # truth, and what is decided
+
+
+def test_a_page_learns_the_sensing_range_and_the_drivers_of_a_known_sensor() -> None:
+    signal = Signal(sample_rate=44100, channels=2)
+    for name, drivers in (
+        ("prototype", ((0.015, 0.028), (0.178, 0.189))),
+        ("prototype_one_driver", ((0.015, 0.028),)),
+    ):
+        told = messages.hello(with_sensor(signal, load_sensor(name)), 0.2, simulated=True, controls=None)
+        assert (told["range"], told["drivers"]) == ((0.05, 0.15), drivers)
 
 
 def test_a_tone_stands_in_the_spectrum_where_it_is() -> None:

@@ -10,6 +10,7 @@ import pytest
 from tests.conftest import LEARNABLE, sung
 
 from monochord.cli import run
+from monochord.core.config import to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Block
 from monochord.datasets.build import build_dataset
@@ -17,6 +18,7 @@ from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.model import Model, load, save
 from monochord.perception.training.adapt import Trust, accustomed, adapt, judge
+from monochord.perception.training.calibration import calibrated
 from monochord.perception.training.correct import with_prior, with_variables
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.settings import TrainingSettings
@@ -90,6 +92,67 @@ def test_known_touches_of_another_build_take_its_bias_away(correctable: Model, f
     assert result.next_touch is not None
     assert 0.05 <= result.next_touch.position <= 0.15
     assert 0.0 < result.next_touch.gain < 1.0
+
+
+def test_the_touch_to_make_next_lies_within_the_sensing_range(correctable: Model, foreign: Dataset) -> None:
+    anywhere = adapt(correctable, foreign).next_touch
+    assert anywhere is not None
+    for span in ((0.05, 0.1), (0.1, 0.15)):
+        for result in (
+            adapt(correctable, foreign, sensing_range=span),
+            judge(correctable, foreign, sensing_range=span),
+        ):
+            assert result.next_touch is not None
+            assert span[0] <= result.next_touch.position <= span[1]
+    assert adapt(correctable, foreign, sensing_range=(0.3, 0.4)).next_touch is None
+
+
+@pytest.mark.parametrize("touches", [None, 0])
+def test_known_touches_outside_the_sensing_range_are_named_and_left_out(
+    correctable: Model, foreign_session: Path, tmp_path: Path, touches: int | None
+) -> None:
+    given, span, out = tmp_path / "given", (0.07, 0.13), None if touches == 0 else tmp_path / "out"
+    save(correctable, given)
+    dataset = build_dataset([foreign_session], tmp_path / "all")
+    touched = dataset.label("contact") == 1.0
+    touch, place = touches_of(dataset)[touched], dataset.label("position")[touched]
+    means = np.array([place[touch == each].mean() for each in np.unique(touch)])
+    inside = (means >= span[0]) & (means <= span[1])
+    assert 0 < inside.sum() < inside.size
+    result = calibrated(str(given), [str(foreign_session)], out, touches=touches, sensing_range=span)
+    assert result.outside == pytest.approx(means[~inside])
+    assert result.heads["force"].touches == result.heads["position"].touches == inside.sum()
+    assert result.trust.touches == inside.sum()
+    assert result.trust.position is not None
+    assert span[0] <= result.trust.position[0] < result.trust.position[1] <= span[1]
+    (line,) = [each for each in result.lines() if "70 to 130 mm" in each]
+    assert f"{(~inside).sum()} known touches" in line
+    with pytest.raises(
+        InputError, match="all outside the sensing range: allowed is touches between 10 and 2"
+    ):
+        calibrated(
+            str(given), [str(foreign_session)], tmp_path / "no", touches=touches, sensing_range=(0.01, 0.02)
+        )
+    assert not (tmp_path / "no").exists()
+
+
+def test_the_sensing_range_is_that_of_the_sensor_that_a_session_names(
+    correctable: Model, foreign_session: Path, tmp_path: Path
+) -> None:
+    given, named = tmp_path / "given", tmp_path / "named.mcap"
+    save(correctable, given)
+    sensor = {**to_tree(load_sensor("prototype")), "range": [0.09, 0.12]}
+    samples, time, labels = sung(77)
+    description = Description(name="named", sample_rate=LEARNABLE, simulated=True, sensor=sensor)
+    with SessionWriter(named, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+        writer.audio(Block(samples=samples, start=0, adc_time=0.0))
+        writer.labels(time, labels)
+    result = calibrated(str(given), [str(named)], None, touches=0)
+    assert result.sensing_range == (0.09, 0.12)
+    assert result.outside
+    unnamed = calibrated(str(given), [str(foreign_session)], None, touches=0)
+    assert unnamed.sensing_range == load_sensor("prototype").range
+    assert not unnamed.outside
 
 
 def test_for_other_objects_a_sensor_is_learned_in_part_and_its_objects_stay_uncertain(

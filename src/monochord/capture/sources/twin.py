@@ -20,7 +20,7 @@ from monochord.core.labels import LabelTrack, one_window_labels
 from monochord.core.types import Audio, Floats, Signal, Truth
 from monochord.core.units import Newtons, Samples, Seconds
 from monochord.physics.materials import load_material, material_names
-from monochord.physics.sensors import load_sensor
+from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.physics.theory import TensionLaw
 from monochord.physics.twin import Labels, Outside, Pluck, Scene, Sensor, Touch, Twin, advance, begin, retouch
 from monochord.physics.twin.outside import outside_at
@@ -181,7 +181,7 @@ class TwinSource(Source):
 class _TwinStream(PacedStream):
     def __init__(self, options: TwinSource, design: Sensor, sensor: Sensor) -> None:
         rate = options.sample_rate
-        signal = Signal(sample_rate=rate, channels=2, string=design.string, sensing_range=design.range)
+        signal = with_sensor(Signal(sample_rate=rate, channels=2), design)
         end = round(options.duration * rate) if options.duration else math.inf
         super().__init__(signal, block=options.block, speed=options.speed, end=end)
         length = sensor.string.length

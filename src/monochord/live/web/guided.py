@@ -32,7 +32,9 @@ HOLD: Seconds = 1.2
 STILL: Metres = 1e-3
 """A touch that moves by more than this is not held."""
 PLACES, FORCES = (0.2, 0.8), (0.4, 1.6)
-"""Ranges of the touches that are proposed: shares of the length, and N."""
+"""Ranges of the touches that are proposed: shares of the length where no sensing range is known, and N."""
+MARGIN = 0.05
+"""Share of the sensing range at each end in which no touch is proposed: nobody presses to the millimetre."""
 Row: TypeAlias = tuple[Seconds, Seconds, Metres, Newtons]
 """A known touch: begin and end in the session, position, force."""
 
@@ -102,7 +104,8 @@ class Calibration(Guided):
         self.rows: list[Row] = []
         self._touch_windows: list[Row] = []  # windows of the present touch, of a string that states its truth
         self._known: Row | None = None  # the present touch as it was typed
-        self._free = self._states_truth = False
+        self._free = self._states_truth = self._outside = False
+        self._range = signal.sensing_range
 
     @property
     def complete(self) -> bool:
@@ -114,7 +117,7 @@ class Calibration(Guided):
         begin = self.recording.seconds
         if self._states_truth or self._known or begin < UNTOUCHED or self.complete:
             return False
-        if not (0.0 < position < self._length and 0.0 < force <= 10.0):
+        if not (0.0 < position < self._length and 0.0 < force <= 10.0) or self._is_outside(position):
             return False
         self._known = (begin, begin + HOLD, position, force)
         return True
@@ -135,8 +138,12 @@ class Calibration(Guided):
     def _watch(self, moment: Moment, now: Seconds) -> None:
         truth = moment.truth
         if truth.get("contact") != 1.0 or truth.get("slip") != 0.0 or not {"position", "force"} <= {*truth}:
-            self._touch_windows = []
+            self._touch_windows, self._outside = [], False
             self._free = self._free or truth.get("contact") == 0.0
+            return
+        self._outside = self._is_outside(truth["position"])
+        if self._outside:
+            self._touch_windows = []
             return
         if not self._free:
             return
@@ -149,6 +156,18 @@ class Calibration(Guided):
             self.rows.append((begin, now, place, force))
             self._touch_windows, self._free = [], False  # the next one follows a release
 
+    def _is_outside(self, position: Metres) -> bool:
+        rounded = round(position, 6)  # a label at an end may be off by its 32 bits
+        return self._range is not None and not self._range[0] <= rounded <= self._range[1]
+
+    def _proposed(self, number: int) -> tuple[Metres, Newtons]:
+        """Return the position and force of a touch: however many there are, both are spread evenly."""
+        low, high = self._range or (0.0, self._length)
+        first, last = PLACES if self._range is None else (MARGIN, 1.0 - MARGIN)
+        along, hard = (0.5 + 0.618034 * number) % 1.0, (0.3 + 0.381966 * number) % 1.0
+        place = low + (first + (last - first) * along) * (high - low)
+        return place, FORCES[0] + (FORCES[1] - FORCES[0]) * hard
+
     def state(self) -> dict[str, Any]:
         """Return which touch is to be made, and how far it is held."""
         now, count = self.recording.seconds, len(self.rows)
@@ -157,13 +176,16 @@ class Calibration(Guided):
             return state | {"says": "Let go of the string.", "share": now / UNTOUCHED}
         present = self._known or next(iter(self._touch_windows), None)
         duration = now - present[0] if present else 0.0
-        position, force = _proposed(count, self._length)
+        position, force = self._proposed(count)
         if self._states_truth and not self._free and count:
             says = "Let go of the string."
         elif duration:
             says = "Hold still."
         else:
             says = f"Press near {1e3 * position:.0f} mm with about {force:.1f} N, and hold still."
+            if self._outside and self._range is not None:
+                low, high = (f"{1e3 * end:g}" for end in self._range)
+                says = f"This is outside the sensing range, {low} to {high} mm. {says}"
         return state | {
             "says": says,
             "share": min(duration / HOLD, 1.0),
@@ -182,18 +204,9 @@ class Calibration(Guided):
         table.write_text("\n".join(["begin,end,position,force", *rows]), encoding="utf-8")
         from_files(self.recording.path, table, session)
         out = dated_path("calibrated", folder=self._folder)
-        result = calibrated(self._model, [str(session)], out)
+        result = calibrated(self._model, [str(session)], out, sensing_range=self._range)
         head = "Errors of touches that were left out, by cross-validation:"
         return [head, *result.lines(), f"Saved as {out}; use it by: monochord live {out}"]
-
-
-def _proposed(number: int, length: Metres) -> tuple[Metres, Newtons]:
-    """Return the position and force of a touch: however many there are, both are spread evenly."""
-    shares = ((0.5 + 0.618034 * number) % 1.0, (0.3 + 0.381966 * number) % 1.0)
-    place, force = (
-        low + (high - low) * share for share, (low, high) in zip(shares, (PLACES, FORCES), strict=True)
-    )
-    return place * length, force
 
 
 class Bench:

@@ -144,6 +144,8 @@ def hello(signal: Signal, length: float, simulated: bool, controls: Controls | N
         "channels": signal.channels,
         "length": length,
         "speed": math.sqrt(string.tension / string.linear_density) if string and known else None,
+        "range": signal.sensing_range,
+        "drivers": signal.drivers,
         "ends": ["nut", "bridge"] if signal.channels == 1 else ["pickup 1", "pickup 2"],
         "simulated": simulated,
         "controls": None

@@ -132,6 +132,7 @@ class Adaptation:
 
     `mistaken` are the shares of windows that the model took for faults, by reason, and no longer does, unless
     it was only judged: `learned` is false then, and the model as it was. `trust` is where the touches lie.
+    `outside` are the positions of known touches outside `sensing_range`, which were left out.
     """
 
     model: Model
@@ -140,10 +141,20 @@ class Adaptation:
     mistaken: dict[str, float]
     trust: Trust
     learned: bool = True
+    sensing_range: tuple[Metres, Metres] | None = None
+    outside: tuple[Metres, ...] = ()
 
     def lines(self) -> list[str]:
         """Return the errors of touches that were left out, and the touch to make next, for a person."""
         lines = [head.line(name) for name, head in self.heads.items()]
+        if self.sensing_range is not None and self.outside:
+            low, high = self.sensing_range
+            which = (
+                "1 known touch lies" if len(self.outside) == 1 else f"{len(self.outside)} known touches lie"
+            )
+            places = ", ".join(f"{1e3 * place:.1f}" for place in self.outside)
+            span = f"the sensing range of {1e3 * low:g} to {1e3 * high:g} mm"
+            lines.append(f"{which} outside {span} (at {places} mm): left out of position and force")
         now = (
             'were taken for "{}", and are not any more; was it so?' if self.learned else 'are taken for "{}"'
         )
@@ -166,6 +177,7 @@ def adapt(
     *,
     touches: int | None = None,
     objects: Objects = "same",
+    sensing_range: tuple[Metres, Metres] | None = None,
     replayed: Replayed | None = None,
     progress: Progress = lambda *_: None,
 ) -> Adaptation:
@@ -186,6 +198,8 @@ def adapt(
     objects
         "others" learns of the sensor alone, for objects that are not known: less, since most of the error is
         the object's.
+    sensing_range
+        Where the touch to make next may lie, in m; anywhere by default.
     replayed
         What the model makes of the dataset's windows, where it is known already; see `train.read_in_turn`.
     progress
@@ -253,13 +267,19 @@ def adapt(
     return Adaptation(
         model=model,
         heads=heads,
-        next_touch=_suggestion(model, known, spreads),
+        next_touch=_suggestion(model, known, spreads, sensing_range),
         mistaken=mistaken,
         trust=_trust(given, np.isin(touch, known_touches), heads, objects),
     )
 
 
-def judge(model: Model, dataset: Dataset, *, progress: Progress = lambda *_: None) -> Adaptation:
+def judge(
+    model: Model,
+    dataset: Dataset,
+    *,
+    sensing_range: tuple[Metres, Metres] | None = None,
+    progress: Progress = lambda *_: None,
+) -> Adaptation:
     """Return what known touches say of a model that learns nothing from them and stays as it is.
 
     Parameters
@@ -268,6 +288,8 @@ def judge(model: Model, dataset: Dataset, *, progress: Progress = lambda *_: Non
         With or without corrections.
     dataset
         Windows with labels, of one build and one object; all of its touches count.
+    sensing_range
+        Where the touch to make next may lie, in m; anywhere by default.
     progress
         Called with the progress.
 
@@ -304,7 +326,7 @@ def judge(model: Model, dataset: Dataset, *, progress: Progress = lambda *_: Non
     return Adaptation(
         model=model,
         heads=heads,
-        next_touch=_suggestion(model, known, spreads) if known else None,
+        next_touch=_suggestion(model, known, spreads, sensing_range),
         mistaken=accustomed(model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds])[1],
         trust=_trust(given, np.isin(touch, np.unique(touch[used])), heads),
         learned=False,
@@ -456,8 +478,16 @@ def _refuse_other_end(definition: Definition, record: HeadRecord, errors: KnownE
         raise InputError(given, "metres from pickup 1", "exchange the microphones' cables, or measure so")
 
 
-def _suggestion(model: Model, known: dict[str, Correction], spreads: dict[str, float]) -> Suggestion | None:
-    """Return which of the touches that the model keeps would lower the variance of all others most."""
+def _suggestion(
+    model: Model,
+    known: dict[str, Correction],
+    spreads: dict[str, float],
+    sensing_range: tuple[Metres, Metres] | None,
+) -> Suggestion | None:
+    """Return which of the touches that the model keeps would lower the variance of all others most.
+
+    One outside the sensing range is never proposed; None where there is no other.
+    """
     gains: dict[str, Floats] = {}
     places: Floats = np.zeros((0, 2))
     for name, correction in known.items():
@@ -468,7 +498,11 @@ def _suggestion(model: Model, known: dict[str, Correction], spreads: dict[str, f
         # A touch lowers the variance at another by the square of what they share over its own.
         lowered = (shared**2 / (correction.noise * spreads[name] ** 2 + variance)).mean(axis=0)
         gains[name] = lowered / (correction.noise * spreads[name] ** 2 + variance.mean())
-    total = np.mean(list(gains.values()), axis=0)
+    low, high = sensing_range or (-np.inf, np.inf)
+    possible = (low <= places[:, 0]) & (places[:, 0] <= high)
+    if not possible.any():
+        return None
+    total = np.where(possible, np.mean(list(gains.values()), axis=0), -np.inf)
     best = int(total.argmax())
     position, force = places[best].tolist()
     return Suggestion(position=position, force=force, gain=float(total[best]))

@@ -2,15 +2,34 @@
 
 import dataclasses
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from monochord.core.config import from_tree
 from monochord.core.errors import InputError
+from monochord.core.types import StringParams
+from monochord.core.units import Metres
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
+from monochord.datasets.store import Dataset
 from monochord.perception.model import load, save
 from monochord.perception.training.adapt import Adaptation, Objects, adapt, judge
+from monochord.perception.training.examples import touches_of
 from monochord.perception.training.rows import Progress
 from monochord.perception.tuning.sessions import tension_estimator
+from monochord.physics.sensors import range_of
+from monochord.sessions import read_session
+
+TOLERANCE: Metres = 1e-6
+"""By how much a touch at an end of the sensing range may lie beyond it: labels are rounded to 32 bits."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class SensorRange:
+    """The sensing range in the table of a sensor that a session names."""
+
+    range: tuple[Metres, Metres]
 
 
 def calibrated(
@@ -22,9 +41,12 @@ def calibrated(
     objects: Objects = "same",
     labels: Labelling = "",
     force: bool = False,
+    sensing_range: tuple[Metres, Metres] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Adaptation:
     """Adapt a model to one sensor and object, and save the result; without touches to use, judge it alone.
+
+    Of touches outside the sensing range position and force are left out: the sensor cannot tell them there.
 
     Parameters
     ----------
@@ -43,14 +65,17 @@ def calibrated(
         Which labels to take; see `BuildOptions`.
     force
         Whether to accept sessions whose streams are not on one clock.
+    sensing_range
+        Where the sensor tells places, in m: by default that of the sensor that the sessions name, or of the
+        design whose string the model was trained with.
     progress
         Called with the progress.
 
     Raises
     ------
     InputError
-        If the folder exists, or is needed and not given, or the model or the sessions cannot be used; see
-        `adapt`.
+        If the folder exists, or is needed and not given, all touches are outside the sensing range, or the
+        model or the sessions cannot be used; see `adapt`.
     """
     given = load(model)
     if touches == 0 and objects == "others":
@@ -65,14 +90,56 @@ def calibrated(
     rate = trained.sample_rate
     options = BuildOptions(window=trained.window / rate, hop=trained.hop / rate, labels=labels, force=force)
     with tempfile.TemporaryDirectory() as folder:
+        files = find_sessions(sessions)
         dataset = build_dataset(
-            find_sessions(sessions),
+            files,
             Path(folder) / "dataset",
             options,
             listen=tension_estimator(trained.string),
         )
+        span = sensing_range or _range_of(files, trained.string)
+        dataset, outside = _within(dataset, span)
         if touches == 0:
-            result = judge(given, dataset, progress=progress)
+            result = judge(given, dataset, sensing_range=span, progress=progress)
         else:
-            result = adapt(given, dataset, touches=touches, objects=objects, progress=progress)
+            result = adapt(
+                given, dataset, touches=touches, objects=objects, sensing_range=span, progress=progress
+            )
+    result = dataclasses.replace(result, sensing_range=span, outside=outside)
     return result if out is None else dataclasses.replace(result, model=save(result.model, out))
+
+
+def _range_of(sessions: Sequence[Path], trained: StringParams | None) -> tuple[Metres, Metres] | None:
+    """Return what is within the range of every sensor that sessions name, or of the design of a string."""
+    named = [read_session(path).description.sensor.get("range") for path in sessions]
+    ranges = [from_tree(SensorRange, {"range": each}, "session.sensor").range for each in named if each]
+    if not ranges:
+        return range_of(trained)
+    return max(low for low, _ in ranges), min(high for _, high in ranges)
+
+
+def _within(dataset: Dataset, span: tuple[Metres, Metres] | None) -> tuple[Dataset, tuple[Metres, ...]]:
+    """Return a dataset without position and force outside a range, and where the touches are that lack them.
+
+    Raises
+    ------
+    InputError
+        If no touch is left.
+    """
+    if span is None or "position" not in dataset.labels:
+        return dataset, ()
+    place, touch = dataset.label("position"), touches_of(dataset)
+    outside = (place < span[0] - TOLERANCE) | (place > span[1] + TOLERANCE)
+    outside &= dataset.label("contact") == 1.0
+    if not outside.any():
+        return dataset, ()
+    places = tuple(float(place[outside & (touch == each)].mean()) for each in np.unique(touch[outside]))
+    labels, valid = dict(dataset.labels), dict(dataset.valid)
+    for name in labels.keys() & {"position", "force"}:
+        labels[name] = np.where(outside, np.nan, labels[name])
+        valid[name] = valid[name] & ~outside
+    if not any(valid[name].any() for name in labels.keys() & {"position", "force"}):
+        low, high = (f"{1e3 * end:g}" for end in span)
+        given = f"{len(places)} known touches, all outside the sensing range"
+        raise InputError(given, f"touches between {low} and {high} mm", "record some there")
+    return dataclasses.replace(dataset, labels=labels, valid=valid), places

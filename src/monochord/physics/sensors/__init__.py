@@ -12,8 +12,8 @@ from typing import Any
 from monochord.core.config import dump_toml, from_tree, load_toml, to_tree
 from monochord.core.errors import InputError
 from monochord.core.presets import Presets
-from monochord.core.types import StringParams
-from monochord.core.units import Hertz, Newtons, Seconds
+from monochord.core.types import Signal, StringParams
+from monochord.core.units import Hertz, Metres, Newtons, Seconds
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.setup import Sensor
@@ -151,3 +151,46 @@ def _tuning(tree: dict[str, Any], where: str) -> SensorTuning:
 
 SENSORS = Presets(package=__name__, kind="sensor", read=_read)
 sensor_names, load_sensor = SENSORS.names, SENSORS.load
+
+
+def with_sensor(signal: Signal, sensor: Sensor) -> Signal:
+    """Return a signal with what is known of the sensor that it comes from.
+
+    Examples
+    --------
+    >>> with_sensor(Signal(sample_rate=44100, channels=2), load_sensor("prototype")).sensing_range
+    (0.05, 0.15)
+    """
+    return replace(
+        signal,
+        string=sensor.string,
+        sensing_range=sensor.range,
+        drivers=tuple((each.sense, each.drive) for each in sensor.drivers if each.gain * each.limit),
+    )
+
+
+def designs_with(string: StringParams | None) -> list[str]:
+    """Return the names of the presets that have a string, at whatever tension; none for an unknown string.
+
+    Examples
+    --------
+    >>> designs_with(load_string("prototype").string)
+    ['prototype', 'prototype_one_driver']
+    """
+    if string is None:
+        return []
+    return [
+        name for name in sensor_names() if replace(load_sensor(name).string, tension=string.tension) == string
+    ]
+
+
+def range_of(string: StringParams | None) -> tuple[Metres, Metres] | None:
+    """Return the sensing range of the presets that have a string, None where none has it or they differ.
+
+    Examples
+    --------
+    >>> range_of(load_string("prototype").string)
+    (0.05, 0.15)
+    """
+    ranges = {load_sensor(name).range for name in designs_with(string)}
+    return ranges.pop() if len(ranges) == 1 else None

@@ -1,6 +1,6 @@
 // Estimates, truth and counters in words and numbers.
 
-import { decision, estimate, touched } from "./state.js";
+import { decision, estimate, isOutside, reason, touched } from "./state.js";
 
 const element = (id) => document.getElementById(id);
 
@@ -50,7 +50,7 @@ export function showNumbers(moment) {
   }, Boolean(contact));
   for (const [name, unit] of [["position", "m"], ["force", "N"]]) {
     const each = contact ? estimate(moment, name) : null;
-    const why = each ? "" : contact === false ? "no contact" : moment.window[name]?.why || "not estimated";
+    const why = each ? "" : contact === false ? "no contact" : reason(moment, name) || "not estimated";
     put(`reading-${name}`, each ? inUnit(each.value, unit) : "–",
       each && each.std !== null ? inUnit(each.std, unit) : "",
       { text: why, truth: truthOf(moment, name, (value) => inUnit(value, unit)) }, each !== null);
@@ -162,7 +162,8 @@ export function speak(moment) {
     return;
   }
   const contact = touched(moment), slip = decision(moment, "slip");
-  const state = contact === null ? "contact not known" : contact ? (slip ? "sliding" : "touched") : "untouched";
+  const outside = isOutside(moment) ? " outside the sensing range" : "";
+  const state = contact === null ? "contact not known" : contact ? (slip ? "sliding" : "touched") + outside : "untouched";
   if (state === speech.text) return;
   speech.text = state;
   speech.next = now + 1000;

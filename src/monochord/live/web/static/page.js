@@ -3,7 +3,7 @@
 import { History } from "./history.js";
 import { facts, showEvents, showNotes, showNumbers, showPitch, showStream, speak } from "./numbers.js";
 import { Spectra } from "./spectrum.js";
-import { Connection } from "./state.js";
+import { Connection, span } from "./state.js";
 import { StringView } from "./string.js";
 import { Strings } from "./strings.js";
 import { Tasks } from "./tasks.js";
@@ -41,7 +41,9 @@ const connection = new Connection({
     element("waiting").hidden = true;
     element("tasks").hidden = false;
     simulated(message.simulated);
+    showSensor(run);
     hand.allow(run);
+    tasks.allow(run);
     element("controls").hidden = element("hint").hidden = element("legend-hand").hidden = !run.controls;
     if (run.controls) showSettings(run.controls.settings, send);
     spectra.reset(run);
@@ -63,6 +65,14 @@ const connection = new Connection({
 function send(message) { connection.send(message); }
 const hand = new Hand(view, send), tasks = new Tasks(send);
 const strings = new Strings(element("strings"), (name) => send({ do: "show", string: name }));
+
+// What is known of the sensor: nothing is said of one that is not.
+function showSensor({ range, drivers }) {
+  element("legend-range").hidden = !range;
+  element("legend-drivers").hidden = !drivers.length;
+  element("where").textContent = range
+    ? `Press the string: position is estimated from ${span(range)}, elsewhere contact alone.` : "Press the string.";
+}
 
 function simulated(is) {
   if (run) run.simulated = is;
@@ -134,7 +144,7 @@ function latency(latencies) {
 
 function colours() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["ink", "muted", "line", "estimate", "spread", "truth", "hand", "string", "swing", "mark", "surface"];
+  const names = ["ink", "muted", "line", "estimate", "spread", "truth", "hand", "string", "swing", "mark", "surface", "range"];
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 

@@ -73,6 +73,20 @@ export function decision(moment, name) {
   return each && each.value !== null ? each.value > 0.5 : null;
 }
 
+// Why there is no estimate of a name; empty where there is one, or nobody says.
+export function reason(moment, name) {
+  return estimate(moment, name) ? "" : moment.tracked[name]?.why || moment.window[name]?.why || "";
+}
+
+// Whether something touches where the sensor cannot tell places.
+export function isOutside(moment) {
+  return Boolean(touched(moment)) && reason(moment, "position") === "outside the sensing range";
+}
+
+// Metres in mm without needless digits, and a range in words, "50 to 150 mm", that stays in one line.
+export function millimetres(metres) { return String(Number((1e3 * metres).toFixed(1))); }
+export function span([low, high]) { return `${millimetres(low)}\u00a0to\u00a0${millimetres(high)}\u00a0mm`; }
+
 // Whether something touches: null where it is not known. An estimator without contact says so by its position.
 export function touched(moment) {
   return "contact" in moment.window ? decision(moment, "contact") : estimate(moment, "position") !== null;

@@ -1,6 +1,6 @@
 // The drawn string: position, force as deflection, uncertainty as width, slip as motion.
 
-import { decision, estimate, touched } from "./state.js";
+import { decision, estimate, millimetres, reason, touched } from "./state.js";
 
 const STILL = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -8,7 +8,8 @@ export class StringView {
   constructor(canvas) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
-    this.shown = { x: 0.5, depth: 0, spread: 0, presence: 0, swing: [0, 0], truth: null };
+    this.shown = { x: 0.5, depth: 0, spread: 0, presence: 0, withheld: 0, swing: [0, 0], truth: null };
+    this.withheld = ""; // what is said of a touch without a place
     this.trail = [];
     this.before = 0;
     this.hand = null; // {position, force} of a pressing pointer or key
@@ -39,8 +40,11 @@ export class StringView {
     const passed = Math.min((now - this.before) / 1000, 0.1);
     this.before = now;
     this.paper = colour.surface;
+    this.band = run?.range && { ends: run.range.map((end) => this.pixel(end, run.length)), paper: colour.range };
     c.clearRect(0, 0, width, height);
+    this.range(run, colour);
     this.ruler(run, colour);
+    this.drivers(run, colour);
     if (!moment) return this.line([[this.pad, rest], [width - this.pad, rest]], colour.muted, 1.5);
     this.follow(run, moment, passed);
     const s = this.shown, at = this.pixel(s.x * run.length, run.length), tip = rest + s.depth * s.presence;
@@ -49,6 +53,7 @@ export class StringView {
     this.segments(at, tip, now, colour);
     this.ends(run, colour);
     if (s.presence > 0.02) this.touch(at, tip, colour);
+    if (s.withheld > 0.02) this.unplaced(colour);
     this.truth(run, moment, colour);
     if (this.hand) this.ring(run, colour);
   }
@@ -58,6 +63,8 @@ export class StringView {
     const s = this.shown, quick = 1 - Math.exp(-passed / 0.05), slow = 1 - Math.exp(-passed / 0.12);
     const is = touched(moment), position = estimate(moment, "position"), force = estimate(moment, "force");
     s.presence += ((is && position ? 1 : 0) - s.presence) * quick;
+    s.withheld += ((is && !position ? 1 : 0) - s.withheld) * slow;
+    if (is && !position) this.withheld = `touched; ${reason(moment, "position") || "position not estimated"}`;
     if (is && position) {
       const goal = position.value / run.length;
       s.x = s.presence < 0.3 ? goal : s.x + (goal - s.x) * quick;
@@ -119,6 +126,57 @@ export class StringView {
     }
     this.text(run.ends[0], this.pad - 4, rest - 22, colour.muted, "left");
     this.text(run.ends[1], width - this.pad + 4, rest - 22, colour.muted, "right");
+  }
+
+  // Where the sensor tells places, where that is known: a band behind the string, its ends in mm.
+  range(run, colour) {
+    if (!this.band) return;
+    const { context: c } = this, y = this.height - 32, [low, high] = run.range, [left, right] = this.band.ends;
+    c.fillStyle = colour.range;
+    c.fillRect(left, 0, right - left, y);
+    for (const x of [left, right]) this.line([[x, 0], [x, y]], colour.muted, 1, [2, 4]);
+    this.text(`${millimetres(low)} mm`, left + 6, y - 7, colour.ink, "left");
+    this.text(`${millimetres(high)} mm`, right - 6, y - 7, colour.ink, "right");
+    if (right - left > 260) this.text("sensing range", (left + right) / 2, y - 7, colour.muted, "center");
+  }
+
+  // Draw on the band alone, in its own colour.
+  overBand(draw) {
+    const { context: c, height, band: { ends: [left, right], paper } } = this;
+    c.save();
+    c.beginPath();
+    c.rect(left, 0, right - left, height - 32);
+    c.clip();
+    c.strokeStyle = paper;
+    draw();
+    c.restore();
+  }
+
+  // A driver under the string: a coil that senses, and one that drives.
+  drivers(run, colour) {
+    const c = this.context, y = this.rest + 24;
+    for (const places of run?.drivers ?? []) {
+      const [left, right] = places.map((place) => this.pixel(place, run.length)).sort((a, b) => a - b);
+      c.beginPath();
+      c.roundRect(left - 7, y - 7, right - left + 14, 14, 7);
+      c.fillStyle = colour.surface;
+      c.fill();
+      c.strokeStyle = c.fillStyle = colour.muted;
+      c.lineWidth = 1.5;
+      c.stroke();
+      for (const x of [left, right]) {
+        c.beginPath();
+        c.arc(x, y, 2.6, 0, 2 * Math.PI);
+        c.fill();
+      }
+    }
+  }
+
+  // A touch whose place is not told is said, and drawn nowhere.
+  unplaced(colour) {
+    this.context.globalAlpha = this.shown.withheld;
+    this.text(this.withheld, this.width / 2, 24, colour.estimate, "center", 600);
+    this.context.globalAlpha = 1;
   }
 
   spread(run, at, colour) {
@@ -218,6 +276,7 @@ export class StringView {
     c.lineJoin = "round";
     c.strokeStyle = this.paper;
     c.strokeText(words, x, y);
+    if (this.band) this.overBand(() => c.strokeText(words, x, y));
     c.fillText(words, x, y);
   }
 }

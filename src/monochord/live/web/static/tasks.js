@@ -1,5 +1,7 @@
 // A recording, and tuning and calibration step by step. The server says what is to be done; it names all files.
 
+import { span } from "./state.js";
+
 const element = (id) => document.getElementById(id);
 
 export class Tasks {
@@ -14,6 +16,15 @@ export class Tasks {
       event.preventDefault();
       send({ do: "hold", position: this.number("known-position") / 1e3, force: this.number("known-force") });
     });
+  }
+
+  // A known touch outside the sensing range teaches nothing: it is refused where it is typed.
+  allow({ range }) {
+    const place = element("known-position");
+    place.oninput = () => {
+      const metres = this.number("known-position") / 1e3, outside = range && (metres < range[0] || metres > range[1]);
+      place.setCustomValidity(outside ? `The sensor tells places from ${span(range)}: choose one there.` : "");
+    };
   }
 
   number(id) { return Number(element(id).value); }
@@ -58,6 +69,7 @@ export class Tasks {
       this.proposed = count;
       element("known-position").value = (1e3 * position).toFixed(0);
       element("known-force").value = force.toFixed(1);
+      element("known-position").oninput?.();
     }
   }
 

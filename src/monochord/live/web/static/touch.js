@@ -35,7 +35,7 @@ export class Hand {
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "slider");
     canvas.setAttribute("aria-label", "Touch the string");
-    canvas.setAttribute("aria-describedby", "keys");
+    canvas.setAttribute("aria-describedby", "where keys");
     canvas.setAttribute("aria-valuemin", "0");
     canvas.setAttribute("aria-valuemax", String(Math.round(1e3 * run.length)));
     this.keyed.position ??= 0.4 * run.length;
@@ -143,10 +143,11 @@ export class Hand {
   }
 
   describe() {
-    const { position, force } = this.keyed, millimetres = Math.round(1e3 * position);
+    const { position, force } = this.keyed, millimetres = Math.round(1e3 * position), { range } = this.run;
+    const outside = range && (position < range[0] || position > range[1]) ? ", outside the sensing range" : "";
     this.view.canvas.setAttribute("aria-valuenow", String(millimetres));
     this.view.canvas.setAttribute("aria-valuetext",
-      `${this.view.hand ? "pressed" : "not pressed"} at ${millimetres} millimetres, ${force.toFixed(1)} newtons`);
+      `${this.view.hand ? "pressed" : "not pressed"} at ${millimetres} millimetres${outside}, ${force.toFixed(1)} newtons`);
   }
 }
 
