@@ -161,8 +161,8 @@ class Signal:
 
     `string` is as it is tuned. `design` is the same wire as something learned knows it, where that is tuned
     otherwise: a feature in hertz or newtons is then stated as of that one. `sensing_range` is where along the
-    string the sensor can tell the place of a touch, None where no sensor is known. `drivers` are the places of
-    the coils of each driver that is on, sense and drive; empty where none is known.
+    string the sensor can tell the place of a touch, None where no sensor is known. `drivers` are the places
+    of the coils of each driver that is on, sense and drive; empty where none is known.
     """
 
     sample_rate: int
