@@ -46,7 +46,7 @@ MIN_SERIES, MIN_PARTIALS = 4, 3
 MIN_DECAY, MIN_GROWTH_STD = 2.0, 0.5
 """Least rate in 1/s at which a partial dies away, and least standard error of a rate."""
 MIN_BALANCE, BALANCE_DEVIATIONS, MIN_COUNT = 0.023, 6.0, 3
-"""Least difference of two balances, in nepers of power (0.1 dB) and in standard errors, and fewest windows."""
+"""Least difference of two balances in nepers of power (0.1 dB) and in standard errors, and fewest windows."""
 
 
 def reason_against_a_string(
