@@ -15,6 +15,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from monochord.capture.sources import SOURCES
 from monochord.core.dated import dated_path
 from monochord.core.errors import MonochordError
@@ -24,6 +26,7 @@ from monochord.live.delivery import reason
 from monochord.live.sinks.base import Moment
 from monochord.live.tuning import SECONDS, tuned
 from monochord.live.web.recording import Recording
+from monochord.physics.known_touches import why_impossible
 
 UNTOUCHED: Seconds = 2.0
 """How much of the untouched string is recorded before the first touch: features are relative to it."""
@@ -99,6 +102,7 @@ class Calibration(Guided):
     def __init__(self, signal: Signal, folder: Path, length: Metres, model: str, count: int) -> None:
         super().__init__(signal, folder)
         self._length, self._model, self._count = length, model, count
+        self._string, self._refusal = signal.string, ""
         self.rows: list[Row] = []
         self._touch_windows: list[Row] = []  # windows of the present touch, of a string that states its truth
         self._known: Row | None = None  # the present touch as it was typed
@@ -114,7 +118,9 @@ class Calibration(Guided):
         begin = self.recording.seconds
         if self._states_truth or self._known or begin < UNTOUCHED or self.complete:
             return False
-        if not (0.0 < position < self._length and 0.0 < force <= 10.0):
+        wrong = why_impossible(np.array([position]), np.array([force]), self._string)
+        self._refusal = f"{wrong.given} cannot be: allowed is {wrong.allowed}." if wrong else ""
+        if wrong or not 0.0 < position < self._length:
             return False
         self._known = (begin, begin + HOLD, position, force)
         return True
@@ -164,6 +170,7 @@ class Calibration(Guided):
             says = "Hold still."
         else:
             says = f"Press near {1e3 * position:.0f} mm with about {force:.1f} N, and hold still."
+            says = f"{self._refusal} {says}".strip()
         return state | {
             "says": says,
             "share": min(duration / HOLD, 1.0),
