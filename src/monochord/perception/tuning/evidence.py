@@ -5,7 +5,7 @@ things tell that a string sounds, and one of them is enough:
 
 - **its series**: the fundamental, its next two partials and one more;
 - **partials that ring by themselves**: three or more that no sum, difference or multiple of stronger lines
-  explains, or beside two others one that dies away, as after a pluck or a touch;
+  explains, or beside two others one that dies away, as after a pluck or a touch, or that is faint;
 - **two ends**: a multiple of the driven line that the microphones share otherwise than the line itself. The
   ends of a string and their pickups differ, and by frequency; a tone that is played into both inputs is
   shared alike at all of its multiples.
@@ -43,6 +43,8 @@ MULTIPLE_TOLERANCE: Hertz = 0.3
 """Distance from a multiple, apart from the lines' own errors: drivers waver by as much."""
 MIN_SERIES, MIN_PARTIALS = 4, 3
 """Fewest partials of a series from the fundamental on, and of others."""
+WEAK_DECADES = 3.0
+"""Decades of power below the strongest line from which a partial is none that is played beside it."""
 MIN_DECAY, MIN_GROWTH_STD = 2.0, 0.5
 """Least rate in 1/s at which a partial dies away, and least standard error of a rate."""
 MIN_BALANCE, BALANCE_DEVIATIONS, MIN_COUNT = 0.023, 6.0, 3
@@ -90,7 +92,9 @@ def reason_against_a_string(
     dying[:1] = False
     if {1, 2, 3} <= partials and len(partials) >= MIN_SERIES:
         return ""
-    rings = dying.any() or len(free) >= MIN_PARTIALS
+    power = lines[:, LAST_POWER_1] + lines[:, LAST_POWER_2]
+    weak = (numbers > 0) & ~made & (power < power.max(initial=0.0) * 10.0**-WEAK_DECADES)
+    rings = dying.any() or weak.any() or len(free) >= MIN_PARTIALS
     if rings and len(partials) >= MIN_PARTIALS and gcd(*partials) == 1:
         return ""
     if least_share > 0.0 and _shared_otherwise(lines, made, windows):
