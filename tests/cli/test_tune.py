@@ -12,9 +12,11 @@ import soundfile
 import monochord as mc
 from monochord.cli import run
 from monochord.core.errors import InputError
+from monochord.core.types import Floats
 from monochord.physics.sensors import SensorTuning, load_sensor, sensor_design, sensor_toml, sensor_tuning
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.virtual_sensor import VirtualSensor
+from monochord.physics.twin.world import World
 from monochord.sessions import read_session
 
 RATIO = 0.953
@@ -148,3 +150,66 @@ def test_a_wrong_file_is_refused(tmp_path: Path, before: str, after: str, messag
     path.write_text(text.replace(before, after, 1), encoding="utf-8")
     with pytest.raises(InputError, match=message):
         load_sensor(str(path))
+
+
+def partials(*numbers: int, of: float = 1010.0, seconds: float = 2.0) -> Floats:
+    """Return sines of 1 / n at both microphones, at exact multiples of a frequency."""
+    phase = 2.0 * np.pi * of / 44100 * np.arange(round(44100 * seconds))
+    return np.stack([0.1 * sum(np.sin(n * phase + n) / n for n in numbers)] * 2)
+
+
+SECOND = partials(2)
+HISS = 1e-3 * np.random.default_rng(0).standard_normal(SECOND.shape)
+TONES: dict[str, Floats] = {
+    "a sine of the fundamental": partials(1),
+    "a sine of the second partial, in noise": SECOND + HISS,
+    "a sine that dies away": SECOND * np.exp(-np.arange(SECOND.shape[1]) / 15000),
+    "a sawtooth of the second partial": partials(*range(2, 21, 2)),
+    "that sawtooth, louder at one microphone": partials(*range(2, 21, 2)) * [[1.0], [0.7]] + HISS,
+    "a square wave of the fundamental": partials(*range(1, 20, 2)),
+    "sines without a fundamental": partials(3, 5),
+    "sines whose shares differ": partials(3, 5) * [[1.0], [0.5]] + partials(5) * [[-0.3], [0.4]],
+    "sines that are sums of one another": partials(2, 3, 5),
+    "two sines of a sound card, clipped": np.tanh(10.0 * partials(3, 5)) / 10.0,
+}
+
+
+@pytest.mark.parametrize("name", TONES)
+def test_a_sound_of_no_string_is_refused(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sound, out = tmp_path / "tone.wav", tmp_path / "out.toml"
+    soundfile.write(sound, TONES[name].T, 44100, subtype="FLOAT")
+    assert "may be" in refusal(capsys, "tune", str(sound), "--sensor", "prototype", "--out", str(out))
+    assert not out.exists()
+
+
+def test_a_made_up_series_of_the_strings_own_pitch_is_tuned(tmp_path: Path) -> None:
+    """It cannot be told from a string whose first partial is driven; the installation compiles with it."""
+    sound = tmp_path / "series.wav"
+    soundfile.write(sound, partials(*range(1, 9)).T, 44100)
+    assert mc.tune(sound, sensor="prototype").tuning.frequency == pytest.approx(1010.0, rel=1e-3)
+
+
+def test_a_driven_partial_beside_faint_ones_is_a_string(tmp_path: Path) -> None:
+    """So a string by finite differences sounds: two partials are 40 to 50 dB below the driven third."""
+    sound, phase = tmp_path / "faint.wav", 2.0 * np.pi / 44100 * np.arange(44100)
+    faint = 1e-3 * (np.sin(1987.2 * phase) + np.sin(3977.5 * phase))
+    soundfile.write(sound, np.stack([0.1 * np.sin(2982.4 * phase) + faint] * 2, 1), 44100, subtype="FLOAT")
+    assert mc.tune(sound, sensor="prototype").tuning.frequency == pytest.approx(993.4, rel=2e-3)
+
+
+@pytest.mark.parametrize("world", ["ideal", "plausible"])
+@pytest.mark.parametrize("build", [7, 1024, 3002])
+def test_a_driven_string_is_tuned_long_after_anything_touched_it(
+    build: int, world: World, tmp_path: Path
+) -> None:
+    """What sounds then is one partial and its exact multiples, which no other ring beside."""
+    twin = VirtualSensor("prototype", seed=build, build=build, day=build + 1000, world=world)
+    path, pitches = tmp_path / "untouched.wav", list[float]()
+    for _ in range(2):
+        soundfile.write(path, twin.advance(1.0)[0].T, 44100, subtype="FLOAT")
+        pitches.append(mc.tune(path, sensor="prototype").tuning.frequency)
+        twin.advance(9.0)
+    assert pitches[1] == pytest.approx(pitches[0], rel=0.004)
+    assert pitches[0] == pytest.approx(open_frequency(twin.sensor.string), rel=0.03)

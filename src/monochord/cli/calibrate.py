@@ -56,7 +56,8 @@ def calibrate(
     before stays known. Most of what they teach is the object's: with --objects others, each session of one
     object, the sensor alone is learned. The sensor is taken to be in order: what it sounds like is no fault
     from then on. Every error is of touches that were left out. With 0 touches the model stays as it is, and
-    all of them say how good it is.
+    all of them say how good it is. Labels that cannot be, such as forces in grams, are refused: nothing is
+    saved then.
 
     \b
     monochord calibrate demo --sessions touches.mcap --out mine

@@ -162,7 +162,8 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
 
     AUDIO is WAV or FLAC with 1 or 2 channels, or a session of microphones alone. The first line of LABELS.csv
     names its columns: time in s from the audio's begin, and any of contact (0 or 1), position (m), force (N),
-    slip (0 or 1) or others. With begin and end in place of time, a row is a touch.
+    slip (0 or 1) or others. With begin and end in place of time, a row is a touch. Positions and forces that
+    no touch has are refused; --sensor says on which string.
 
     \b
     monochord sessions import take.wav take.csv --out take.mcap --sensor sensor.toml --object "Allen key"

@@ -157,7 +157,7 @@ def tune(
     ------
     InputError
         If the sensor is unknown, or the sound does not tell its pitch: it is silent, touched, of another
-        string, or more than one pitch is possible.
+        string or of none, or more than one pitch is possible.
     DeviceError
         If a device is absent or goes away.
 
@@ -189,20 +189,22 @@ def tuned(
     design = sensor_design(sensor) if sensor else ""
     if design:
         load_sensor(design)  # refused before any device is opened
-    state = TunerState()
+    state, reason = TunerState(), ""
     for source, name in zip(sources, names, strict=True):
         with source.open() as stream:
             signal = stream.signal
             design = design or preset_of(signal.string)
-            state, count = _followed(stream, load_sensor(design).string, state, seconds, window)
-        if not count:
+            before = state.start
+            tuner, state = _followed(stream, load_sensor(design).string, state, seconds, window)
+            reason = tuner.reason_against(state)
+        if state.start == before:
             given = f"{name} (shorter than a window)"
             raise InputError(given, f"{window.length:g} s or more", "use a shorter --window")
-    if state.tuning is None:
+    if state.tuning is None or reason:
         raise InputError(
-            f"{', '.join(names)}: {state.why_not}",
+            f"{', '.join(names)}: {reason}",
             f"sound of an untouched, driven string of the sensor {design}",
-            "let go of it, or touch and release it so that it sounds otherwise",
+            "let go of it, or touch and release it while it is listened to, so that its partials ring",
         )
     return SensorAsTuned(
         design=design,
@@ -216,18 +218,17 @@ def tuned(
 
 def _followed(
     stream: Stream, string: StringParams, state: TunerState, seconds: Seconds, window: WindowSettings
-) -> tuple[TunerState, int]:
-    """Return the state after one more stream, which goes on where the one before ended, and its windows."""
+) -> tuple[Tuner, TunerState]:
+    """Return the tuner of one more stream, and its state after it, from where the stream before ended."""
     signal = replace(stream.signal, string=string)
     size, hop = window.frames(signal.sample_rate)
     tuner = replace(Tuner.of(signal, size), keep=KEEP)
-    offset, count = state.start + size, 0
+    offset = state.start + size
     for each in windows(stream, size=size, hop=hop, sample_rate=signal.sample_rate):
         if each.start + size > seconds * signal.sample_rate:
             break
         state = tuner.step(state, replace(each, start=each.start + offset))
-        count += 1
-    return state, count
+    return tuner, state
 
 
 def preset_of(string: StringParams | None) -> str:

@@ -100,7 +100,12 @@ def test_settings_that_trickle_in_end_in_time(begin: bytes, piece: bytes) -> Non
         HEAD + "<a><cfgcpf>\u202e\u20289</cfgcpf></a>".encode(),
         HEAD + b"<a><cfgcpf>1</cfgcpf><scfgfu>" + b"stone" * 10_000 + b"</scfgfu></a>",
         HEAD + b"<a><cfgcpf>1e-300</cfgcpf></a>",
-        HEAD + b"<a><cfgcpf>1</cfgcpf><cfgcpt>1</cfgcpt><comrdtrate>1e300</comrdtrate></a>",
+        HEAD + b"<a><cfgcpf>1</cfgcpf><cfgcpt>1</cfgcpt></a>",
+        HEAD + b"<a><cfgcpf>1</cfgcpf><cfgfu>" + b"7" * 90_000 + b"</cfgfu></a>",
+        HEAD + b"<a><cfgcpf>1</cfgcpf><scfgfu>N</scfgfu><cfgfu>\x1b[1</cfgfu></a>",
+        HEAD
+        + b"<a><cfgcpf>1</cfgcpf><cfgfu>2</cfgfu><cfgcpt>1</cfgcpt><cfgtu>3</cfgtu>"
+        + b"<comrdtrate>1e300</comrdtrate></a>",
     ],
 )
 def test_garbage_is_one_short_plain_line(reply: bytes) -> None:
@@ -116,7 +121,7 @@ def test_garbage_is_one_short_plain_line(reply: bytes) -> None:
 
 
 def test_the_first_record_is_part_of_the_same_time() -> None:
-    page = b"<a><cfgcpf>1000</cfgcpf><cfgcpt>1000</cfgcpt></a>"
+    page = b"<a><cfgcpf>1000</cfgcpf><cfgfu>2</cfgfu><cfgcpt>1000</cfgcpt><cfgtu>3</cfgtu></a>"
 
     def late() -> Iterator[bytes]:
         time.sleep(0.6)

@@ -1,12 +1,14 @@
 import os
 import resource
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from monochord.capture.instruments.pose_csv import PoseCsv
 from monochord.core.errors import DeviceError, InputError
+from monochord.core.types import Floats
 
 
 @pytest.fixture
@@ -70,10 +72,98 @@ def test_a_line_that_is_no_pose_is_counted(file: Path) -> None:
 
 def test_a_pose_that_is_absurd_is_counted(file: Path) -> None:
     with PoseCsv(path=str(file)).open() as connection:
-        append(file, "1,1e308,0,0\n1,-1e8,0,0\n1,inf,0,0\n1,1e7,0,0\n")
+        append(file, "1,1e308,0,0\n1,-1e8,0,0\n1,inf,0,0\n1,412,0,0\n1,0,nan,0\n1,-9.9,0,0\n")
         (got,) = connection.poll()
-        assert got.values[:, 0].tolist() == [1e7]
-        assert connection.health.faulty == 3
+        assert got.values[:, 0].tolist() == [-9.9]
+        assert connection.health.faulty == 5
+
+
+def turned(path: Path, head: str, row: str, **options: Any) -> Floats:
+    """Return the matrix (3, 3) of the orientation of a file's only pose, and check its place."""
+    path.write_text(f"time,x,y,z,{head}\n1.0,0.1,0.2,0.3,{row}\n")
+    with PoseCsv(path=str(path), from_start=True, **options).open() as connection:
+        (got,) = connection.poll()
+    assert got.values[0, :3].tolist() == [0.1, 0.2, 0.3]
+    x, y, z, w = got.values[0, 3:]
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + 2.0 * w * across + 2.0 * across @ across
+
+
+def about(axis: int, angle: float) -> Floats:
+    """Return the matrix (3, 3) of a turn about x, y or z."""
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[first, first] = matrix[second, second] = np.cos(angle)
+    matrix[second, first] = np.sin(angle)
+    matrix[first, second] = -matrix[second, first]
+    return matrix
+
+
+A, B, C = 0.5, -1.1, 2.3
+ROW = f"{A},{B},{C}"
+
+
+@pytest.mark.parametrize("head", ["rx,ry,rz", "roll,pitch,yaw"])
+def test_angles_are_read_as_the_option_says(file: Path, head: str) -> None:
+    x, y, z = about(0, A), about(1, B), about(2, C)
+    assert turned(file, head, ROW, rotation="fixed_xyz") == pytest.approx(z @ y @ x)
+    assert turned(file, head, ROW, rotation="moving_xyz") == pytest.approx(x @ y @ z)
+    degrees = ",".join(str(np.degrees(angle)) for angle in (A, B, C))
+    assert turned(file, head, degrees, rotation="fixed_xyz", angles="deg") == pytest.approx(z @ y @ x)
+    assert turned(file, head, ROW, rotation="none") == pytest.approx(np.eye(3))
+    given = turned(file, f"{head},qx,qy,qz,qw", f"{ROW},1,0,0,0", rotation="vector")
+    assert given == pytest.approx(np.diag([1.0, -1.0, -1.0]))  # a quaternion needs no explanation
+
+
+def test_a_rotation_vector_is_an_axis_times_an_angle(file: Path) -> None:
+    """Its series is the exponential of the vector's cross product."""
+    across = np.array([[0.0, -C, B], [C, 0.0, -A], [-B, A, 0.0]])
+    exponential, term = np.eye(3), np.eye(3)
+    for order in range(1, 30):
+        term = term @ across / order
+        exponential += term
+    assert turned(file, "rx,ry,rz", ROW, rotation="vector") == pytest.approx(exponential)
+    assert turned(file, "rx,ry,rz", "0,0,0", rotation="vector") == pytest.approx(np.eye(3))
+
+
+def test_millimetres_are_read_where_the_option_says_so(file: Path) -> None:
+    file.write_text("time,x,y,z\n1,412,-250,30\n")
+    with PoseCsv(path=str(file), from_start=True, unit="mm").open() as connection:
+        (got,) = connection.poll()
+        assert got.values[0, :3].tolist() == pytest.approx([0.412, -0.25, 0.03])
+
+
+@pytest.mark.parametrize("from_start", [False, True])
+@pytest.mark.parametrize(
+    ("text", "options", "remedy"),
+    [
+        ("time,x,y,z\n1,412,-250,30\n", {}, "unit=mm"),
+        ("time,x,y,z\n1,4,0,0\n", {"reach": 2.0}, "reach="),
+        ("time,x,y,z,rx,ry,rz\n1,0,0,0,1,0,0\n", {}, "rotation="),
+        ("time,x,y,z,roll,pitch,yaw\n", {}, "rotation="),
+        ("time,x,y,z,rx,ry,rz\n1,0,0,0,90,0,0\n", {"rotation": "fixed_xyz"}, "angles=deg"),
+        ("time,x,y,z,rx,ry\n", {"rotation": "vector"}, "rz"),
+        ("time,x,y,z,qx,qy,qz\n", {}, "qw"),
+    ],
+)
+def test_what_may_mean_another_thing_is_refused(
+    file: Path, text: str, options: dict[str, Any], remedy: str, *, from_start: bool
+) -> None:
+    file.write_text(text)
+    with (
+        pytest.raises(InputError, match=remedy),
+        PoseCsv(path=str(file), from_start=from_start, **options).open(),
+    ):
+        pass
+
+
+def test_lines_in_other_units_that_come_later_are_counted(file: Path) -> None:
+    file.write_text("time,x,y,z,rx,ry,rz\n")
+    with PoseCsv(path=str(file), rotation="fixed_xyz").open() as connection:
+        append(file, "1,412,0,0,0,0,0\n1,0,0,0,90,0,0\n1,0,0,0,1,0,0\n")
+        (got,) = connection.poll()
+        assert len(got.values) == 1
+        assert connection.health.faulty == 2
 
 
 def test_a_line_without_an_end_is_counted_once_and_dropped(file: Path) -> None:

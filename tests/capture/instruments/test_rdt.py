@@ -59,6 +59,59 @@ def test_other_units_become_si() -> None:
     assert read_calibration(settings("1", "kN", "N-mm"), "box").scale[0] == 1000.0
 
 
+def coded(force: str, torque: str, **words: str) -> bytes:
+    """Return settings with these codes of their units, and with words if they are given."""
+    told = {"cfgfu": force, "cfgtu": torque, "cfgcpf": "1000000", "cfgcpt": "1000000", **words}
+    return f"<netft>{''.join(f'<{tag}>{text}</{tag}>' for tag, text in told.items())}</netft>".encode()
+
+
+@pytest.mark.parametrize(
+    ("force", "torque", "newtons", "newton_metres"),
+    [
+        ("1", "1", 4.4482216, 0.1129848),
+        ("2", "3", 1.0, 1.0),
+        ("3", "2", 4448.2216, 1.3558179),
+        ("4", "6", 1e3, 1e3),
+        ("5", "5", 9.80665, 0.0980665),
+        ("6", "4", 9.80665e-3, 1e-3),
+    ],
+)
+def test_units_are_read_by_their_codes(force: str, torque: str, newtons: float, newton_metres: float) -> None:
+    expected = np.repeat([1e-6 * newtons, 1e-6 * newton_metres], 3)
+    calibration = read_calibration(coded(force, torque), "box")
+    assert calibration.scale == pytest.approx(expected, rel=1e-6)
+    assert calibration.details["cfgfu"] == force
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        coded("", ""),
+        coded("2", ""),
+        coded("0", "3"),
+        coded("7", "3"),
+        coded("02", "3"),
+        coded("N", "3"),
+        coded("1", "3", scfgfu="N"),
+        coded("2", "3", scfgtu="N-mm"),
+        coded("2", "3", scfgfu="2"),
+        settings(force_unit=""),
+        settings(torque_unit=""),
+    ],
+)
+def test_settings_without_a_certain_unit_are_refused(text: bytes) -> None:
+    with pytest.raises(DeviceError, match="unit") as caught:
+        read_calibration(text, "box")
+    assert re.fullmatch("[ -~]{1,200}", str(caught.value))
+
+
+def test_a_code_and_a_word_may_agree() -> None:
+    agreeing = coded("6", "5", scfgfu="gf", scfgtu="kgf-cm")
+    assert read_calibration(agreeing, "box").scale == pytest.approx(
+        read_calibration(coded("6", "5"), "box").scale
+    )
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [
@@ -67,7 +120,7 @@ def test_other_units_become_si() -> None:
         (settings("0"), "setting cfgcpf is '0', not a number from"),
         (settings("nan"), "setting cfgcpf is 'nan'"),
         (settings("many"), "setting cfgcpf is 'many'"),
-        (settings(force_unit="stone"), r"unit 'stone' \(scfgfu\): known are n, kn"),
+        (settings(force_unit="stone"), r"unit 'stone' \(scfgfu\): known are lbf, n"),
         (b"<!DOCTYPE a [<!ENTITY b 'c'>]><a/>", "XML entities"),
     ],
 )

@@ -177,6 +177,53 @@ def test_a_position_beyond_the_string_is_refused(tmp_path: Path) -> None:
         imported(tmp_path / "a.wav", "time,position\n0,0.3\n", string=string)
 
 
+TOUCHES = "begin,end,position,force\n0.1,0.2,{},{}\n0.3,0.4,{},{}\n"
+WIRE = {"length": 0.2, "linear_density": 4.0e-4, "tension": 65.0, "core_diameter": 2.54e-4}
+
+
+@pytest.mark.parametrize("string", [None, WIRE])
+@pytest.mark.parametrize(
+    ("cells", "looks_like"),
+    [
+        ((0.05, 51.0, 0.15, 153.0), "grams"),
+        ((0.05, 0.5, 0.15, -1.5), "presses"),
+        ((0.05, 0.5, 0.15, 0.0), "presses"),
+        ((-0.05, 0.5, 0.15, 1.5), "from pickup 1"),
+        ((50.0, 0.5, 150.0, 1.5), "millimetres"),
+    ],
+)
+def test_touches_that_cannot_be_are_refused_whatever_the_string(
+    tmp_path: Path, string: dict[str, float] | None, cells: tuple[float, ...], looks_like: str
+) -> None:
+    sound(tmp_path / "a.wav")
+    with pytest.raises(InputError, match=looks_like):
+        imported(tmp_path / "a.wav", TOUCHES.format(*cells), **({"string": string} if string else {}))
+    assert not (tmp_path / "a.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("cells", "looks_like"), [((0.4, 0.05, 1.5, 0.15), "exchanged"), ((0.05, 0.5, 0.15, 48.0), "grams")]
+)
+def test_touches_that_a_known_string_cannot_have_are_refused(
+    tmp_path: Path, cells: tuple[float, ...], looks_like: str
+) -> None:
+    sound(tmp_path / "a.wav")
+    with pytest.raises(InputError, match=looks_like):
+        imported(tmp_path / "a.wav", TOUCHES.format(*cells), string=WIRE)
+    assert imported(tmp_path / "a.wav", TOUCHES.format(*cells)).labels.time.size
+
+
+def test_a_force_sensor_s_noise_about_zero_is_no_touch(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    rows = ["0.0,-0.02", "0.1,0.01", "0.2,-0.01", "0.3,1.0", "0.4,1.1", "0.5,0.0"]
+    table = "\n".join(["time,force", *rows])
+    assert imported(tmp_path / "a.wav", table).labels.columns["force"][3] == 1.0
+    (tmp_path / "a.mcap").unlink()
+    pulled = table.replace(",1.", ",-1.")
+    with pytest.raises(InputError, match=r"row 2, force -0\.02"):
+        imported(tmp_path / "a.wav", pulled)
+
+
 def test_bad_files_are_refused_as_the_source_does(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.wav \(not there\)"):
         imported(tmp_path / "none.wav")

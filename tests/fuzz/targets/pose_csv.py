@@ -15,7 +15,8 @@ class Fuzz(Target):
 
     def seeds(self, folder: Path) -> Iterator[Input]:
         for head, more in (("time,x,y,z", ""), ("Time, x,y,z,qx,qy,qz,qw", ",0,0,0,1"), ("n,time,x,y,z", "")):
-            lines = [f"{'7,' if head[0] == 'n' else ''}{0.01 * k:g},0.1,0,{-k}{more}" for k in range(30)]
+            first = "7," if head[0] == "n" else ""
+            lines = [f"{first}{0.01 * k:g},0.1,0,{-0.01 * k:g}{more}" for k in range(30)]
             yield {"pose.csv": "\n".join((head, *lines, "")).encode()}
 
     def run(self, folder: Path) -> None:

@@ -78,6 +78,7 @@ def test_a_model_is_adapted_to_touches_that_are_held(bench: Bench, tmp_path: Pat
                 assert bench.hold(touch["position"], touch["force"])
                 assert not bench.hold(touch["position"], touch["force"])  # it is held already
         assert not bench.hold(-1.0, 1.0)
+        assert not bench.hold(0.1, 51.0)  # grams
         return replace(moment, truth={})
 
     state = performed(bench, 9.0, during)
@@ -128,6 +129,22 @@ def test_a_touch_outside_the_sensing_range_is_told_and_not_counted(bench: Bench)
     assert len(outside) > 30
     assert bench.state()["guided"]["count"] == 1
     assert bench.cancel()
+    bench.close()
+
+
+def test_a_touch_that_cannot_be_is_not_taken_and_the_page_says_why(bench: Bench) -> None:
+    assert bench.calibrate(3)
+    begun(bench)
+    tree = {"source": {"name": "twin", "speed": 0.0, "script": [TOUCHES[0]]}, "sinks": {}, "seconds": 2.4}
+    with opened(LiveSettings.read({**tree, "estimator": {"name": "tuning"}}).build()) as live:
+        for moment in live:
+            bench.take(replace(moment, truth={}))
+    for position, force in ((0.1, 51.0), (0.1, -1.0), (0.3, 1.0)):
+        assert not bench.hold(position, force)
+        assert f"{force:g}" in bench.state()["guided"]["says"] or position > 0.2
+    asked = bench.state()["guided"]["says"]
+    assert bench.hold(0.1, 12.0)
+    assert bench.state()["guided"]["says"] != asked
     bench.close()
 
 

@@ -3,11 +3,14 @@
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Literal, TypeAlias
 
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, Feed
 from monochord.core.units import Hertz
 
+Rotation: TypeAlias = Literal["vector", "fixed_xyz", "moving_xyz"]
+"""What three angles of a pose mean: see `quaternion_of`."""
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 FARTHEST = 1e7
 """Metres along each axis, a quarter of the way round the Earth: who says more says nonsense."""
@@ -42,3 +45,28 @@ def unit_pose(position: Sequence[float], orientation: Sequence[float]) -> tuple[
     if not (all(abs(part) <= FARTHEST for part in position) and 1e-6 < norm < LONGEST_TURN):
         return None  # NaN too is not within any bound
     return (*position, *(part / norm for part in orientation))
+
+
+def quaternion_of(rotation: Rotation, angles: Sequence[float]) -> tuple[float, float, float, float]:
+    """Return the quaternion x, y, z, w of three angles in rad.
+
+    ``vector`` is an axis times the angle about it, v: q = (v / |v| sin(|v| / 2), cos(|v| / 2)).
+    ``fixed_xyz`` turns about the fixed axes x, then y, then z, by roll, pitch and yaw: R = Rz Ry Rx.
+    ``moving_xyz`` turns about x, then about the y and the z that have turned along: R = Rx Ry Rz.
+
+    >>> [round(part, 3) for part in quaternion_of("fixed_xyz", (0.0, 0.0, math.pi / 2))]
+    [0.0, 0.0, 0.707, 0.707]
+    """
+    if rotation == "vector":
+        angle = math.hypot(*angles)
+        scale = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
+        x, y, z = (scale * part for part in angles)
+        return x, y, z, math.cos(0.5 * angle)
+    (a, b, c), (p, q, r) = ([turn(0.5 * angle) for angle in angles] for turn in (math.sin, math.cos))
+    sign = 1.0 if rotation == "fixed_xyz" else -1.0
+    return (
+        a * q * r - sign * p * b * c,
+        p * b * r + sign * a * q * c,
+        p * q * c - sign * a * b * r,
+        p * q * r + sign * a * b * c,
+    )

@@ -35,18 +35,27 @@ RATES = (1e-2, 1e6)
 """What a device may say, in counts a unit and Hz: anything else is garbage, and overflows."""
 QUOTED = 40
 NEWTONS = MappingProxyType(
-    {"n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
+    {
+        "lbf": 4.4482216152605,
+        "n": 1.0,
+        "klbf": 4448.2216152605,
+        "kn": 1e3,
+        "kgf": 9.80665,
+        "gf": 9.80665e-3,
+    }
 )
 NEWTON_METRES = MappingProxyType(
     {
-        "nm": 1.0,
-        "nmm": 1e-3,
-        "knm": 1e3,
         "lbfin": 0.1129848290276,
         "lbfft": 1.3558179483314,
+        "nm": 1.0,
+        "nmm": 1e-3,
         "kgfcm": 0.0980665,
+        "knm": 1e3,
     }
 )
+"""SI units by the word of a unit, its letters alone. A device's codes count them in this order from 1 on, by
+ATI's manual 9620-05 of the Net F/T: its configurations page and its reply to "Read Calibration Info"."""
 DETAILS = (
     "prodname",
     "setserial",
@@ -57,6 +66,8 @@ DETAILS = (
     "runrate",
     "scfgfu",
     "scfgtu",
+    "cfgfu",
+    "cfgtu",
     "cfgcpf",
     "cfgcpt",
 )
@@ -165,8 +176,8 @@ def read_calibration(text: bytes, device: str) -> CountScale:
         given = f"{device}: its settings are not XML, but begin with {_quoted(plain)}"
         raise DeviceError(f"{given}; is it a Net F/T?") from error
     settings = {e.tag.rpartition("}")[2].lower(): (e.text or "").strip() for e in elements}
-    force = _per_unit(settings, device, "cfgcpf", "scfgfu", NEWTONS)
-    torque = _per_unit(settings, device, "cfgcpt", "scfgtu", NEWTON_METRES)
+    force = _per_unit(settings, device, "cfgcpf", "cfgfu", NEWTONS)
+    torque = _per_unit(settings, device, "cfgcpt", "cfgtu", NEWTON_METRES)
     return CountScale(
         scale=np.array([force] * 3 + [torque] * 3),
         rate=_number(settings, device, "comrdtrate", INTERNAL_RATE, RATES),
@@ -180,14 +191,26 @@ def read_calibration(text: bytes, device: str) -> CountScale:
 def _per_unit(
     settings: Mapping[str, str], device: str, counts: str, unit: str, units: Mapping[str, float]
 ) -> float:
-    """Return SI units a count."""
+    """Return SI units a count, by a unit's code or by its word, which is the same setting after an ``s``.
+
+    Refused are a setting without either, and a code and a word that say different units.
+    """
     if counts not in settings:
         raise DeviceError(f"{device}: its settings have no '{counts}'; is it a Net F/T?")
-    word = settings.get(unit, "")
-    plain = "".join(filter(str.isalpha, word)).lower() or next(iter(units))
-    if plain not in units:
-        raise DeviceError(f"{device}: unit {_quoted(word)} ({unit}): known are {', '.join(units)}")
-    return units[plain] / _number(settings, device, counts, 0.0, COUNTS_PER_UNIT)
+    code, word = settings.get(unit, ""), settings.get(f"s{unit}", "")
+    coded = dict(zip(map(str, range(1, len(units) + 1)), units, strict=True))
+    named = "".join(filter(str.isalpha, word)).lower()
+    if not code and not word:
+        raise DeviceError(f"{device}: its settings name no unit ('{unit}' or 's{unit}'); set one on its page")
+    if word and named not in units:
+        raise DeviceError(f"{device}: unit {_quoted(word)} (s{unit}): known are {', '.join(units)}")
+    if code and code not in coded:
+        known = ", ".join(f"{number} {name}" for number, name in coded.items())
+        raise DeviceError(f"{device}: unit {_quoted(code)} ({unit}): known are {known}")
+    if code and word and coded[code] != named:
+        given = f"{_quoted(word)} (s{unit}), but code {code} ({unit}), which is {coded[code]}"
+        raise DeviceError(f"{device}: unit {given}; set it again on its page")
+    return units[named or coded[code]] / _number(settings, device, counts, 0.0, COUNTS_PER_UNIT)
 
 
 def _number(

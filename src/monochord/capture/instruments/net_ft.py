@@ -25,11 +25,11 @@ from monochord.core.units import Hertz, Seconds
 class NetFt(Instrument):
     """A Net F/T box at `address`, which streams force and torque over UDP.
 
-    The counts' scale comes from the device's own settings. Readings bear the kernel's time of arrival; their
-    `sequence` is the device's count of records, carried on over a new beginning, `device_time` its count of
-    internal samples and `status` its status word. A device that falls silent is asked again until it answers.
-    Between polls the kernel holds the records: those of a second need about 6 MB, which ``net.core.rmem_max``
-    may not grant.
+    The counts' scale comes from the device's own settings, which have to say their units, by code or by word.
+    Readings bear the kernel's time of arrival; their `sequence` is the device's count of records, carried on
+    over a new beginning, `device_time` its count of internal samples and `status` its status word. A device
+    that falls silent is asked again until it answers. Between polls the kernel holds the records: those of a
+    second need about 6 MB, which ``net.core.rmem_max`` may not grant.
 
     Parameters
     ----------

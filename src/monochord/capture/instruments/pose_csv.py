@@ -1,39 +1,49 @@
 """The robot's pose from a CSV file that its controller goes on writing."""
 
+import math
 import os
 import stat
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
-from typing import IO
+from types import MappingProxyType
+from typing import IO, Literal, NamedTuple
 
 from monochord.capture.instruments._collected import NANOSECONDS, NONE, Collected
-from monochord.capture.instruments._pose import UPRIGHT, pose_feed, unit_pose
+from monochord.capture.instruments._pose import UPRIGHT, pose_feed, quaternion_of, unit_pose
 from monochord.capture.instruments.base import Connection, Instrument
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Feed, InstrumentHealth, Readings
-from monochord.core.units import Hertz
+from monochord.core.units import Hertz, Metres, Seconds
 
 PLACE = ("time", "x", "y", "z")
 TURN = ("qx", "qy", "qz", "qw")
+ANGLES = (("rx", "ry", "rz"), ("roll", "pitch", "yaw"))
+FIRST_LINE = "a first line time,x,y,z[,qx,qy,qz,qw], or with rx,ry,rz or roll,pitch,yaw"
 MAX_READ = 1 << 20  # bytes a poll
 LONGEST_LINE = 4096
 """Bytes of a line; a longer one is faulty, and is not kept in memory."""
 LATEST = 9.2e9  # s, what 64 bits of nanoseconds hold
+METRES = MappingProxyType({"m": 1.0, "mm": 1e-3})
+RADIANS = MappingProxyType({"rad": 1.0, "deg": math.pi / 180.0})
+WHOLE_TURN = 2.0 * math.pi + 1e-3
+"""Largest angle in rad: robots write none beyond a turn, and degrees soon are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseCsv(Instrument):
     """Lines that are appended to the file at `path`, from the moment of opening on.
 
-    Its first line names the columns: ``time,x,y,z`` and perhaps ``qx,qy,qz,qw``, others besides. A reading
-    bears the time at which a poll found its line, which is as late as polls are rare and the writer
-    buffers; its `device_time` is the column ``time``, s of the controller's clock, in ns. A line is read
-    once it is complete. A file that is written anew is read from its top. What is no pose counts as faulty,
-    and so does a line longer than 4096 bytes or a place more than 1e7 m away. The path may be that of a FIFO,
-    whose lines are read as they come; that nobody writes to it is no error.
+    Its first line names the columns: ``time,x,y,z`` and perhaps ``qx,qy,qz,qw``, others besides. Three angles
+    ``rx,ry,rz`` or ``roll,pitch,yaw`` can take the place of the quaternion if `rotation` says what they mean;
+    if it does not, the file is refused. A reading bears the time at which a poll found its line, which is as
+    late as polls are rare and the writer buffers; its `device_time` is the column ``time``, s of the
+    controller's clock, in ns. A line is read once it is complete. A file that is written anew is read from
+    its top. What is no pose counts as faulty, and so does a line longer than 4096 bytes, a place beyond
+    `reach` and an angle beyond a turn. A file whose last line so far is in other units is refused. The path
+    may be that of a FIFO, whose lines are read as they come; that nobody writes to it is no error.
 
     Parameters
     ----------
@@ -43,27 +53,45 @@ class PoseCsv(Instrument):
         Whether the lines that are there already count too.
     rate
         Poses a second that are due; 0 where that is not known.
+    unit
+        Unit of x, y and z in the file: ``m`` or ``mm``.
+    rotation
+        What three angles mean: ``vector``, an axis times the angle about it; ``fixed_xyz``, turns about the
+        fixed axes x, then y, then z (roll, pitch, yaw); ``moving_xyz``, about x, then the turned y, then the
+        turned z; ``none`` leaves them out.
+    angles
+        Unit of the angles in the file: ``rad`` or ``deg``.
+    reach
+        Farthest place along each axis, in m.
     """
 
     path: str
     from_start: bool = False
     rate: Hertz = 0.0
+    unit: Literal["m", "mm"] = "m"
+    rotation: Literal["", "vector", "fixed_xyz", "moving_xyz", "none"] = ""
+    angles: Literal["rad", "deg"] = "rad"
+    reach: Metres = 10.0
 
     @contextmanager
     def open(self) -> Generator["_PoseCsvConnection"]:
         """Open the file; raises `DeviceError` without one, `InputError` for columns that are no pose."""
-        feed = pose_feed(self.rate, {"path": self.path})
-        connection = _PoseCsvConnection(Path(self.path), feed)
+        if not 0.0 < self.reach <= 1e7:
+            raise InputError(f"reach of {self.reach} m", "above 0 m, up to 1e7 m")
+        details = {"path": self.path, "unit": self.unit}
+        if self.rotation:
+            details |= {"rotation": self.rotation, "angles": self.angles}
+        connection = _PoseCsvConnection(self, pose_feed(self.rate, details))
         try:
-            connection.open(from_start=self.from_start)
+            connection.open()
             yield connection
         finally:
             connection.close()
 
 
 class _PoseCsvConnection(Connection):
-    def __init__(self, path: Path, feed: Feed) -> None:
-        self._path = path
+    def __init__(self, options: PoseCsv, feed: Feed) -> None:
+        self._options, self._path = options, Path(options.path)
         self._collected = Collected(feed)
         self._file: IO[bytes] | None = None
         self._rest = b""
@@ -78,7 +106,7 @@ class _PoseCsvConnection(Connection):
     def health(self) -> InstrumentHealth:
         return self._collected.health
 
-    def open(self, *, from_start: bool) -> None:
+    def open(self) -> None:
         try:
             self._file = _opened(self._path)
             head, newline, self._rest = (self._file.read(LONGEST_LINE + 1) or b"").partition(b"\n")
@@ -87,20 +115,51 @@ class _PoseCsvConnection(Connection):
             raise DeviceError(f"pose file {self._path}: {reason}") from error
         if len(head) > LONGEST_LINE:
             given = f"pose file {self._path} whose first line is longer than {LONGEST_LINE} bytes"
-            raise InputError(given, "a first line time,x,y,z[,qx,qy,qz,qw]")
+            raise InputError(given, FIRST_LINE)
         if newline:
             self._columns = _names(head)
-            lacking = [name for name in PLACE if name not in self._columns]
-            if lacking:
-                given = f"pose file {self._path} without {', '.join(lacking)}"
-                raise InputError(given, "a first line time,x,y,z[,qx,qy,qz,qw]")
+            self._refuse_columns()
         else:
             self._rest = head
-        if not from_start and self._columns and self._file.seekable():
+        lines = self._rest
+        if self._columns and self._file.seekable():
+            place = self._file.tell()
             size = self._file.seek(0, os.SEEK_END)
-            self._file.seek(max(size - LONGEST_LINE, 0))
-            tail = self._file.read(LONGEST_LINE) or b""
-            self._rest = tail.rpartition(b"\n")[2]  # begun, but not yet complete
+            self._file.seek(max(size - LONGEST_LINE, len(head) + 1))
+            lines = self._file.read(LONGEST_LINE) or b""
+            if self._options.from_start:
+                self._file.seek(place)
+            else:
+                self._rest = lines.rpartition(b"\n")[2]  # begun, but not yet complete
+        if self._columns:
+            self._refuse_units(lines.rpartition(b"\n")[0].rpartition(b"\n")[2])
+
+    def _refuse_columns(self) -> None:
+        """Refuse columns that are no pose, and angles of which nobody says what they mean."""
+        columns = {*self._columns}
+        groups = [group for group in (TURN, *ANGLES) if columns & {*group}]
+        lacking = [name for group in (PLACE, *groups) for name in group if name not in columns]
+        if lacking:
+            raise InputError(f"pose file {self._path} without {', '.join(lacking)}", FIRST_LINE)
+        if groups and TURN not in groups and not self._options.rotation:
+            names = ", ".join(groups[0])
+            given = f"pose file {self._path} with {names}, which have several meanings"
+            allowed = "vector (axis times angle), fixed_xyz (roll, pitch, yaw), moving_xyz, or none"
+            raise InputError(given, allowed, "say which with rotation=, and angles=deg for degrees")
+
+    def _refuse_units(self, line: bytes) -> None:
+        """Refuse a file whose last line is a pose in other units than those that the options say."""
+        pose, options = self._parsed(line), self._options
+        if pose is None:
+            return
+        farthest, widest = max(map(abs, pose.place)), max(map(abs, pose.angles))
+        if options.reach < farthest < math.inf:
+            given = f"pose file {self._path} with a place {farthest:g} m away"
+            remedy = "for millimetres set unit=mm, for a longer way reach="
+            raise InputError(given, f"up to {options.reach:g} m", remedy)
+        if WHOLE_TURN < widest < math.inf:
+            given = f"pose file {self._path} with an angle of {widest:g} rad"
+            raise InputError(given, "up to a turn, 6.28 rad", "for degrees set angles=deg")
 
     def close(self) -> None:
         if self._file:
@@ -131,17 +190,30 @@ class _PoseCsvConnection(Connection):
         return self._collected.take()
 
     def _read(self, line: bytes, now: float) -> None:
+        parsed = self._parsed(line)
+        pose = parsed.unit_pose(self._options) if parsed else None
+        if parsed is None or pose is None:
+            return self._collected.refuse()
+        tick = round(parsed.stamp * NANOSECONDS)
+        return self._collected.add(pose, time=now, tick=tick if tick >= 0 else NONE)
+
+    def _parsed(self, line: bytes) -> "_Line | None":
+        """Return the numbers of a line in SI units; None where it is no pose."""
+        options = self._options
         try:
             fields = dict(zip(self._columns, line.decode("utf-8").split(","), strict=True))
             stamp, *place = (float(fields[name]) for name in PLACE)
-            turn = [float(fields[name]) for name in TURN] if set(TURN) <= fields.keys() else UPRIGHT
+            turn = [float(fields[name]) for name in TURN] if {*TURN} <= fields.keys() else ()
+            named = [] if turn else [group for group in ANGLES if {*group} <= fields.keys()]
+            angles = [float(fields[name]) for name in named[0]] if named else [0.0]
         except (ValueError, KeyError):
-            return self._collected.refuse()
-        pose = unit_pose(place, turn)
-        if pose is None or not abs(stamp) < LATEST:
-            return self._collected.refuse()
-        tick = round(stamp * NANOSECONDS)
-        return self._collected.add(pose, time=now, tick=tick if tick >= 0 else NONE)
+            return None
+        if named and not options.rotation:
+            return None
+        if not named or options.rotation == "none":
+            return _Line(stamp, [METRES[options.unit] * part for part in place], turn or UPRIGHT, [0.0])
+        angles = [RADIANS[options.angles] * angle for angle in angles]
+        return _Line(stamp, [METRES[options.unit] * part for part in place], (), angles)
 
     def _was_written_anew(self) -> bool:
         """Whether the file is another than before, or shorter; it is then at its top."""
@@ -158,6 +230,25 @@ class _PoseCsvConnection(Connection):
         self.close()
         self._file, self._rest, self._too_long, self._columns = fresh, b"", False, []
         return True
+
+
+class _Line(NamedTuple):
+    """A line: a stamp in s, x, y, z in m, and a quaternion, or if that is empty three angles in rad."""
+
+    stamp: Seconds
+    place: Sequence[Metres]
+    turn: Sequence[float]
+    angles: Sequence[float]
+
+    def unit_pose(self, options: PoseCsv) -> tuple[float, ...] | None:
+        """Return x, y, z and a unit quaternion, or None where that is no pose of this robot."""
+        near = all(abs(part) <= options.reach for part in self.place)
+        if not (near and all(abs(angle) <= WHOLE_TURN for angle in self.angles) and abs(self.stamp) < LATEST):
+            return None  # NaN too is not within any bound
+        rotation = options.rotation
+        if self.turn or rotation == "" or rotation == "none":  # noqa: PLR1714  (a type checker follows it)
+            return unit_pose(self.place, self.turn)
+        return unit_pose(self.place, quaternion_of(rotation, self.angles))
 
 
 def _opened(path: Path) -> IO[bytes]:

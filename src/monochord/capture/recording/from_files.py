@@ -13,8 +13,9 @@ from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Stream
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Floats
-from monochord.core.units import Metres, Seconds
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Seconds
+from monochord.physics.known_touches import why_impossible
 from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter, read_session
 from monochord.sessions.bounds import json_object
 
@@ -24,9 +25,8 @@ BLOCK: Seconds = 0.1
 LABEL_RANGES: dict[str, tuple[float, float, str]] = {
     "contact": (0.0, 1.0, "0 or 1"),
     "slip": (0.0, 1.0, "0 or 1"),
-    "position": (0.0, 5.0, "0 to 5 m, from pickup 1"),
 }
-"""Allowed values of a column; they detect millimetres."""
+"""Allowed values of a column."""
 MAX_OVERHANG: Seconds = 1.0
 """Longest time by which labels may exceed the audio."""
 TOUCH = ("begin", "end")
@@ -89,10 +89,9 @@ def from_files(
     more = known.get("more", {}) | more
     description = from_tree(Description, {**tree, "more": {**more, **options_.get("more", {})}}, "session")
     json_object(description.dump())  # refuses text that no file can store, before the file is written
-    length = description.string.length if description.string else None
     time, columns = np.zeros(0), dict[str, Floats]()
     if labels is not None:
-        time, columns = read_labels(labels, frames / rate, length)
+        time, columns = read_labels(labels, frames / rate, description.string)
     if begin is None:
         begin = audio.stat().st_mtime_ns - round(frames / rate * 1e9)
     clock = SessionClock(epoch_ns=max(begin, 0))
@@ -141,7 +140,7 @@ def _labels(writer: SessionWriter, time: Floats, columns: Mapping[str, Floats], 
 
 
 def read_labels(
-    path: Path, seconds: Seconds, length: Metres | None = None
+    path: Path, seconds: Seconds, string: StringParams | None = None
 ) -> tuple[Floats, dict[str, Floats]]:
     """Return times (n,) and columns (n,) by name; NaN where a cell is empty.
 
@@ -153,7 +152,8 @@ def read_labels(
     ------
     InputError
         With row and column: where the file is no such table, a cell no number or out of its range, a time out
-        of the audio's `seconds` or before the one above it, or a position beyond the string's `length`.
+        of the audio's `seconds` or before the one above it, or a position or force that no touch of the
+        `string` has, by `physics.known_touches`.
     """
     names, rows = _rows(path)
     table = ([_number(path, row, *cell) for cell in zip(names, cells, strict=True)] for row, cells in rows)
@@ -166,13 +166,29 @@ def read_labels(
     columns = {name: cells[:, place] for place, name in enumerate(names) if name not in when}
     for name, column in columns.items():
         low, high, allowed = LABEL_RANGES.get(name, (-math.inf, math.inf, ""))
-        if name == "position" and length is not None:
-            high, allowed = length, f"0 to {length:g} m, the string's length"
         wrong = np.flatnonzero((column < low) | (column > high) | np.isinf(column))
         if len(wrong):
             given = f"file {path} row {numbers[wrong[0]]}, {name} {column[wrong[0]]:g}"
             raise InputError(given, allowed or "a finite number, or an empty cell")
+    unknown = np.full(len(numbers), np.nan)
+    position, force = columns.get("position", unknown), columns.get("force", unknown)
+    if not by_touch:
+        force = _pressing(force, columns.get("contact", np.ones(len(numbers))))
+    wrong = why_impossible(position, force, string)
+    if wrong is not None:
+        row = "" if wrong.touch is None else f" row {numbers[wrong.touch]}"
+        raise InputError(f"file {path}{row}, {wrong.given}", wrong.allowed, wrong.remedy)
     return _of_touches(times, columns, seconds) if by_touch else (times[:, 0], columns)
+
+
+def _pressing(force: Floats, contact: Floats) -> Floats:
+    """Return the forces (n,) of touches, NaN elsewhere, without the noise about zero of a force sensor.
+
+    Forces that are negative on the whole are kept: that is no noise.
+    """
+    known = np.isfinite(force) & (contact != 0.0) & (force != 0.0)
+    noise = force[known].sum() >= -0.5 * np.abs(force[known]).sum()
+    return np.where(known & ((force > 0.0) | (not noise)), force, np.nan)
 
 
 def _of_touches(

@@ -15,6 +15,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from monochord.capture.sources import SOURCES
 from monochord.core.dated import dated_path
 from monochord.core.errors import MonochordError
@@ -24,6 +26,7 @@ from monochord.live.delivery import reason
 from monochord.live.sinks.base import Moment
 from monochord.live.tuning import SECONDS, tuned
 from monochord.live.web.recording import Recording
+from monochord.physics.known_touches import why_impossible
 
 UNTOUCHED: Seconds = 2.0
 """How much of the untouched string is recorded before the first touch: features are relative to it."""
@@ -101,6 +104,7 @@ class Calibration(Guided):
     def __init__(self, signal: Signal, folder: Path, length: Metres, model: str, count: int) -> None:
         super().__init__(signal, folder)
         self._length, self._model, self._count = length, model, count
+        self._string, self._refusal = signal.string, ""
         self.rows: list[Row] = []
         self._touch_windows: list[Row] = []  # windows of the present touch, of a string that states its truth
         self._known: Row | None = None  # the present touch as it was typed
@@ -117,7 +121,9 @@ class Calibration(Guided):
         begin = self.recording.seconds
         if self._states_truth or self._known or begin < UNTOUCHED or self.complete:
             return False
-        if not (0.0 < position < self._length and 0.0 < force <= 10.0) or self._is_outside(position):
+        wrong = why_impossible(np.array([position]), np.array([force]), self._string)
+        self._refusal = f"{wrong.given} cannot be: allowed is {wrong.allowed}." if wrong else ""
+        if wrong or not 0.0 < position < self._length or self._is_outside(position):
             return False
         self._known = (begin, begin + HOLD, position, force)
         return True
@@ -186,6 +192,7 @@ class Calibration(Guided):
             if self._outside and self._range is not None:
                 low, high = (f"{1e3 * end:g}" for end in self._range)
                 says = f"This is outside the sensing range, {low} to {high} mm. {says}"
+            says = f"{self._refusal} {says}".strip()
         return state | {
             "says": says,
             "share": min(duration / HOLD, 1.0),

@@ -13,12 +13,13 @@ from monochord.core.units import Metres, Newtons
 from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
 from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import KNOWN, Definition, HeadRecord
+from monochord.perception.model.definition import KNOWN, HeadRecord
 from monochord.perception.model.known import MAX_ODDS, reason
 from monochord.perception.model.model import Model
 from monochord.perception.training.correct import KnownErrors, Replayed, known_errors, with_correction
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.rows import Progress
+from monochord.perception.training.touch_labels import refuse_impossible
 from monochord.perception.training.train import as_of_the_design, read_in_turn
 
 Objects: TypeAlias = Literal["same", "others"]
@@ -29,10 +30,6 @@ ACCUSTOMED_SHARE = 0.01
 """Share of the windows of a sensor in order that may still reach the limit of the detector."""
 MIN_REPORTED_SHARE = 0.01
 """Least share of windows taken for a fault that is reported."""
-MAX_ODD_ERROR: Metres = 0.005
-"""Median error of position above which the labels may be from the string's other end."""
-OTHER_END = 0.2
-"""Largest share of that error that is left from the other end, where they are from there."""
 REMEDY = "train one with corrections, as the preset builds does"
 
 
@@ -208,16 +205,18 @@ def adapt(
     Raises
     ------
     InputError
-        If the model has no corrections, the dataset fewer touches than `touches`, or none, or its positions
-        are from the string's other end; or for other objects if the model was adapted before.
+        If the model has no corrections, the dataset fewer touches than `touches`, or none, or labels that
+        cannot be; or for other objects if the model was adapted before.
     """
     _refuse_unfit(model, objects)
     given, dataset = dataset, as_of_the_design(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
-    if replayed is None:
-        replayed = read_in_turn(model, dataset, rows, progress)
     labelled = np.any([np.isfinite(dataset.label(name)) for name in model.corrections], axis=0)
     known_touches = np.unique(touch[rows][labelled[rows]])[:touches]
+    refuse_impossible(model, given, touch, known_touches)
+    if replayed is None:
+        replayed = read_in_turn(model, dataset, rows, progress)
+    refuse_impossible(model, dataset, touch, known_touches, replayed.outputs)
     rows = rows[touch[rows] <= known_touches.max(initial=0)]
     model, mistaken = accustomed(model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds])
     if mistaken:  # these windows were no reference of the untouched string, as they will be
@@ -237,8 +236,6 @@ def adapt(
             raise InputError(given, f"{touches or 1} or more", "record more touches")
         used = np.isin(own, numbers[:touches])
         errors, own = _part(errors, used), own[used]
-        if record.task.label == "position":
-            _refuse_other_end(model.definition, record, errors)
         if correction is None:
             if own.size:
                 heads[name] = _adaptation(record, errors.error, errors.error, errors.std, own)
@@ -296,11 +293,13 @@ def judge(
     Raises
     ------
     InputError
-        If no touch has a label, or the positions are from the string's other end.
+        If no touch has a label, or labels cannot be.
     """
     given, dataset = dataset, as_of_the_design(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
+    refuse_impossible(model, given, touch, np.unique(touch[rows]))
     replayed = read_in_turn(model, dataset, rows, progress)
+    refuse_impossible(model, dataset, touch, np.unique(touch[rows]), replayed.outputs)
     heads: dict[str, HeadAdaptation] = {}
     known: dict[str, Correction] = {}
     spreads: dict[str, float] = {}
@@ -311,8 +310,6 @@ def judge(
         errors = known_errors(model.definition, name, dataset, replayed.outputs)
         if not errors.rows.size:
             continue
-        if record.task.label == "position":
-            _refuse_other_end(model.definition, record, errors)
         error, std, correction = errors.error, errors.std, model.correction(name)
         if correction is not None:
             expected, uncertain = correction.error(correction.terms(errors.variables))
@@ -462,20 +459,6 @@ def _refuse_unfit(model: Model, objects: Objects) -> None:
     if objects == "others" and (touches := max(each.touches for each in records if each)):
         given = f"a model that was adapted to {touches} touches, for other objects"
         raise InputError(given, "the model as it was trained", "give it all sessions at once")
-
-
-def _refuse_other_end(definition: Definition, record: HeadRecord, errors: KnownErrors) -> None:
-    """Refuse positions that are right from the string's other end, and wrong from pickup 1."""
-    if definition.string is None or not errors.error.size:
-        return
-    estimate = record.offset + record.scale * errors.variables[:, 0]
-    label = estimate + record.scale * errors.error
-    own, other = (
-        float(np.median(np.abs(estimate - each))) for each in (label, definition.string.length - label)
-    )
-    if own > MAX_ODD_ERROR and other < OTHER_END * own:
-        given = f"positions {1e3 * own:.0f} mm off, and {1e3 * other:.1f} mm if they are from the other end"
-        raise InputError(given, "metres from pickup 1", "exchange the microphones' cables, or measure so")
 
 
 def _suggestion(

@@ -20,10 +20,14 @@ SAME_LINE_BINS = 0.6
 """Lines of two windows or microphones nearer to each other than so many bins are one."""
 MIN_POWER = 1.0e-11
 """Least power of a line, in full scale: -110 dB, twenty below the rounding of 16 bits."""
+LEAST = 1.0e-30
+"""Power that is added to both of a balance's: that of a dead microphone may be 0."""
 FREQUENCY, POWER_1, POWER_2, GROWTH, BLURRED = range(5)
 """Columns of a window's lines: Hz, power at both microphones, growth in 1/s, standard error in Hz."""
 LAST_FREQUENCY, LAST_STD, LAST_POWER_1, LAST_POWER_2, PRESENCE, LAST_GROWTH, GROWTH_STD = range(7)
-"""Columns of lasting lines; presence is the share of the windows that a line is in."""
+BALANCE, BALANCE_STD = 7, 8
+"""Columns of lasting lines; presence is the share of the windows that a line is in, balance the logarithm of
+its power at microphone 2 over that at microphone 1."""
 
 
 def window_lines(samples: Audio, lowest: Hertz, sample_rate: int) -> Floats:
@@ -88,10 +92,10 @@ def _merged(
 
 
 def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
-    """Return the lines (n, 7) that windows have in common, the strongest first.
+    """Return the lines (n, 9) that windows have in common, the strongest first.
 
-    Frequency and growth are medians over the windows that a line is in, with their standard errors; powers
-    are means over all windows. The columns are `LAST_FREQUENCY` to `GROWTH_STD`.
+    Frequency, growth and balance are medians over the windows that a line is in, with their standard errors;
+    powers are means over all windows. The columns are `LAST_FREQUENCY` to `BALANCE_STD`.
 
     Parameters
     ----------
@@ -101,7 +105,7 @@ def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
         Distance of two bins of a window's spectrum in Hz.
     """
     if not windows:
-        return np.zeros((0, 7))
+        return np.zeros((0, 9))
     number = np.repeat(np.arange(len(windows)), [len(lines) for lines in windows])
     return _lasting(np.concatenate(windows), number, len(windows), SAME_LINE_BINS * spacing)
 
@@ -109,7 +113,7 @@ def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
 @numba.njit(cache=True, error_model="numpy")
 def _lasting(lines: Floats, window: Indices, windows: int, reach: Hertz) -> Floats:
     group = _groups(lines, window, reach)
-    lasting = np.zeros((group.max() + 1 if group.size else 0, 7))
+    lasting = np.zeros((group.max() + 1 if group.size else 0, 9))
     for g in range(lasting.shape[0]):
         members = lines[group == g]
         count = members.shape[0]
@@ -121,6 +125,8 @@ def _lasting(lines: Floats, window: Indices, windows: int, reach: Hertz) -> Floa
         lasting[g, LAST_POWER_2] = members[:, POWER_2].sum() / windows
         lasting[g, PRESENCE] = count / windows
         lasting[g, LAST_GROWTH], lasting[g, GROWTH_STD] = growth, growth_std
+        balance, balance_std = _median(np.log((members[:, POWER_2] + LEAST) / (members[:, POWER_1] + LEAST)))
+        lasting[g, BALANCE], lasting[g, BALANCE_STD] = balance, balance_std
     return lasting[np.argsort(-lasting[:, LAST_POWER_1] - lasting[:, LAST_POWER_2])]
 
 

@@ -10,6 +10,7 @@ from monochord.core.types import Estimate, Floats, Signal, StringParams, Window
 from monochord.core.units import Hertz, Newtons, Samples, Seconds
 from monochord.perception.closed_form.spectrum import LOWEST_LINE, MIN_BINS
 from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.tuning.evidence import reason_against_a_string
 from monochord.perception.tuning.lines import (
     FREQUENCY,
     GROWTH_STD,
@@ -212,6 +213,23 @@ class Tuner:
                 return replace(state, lines=kept, refused="", tuning=tuning, why_not=why_not)
         why_not = state.why_not if state.lines else refused
         return replace(state, refused=refused, refusals=state.refusals + 1, why_not=why_not)
+
+    def reason_against(self, state: TunerState) -> str:
+        """Return why what a state has of a tuning may be a tone and no string; empty where it is one.
+
+        `step` does not ask: a running estimator has 0.3 s to find the pitch of a string that it knows to be
+        there, and that may sound a single partial. Who writes a sensor's pitch down asks.
+        """
+        if state.tuning is None:
+            return state.why_not
+        return reason_against_a_string(
+            lasting_lines(state.lines, self.sample_rate / self.size),
+            state.tuning.frequency,
+            state.tuning.inharmonicity,
+            sample_rate=self.sample_rate,
+            windows=len(state.lines),
+            least_share=MIN_SHARE if len(state.tuning.channels) > 1 else 0.0,
+        )
 
     def _tuning(self, windows: tuple[Floats, ...], dead: int) -> tuple[Tuning | None, str]:
         if len(windows) < MIN_WINDOWS:

@@ -43,6 +43,7 @@ from monochord.physics.theory.stiffness import (
 )
 from monochord.physics.theory.tension import (
     TensionLaw,
+    breaking_force,
     damping_under,
     force_from_tension,
     geometric_tension,
@@ -56,6 +57,7 @@ __all__ = [
     "Losses",
     "TensionLaw",
     "bending_stiffness",
+    "breaking_force",
     "contact_bound",
     "contact_width",
     "damping_under",

@@ -6,6 +6,7 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats, StringParams
+from monochord.core.units import Pascals
 from monochord.physics.theory._checks import (
     Number,
     refuse_negative_force,
@@ -15,6 +16,8 @@ from monochord.physics.theory._checks import (
 
 TensionLaw: TypeAlias = Literal["linear", "geometric"]
 """How a press raises the tension: the paper's trend k_T F, or the stretch of the deflected string."""
+STRENGTH: Pascals = 3.0e9
+"""Tensile strength of music wire of 0.25 mm, the strongest that strings are made of (ASTM A228)."""
 
 
 def linear_tension(string: StringParams, force: Number) -> Number:
@@ -105,6 +108,49 @@ def geometric_tension(string: StringParams, position: Number, force: Number) -> 
     rest = w == 0.0
     u = np.where(rest, 1.0, np.minimum(root / np.where(rest, 1.0, w), 1.0))
     return string.tension / (u if u.ndim else float(u))  # pyright: ignore[reportReturnType]
+
+
+def breaking_force(string: StringParams, position: Number) -> Number:
+    """Return the normal force under which the wire of a string breaks.
+
+    It breaks at the tension Tb = `STRENGTH` times its cross-section A. The geometric law, solved for F, gives
+
+        F = Tb L sqrt(2 (Tb - T0) / (E A x (L - x))),
+
+    T0 being the tension at rest. It is an upper bound: slopes are taken for small, and friction at the ends,
+    bending over an edge and wear break a wire earlier. Next to an end the bound goes to infinity with the
+    slope; there the force at a hundredth of the length counts.
+
+    Parameters
+    ----------
+    string
+        The string, with a core diameter.
+    position
+        Where it is pressed, x in m.
+
+    Returns
+    -------
+    float or array
+        F in N, of the shape of `position`.
+
+    Raises
+    ------
+    InputError
+        If the core has no diameter.
+
+    Examples
+    --------
+    >>> plain = StringParams(length=0.2, linear_density=4.0e-4, tension=65.0, core_diameter=2.54e-4)
+    >>> round(breaking_force(plain, 0.1))
+    40
+    """
+    refuse_not_positive(core_diameter=string.core_diameter)
+    length, area = string.length, 0.25 * np.pi * string.core_diameter**2
+    most = max(STRENGTH * area, 1.1 * string.tension)
+    place = np.clip(position, 0.01 * length, 0.99 * length)
+    lever = stretch_stiffness(string) * place * (length - place)
+    force = most * length * np.sqrt(2.0 * (most - string.tension) / lever)
+    return force if force.ndim else float(force)  # pyright: ignore[reportReturnType]
 
 
 def stretch_stiffness(string: StringParams) -> float:

@@ -1,0 +1,88 @@
+"""Whether the labels of known touches can be, before a model learns from them or is judged by them."""
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.types import Floats, Indices
+from monochord.core.units import Metres
+from monochord.datasets.store import Dataset
+from monochord.perception.model.model import Model
+from monochord.perception.training.correct import Outputs, known_errors
+from monochord.physics.known_touches import Estimated, why_impossible
+
+MAX_ODD_ERROR: Metres = 0.005
+"""Median error of position above which the labels may be from the string's other end."""
+OTHER_END = 0.2
+"""Largest share of that error that is left from the other end, where they are from there."""
+
+
+def refuse_impossible(
+    model: Model, dataset: Dataset, touch: Indices, numbers: Indices, outputs: Outputs | None = None
+) -> None:
+    """Refuse labels that no touches of the model's string have, by `physics.known_touches.why_impossible`.
+
+    Parameters
+    ----------
+    model
+        Before it learns from these touches.
+    dataset
+        Windows with labels.
+    touch, numbers
+        The touch (n,) of each window, and which touches are known.
+    outputs
+        What the model makes of the windows; None where it was not asked, so that the labels alone count.
+
+    Raises
+    ------
+    InputError
+        If a label is impossible, or the set of them contradicts the model or is from the string's other end.
+    """
+    string = model.definition.string
+    labels = {name: _of_touches(_label(dataset, name), touch, numbers) for name in ("position", "force")}
+    estimated = None
+    if outputs is not None:
+        position, position_std = _estimated(model, dataset, "position", outputs)
+        values = (position, position_std, _estimated(model, dataset, "force", outputs)[0])
+        estimated = Estimated(*(_of_touches(each, touch, numbers) for each in values))
+        if string is not None:
+            _refuse_other_end(labels["position"], estimated.position, string.length)
+    wrong = why_impossible(labels["position"], labels["force"], string, estimated)
+    if wrong is not None:
+        given = wrong.given if wrong.touch is None else f"known touch {wrong.touch + 1}, {wrong.given}"
+        raise InputError(given, wrong.allowed, wrong.remedy)
+
+
+def _label(dataset: Dataset, name: str) -> Floats:
+    return dataset.label(name) if name in dataset.labels else np.full(len(dataset), np.nan)
+
+
+def _estimated(model: Model, dataset: Dataset, label: str, outputs: Outputs) -> tuple[Floats, Floats]:
+    """Return estimates and their standard errors (n,) of windows with this label, NaN elsewhere."""
+    estimate, std = np.full((2, len(dataset)), np.nan)
+    for name, record in model.definition.heads.items():
+        if record.task.label != label or record.task.is_probability:
+            continue
+        errors, correction = known_errors(model.definition, name, dataset, outputs), model.correction(name)
+        error = errors.error
+        if correction is not None and len(error):
+            error = error - correction.error(correction.terms(errors.variables))[0]
+        estimate[errors.rows] = dataset.label(label)[errors.rows] - record.scale * error
+        std[errors.rows] = record.scale * errors.std
+    return estimate, std
+
+
+def _of_touches(values: Floats, touch: Indices, numbers: Indices) -> Floats:
+    """Return the median (touches,) of values (n,) of windows over each touch; NaN where it has none."""
+    of = [values[(touch == number) & np.isfinite(values)] for number in numbers.tolist()]
+    return np.array([np.median(each) if each.size else np.nan for each in of])
+
+
+def _refuse_other_end(position: Floats, estimate: Floats, length: Metres) -> None:
+    """Refuse positions that are right from the string's other end, and wrong from pickup 1."""
+    known = np.isfinite(position) & np.isfinite(estimate)
+    if not known.any():
+        return
+    own, other = (float(np.median(np.abs(estimate - each)[known])) for each in (position, length - position))
+    if own > MAX_ODD_ERROR and other < OTHER_END * own:
+        given = f"positions {1e3 * own:.0f} mm off, and {1e3 * other:.1f} mm if they are from the other end"
+        raise InputError(given, "metres from pickup 1", "exchange the microphones' cables, or measure so")
