@@ -285,7 +285,7 @@ def estimates_of(
     estimates: dict[str, Estimate] = {}
     for name, record in definition.heads.items():
         task = record.task
-        if task.touched and contact < DECISION:
+        if task.touched and not (is_certain and contact >= DECISION):
             estimates[name] = Estimate.abstain(task.unit, NO_CONTACT if is_certain else UNCERTAIN)
             continue
         if task.is_probability:

@@ -22,6 +22,10 @@ MAX_DEVIATIONS = 5.0
 """Standard errors of the stated place by which the lines may contradict it."""
 MIN_DISAGREEMENT: Metres = 2e-3
 """Least distance of both places that is a contradiction."""
+EDGE_DEVIATIONS = 2.0
+"""Standard errors by which an estimate may lie beyond an end of the range, as that of a touch there does."""
+MAX_EDGE: Metres = 1e-3
+"""Largest distance beyond the end that these may be."""
 
 
 class PlaceByLines(NamedTuple):
@@ -57,12 +61,13 @@ def why_not_stated(
     >>> why_not_stated(0.147, 3e-4, PlaceByLines(0.1471, 10.0), (0.05, 0.15))
     ''
     """
-    if not _is_inside(place, sensing_range):
+    edge = min(EDGE_DEVIATIONS * std, MAX_EDGE)
+    if not _is_inside(place, sensing_range, edge):
         return OUTSIDE_RANGE
     if lines.lead < MIN_LEAD or abs(lines.place - place) <= max(MAX_DEVIATIONS * std, MIN_DISAGREEMENT):
         return ""
-    return CONTRADICTED if _is_inside(lines.place, sensing_range) else OUTSIDE_RANGE
+    return CONTRADICTED if _is_inside(lines.place, sensing_range, edge) else OUTSIDE_RANGE
 
 
-def _is_inside(place: Metres, sensing_range: tuple[Metres, Metres] | None) -> bool:
-    return sensing_range is None or sensing_range[0] <= place <= sensing_range[1]
+def _is_inside(place: Metres, sensing_range: tuple[Metres, Metres] | None, edge: Metres) -> bool:
+    return sensing_range is None or sensing_range[0] - edge <= place <= sensing_range[1] + edge

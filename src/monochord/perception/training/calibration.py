@@ -17,6 +17,7 @@ from monochord.perception.model import load, save
 from monochord.perception.training.adapt import Adaptation, Objects, adapt, judge
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.rows import Progress
+from monochord.perception.training.touch_labels import refuse_impossible
 from monochord.perception.tuning.sessions import tension_estimator
 from monochord.physics.sensors import range_of
 from monochord.sessions import read_session
@@ -97,6 +98,8 @@ def calibrated(
             options,
             listen=tension_estimator(trained.string),
         )
+        touch = touches_of(dataset)
+        refuse_impossible(given, dataset, touch, np.unique(touch))  # before any is left out
         span = sensing_range or _range_of(files, trained.string)
         dataset, outside = _within(dataset, span)
         if touches == 0:
