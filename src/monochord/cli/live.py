@@ -116,7 +116,7 @@ def _sensors(given: tuple[str, ...]) -> tuple[str | None, Tree]:
 def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tree:
     """Return the settings of the configuration file with the options over them."""
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
-    put_source(tree, options, opened)
+    put_source(tree, options, opened, models=bundled_names())
     put_estimator(tree, options, model)
     if options["seconds"] is not None:
         tree["seconds"] = options["seconds"]

@@ -17,6 +17,7 @@ from functools import cached_property
 import numba
 import numpy as np
 
+from monochord.core.errors import InputError
 from monochord.core.types import Audio, Flags, Floats
 from monochord.core.units import Seconds
 from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
@@ -101,6 +102,8 @@ def step(
     [0.538, 2.0]
     """
     counts = np.ones(len(memory), bool) if counts is None else counts
+    if not len(logits) - 1 == len(memory) == len(counts):
+        raise InputError(f"{len(logits)} logits", f"one and those of {len(memory)} reasons")
     if state.odds is None or state.weight is None:
         odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
         return KnownState(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimate, Indices
 from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
@@ -220,6 +221,8 @@ def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
     >>> scaled(np.array([[5.0], [100.0]], np.float32), one, two, 8.0).tolist()
     [[2.0], [8.0]]
     """
+    if not mean.shape == scale.shape == row.shape[-1:]:
+        raise InputError(f"rows of {row.shape[-1]} columns", f"{mean.size}, as the scaling has")
     return _scaled(row.reshape(-1, row.shape[-1]), mean, scale, clip).reshape(row.shape)
 
 
