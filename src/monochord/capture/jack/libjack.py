@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any, ClassVar
 
 from monochord.core.errors import DeviceError
+from monochord.core.printable import printable
 
 NAMES = ("libjack.so.0", "libjack.so", "libjack.dylib", "/opt/homebrew/lib/libjack.dylib")
 AUDIO = b"32 bit float mono audio"
@@ -51,6 +52,25 @@ DECLARATIONS: dict[str, tuple[Any, list[Any]]] = {
     "jack_set_error_function": (None, [c_void_p]),
     "jack_set_info_function": (None, [c_void_p]),
 }
+
+
+def decoded(name: bytes) -> str:
+    """Return a name of JACK's, which may be of any bytes; `encoded` gives these back."""
+    return name.decode("utf-8", "surrogateescape")
+
+
+def encoded(name: str) -> bytes:
+    """Return the bytes of a name."""
+    return name.encode("utf-8", "surrogateescape")
+
+
+def shown(name: str) -> str:
+    r"""Return a name as it is shown, and as a person can type it: what is no text is written in escapes.
+
+    >>> shown(decoded(b"St\xc3:out")), shown("USB Audio (hw:1,0):out")
+    ('St\\xc3:out', 'USB Audio (hw:1,0):out')
+    """
+    return printable(encoded(name).decode("utf-8", "backslashreplace"))
 
 
 @cache
