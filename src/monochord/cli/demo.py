@@ -6,7 +6,7 @@ import math
 import shlex
 import sys
 from collections.abc import Mapping
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,7 +15,6 @@ import click
 from monochord.capture.sources import SOURCES
 from monochord.cli._options import amount, completes
 from monochord.cli._output import echo
-from monochord.core.compilation import compilation_shown
 from monochord.core.errors import DeviceError, InputError, did_you_mean
 from monochord.core.interruption import interruption
 from monochord.core.ownership import scratch_folder
@@ -122,7 +121,6 @@ def demo(sensor: str, **options: Any) -> None:
             played = {name: value for name, value in source.items() if name != "name"}
             setup = dataclasses.replace(setup, source=JackTwin(server=server, twin=played))
         begun = [stack.enter_context(sink.ahead()) for sink in setup.sinks]
-        stack.enter_context(nullcontext() if quiet else compilation_shown())
         as_tuned = _write_tuned(source, stack.enter_context(scratch_folder()) / "sensor.toml")
         summary = run(dataclasses.replace(setup, sinks=(*begun, score), sensor=as_tuned))
     if options["as_json"]:

@@ -2,9 +2,9 @@
 
 import math
 
-import numba
 import numpy as np
 
+from monochord.core.kernels import kernel
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz
@@ -43,7 +43,7 @@ def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
     return _measured(sound(samples), sample_rate)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _measured(samples: Audio, sample_rate: Hertz) -> Floats:
     count = samples.shape[1]
     measured = np.zeros((samples.shape[0], 4))

@@ -6,10 +6,10 @@ series is fitted to those that belong to it, then judged against the thought tha
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
 from monochord.core.shapes import alike
 from monochord.core.types import Floats
 from monochord.core.units import Hertz
@@ -59,12 +59,12 @@ class View(NamedTuple):
     residual_weight: float
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _partial(f0: float, inharmonicity: float, n: float) -> float:
     return f0 * n * np.sqrt(1.0 + inharmonicity * n * n)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _nearest(sorted_values: Floats, value: float) -> int:
     i = int(np.searchsorted(sorted_values, value))
     if i == 0:
@@ -74,7 +74,7 @@ def _nearest(sorted_values: Floats, value: float) -> int:
     return i
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def partial_count(f0: Hertz, top: Hertz, most: int) -> int:
     """Return how many partials of `f0` lie below `top`, between 1 and `most`."""
     return max(1, min(most, int(top / f0)))
@@ -102,7 +102,7 @@ def fit_series(
     return _fitted(f0, inharmonicity, prior, peaks, view)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _fitted(
     f0: Hertz, inharmonicity: float, prior: tuple[float, float], peaks: Peaks, view: View
 ) -> tuple[float, float, float, float, int]:
@@ -157,7 +157,7 @@ def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -
     return _evidence(f0, inharmonicity, peaks, view)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tuple[float, Floats]:
     count = partial_count(f0, view.top, view.most)
     height = np.empty(count)
@@ -196,7 +196,7 @@ def _evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tupl
     return evidence, claimed
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _neighbours(height: Floats, i: int) -> float:
     """Return the lower of the greatest heights within `AROUND` partials on the left and on the right."""
     if i + 1 >= height.size:
@@ -205,7 +205,7 @@ def _neighbours(height: Floats, i: int) -> float:
     return right if i == 0 else min(right, height[max(i - AROUND, 0) : i].max())
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _comb(f0: float, inharmonicity: float, view: View) -> float:
     """Return the mean salience at the partials less that midway between them, low partials weighing more."""
     score, weights = 0.0, 0.0
@@ -253,7 +253,7 @@ def _check(peaks: Peaks, view: View) -> None:
         raise InputError(f"salience of shape {view.salience.shape}", "two bins or more")
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _found(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -> tuple[Floats, Floats]:
     starts = _starts(grid, view)
     rows = np.empty((starts.shape[0], len(COLUMNS)))
@@ -274,7 +274,7 @@ def _found(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -
     return rows[order], claims[order]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _starts(grid: Floats, view: View) -> Floats:
     """Return guesses of (f0, B): the ten highest maxima of the comb, and the relatives of the first four."""
     score, best = np.full(grid.size, -np.inf), np.zeros(grid.size)

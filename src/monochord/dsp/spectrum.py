@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
 from monochord.core.shapes import alike, sound
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples, Seconds
@@ -144,7 +144,7 @@ def power_spectrum(
     return power
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
+@kernel(fastmath={"reassoc"})
 def _levelled(samples: Floats | Audio, taper: Floats) -> Floats:
     """Return each channel about its mean, scaled to unit power and tapered; a silent one stays silent."""
     levelled = np.empty(samples.shape)
@@ -235,7 +235,7 @@ def find_peaks(
     return _peaks(power, salience, spacing, duration, least)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _peaks(
     power: Floats, salience: Floats, spacing: Hertz, duration: Seconds, least: float
 ) -> tuple[Floats, Floats, Floats]:

@@ -16,11 +16,11 @@ from functools import lru_cache
 from math import pi
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats, Signal, StringParams
 from monochord.core.units import Hertz, Metres, Samples
@@ -212,7 +212,7 @@ def spectrum_of(
     return samples, transform, power, strongest_lines(transform, power, spacing, lowest, highest)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
+@kernel(fastmath={"reassoc"})
 def centred_samples(window: Audio) -> Floats:
     """Return the samples of each channel about their mean; those that are not numbers become zero."""
     samples = np.empty(window.shape)
@@ -227,7 +227,7 @@ def centred_samples(window: Audio) -> Floats:
     return samples
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def hann_power(transform: NDArray[np.complex128], size: Samples) -> Floats:
     """Return the power under a Hann taper (channels, bins); a sine of amplitude a has a^2 / 2 at its bin.
 
@@ -242,7 +242,7 @@ def hann_power(transform: NDArray[np.complex128], size: Samples) -> Floats:
     return power
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def strongest_lines(
     transform: NDArray[np.complex128], power: Floats, spacing: Hertz, lowest: Hertz, highest: Hertz
 ) -> tuple[Floats, Floats]:

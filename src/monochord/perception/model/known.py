@@ -14,10 +14,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Flags, Floats
 from monochord.core.units import Seconds
 from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
@@ -114,7 +114,7 @@ def step(
     return KnownState(odds=odds, weight=weight, time=time)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _averaged(
     odds: Floats, weight: Floats, logits: Floats, elapsed: Seconds, memory: Floats, counts: Flags
 ) -> tuple[Floats, Floats]:

@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Estimate, Indices
 from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
@@ -72,7 +72,7 @@ class Layers:
         return _outputs(rows, self.columns, self.units, self.weights)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _outputs(rows: Audio, columns: Indices, units: Indices, weights: Audio) -> Audio:
     if columns.max() >= rows.shape[1]:
         raise IndexError("a network sees columns that the rows lack")
@@ -226,7 +226,7 @@ def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
     return _scaled(row.reshape(-1, row.shape[-1]), mean, scale, clip).reshape(row.shape)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _scaled(rows: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
     values = np.empty_like(rows)
     for k in range(rows.shape[0]):

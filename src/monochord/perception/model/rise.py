@@ -6,10 +6,10 @@ compliant lowers it, at a light touch by many times more, which a logarithm keep
 in the columns of a feature, and layers that have to find both out of them find less.
 """
 
-import numba
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio
 
 COLUMNS = ("ratio open", "ratio rest", "ratio place")
@@ -42,7 +42,7 @@ def rises(row: Audio, reference: Audio, columns: tuple[int, ...]) -> Audio:
     return _rises(rows, references, columns).reshape(*row.shape[:-1], COUNT)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _rises(rows: Audio, references: Audio, columns: tuple[int, ...]) -> Audio:
     pitch, rest, at, untouched = columns
     inputs = np.zeros((rows.shape[0], COUNT), np.float32)
