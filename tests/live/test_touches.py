@@ -16,7 +16,7 @@ RATE = 44100
 TOUCHES = ((0.07, 0.6), (0.12, 1.2))
 """Position in m and force in N of each touch."""
 SLACK = 0.12
-"""Seconds of a touch that its row may leave out at either end: a window, and what decides."""
+"""Seconds of a touch that its row may leave out at either end: as its sound settles and dies away."""
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,8 @@ from monochord.perception.model import load
 
 SHORTEST: Seconds = 0.2
 """Shortest touch that is listed: shorter ones are knocks."""
+DYING: Seconds = 0.1
+"""How long a touch that was lifted still sounds like one; on the twin it is half of that."""
 HEADER = "begin,end,position,force"
 
 
@@ -24,7 +26,7 @@ def touch_spans(
     """Return begin and end of each touch in a recording, in s from its first frame, in order.
 
     They are those that the live loop announces. A span lies within its touch: it begins at the end of the
-    first window that shows it, and ends where the last one that does not show its end begins.
+    first window that shows the touch, and ends `DYING` before the first window without it begins.
 
     Parameters
     ----------
@@ -54,8 +56,9 @@ def touch_spans(
         for moment in live:
             changes += [event for event in moment.events if event.name == CONTACT]
             end = moment.prediction.time + length
+    # Of a touch that lasts to the end of the recording the end is that one.
     begins = [event.time for event in changes if event.on]
-    ends = [event.time - length for event in changes if not event.on]
+    ends = [event.time - length - DYING for event in changes if not event.on]
     spans = list(zip(begins, [*ends, end], strict=False))
     spans = [(first, last) for first, last in spans if last - first >= SHORTEST]
     if not spans:
