@@ -19,7 +19,6 @@ from numba import njit
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
-from numba.core.dispatcher import Dispatcher
 from numba.core.sigutils import normalize_signature
 
 from monochord.core.compilation import Bar
@@ -53,7 +52,7 @@ def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function
 
     def compiled(function: Function) -> Function:
         dispatcher: Any = njit(error_model="numpy", **options)(function)
-        if isinstance(dispatcher, Dispatcher):
+        if hasattr(dispatcher, "py_func"):
             with suppress(RuntimeError):  # a function that stands in no file, or where none can be written
                 dispatcher._cache = _Cache(function)  # noqa: SLF001
             if signature:
@@ -68,7 +67,7 @@ def callback(signature: Any) -> Callable[[Any], Any]:
     """Compile a function at once into a C function, and keep it on disk; `address` is its address."""
 
     def compiled(function: Any) -> Any:
-        compiled_function = CFunc(function, normalize_signature(signature), locals={}, options={})
+        compiled_function: Any = CFunc(function, normalize_signature(signature), locals={}, options={})
         with suppress(RuntimeError):
             compiled_function._cache = _Cache(function)  # noqa: SLF001
         compiled_function.compile()
@@ -107,7 +106,7 @@ class _Files(IndexDataCacheFile):
         return super()._load_data(name)
 
     @contextmanager
-    def _open_for_write(self, filepath: str) -> Generator[BytesIO]:
+    def _open_for_write(self, filepath: str) -> Generator[Any]:
         content = BytesIO()
         yield content
         with super()._open_for_write(filepath) as file:
