@@ -52,6 +52,12 @@ def test_cached_kernels_stand_in_one_file_with_what_they_call(name: str) -> None
     assert not (cached and foreign), f"{cached} may inline {foreign}"
 
 
+@pytest.mark.parametrize("name", MODULES)
+def test_what_is_kept_on_disk_is_checked_when_it_is_read(name: str) -> None:
+    caches = [getattr(function, "_cache") for function in compiled(name).values() if is_cached(function)]  # noqa: B009
+    assert {type(cache).__module__ for cache in caches} <= {"monochord.core.kernels"}
+
+
 def reached(name: str) -> set[str]:
     """The twin's modules with compiled parts that a module imports, and theirs in turn."""
     reached_modules = {name}
