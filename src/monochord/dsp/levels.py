@@ -40,7 +40,7 @@ def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
     >>> measure_levels(np.stack((hum, 0.0 * hum)), 44100.0).round(2)[:, [0, 1, 3]].tolist()
     [[0.07, 0.1, 1.0], [0.0, 0.0, 0.0]]
     """
-    return _measured(sound(samples), sample_rate)
+    return _measured(sound(samples), float(sample_rate))
 
 
 @kernel()
