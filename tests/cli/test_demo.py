@@ -5,6 +5,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+import urllib.request
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -14,7 +16,7 @@ import psutil
 import pytest
 
 from monochord.cli import run
-from monochord.cli.demo import TRAINED_BUILDS
+from monochord.cli.demo import TRAINED_BUILDS, UNWATCHED
 from monochord.lab.plans import load_plan, plan_names
 
 
@@ -68,7 +70,8 @@ def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.Captu
     assert run(["demo", str(short)]) == 2
     lines = [message for message in capsys.readouterr().err.splitlines() if message.startswith("monochord: ")]
     assert len(lines) == 1
-    assert "a string of 0.195 m for a model: allowed is 0.2 m" in lines[0]
+    assert lines[0].endswith(f"monochord demo {short} --estimator closed_form")
+    assert "page:" not in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -113,5 +116,27 @@ def test_a_signal_ends_it_with_its_result() -> None:
             pass
         process.send_signal(signal.SIGTERM)
         rest, error = process.stdout.read(), process.stderr.read()
+    assert (process.returncode, error) == (0, "")
+    assert "position" in rest
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+def test_piped_it_goes_on_as_long_as_its_page_is_wanted() -> None:
+    """A pipe, a file or a container's log is no terminal, and the page is served all the same."""
+    command = [sys.executable, "-m", "monochord", "demo", "--no-browser"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stdout
+        address = process.stdout.readline().split()[1]
+        while "contact" not in process.stdout.readline():
+            pass
+        begin = time.monotonic()
+        while time.monotonic() < begin + UNWATCHED + 5.0:
+            assert process.stdout.readline(), "it has ended"
+        with urllib.request.urlopen(address, timeout=30) as answer:  # noqa: S310  (our own)
+            assert answer.status == 200
+        process.send_signal(signal.SIGTERM)
+        rest, error = process.communicate(timeout=60)
     assert (process.returncode, error) == (0, "")
     assert "position" in rest

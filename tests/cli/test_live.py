@@ -256,6 +256,11 @@ def test_a_trained_model_locates_too(take: Take, capsys: pytest.CaptureFixture[s
     [
         ("live demmo prototype --source twin", "model demmo (not there): allowed is a folder that monochord"),
         ("locate demmo take.wav", "did you mean 'demo'"),
+        ("live run", "'run' (no such file)"),
+        ("live dmeo", "did you mean 'demo'?"),
+        ("live demo nosuch", "'nosuch' (no such file)"),
+        ("live twin", "--source twin"),
+        ("demo long", "monochord demo long --estimator closed_form"),
         ("live demo demo", "inputs demo, demo: allowed is one MODEL at most"),
         ("locate demo", "model demo alone: allowed is a FILE beside it"),
         ("live demo --source twin --window 0.2", "windows of 8820 frames for a model"),

@@ -1,18 +1,26 @@
-"""A cached kernel calls only kernels of its own file, or is told when the others change.
+"""Kernels are entered with shapes that were checked, and a cached one is told when what it calls changes.
+
+A kernel reads beyond the end of an array that is shorter than it expects. So every Python function that calls
+one is listed here with who has checked its arrays, and every public entry is fed with sound of every shape.
 
 numba's cache looks at the file that a kernel stands in. A kernel inlined from another file would go on in its
-old form after that file has changed, and nothing would say so. The twin's kernel is made of parts in many
-files; the key of its cache carries a fingerprint of their text.
+old form after that file has changed, and nothing would say so. So a cached kernel calls only kernels of its
+own file. The twin's kernel is made of parts in many files; the key of its cache carries a fingerprint of
+their text.
 """
 
 import ast
+import inspect
+import json
 import pkgutil
+import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 from numba.core.caching import NullCache
+from numba.core.ccallback import CFunc
 from numba.core.registry import CPUDispatcher
 
 import monochord
@@ -42,6 +50,12 @@ def test_cached_kernels_stand_in_one_file_with_what_they_call(name: str) -> None
     ]
     foreign = [key for key, function in kernels.items() if function.py_func.__module__ != name]
     assert not (cached and foreign), f"{cached} may inline {foreign}"
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_what_is_kept_on_disk_is_checked_when_it_is_read(name: str) -> None:
+    caches = [getattr(function, "_cache") for function in compiled(name).values() if is_cached(function)]  # noqa: B009
+    assert {type(cache).__module__ for cache in caches} <= {"monochord.core.kernels"}
 
 
 def reached(name: str) -> set[str]:
@@ -75,3 +89,104 @@ def test_only_the_kernel_of_the_twin_calls_its_parts() -> None:
     assert not [name for name in twins for one in compiled(name).values() if is_cached(one)]
     others = [one for name in MODULES if not name.startswith(TWIN) for one in compiled(name).values()]
     assert not [one for one in others if one.py_func.__module__.startswith(TWIN)]
+
+
+WHO_CHECKS = {
+    "dsp.levels": {"measure_levels": "itself"},
+    "dsp.series": dict.fromkeys(("fit_series", "series_evidence", "search"), "itself"),
+    "dsp.spectrum": dict.fromkeys(("power_spectrum", "find_peaks"), "itself"),
+    "perception.closed_form.usable": {"why_unusable": "Window"},
+    "perception.closed_form.spectrum": {"spectrum_of": "itself"},
+    "perception.closed_form.modes": {"read_modes": "SpectrumAnalyser"},
+    "perception.features.fft_harmonic": dict.fromkeys(
+        ("_row", "_timbre_and_tones", "_partials", "_of_gaps", "_of_glides"), "_Extractor.__call__"
+    ),
+    "perception.features.untouched": dict.fromkeys(("__call__", "_row"), "_Extractor.__call__"),
+    "perception.model.correction": {"terms": "itself"},
+    "perception.model.known": {"step": "itself"},
+    "perception.model.network": {"outputs": "the kernel", "scaled": "itself"},
+    "perception.model.rise": {"rises": "itself"},
+    "perception.training.mode_ranking": dict.fromkeys(
+        ("_example", "with_places", "_fill_in_places", "places_of"), "spectrum_of"
+    ),
+    "perception.tuning.lines": {"window_lines": "spectrum_of", "lasting_lines": "window_lines"},
+    "perception.tuning.tuner": {"_tuning": "window_lines"},
+    "physics.split_string.stream": {"_ring_on": "SplitString"},
+    "capture.jack.arena": {"count": "Arena"},
+    "capture.jack.ring": dict.fromkeys(("pending", "put", "take"), "Ring"),
+    "lab.jack_twin": {"write": "Ring"},
+    "lab.player": {"_schedule": "Ring"},
+}
+"""Python functions that call a kernel, by module, and who has checked the arrays that they pass."""
+NEVER = {"no channel", "empty", "one row", "words", "complex"}
+REFUSED = {
+    "two": NEVER | {"one channel", "three channels", "short", "huge"},
+    "one": NEVER | {"plain", "float64", "strided", "Fortran order", "three channels", "short", "huge"},
+    "size": NEVER | {"short", "huge"},
+    "long": NEVER | {"one channel", "three channels", "short"},
+    "any": NEVER,
+}
+"""Sound that an entry refuses, by the beginning of its name."""
+SAME = ("float64", "strided", "Fortran order")
+"""Sound that is the plain one in another form."""
+
+
+def callers(name: str) -> set[str]:
+    """The functions of a module that run in Python and call a kernel."""
+    module = import_module(name)
+    found: set[str] = set()
+
+    def visit(node: ast.AST, function: str) -> None:
+        for child in ast.iter_child_nodes(node):
+            inside = function
+            if isinstance(child, ast.FunctionDef):
+                if isinstance(getattr(module, child.name, None), CPUDispatcher | CFunc) and not function:
+                    continue
+                inside = function or child.name
+            if isinstance(child, ast.Call) and isinstance(called(module, child.func), CPUDispatcher):
+                found.add(function)
+            visit(child, inside)
+
+    visit(ast.parse(inspect.getsource(module)), "")
+    return found
+
+
+def called(module: object, function: ast.expr) -> object:
+    """What a call's name stands for in a module; None where it is no name."""
+    if isinstance(function, ast.Attribute):
+        home = called(module, function.value)
+        return getattr(home, function.attr, None) if inspect.ismodule(home) else None
+    return getattr(module, function.id, None) if isinstance(function, ast.Name) else None
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if not name.startswith(TWIN)])
+def test_the_arrays_of_every_kernel_are_checked_by_someone(name: str) -> None:
+    listed = WHO_CHECKS.get(name.removeprefix("monochord."), {})
+    assert callers(name) <= {*listed}
+
+
+@pytest.fixture(scope="module")
+def outcomes() -> dict[str, dict[str, object]]:
+    """What every public entry makes of every sound, as far as the process lived."""
+    command = [sys.executable, "-m", "tests.contract.entries"]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert done.returncode == 0, f"{lines[-1]}: {done.stderr[-2000:]}"
+    results: dict[str, dict[str, object]] = {}
+    for entry, sound, *back in lines:
+        if back:
+            results.setdefault(entry, {})[sound] = back[0]
+    return results
+
+
+def test_every_entry_refuses_what_its_kernels_cannot_read(outcomes: dict[str, dict[str, object]]) -> None:
+    assert len(outcomes) > 20
+    for entry, results in outcomes.items():
+        refused = {sound for sound, back in results.items() if back == "refused"}
+        assert refused == REFUSED[entry.partition(":")[0]], entry
+
+
+def test_sound_in_another_form_gives_the_same(outcomes: dict[str, dict[str, object]]) -> None:
+    for entry, results in outcomes.items():
+        assert [results[form] for form in SAME] == [results["plain"]] * len(SAME), entry

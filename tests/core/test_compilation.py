@@ -1,10 +1,13 @@
 """A compilation is shown, on a terminal, and only where there is one."""
 
 import io
+import os
+import pty
+import subprocess
+import sys
+from contextlib import suppress
 
-import numba
-
-from monochord.core.compilation import compilation_shown
+from monochord.core.compilation import Bar
 
 
 class Terminal(io.StringIO):
@@ -12,33 +15,44 @@ class Terminal(io.StringIO):
         return True
 
 
-def compiled_afresh() -> None:
-    for number in range(2):
-        numba.njit(lambda x: x + number)(1.0)  # noqa: B023
+def shown_on(file: io.StringIO) -> str:
+    bar = Bar(file)
+    bar.start()
+    bar.start()  # a function that another one calls
+    bar.stop()
+    bar.stop()
+    return file.getvalue()
 
 
 def test_a_terminal_shows_a_bar_and_then_erases_it() -> None:
-    file = Terminal()
-    with compilation_shown(file):
-        compiled_afresh()
-    text = file.getvalue()
+    text = shown_on(Terminal())
     assert text.startswith("\rcompiling, once, about")
     assert text.endswith("\r\x1b[K")
     assert "\n" not in text
 
 
 def test_a_log_gets_nothing() -> None:
-    file = io.StringIO()
-    with compilation_shown(file):
-        compiled_afresh()
-    assert not file.getvalue()
+    assert not shown_on(io.StringIO())
 
 
-def test_nothing_is_written_where_nothing_is_compiled() -> None:
-    ready = numba.njit(lambda x: x + 1.0)
-    assert ready(1.0) == 2.0
-    file = Terminal()
-    with compilation_shown(file):
-        assert ready(2.0) == 3.0
-    compiled_afresh()
-    assert not file.getvalue()
+def test_any_program_on_a_terminal_shows_it_and_only_where_something_is_compiled() -> None:
+    code = (
+        "from monochord.core.kernels import kernel\n"
+        "for _ in range(2):\n"
+        "    print('next', flush=True)\n"
+        "    assert one(2.0) == 3.0\n"
+    )
+    ours, theirs = pty.openpty()
+    define = code.replace("for _", "one = kernel()(lambda x: x + 1.0)\nfor _", 1)
+    printed = b""
+    with subprocess.Popen([sys.executable, "-c", define], stdout=theirs, stderr=theirs) as process:
+        os.close(theirs)
+        with suppress(OSError):  # Linux tells this way that the other side was closed
+            while more := os.read(ours, 65536):
+                printed += more
+    os.close(ours)
+    assert process.returncode == 0, printed.decode()
+    _, first, second = printed.decode().split("next")
+    assert "compiling, once, about" in first
+    assert first.endswith("\r\x1b[K")
+    assert "compiling" not in second

@@ -148,7 +148,7 @@ def test_fewer_than_one_worker_is_refused() -> None:
 def test_without_dask_jobs_run_in_this_process_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "_has_dask", lambda: False)
     assert list(run_all([1, 2], float)) == [(1, 1.0), (2, 2.0)]
-    refusal = r"requires dask.*pip install 'monochord\[cluster\]'"
+    refusal = r"requires dask.*pip install 'dask>=2025.1' 'distributed>=2025.1'$"
     with pytest.raises(InputError, match=refusal):
         run_all([1, 2], float, cluster="tcp://127.0.0.1:8786")
     with pytest.raises(InputError, match=refusal):

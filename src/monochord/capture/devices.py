@@ -45,6 +45,7 @@ def _sound_cards() -> Iterator[Device]:
 
 def _jack_ports() -> Iterator[Device]:
     from monochord.capture.jack.client import JackClient  # noqa: PLC0415
+    from monochord.capture.jack.libjack import shown  # noqa: PLC0415
 
     try:
         client = JackClient("monochord-list")
@@ -54,6 +55,6 @@ def _jack_ports() -> Iterator[Device]:
         default = client.outputs(physical=True)[:2]
         for name in client.outputs():
             summary = f"port, {client.sample_rate} Hz"
-            yield Device(source="jack", name=name, summary=summary, is_default=name in default)
+            yield Device(source="jack", name=shown(name), summary=summary, is_default=name in default)
     finally:
         client.close()

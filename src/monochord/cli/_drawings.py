@@ -8,7 +8,6 @@ from monochord.core.errors import InputError
 from monochord.evaluation.results import Results
 from monochord.evaluation.scorecard import conditions_of
 from monochord.figures import FIGURES
-from monochord.figures.base import MissingMatplotlibError
 
 OF_A_CONDITION = ("scatter", "error_map", "confusion")
 OVER_NOISE = "snr_curves"
@@ -29,7 +28,7 @@ def drawings(file: Path, results: Results) -> dict[str, str]:
         chosen["over added noise"] = (OVER_NOISE, {})
     figures: dict[str, str] = {}
     for title, (name, options) in chosen.items():
-        with suppress(InputError, MissingMatplotlibError):  # nothing to draw
+        with suppress(InputError):  # nothing to draw, or to draw with
             figures[title] = _drawn(name, {"results": str(file), **options})
     return figures
 

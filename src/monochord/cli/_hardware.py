@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from monochord.cli._output import echo, progress_bar
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, MissingLibraryError
 from monochord.evaluation.evaluate import RESULTS
 from monochord.evaluation.hardware import HardwareEvaluation, evaluate_hardware
 from monochord.evaluation.results import write_results
@@ -18,7 +18,6 @@ from monochord.evaluation.select import EvaluationSettings, load
 from monochord.evaluation.summary import SummaryRow, keep_summary, write_summary_csv
 from monochord.evaluation.summary_page import HEADS, cells, hardware_page
 from monochord.figures import FIGURES
-from monochord.figures.base import MissingMatplotlibError
 from monochord.lab.hardware import chosen_conditions, render_suite
 from monochord.live.tuning import preset_of
 
@@ -144,7 +143,7 @@ def _write(folder: Path, outcome: HardwareEvaluation) -> None:
     keep_summary(file, outcome.rows, _page_with(f"{NAME}.svg"))
     write_summary_csv(file.with_suffix(".csv"), outcome.rows)
     write_results(next(iter(outcome.results.values())), folder / RESULTS)
-    with suppress(MissingMatplotlibError):
+    with suppress(MissingLibraryError):
         FIGURES.build(NAME, {"rows": str(file)}).draw().savefig(file.with_suffix(".svg"))
 
 

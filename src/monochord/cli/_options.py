@@ -203,14 +203,22 @@ def put(tree: Tree, name: str, /, **values: Any) -> None:
         tree[name] = {**table(tree, name), **given}
 
 
-def put_source(tree: Tree, options: dict[str, Any], opened: str | None = None) -> None:
-    """Lay the source into the tree: `opened` is INPUT, and `options` those of `source_options`."""
+def put_source(
+    tree: Tree, options: dict[str, Any], opened: str | None = None, *, models: Iterable[str] = ()
+) -> None:
+    """Lay the source into the tree: `opened` is INPUT, and `options` those of `source_options`.
+
+    `models` are the names of models, where INPUT may have been meant as one.
+    """
     if opened is not None and options["device"] is not None:
         raise InputError(f"{opened} beside --device {options['device']}", "one of both")
     before = table(tree, "source")
     inferred = recording_source(opened) if opened is not None else None
     if options["device"] is not None and "name" not in before:
         inferred = DEVICE_SOURCE
+    named = options["source"] or before.get("name")
+    if opened is not None and not named:
+        _refuse_nothing(opened, models)
     name = options["source"] or inferred or before.get("name", DEFAULT_SOURCE)
     # Another source than the file's does not take over the options of the file's.
     tree["source"] = {**(before if before.get("name") == name else {}), "name": name}
@@ -224,6 +232,20 @@ def put_source(tree: Tree, options: dict[str, Any], opened: str | None = None) -
                 given, "a source whose rate can be chosen", f"leave it out, or use {DEVICE_SOURCE}"
             )
         put(tree, "source", sample_rate=options["rate"])
+
+
+def _refuse_nothing(opened: str, models: Iterable[str]) -> None:
+    """Refuse an INPUT that is no recording and cannot be a port's name, which has a colon."""
+    is_folder = Path(opened).is_dir()
+    if not is_folder and (recording_source(opened) or ":" in opened):
+        return
+    names = list(models)
+    kinds = [f"a model ({', '.join(names)}, or a folder that monochord train made)"] if names else []
+    kinds += ["a recording (.wav, .flac, .mcap)", "or ports such as system:capture_1"]
+    what = "a folder without a model" if is_folder and names else "a folder" if is_folder else "no such file"
+    source = opened.replace("-", "_")
+    remedy = f"--source {source}" if source in SOURCES.names() else did_you_mean(opened, names)
+    raise InputError(f"'{opened}' ({what})", ", ".join(kinds), remedy)
 
 
 def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> None:

@@ -3,9 +3,10 @@
 import dataclasses
 import json
 import math
+import shlex
 import sys
 from collections.abc import Mapping
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, get_args
 
@@ -14,18 +15,18 @@ import click
 from monochord.capture.sources import SOURCES
 from monochord.cli._options import amount, completes
 from monochord.cli._output import echo
-from monochord.core.compilation import compilation_shown
 from monochord.core.errors import DeviceError, InputError, did_you_mean
 from monochord.core.interruption import interruption
 from monochord.core.ownership import scratch_folder
 from monochord.live import LiveSettings, Scorer, run
 from monochord.live.tuning import tuned
+from monochord.perception.tuning.sessions import LENGTH_TOLERANCE
 from monochord.physics.materials import load_material, material_names
-from monochord.physics.sensors import sensor_names
+from monochord.physics.sensors import load_sensor, sensor_names
 from monochord.physics.twin.world import World
 
 UNWATCHED = 20.0
-"""Seconds of a demonstration that is not on a terminal."""
+"""Seconds of a demonstration whose only output is its result."""
 LEARNED, PHYSICS = "model", "closed_form"
 BUNDLED = "demo"
 """Name of the bundled model that the demonstration shows."""
@@ -97,11 +98,14 @@ def demo(sensor: str, **options: Any) -> None:
     if name not in (LEARNED, PHYSICS):
         given = f"estimator '{options['estimator']}' in the demonstration"
         raise InputError(given, f"{LEARNED} or {PHYSICS}", did_you_mean(name, (LEARNED, PHYSICS)))
+    # Refused before the page is announced, and before anything is compiled.
     for material in options["material"]:
-        load_material(material)  # refused before the page is announced
+        load_material(material)
+    if name == LEARNED:
+        _refuse_unlearned(sensor)
     source, estimator = _twin(sensor, options), _estimator(name)
     quiet, score = options["as_json"], Scorer()
-    seconds = options["seconds"] or (math.inf if sys.stdout.isatty() and not quiet else UNWATCHED)
+    seconds = options["seconds"] or (UNWATCHED if quiet else math.inf)
     page = {"at": str(options["port"]), "browser": not options["no_browser"]}
     sinks = {} if quiet else {"web": page, "terminal": {}}
     setup = LiveSettings.read(
@@ -117,7 +121,6 @@ def demo(sensor: str, **options: Any) -> None:
             played = {name: value for name, value in source.items() if name != "name"}
             setup = dataclasses.replace(setup, source=JackTwin(server=server, twin=played))
         begun = [stack.enter_context(sink.ahead()) for sink in setup.sinks]
-        stack.enter_context(nullcontext() if quiet else compilation_shown())
         as_tuned = _write_tuned(source, stack.enter_context(scratch_folder()) / "sensor.toml")
         summary = run(dataclasses.replace(setup, sinks=(*begun, score), sensor=as_tuned))
     if options["as_json"]:
@@ -136,6 +139,15 @@ def _twin(sensor: str, options: dict[str, Any]) -> dict[str, Any]:
     given["materials"] = [*options["material"]]
     chosen = {key: value for key, value in given.items() if value not in (None, [])}
     return {"name": "twin", "sensor": sensor, "seed": options["seed"], **UNSEEN, **chosen}
+
+
+def _refuse_unlearned(sensor: str) -> None:
+    """Raise `InputError` for a sensor whose string is of another length than the model was trained on."""
+    own, trained = load_sensor(sensor).string.length, load_sensor(TRAINED_SENSOR).string.length
+    if abs(own / trained - 1.0) > LENGTH_TOLERANCE:
+        given = f"sensor '{sensor}', whose string is {own:g} m long, for the bundled model"
+        remedy = f"monochord demo {shlex.quote(sensor)} --estimator closed_form"
+        raise InputError(given, f"{trained:g} m, as it was trained", remedy)
 
 
 def _jack_server(stack: ExitStack) -> str:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Generator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,6 @@ from monochord.cli._options import (
     window_options,
 )
 from monochord.cli._output import echo
-from monochord.core.compilation import compilation_shown
 from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
@@ -95,8 +94,7 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     saving: tuple[Sink, ...] = ()
     if options["save_config"]:
         saving = (_SavedSettings(options["save_config"], dump_toml(settings.resolved())),)
-    with nullcontext() if options["as_json"] else compilation_shown():
-        summary = run(dataclasses.replace(setup, sinks=(*saving, *setup.sinks)))
+    summary = run(dataclasses.replace(setup, sinks=(*saving, *setup.sinks)))
     refuse_short(opened or settings.source["name"], setup, summary)
     # Standard output may carry data, of which the summary is no part.
     echo(*summary.lines(), err=options["as_json"])
@@ -116,7 +114,7 @@ def _sensors(given: tuple[str, ...]) -> tuple[str | None, Tree]:
 def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tree:
     """Return the settings of the configuration file with the options over them."""
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
-    put_source(tree, options, opened)
+    put_source(tree, options, opened, models=bundled_names())
     put_estimator(tree, options, model)
     if options["seconds"] is not None:
         tree["seconds"] = options["seconds"]

@@ -1,4 +1,4 @@
-"""The command `sessions`: check, show, repair, export and import recordings."""
+"""The command `sessions`: check, show, repair, export and import recordings, and list their touches."""
 
 import dataclasses
 import json
@@ -18,6 +18,7 @@ from monochord.cli.figure import SUFFIXES
 from monochord.core.config import Tree, override, to_tree
 from monochord.core.errors import InputError, MonochordError
 from monochord.figures import FIGURES
+from monochord.live.touches import touch_spans, touch_table
 from monochord.physics.strings import load_string
 from monochord.sessions import SessionReader, read_session
 from monochord.sessions import check as check_session
@@ -190,6 +191,42 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
     echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
 
 
+@sessions.command()
+@click.argument("recording", type=FILE)
+@click.option("--out", type=FILE, required=True, metavar="FILE.csv", help="The new table.")
+@click.option("--model", metavar="NAME", default="demo", show_default=True, help="What tells contact.")
+@sensor_option
+@json_object
+def touches(recording: Path, *, out: Path, model: str, sensor: str | None, as_json: bool) -> None:
+    """List the touches heard in RECORDING as a table to fill in: what a ruler and a scale show.
+
+    Each row is a touch, with its begin and end in s from the recording's begin. Write the position in m from
+    pickup 1 and the force in N into the empty cells; leave out rows that were no touches of yours.
+
+    \b
+    monochord sessions touches take.mcap --out touches.csv
+    monochord sessions import take.mcap touches.csv --out touches.mcap
+    monochord calibrate demo --sessions touches.mcap --out mine
+    """  # noqa: D301
+    refuse_unwritable(out, (".csv",))
+    if out.exists():
+        raise InputError(f"file '{out}' (exists, and may be filled in)", "a new file")
+    spans = touch_spans(recording, model, sensor=sensor or "")
+    part = out.with_name(f".{out.name}.part")
+    try:
+        part.write_text(touch_table(spans), encoding="utf-8")
+        part.replace(out)
+    finally:
+        part.unlink(missing_ok=True)
+    if as_json:
+        echo(json.dumps({"path": str(out), "touches": [{"begin": a, "end": b} for a, b in spans]}))
+        return
+    echo(
+        f"{out}: {_counted(len(spans), 'touch')}; fill in position (m from pickup 1) and force (N)",
+        f"then: monochord sessions import {recording} {out} --out {out.with_suffix('.mcap')}",
+    )
+
+
 Result = Callable[[Path], tuple[bool, dict[str, Any], str]]
 
 
@@ -214,7 +251,7 @@ def _known(late: Lateness) -> list[float]:
 
 
 def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    return f"{number} {noun}{'' if number == 1 else 'es' if noun.endswith('ch') else 's'}"
 
 
 def facts_of(session: SessionReader) -> Tree:

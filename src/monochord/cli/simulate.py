@@ -1,7 +1,6 @@
 """What a string of known build sounds like when it is touched."""
 
 import json
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,6 @@ import click
 
 from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
-from monochord.core.compilation import compilation_shown
 from monochord.core.errors import InputError
 from monochord.core.types import Contact
 from monochord.physics.sensors import sensor_names
@@ -62,8 +60,7 @@ def simulate(
     string = load_string(preset)
     contact = _contact(string, at, force, untouched=untouched)
     case = Case(string=string.string, contact=contact, seconds=seconds, assignments=assignments)
-    with nullcontext() if as_json else compilation_shown():
-        sound = SIMULATORS.build(model, {} if route is None else {"route": route}).run(case)
+    sound = SIMULATORS.build(model, {} if route is None else {"route": route}).run(case)
     result: dict[str, Any] = {
         "preset": preset,
         "model": model,

@@ -1,8 +1,14 @@
 """The errors that a person sees: one line that says what was given, what is allowed, what to do."""
 
+import shlex
+import sys
 from collections.abc import Iterable
 from difflib import get_close_matches
+from importlib.metadata import requires
+from pathlib import Path
 
+TORCH = "torch==2.13.0"
+"""The release of PyTorch that is installed without a graphics card's libraries."""
 LONGEST_GIVEN = 1000
 """Characters of what was given that an error's line quotes; a file may hold a value of any length."""
 
@@ -46,20 +52,40 @@ class MissingLibraryError(InputError):
         What requires it: ``"Training"``.
     library
         Its name, and the version: ``"torch >= 2.6"``.
-    package
-        What to give to pip: ``"monochord[train]"``.
+    extra
+        The extra of Monochord that needs it, ``"train"``, or else its name on the package index.
 
-    >>> str(MissingLibraryError("Training", "torch >= 2.6", "monochord[train]"))
-    "Training requires torch >= 2.6. Install it: pip install 'monochord[train]'"
+    >>> str(MissingLibraryError("Export parquet", "pyarrow >= 17", "export"))
+    "Export parquet requires pyarrow >= 17. Install it: ...python... -m pip install 'pyarrow>=17'"
     """
 
-    def __init__(self, task: str, library: str, package: str) -> None:
-        super().__init__(f"{task} without {library}", library, f"pip install '{package}'")
-        self.args = (f"{task} requires {library}. Install it: pip install '{package}'",)
-        self._task, self._library, self._package = task, library, package
+    def __init__(self, task: str, library: str, extra: str) -> None:
+        command = installation(extra)
+        super().__init__(f"{task} without {library}", library, command)
+        self.args = (f"{task} requires {library}. Install it: {command}",)
+        self._task, self._library, self._extra = task, library, extra
 
     def __reduce__(self) -> tuple[type["MissingLibraryError"], tuple[str, str, str]]:
-        return type(self), (self._task, self._library, self._package)
+        return type(self), (self._task, self._library, self._extra)
+
+
+def installation(extra: str) -> str:
+    """Return the command that installs what an extra needs into the environment that runs now.
+
+    PyTorch goes first and by itself, since any other way of asking brings gigabytes for a graphics card.
+
+    >>> installation("train")
+    '...python... -m pip install torch==2.13.0'
+    """
+    texts = [line.partition(";") for line in requires("monochord") or ()]
+    needed = [name for name, _, marker in texts if f"extra == '{extra}'" in marker.replace('"', "'")]
+    others = [name.strip() for name in needed if not name.startswith("torch")]
+    groups = [[TORCH] if len(others) < len(needed) else [], others or ([] if needed else [extra])]
+    python = Path(sys.executable)
+    if python.is_relative_to(Path.cwd()):
+        python = python.relative_to(Path.cwd())
+    pip = f"{shlex.quote(str(python))} -m pip install"
+    return " && ".join(f"{pip} {shlex.join(group)}" for group in groups if group)
 
 
 class DeviceError(MonochordError, RuntimeError):

@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.shapes import sound
 from monochord.core.units import (
     KilogramsPerMetre,
     Metres,
@@ -75,12 +76,18 @@ class Block:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """A stretch of audio to look at; `samples` is (channels, n) float32 beginning at index `start`."""
+    """A stretch of audio to look at; `samples` is (channels, n) float32 beginning at index `start`.
+
+    Samples of another type are converted. Raises `InputError` for another shape, or without a sample.
+    """
 
     samples: Audio
     start: Samples
     sample_rate: int
     has_gap: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "samples", sound(self.samples))
 
     @property
     def duration(self) -> Seconds:

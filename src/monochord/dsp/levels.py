@@ -2,9 +2,10 @@
 
 import math
 
-import numba
 import numpy as np
 
+from monochord.core.kernels import kernel
+from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz
 
@@ -19,7 +20,6 @@ MIN_LINES = 16
 """Lines of a spectrum from which a median counts."""
 
 
-@numba.njit(cache=True, error_model="numpy")
 def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
     """Return level, peak, share of samples at the peak, and share of hum of each channel, (channels, 4).
 
@@ -40,6 +40,11 @@ def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
     >>> measure_levels(np.stack((hum, 0.0 * hum)), 44100.0).round(2)[:, [0, 1, 3]].tolist()
     [[0.07, 0.1, 1.0], [0.0, 0.0, 0.0]]
     """
+    return _measured(sound(samples), float(sample_rate))
+
+
+@kernel()
+def _measured(samples: Audio, sample_rate: Hertz) -> Floats:
     count = samples.shape[1]
     measured = np.zeros((samples.shape[0], 4))
     for channel in range(samples.shape[0]):
@@ -93,6 +98,7 @@ def tone_prominence(samples: Audio, sample_rate: Hertz) -> float:
     >>> tone_prominence(noise, 44100.0) < 40.0, tone_prominence(noise + tone, 44100.0) > 300.0
     (True, True)
     """
+    samples = sound(samples)
     count = samples.shape[1]
     step = sample_rate / count
     width, first = round(NEIGHBOURHOOD / step), math.ceil(TONES[0] / step)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from monochord.core.shapes import sound
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Samples
 from monochord.dsp import series
@@ -97,7 +98,7 @@ class PitchFinder:
     def find(self, samples: Floats) -> list[Series]:
         """Return the candidates in a window (channels, size), best first; empty if there is no peak."""
         analyser = self._analyser
-        power = analyser.powers(samples).mean(axis=0)
+        power = analyser.powers(sound(samples, size=self.size, dtype=np.float64)).mean(axis=0)
         salience = analyser.salience(power)
         peaks = analyser.peaks(power, salience, MIN_SALIENCE)
         if peaks.frequency.size == 0:

@@ -6,9 +6,11 @@ series is fitted to those that belong to it, then judged against the thought tha
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
+from monochord.core.shapes import alike
 from monochord.core.types import Floats
 from monochord.core.units import Hertz
 from monochord.dsp.spectrum import Peaks
@@ -57,12 +59,12 @@ class View(NamedTuple):
     residual_weight: float
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _partial(f0: float, inharmonicity: float, n: float) -> float:
     return f0 * n * np.sqrt(1.0 + inharmonicity * n * n)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _nearest(sorted_values: Floats, value: float) -> int:
     i = int(np.searchsorted(sorted_values, value))
     if i == 0:
@@ -72,13 +74,12 @@ def _nearest(sorted_values: Floats, value: float) -> int:
     return i
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def partial_count(f0: Hertz, top: Hertz, most: int) -> int:
     """Return how many partials of `f0` lie below `top`, between 1 and `most`."""
     return max(1, min(most, int(top / f0)))
 
 
-@numba.njit(cache=True, error_model="numpy")
 def fit_series(
     f0: Hertz, inharmonicity: float, prior: tuple[float, float], peaks: Peaks, view: View
 ) -> tuple[float, float, float, float, int]:
@@ -97,6 +98,14 @@ def fit_series(
     peaks, view
         What is there, and where to look.
     """
+    _check(peaks, view)
+    return _fitted(f0, inharmonicity, prior, peaks, view)
+
+
+@kernel()
+def _fitted(
+    f0: Hertz, inharmonicity: float, prior: tuple[float, float], peaks: Peaks, view: View
+) -> tuple[float, float, float, float, int]:
     std, bend_std, used = np.inf, np.inf, 0
     for step in range(6):
         count = partial_count(f0, view.top, min(view.most, 6 * 2**step))
@@ -133,7 +142,6 @@ def fit_series(
     return f0, std, inharmonicity, bend_std, used
 
 
-@numba.njit(cache=True, error_model="numpy")
 def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tuple[float, Floats]:
     """Return the log evidence for a series over clutter alone, in nats, and the power of the peaks it claims.
 
@@ -145,6 +153,12 @@ def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -
     ln(total / residual power), which a guess that leaves the strongest peak over cannot have; the weight is
     half the effective number of independent residuals.
     """
+    _check(peaks, view)
+    return _evidence(f0, inharmonicity, peaks, view)
+
+
+@kernel()
+def _evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tuple[float, Floats]:
     count = partial_count(f0, view.top, view.most)
     height = np.empty(count)
     gain = np.empty(count)
@@ -182,7 +196,7 @@ def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -
     return evidence, claimed
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _neighbours(height: Floats, i: int) -> float:
     """Return the lower of the greatest heights within `AROUND` partials on the left and on the right."""
     if i + 1 >= height.size:
@@ -191,7 +205,7 @@ def _neighbours(height: Floats, i: int) -> float:
     return right if i == 0 else min(right, height[max(i - AROUND, 0) : i].max())
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _comb(f0: float, inharmonicity: float, view: View) -> float:
     """Return the mean salience at the partials less that midway between them, low partials weighing more."""
     score, weights = 0.0, 0.0
@@ -210,7 +224,6 @@ def _comb(f0: float, inharmonicity: float, view: View) -> float:
     return score / weights if weights > 0.0 else 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
 def search(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -> tuple[Floats, Floats]:
     """Return the distinct series found, best first, as rows of `COLUMNS`, and each one's claims on the peaks.
 
@@ -228,6 +241,20 @@ def search(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -
     peaks, view
         What is there, and where to look.
     """
+    _check(peaks, view)
+    alike("guesses", grid)
+    return _found(grid, prior, peaks, view)
+
+
+def _check(peaks: Peaks, view: View) -> None:
+    """Raise `InputError` unless the kernels can read them: one peak or more, and two bins or more."""
+    alike("peaks", *peaks)
+    if view.salience.ndim != 1 or view.salience.size < 2:
+        raise InputError(f"salience of shape {view.salience.shape}", "two bins or more")
+
+
+@kernel()
+def _found(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -> tuple[Floats, Floats]:
     starts = _starts(grid, view)
     rows = np.empty((starts.shape[0], len(COLUMNS)))
     claims = np.empty((starts.shape[0], peaks.frequency.size))
@@ -235,19 +262,19 @@ def search(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -
     for start in starts:
         scale = (start[0] / grid[0]) ** 2
         here = (min(prior[0] * scale, 0.5 * MOST_B), prior[1] * scale)
-        f0, std, bend, bend_std, used = fit_series(start[0], start[1], here, peaks, view)
+        f0, std, bend, bend_std, used = _fitted(start[0], start[1], here, peaks, view)
         new = used > 0
         for row in rows[:count]:
             new = new and abs(np.log(f0 / row[0])) > DISTINCT
         if new:
-            evidence, claims[count] = series_evidence(f0, bend, peaks, view)
+            evidence, claims[count] = _evidence(f0, bend, peaks, view)
             rows[count] = (f0, std, bend, bend_std, evidence)
             count += 1
     order = np.argsort(-rows[:count, -1])
     return rows[order], claims[order]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _starts(grid: Floats, view: View) -> Floats:
     """Return guesses of (f0, B): the ten highest maxima of the comb, and the relatives of the first four."""
     score, best = np.full(grid.size, -np.inf), np.zeros(grid.size)

@@ -4,10 +4,12 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
+from monochord.core.shapes import alike, sound
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples, Seconds
 
@@ -128,6 +130,13 @@ def power_spectrum(
     >>> int(power.argmax())
     1000
     """
+    is_audio = getattr(samples, "dtype", None) == np.float32
+    samples = (
+        sound(samples, size=taper.size) if is_audio else sound(samples, size=taper.size, dtype=np.float64)
+    )
+    if size < taper.size or (buffer is not None and buffer.shape != (size // 2 + 1,)):
+        given = f"a transform of {size} for {taper.size} frames"
+        raise InputError(given, f"{taper.size} or more, and memory for its {size // 2 + 1} bins")
     power = np.empty((samples.shape[0], size // 2 + 1 if bins is None else bins))
     for channel, row in zip(_levelled(samples, taper), power, strict=True):
         half = np.fft.rfft(channel, size, out=buffer)[: row.size]
@@ -135,7 +144,7 @@ def power_spectrum(
     return power
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
+@kernel(fastmath={"reassoc"})
 def _levelled(samples: Floats | Audio, taper: Floats) -> Floats:
     """Return each channel about its mean, scaled to unit power and tapered; a silent one stays silent."""
     levelled = np.empty(samples.shape)
@@ -179,6 +188,8 @@ def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:
     >>> bool(1.8 < noise_floor(noise, 500).mean() < 2.2)
     True
     """
+    if power.ndim != 1 or not power.size or block < 1:
+        raise InputError(f"a power spectrum of shape {power.shape} in blocks of {block}", "one bin or more")
     blocks = max(power.size // block, 1)
     block = min(block, power.size)
     low = _quantile(power[: blocks * block].reshape(blocks, block), share)
@@ -196,7 +207,6 @@ def _quantile(rows: Floats, share: float) -> Floats:
     return ranked[:, above] - (ranked[:, above] - ranked[:, below]) * (above - rank)
 
 
-@numba.njit(cache=True, error_model="numpy")
 def find_peaks(
     power: Floats, salience: Floats, spacing: Hertz, duration: Seconds, least: float
 ) -> tuple[Floats, Floats, Floats]:
@@ -221,6 +231,14 @@ def find_peaks(
     -------
     Frequencies in Hz, ascending, powers and saliences, each (peaks,).
     """
+    alike("power and salience", power, salience)
+    return _peaks(power, salience, spacing, duration, least)
+
+
+@kernel()
+def _peaks(
+    power: Floats, salience: Floats, spacing: Hertz, duration: Seconds, least: float
+) -> tuple[Floats, Floats, Floats]:
     frequency, height, stands = [0.0], [0.0], [0.0]
     for k in range(2, power.size - 1):
         if power[k] > power[k - 1] and power[k] >= power[k + 1] and salience[k] >= least:

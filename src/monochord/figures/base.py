@@ -6,14 +6,10 @@ from abc import ABC, abstractmethod
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from monochord.core.errors import MonochordError
+from monochord.core.errors import MissingLibraryError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
-
-
-class MissingMatplotlibError(MonochordError):
-    """A figure was requested and matplotlib is not installed."""
 
 
 class Figure(ABC):
@@ -37,9 +33,8 @@ def require_matplotlib() -> None:
 
     Raises
     ------
-    MissingMatplotlibError
+    MissingLibraryError
         If it is not; the error says how to install it.
     """
     if find_spec("matplotlib") is None:
-        line = "Figures require matplotlib >= 3.9. Install it: pip install 'monochord[figures]'"
-        raise MissingMatplotlibError(line)
+        raise MissingLibraryError("A figure", "matplotlib >= 3.9", "figures")

@@ -78,7 +78,7 @@ def _has_dask() -> bool:
 
 def _require_dask(task: str) -> None:
     if not _has_dask():
-        raise MissingLibraryError(task, "dask >= 2025.1", "monochord[cluster]")
+        raise MissingLibraryError(task, "dask >= 2025.1", "cluster")
 
 
 def _on_cluster(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
+from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats, Indices, Signal
 from monochord.core.units import Seconds
 from monochord.datasets.split import Split
@@ -69,8 +70,8 @@ def features(
     >>> features(silence, sensor="prototype").shape
     (11, 300)
     """
-    samples = np.asarray(audio, np.float32)
-    if samples.ndim != 2 or samples.shape[0] > 2:
+    samples = sound(audio)
+    if samples.shape[0] > 2:
         given = f"audio of shape {samples.shape}"
         raise InputError(given, "(channels, samples), 1 or 2 channels", "transpose (samples, channels)")
     size, step = round(window * sample_rate), round(hop * sample_rate)

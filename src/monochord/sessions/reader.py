@@ -403,7 +403,7 @@ def frame(session: SessionReader, stream: str) -> "DataFrame":
     try:
         from pandas import DataFrame  # noqa: PLC0415
     except ImportError as error:
-        raise MissingLibraryError("A data frame", "pandas >= 2.2", "monochord[pandas]") from error
+        raise MissingLibraryError("A data frame", "pandas >= 2.2", "pandas") from error
     rows = table(session, stream)
     names = rows.dtype.names or ()
     return DataFrame({name: rows[name] for name in names}).set_index("time")

@@ -110,7 +110,7 @@ def test_a_topic_without_a_name_is_refused(topic: str) -> None:
 
 def test_without_the_library_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cyclonedds.domain", None)
-    with pytest.raises(InputError, match=r"pip install 'monochord\[ros\]'$"):
+    with pytest.raises(InputError, match=r"pip install 'cyclonedds>=11.0'$"):
         Participant()
 
 

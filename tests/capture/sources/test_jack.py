@@ -1,13 +1,20 @@
 """What the source does before and without audio; capture itself is tested in tests/e2e/test_jack.py."""
 
+import json
+import os
+import subprocess
+import sys
 import time
-from itertools import pairwise
+from itertools import islice, pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.conftest import Play
 
 from monochord.capture.jack.ring import FRAME_TIME_SPAN, Period
+from monochord.capture.jack.server import JackServer
 from monochord.capture.sources._ring_stream import Timeline
 from monochord.capture.sources.jack import Jack
 from monochord.core.errors import DeviceError, InputError
@@ -102,3 +109,34 @@ def test_frames_of_a_server_that_stood_still_come_after_what_was_lost() -> None:
     back = timeline.place(period(1064), 12.0, 12.1)
     assert (back.start, back.dropped) == (lost.start, 0)
     assert timeline.place(period(1128), 12.0 + 64 / RATE, 12.1).dropped == 0
+
+
+ODD_NAMES = {
+    "a comma": "USB Audio (hw:1,0)",
+    "a comma and an accent": "Mikrofon (2,0) grün",
+    "broken UTF-8": os.fsdecode(b"St\xc3"),
+}
+
+
+@pytest.mark.jack
+@pytest.mark.parametrize("client", ODD_NAMES.values(), ids=ODD_NAMES)
+def test_what_list_devices_shows_can_be_typed(
+    client: str, jack_server: JackServer, play: Play, recording: Path
+) -> None:
+    play(recording, client)
+    ports = listed(jack_server.name)
+    assert len(ports) == 2
+    assert all(port.isprintable() for port in ports)
+    with Jack(ports=", ".join(ports), server=jack_server.name).open() as stream:
+        assert any(block.samples.any() for block in islice(stream, 200))
+    others = Jack(ports="system:capture_1,system:capture_2", server=jack_server.name)
+    with others.open() as stream:
+        assert next(iter(stream)).samples.shape[0] == 2
+
+
+def listed(server: str) -> list[str]:
+    """Return the names of a player's ports as the command shows them."""
+    command = [sys.executable, "-m", "monochord", "list", "devices", "--json"]
+    environment = {**os.environ, "JACK_DEFAULT_SERVER": server}
+    done = subprocess.run(command, capture_output=True, check=True, env=environment)
+    return [device["name"] for device in json.loads(done.stdout)["devices"] if ":out_" in device["name"]]

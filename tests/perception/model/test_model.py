@@ -83,7 +83,7 @@ def test_a_gap_or_silence_is_an_abstention_and_keeps_the_reference(drawn: Model,
     ("other", "line"),
     [
         (Signal(sample_rate=44100, channels=2), "sound at 44100 Hz for a model: allowed is 8000 Hz"),
-        (Signal(sample_rate=8000, channels=1), r"sound of 1 channel\(s\) for a model: allowed is 2"),
+        (Signal(sample_rate=8000, channels=1), "one microphone for a model: allowed is two"),
     ],
 )
 def test_another_signal_is_refused(drawn: Model, other: Signal, line: str) -> None:

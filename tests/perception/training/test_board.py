@@ -91,7 +91,7 @@ def test_without_the_package_it_is_refused_before_anything_is_written(
     monkeypatch.setitem(sys.modules, "tensorboard", None)
     own = {**lesson, "board": True, "cache": str(tmp_path / "features")}
     with pytest.raises(
-        InputError, match=r"board = true requires tensorboard.* pip install 'tensorboard'"
+        InputError, match=r"board = true requires tensorboard.* pip install tensorboard$"
     ) as error:
         train(TrainingSettings.read(own), tmp_path / "run")
     assert "\n" not in str(error.value)

@@ -79,7 +79,7 @@ class Participant:
             from cyclonedds.domain import DomainParticipant  # noqa: PLC0415
             from cyclonedds.internal import load_cyclonedds  # noqa: PLC0415
         except ImportError as error:
-            raise MissingLibraryError("DDS", "cyclonedds >= 11.0", "monochord[ros]") from error
+            raise MissingLibraryError("DDS", "cyclonedds >= 11.0", "ros") from error
         # Its Tracing/Verbosity "none" still writes a line to stderr for each malformed packet.
         load_cyclonedds().dds_set_log_mask(0)
         try:

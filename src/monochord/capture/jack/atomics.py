@@ -6,9 +6,11 @@ through `load_acquire` also sees the data, on every processor.
 
 from typing import Any
 
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+from monochord.core.kernels import kernel
 
 ALIGNMENT = 8
 
@@ -48,7 +50,7 @@ def store_release(_context: Any, array: Any, _index: Any, _value: Any) -> Any:
 
 
 # These two keep Python's lock: beside a thread that never rests, giving it up for an instant costs 5 ms.
-@njit("int64(int64[::1], intp)", cache=True)
+@kernel("int64(int64[::1], intp)")
 def load(array: Any, index: int) -> int:
     """Return ``array[index]`` with acquire ordering, called from Python.
 
@@ -59,7 +61,7 @@ def load(array: Any, index: int) -> int:
     return load_acquire(array, index)
 
 
-@njit("void(int64[::1], intp, int64)", cache=True)
+@kernel("void(int64[::1], intp, int64)")
 def store(array: Any, index: int, value: int) -> None:
     """Set ``array[index] = value`` with release ordering, called from Python.
 

@@ -11,12 +11,13 @@ from zlib import crc32
 
 import numpy as np
 from llvmlite import binding
-from numba import carray, cfunc, njit, types  # pyright: ignore[reportPrivateImportUsage]
+from numba import carray, njit, types  # pyright: ignore[reportPrivateImportUsage]
 from numba.core.types import ExternalFunction
 
 from monochord.capture.jack import arena as at
 from monochord.capture.jack import libjack
 from monochord.capture.jack.atomics import load_acquire, store_release
+from monochord.core.kernels import callback
 
 binding.load_library_permanently(libjack.path())
 
@@ -43,7 +44,7 @@ def _callback(result: Any, *arguments: Any) -> Callable[[Any], Any]:
 
     def compiled(function: Any) -> Any:
         function.__qualname__ += f"_{LAYOUT:08x}"
-        return cfunc(result(*arguments), cache=True)(function)
+        return callback(result(*arguments))(function)
 
     return compiled
 

@@ -48,17 +48,15 @@ class JackClient:
                 raise DeviceError("JACK server: went away, and clients of this program have not left it yet")
             self.handle = self._open(name, server)
             if not self.handle:
-                raise DeviceError(
-                    f"JACK server '{self._server}': not running; start one, as in jackd -d alsa"
-                )
+                raise DeviceError(f"JACK server '{self._server}': not running; {libjack.START_SERVER}")
             _clients.add(self)
 
     def _open(self, name: str, server: str) -> int:
         for set_function in (self._jack.jack_set_error_function, self._jack.jack_set_info_function):
             set_function(self._callbacks.silent.address)
         options = libjack.NO_START_SERVER | (libjack.SERVER_NAME if server else 0)
-        more = (server.encode(),) if server else ()
-        return self._jack.jack_client_open(name.encode(), options, byref(c_uint32()), *more) or 0
+        more = (libjack.encoded(server),) if server else ()
+        return self._jack.jack_client_open(libjack.encoded(name), options, byref(c_uint32()), *more) or 0
 
     @property
     def gone(self) -> bool:
@@ -68,7 +66,7 @@ class JackClient:
     @property
     def name(self) -> str:
         """The client's name as the server gave it."""
-        return self._jack.jack_get_client_name(self.handle).decode()
+        return libjack.decoded(self._jack.jack_get_client_name(self.handle))
 
     @property
     def sample_rate(self) -> int:
@@ -108,21 +106,22 @@ class JackClient:
         jack.jack_on_shutdown(self.handle, calls.shutdown.address, address)
         if jack.jack_activate(self.handle):
             raise DeviceError("JACK server: refused to activate the client; it may be shutting down")
-        return [jack.jack_port_name(port).decode() for port in ports]
+        return [libjack.decoded(jack.jack_port_name(port)) for port in ports]
 
     def outputs(self, pattern: str = "", *, physical: bool = False) -> list[str]:
         """Return the full names of audio output ports in which a regular expression is found, in order."""
         flags = libjack.IS_OUTPUT | (libjack.IS_PHYSICAL if physical else 0)
-        ports = self._jack.jack_get_ports(self.handle, pattern.encode() or None, libjack.AUDIO, flags)
+        ports = self._jack.jack_get_ports(self.handle, libjack.encoded(pattern) or None, libjack.AUDIO, flags)
         names: list[str] = []
         while ports and ports[len(names)]:
-            names.append(ports[len(names)].decode())
+            names.append(libjack.decoded(ports[len(names)]))
         self._jack.jack_free(ports)
         return names
 
     def connect(self, output: str, into: str) -> bool:
         """Connect two ports by name; return whether they are connected now."""
-        status = self._jack.jack_connect(self.handle, output.encode(), into.encode())
+        names = libjack.encoded(output), libjack.encoded(into)
+        status = self._jack.jack_connect(self.handle, *names)
         return status in (0, ALREADY_CONNECTED)
 
     def connected(self, port: int) -> bool:

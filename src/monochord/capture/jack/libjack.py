@@ -10,9 +10,15 @@ from functools import cache
 from typing import Any, ClassVar
 
 from monochord.core.errors import DeviceError
+from monochord.core.printable import printable
 
 NAMES = ("libjack.so.0", "libjack.so", "libjack.dylib", "/opt/homebrew/lib/libjack.dylib")
 AUDIO = b"32 bit float mono audio"
+START_SERVER = (
+    "start one: jackd -R -d alsa -d hw:USB -r 44100 -p 128 (USB is a Scarlett; 'arecord -l' names other"
+    " cards), or with PipeWire put pw-jack before the command"
+)
+"""What to do where no JACK server runs."""
 NO_START_SERVER, SERVER_NAME = 0x01, 0x04  # jack_options_t
 IS_INPUT, IS_OUTPUT, IS_PHYSICAL = 0x1, 0x2, 0x4  # enum JackPortFlags
 CAPTURE_LATENCY = 0  # jack_latency_callback_mode_t
@@ -51,6 +57,25 @@ DECLARATIONS: dict[str, tuple[Any, list[Any]]] = {
     "jack_set_error_function": (None, [c_void_p]),
     "jack_set_info_function": (None, [c_void_p]),
 }
+
+
+def decoded(name: bytes) -> str:
+    """Return a name of JACK's, which may be of any bytes; `encoded` gives these back."""
+    return name.decode("utf-8", "surrogateescape")
+
+
+def encoded(name: str) -> bytes:
+    """Return the bytes of a name."""
+    return name.encode("utf-8", "surrogateescape")
+
+
+def shown(name: str) -> str:
+    r"""Return a name as it is shown, and as a person can type it: what is no text is written in escapes.
+
+    >>> shown(decoded(b"St\xc3:out")), shown("USB Audio (hw:1,0):out")
+    ('St\\xc3:out', 'USB Audio (hw:1,0):out')
+    """
+    return printable(encoded(name).decode("utf-8", "backslashreplace"))
 
 
 @cache

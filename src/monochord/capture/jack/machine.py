@@ -11,8 +11,8 @@ from pathlib import Path
 
 import monochord
 from monochord.capture.jack.client import JackClient
+from monochord.capture.jack.libjack import START_SERVER
 from monochord.capture.jack.libjack import path as jack_library
-from monochord.core.clock import clock_offsets
 from monochord.core.errors import DeviceError
 
 OK, WARN, MISSING = "ok", "warn", "missing"
@@ -35,7 +35,7 @@ class Check:
 
 def checks() -> Iterator[Check]:
     """Look at everything, one after another; takes a second or two."""
-    for look in (python, compile_cache, sound_files, jack, port_audio, priority, memory, governor, clocks):
+    for look in (python, compile_cache, sound_files, jack, port_audio, priority, memory, governor):
         yield look()
 
 
@@ -82,7 +82,7 @@ def jack() -> Check:
     try:
         client = JackClient("monochord-doctor")
     except DeviceError:
-        remedy = "to capture live, start one: jackd -R -d alsa -r 44100 -p 128"
+        remedy = f"to capture live, {START_SERVER}"
         return Check(name="JACK", state=WARN, detail=f"{library}, no server running", remedy=remedy)
     try:
         rate, period, urgent = client.sample_rate, client.period, client.realtime
@@ -126,7 +126,7 @@ def priority() -> Check:
     return Check(
         name="real-time priority",
         state=OK if granted else WARN,
-        detail=f"{PRIORITY} granted" if granted else f"{PRIORITY} refused",
+        detail="granted" if granted else "refused",
         remedy="" if granted else f"put '@audio - rtprio 95' {LIMITS}",
     )
 
@@ -155,9 +155,3 @@ def governor() -> Check:
     slow = governor not in {"performance", "schedutil"}
     remedy = "for steady latency: cpupower frequency-set -g performance" if slow else ""
     return Check(name="processor pace", state=WARN if slow else OK, detail=governor, remedy=remedy)
-
-
-def clocks() -> Check:
-    """Look at the machine's clocks against the monotonic one."""
-    offsets = (f"{name} {seconds:+.6f} s" for name, seconds in clock_offsets().items())
-    return Check(name="clocks", state=OK, detail=", ".join(offsets))

@@ -35,6 +35,7 @@ class JackStream(RingStream):
     ) -> None:
         self._names = client_name, server
         self._port_pattern, self._reconnect, self._patience = ports, reconnect, patience_seconds
+        self._parts: list[str] | None = None  # of the pattern, once the ports were there
         self._client: JackClient | None = None
         self._away_since: Seconds = 0.0  # where there is no client
         self._reconnects = 0
@@ -80,7 +81,7 @@ class JackStream(RingStream):
         if self._client is None:
             return "the JACK server is not running"
         if self._waiting:
-            return f"JACK ports '{self._port_pattern}' are not there"
+            return f"JACK ports '{libjack.shown(self._port_pattern)}' are not there"
         if self._unplugged:
             return f"{' and '.join(self._unplugged)} not connected in JACK"
         return "the JACK server stands still"
@@ -105,10 +106,13 @@ class JackStream(RingStream):
         self._ports_seen = self._ring.arena.count(at.PORTS_CHANGED)
         if self._port_pattern == "none":
             return
-        outputs = _choose_ports(client, self._port_pattern, self._signal.channels)
+        parts = _parts(self._port_pattern, client.outputs()) if self._parts is None else self._parts
+        outputs = _choose_ports(client, parts, self._signal.channels)
+        self._parts = parts
         for output, into in zip(outputs, self._inputs, strict=True):
             if not client.connect(output, into):
-                raise DeviceError(f"JACK port {output}: refused the connection; is its client active?")
+                port = libjack.shown(output)
+                raise DeviceError(f"JACK port {port}: refused the connection; is its client active?")
         self._measure_clock(client)
 
     def _tend_ports(self, client: JackClient) -> None:
@@ -180,11 +184,31 @@ class JackStream(RingStream):
         self._latency = max(client.capture_latency(port) for port in self._ring.arena.ports)
 
 
-def _choose_ports(client: JackClient, ports: str, channels: int) -> list[str]:
-    """Return the full names of the first `channels` output ports that `ports` describes.
+def _parts(ports: str, names: list[str]) -> list[str]:
+    """Return the names and regular expressions that `ports` lists, separated by commas.
 
-    `ports` is names, or regular expressions that match part of a full name, separated by commas; empty
-    means the physical ports.
+    A full name that is there may have commas itself: the longest one counts.
+
+    >>> _parts("USB (hw:1,0):out_1, in.*", ["USB (hw:1,0):out_1", "USB (hw:1,0):out_10"])
+    ['USB (hw:1,0):out_1', 'in.*']
+    """
+    spellings = {spelling for name in names for spelling in (name, libjack.shown(name))}
+    parts: list[str] = []
+    rest = ports.strip()
+    while rest:
+        whole = [name for name in spellings if rest.startswith(name)]
+        ends = [len(name) for name in whole if rest[len(name) :].lstrip()[:1] in ("", ",")]
+        end = max(ends, default=0) or len(rest.partition(",")[0])
+        parts.append(rest[:end].strip())
+        rest = rest[end:].lstrip().removeprefix(",").lstrip()
+    return parts
+
+
+def _choose_ports(client: JackClient, parts: list[str], channels: int) -> list[str]:
+    """Return the full names of the first `channels` output ports that `parts` describe.
+
+    A part is a full name, or a regular expression that matches part of one; none at all means the physical
+    ports.
 
     Raises
     ------
@@ -193,26 +217,29 @@ def _choose_ports(client: JackClient, ports: str, channels: int) -> list[str]:
     DeviceError
         If fewer ports match than there are channels.
     """
-    if ports:
-        names = [name for part in ports.split(",") for name in _matching(client, part.strip())]
+    if parts:
+        outputs = client.outputs()
+        names = [name for part in parts for name in _matching(outputs, part)]
     else:
         names = client.outputs(physical=True)
     chosen = list(dict.fromkeys(names))[:channels]
     if len(chosen) < channels:
-        expected = f"ports '{ports}'" if ports else "physical capture ports"
-        there = ", ".join(client.outputs()) or "none"
+        expected = f"ports '{libjack.shown(','.join(parts))}'" if parts else "physical capture ports"
+        there = ", ".join(map(libjack.shown, client.outputs())) or "none"
         remedy = f"set channels={len(chosen)}" if chosen else "start what plays, or set ports=none"
         raise DeviceError(f"JACK {expected}: {len(chosen)} of {channels} found; there are {there}; {remedy}")
     return chosen
 
 
-def _matching(client: JackClient, expression: str) -> list[str]:
+def _matching(names: list[str], part: str) -> list[str]:
+    """Return the names that a part describes; a full name, which may have brackets, is no expression."""
+    same = [name for name in names if part in (name, libjack.shown(name))]
+    if same:
+        return same
     try:
-        pattern = re.compile(expression)
+        pattern = re.compile(part)
     except re.error as error:
-        raise InputError(
-            f"ports '{expression}' ({error})", "regular expressions separated by commas"
-        ) from error
-    names = client.outputs()
-    # A full name is not read as an expression: "a (b):out" has brackets.
-    return [name for name in names if name == expression] or [n for n in names if pattern.search(n)]
+        given = f"ports '{libjack.shown(part)}' ({error})"
+        allowed = "full names, or regular expressions, separated by commas"
+        raise InputError(given, allowed, "monochord list devices shows the names") from error
+    return [name for name in names if pattern.search(name)]

@@ -24,9 +24,10 @@ class Jack(Source):
     Parameters
     ----------
     ports
-        Ports to capture: regular expressions for full names of output ports, separated by commas, as in
-        ``player:.*`` (as many as there are channels, in the order found); empty for the physical capture
-        ports; ``none`` to wait until something else connects this client's inputs.
+        Ports to capture: full names of output ports, as ``monochord list devices`` shows them, or regular
+        expressions for them, as in ``player:.*`` (as many as there are channels, in the order found),
+        separated by commas; empty for the physical capture ports; ``none`` to wait until something else
+        connects this client's inputs.
     client_name
         This client's name on the server.
     server

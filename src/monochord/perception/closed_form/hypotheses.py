@@ -12,9 +12,9 @@ any string. docs/design/0026-learned-ranking.md says how the limits were set.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Flags, Floats
 from monochord.core.units import Hertz, Metres
 
@@ -90,7 +90,7 @@ class StringModel(NamedTuple):
     slack: float = 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def weighted_lines(frequency: Floats, height: Floats, power: Floats, spacing: Hertz) -> Floats:
     """Return the lines (lines, 5) of either microphone whose weight is above 0."""
     lines = np.zeros((frequency.size, 5))
@@ -110,14 +110,14 @@ def weighted_lines(frequency: Floats, height: Floats, power: Floats, spacing: He
     return lines[:count]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def share_1(power: Floats, frequency: Hertz, spacing: Hertz) -> float:
     """Return the share of a line's power at microphone 1."""
     k = int(np.rint(frequency / spacing))
     return power[0, k] / (power[0, k] + power[1, k])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def find_hypotheses(frequency: Floats, height: Floats, string: StringModel) -> Floats:
     """Return the allowed hypotheses (n, 8) of the strongest lines (2, lines) in Hz and in power."""
     length = string.length
@@ -150,7 +150,7 @@ def find_hypotheses(frequency: Floats, height: Floats, string: StringModel) -> F
     return hypotheses[:count]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: StringModel) -> tuple[Metres, Hertz]:
     """Return position and open frequency of a pair of modes, by fixed-point iteration over the stiffness."""
     length, beta_1, beta_2 = string.length, string.stiffness * n1**2, string.stiffness * n2**2
@@ -164,7 +164,7 @@ def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: StringModel) -> t
     return x, f1 / np.sqrt(stretch_1) * x / length
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def measure_hypotheses(
     hypotheses: Floats,
     frequency: Floats,
@@ -232,7 +232,7 @@ def measure_hypotheses(
     return measures
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _measure_tuning(row: Floats, hypothesis: Floats, string: StringModel) -> None:
     off = hypothesis[OPEN] / string.nominal - 1.0
     row[_FALL] = max(-off - string.slack, 0.0)
@@ -245,7 +245,7 @@ def _measure_tuning(row: Floats, hypothesis: Floats, string: StringModel) -> Non
         row[first + _WEAKNESS] = hypothesis[WEAKNESS_1 + segment]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _fill_partials(partials: Floats, numbers: Floats, hypothesis: Floats, string: StringModel) -> None:
     """Fill in the stiff partials (3, numbers) in Hz of both segments and of the whole string."""
     x, own = hypothesis[POSITION], hypothesis[OPEN]
@@ -255,7 +255,7 @@ def _fill_partials(partials: Floats, numbers: Floats, hypothesis: Floats, string
             partials[row, n] = numbers[n] * fundamental * np.sqrt(1.0 + beta * numbers[n] ** 2)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _measure_lines(
     row: Floats,
     hypothesis: Floats,
@@ -295,7 +295,7 @@ def _measure_lines(
             row[first + _BELOW] += weight
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _measure_peaks(
     row: Floats, hypothesis: Floats, peaks: Floats, spacing: Hertz, partials: Floats, length: Metres
 ) -> None:
@@ -326,7 +326,7 @@ def _measure_peaks(
     row[other + _PEAKS], row[other + _PEAKS_SHARE] = weight_2, own_2
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _measure_partials(
     row: Floats,
     mode: int,
@@ -364,7 +364,7 @@ def _measure_partials(
         row[3 * n - 1] = most
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _mark_tones(is_tone: Flags, sustained: tuple[Hertz, Hertz], spacing: Hertz) -> None:
     """Mark the bins (bins,) nearer than one bin to a sum or difference of multiples of the two lines."""
     is_tone[:] = False
@@ -375,7 +375,7 @@ def _mark_tones(is_tone: Flags, sustained: tuple[Hertz, Hertz], spacing: Hertz) 
                 is_tone[k] = is_tone[k + 1] = True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _without_tones(peaks: Floats, is_tone: Flags, spacing: Hertz, others: Floats) -> tuple[int, float]:
     """Fill in the peaks that are no tones, weights as shares; return their count, and the tones' share."""
     total = peaks[:, WEIGHT].sum() + 1.0e-9
@@ -390,7 +390,7 @@ def _without_tones(peaks: Floats, is_tone: Flags, spacing: Hertz, others: Floats
     return count, tones
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _prominent_peaks(power: Floats, prominence: Floats, spacing: Hertz, string: StringModel) -> Floats:
     """Return the peaks (n, 3) of either microphone that stand out most; a weight is in decades."""
     bins = power.shape[1]

@@ -16,9 +16,9 @@ beyond `FREE_DEVIATION`, since a press on the prototype makes less.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres
 from monochord.perception.closed_form import hypotheses, place_density, prominence, ranking
@@ -212,7 +212,7 @@ def read_modes(
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _best_of_place(
     lines: Floats, candidates: Floats, place: int, frequency: Floats, spacing: Hertz, string: StringModel
 ) -> tuple[int, float, float]:
@@ -236,7 +236,7 @@ def _best_of_place(
     return best, score, unexplained
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def most_probable(position: Floats, probability: Floats) -> tuple[int, float, int]:
     """Return the best hypothesis of the most probable place, the place's lead, and the best elsewhere or -1.
 
@@ -261,13 +261,13 @@ def most_probable(position: Floats, probability: Floats) -> tuple[int, float, in
     return best, _log_odds(1.0 - rest), rival
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _log_odds(probability: float) -> float:
     odds = max(probability, 1.0e-9) / max(1.0 - probability, 1.0e-9)
     return min(max(np.log(odds), -MAX_LEAD), MAX_LEAD)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _is_usual(hypothesis: Floats, string: StringModel) -> bool:
     off = hypothesis[OPEN] / string.nominal - 1.0
     return (
@@ -278,7 +278,7 @@ def _is_usual(hypothesis: Floats, string: StringModel) -> bool:
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _cost(hypothesis: Floats, string: StringModel) -> float:
     """Return what a hypothesis loses in score for its modes, its weak lines, and its open frequency."""
     off = hypothesis[OPEN] / string.nominal - 1.0
@@ -289,7 +289,7 @@ def _cost(hypothesis: Floats, string: StringModel) -> float:
     return modes + weakness + RISE_COST * max(off - string.rise - FREE_DEVIATION - string.slack, 0.0) ** 2
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _untouched(lines: Floats, string: StringModel) -> tuple[float, Hertz]:
     """Return the untouched string's score and frequency; low and loud partials weigh most in the latter."""
     score = upper = lower = 0.0
@@ -308,7 +308,7 @@ def _untouched(lines: Floats, string: StringModel) -> tuple[float, Hertz]:
     return score / lines[:, WEIGHT].sum() + UNTOUCHED_GAIN, frequency
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _explained(
     lines: Floats,
     x: Metres,

@@ -13,9 +13,9 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz
 from monochord.perception.closed_form.hypotheses import (
@@ -78,7 +78,7 @@ def place_network() -> PlaceNetwork:
     return PlaceNetwork(*read_weights(FILE, PlaceNetwork._fields))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def cells_of(power: Floats, height: Floats, prominence: Floats, spacing: Hertz, string: StringModel) -> Audio:
     """Return what the network sees of a window, (`CHANNELS`, `CELLS`), each value the largest in its cell.
 
@@ -114,13 +114,13 @@ def cells_of(power: Floats, height: Floats, prominence: Floats, spacing: Hertz, 
     return cells
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _between(values: Floats, at: float) -> float:
     k = int(at)
     return values[k] + (at - k) * (values[k + 1] - values[k])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def density(cells: Audio, network: PlaceNetwork) -> Floats:
     """Return the probability (places,) of each of `PLACES` of a window that something touches.
 
@@ -137,7 +137,7 @@ def density(cells: Audio, network: PlaceNetwork) -> Floats:
     return likelihoods / likelihoods.sum()
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _convolved(values: Audio, weights: Weights, bias: Weights, stride: int, dilation: int) -> Audio:
     """Return the ReLU of a convolution (outputs, cells) of values (inputs, cells), zeros beyond either end.
 
@@ -178,7 +178,7 @@ def _convolved(values: Audio, weights: Weights, bias: Weights, stride: int, dila
     return sums
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _connected(values: Audio, weights: Weights, bias: Weights) -> Audio:
     """Return the sums (outputs,) of a layer; `values` (inputs,) are passed through a ReLU before."""
     sums = bias.copy()
@@ -191,7 +191,7 @@ def _connected(values: Audio, weights: Weights, bias: Weights) -> Audio:
     return sums
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def measure_places(measures: Floats | Audio, place: Floats, probability: Floats) -> None:
     """Fill in the last measures of hypotheses: how probable the place of each is, and the most probable one.
 
@@ -204,7 +204,7 @@ def measure_places(measures: Floats | Audio, place: Floats, probability: Floats)
         measures[k, PLACE_MEASURES], measures[k, PLACE_MEASURES + 1] = np.log(near), np.log(most)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _probability_near(place: float, probability: Floats) -> float:
     spacing = PLACES[1] - PLACES[0]
     total = 0.0
@@ -214,7 +214,7 @@ def _probability_near(place: float, probability: Floats) -> float:
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def most_probable_place(probability: Floats) -> tuple[float, float]:
     """Return the most probable place over the length, and the probability within `SAME_PLACE` of it.
 

@@ -4,10 +4,10 @@ Every window has it computed before anything is known of it, so it is quick: all
 by a sorting network, and of the bins that noise reaches no logarithm is taken.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Floats
 
 FLOOR_BINS, FLOOR_DECADES, MAX_DECADES = 24, 0.7, 4.0
@@ -42,7 +42,7 @@ def _median_network(size: int) -> NDArray[np.int64]:
 _NETWORK = _median_network(FLOOR_BINS)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def prominences(power: Floats, height: Floats) -> Floats:
     """Return by how many decades each bin stands out of the floor, a median beside it, (2, bins).
 
@@ -72,7 +72,7 @@ def prominences(power: Floats, height: Floats) -> Floats:
     return prominence
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _middle_powers(power: Floats) -> tuple[Floats, Floats]:
     """Return the two powers (2, blocks) in the middle of each block, whose mean in decades is its median."""
     blocks = power.shape[1] // FLOOR_BINS

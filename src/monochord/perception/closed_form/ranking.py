@@ -8,9 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Floats
 from monochord.perception.closed_form.hypotheses import MEASURES
 from monochord.perception.closed_form.weights import Weights, read_weights
@@ -52,7 +52,7 @@ def read_ranking(file: Path) -> Ranking:
     return ranking
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def probabilities(measures: Floats, ranking: Ranking) -> Floats:
     """Return the probability (n,) of each hypothesis of a window from their measures (n, `MEASURES`)."""
     scores = np.empty(measures.shape[0])

@@ -16,11 +16,12 @@ from functools import lru_cache
 from math import pi
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
+from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats, Signal, StringParams
 from monochord.core.units import Hertz, Metres, Samples
 from monochord.perception.closed_form import modes
@@ -133,7 +134,11 @@ class SpectrumAnalyser:
         return _analyser(string, rate, size, rise)
 
     def analyse(self, window: Audio) -> Spectrum:
-        """Return the spectra of a window (2, size) and the modes read from them."""
+        """Return the spectra of a window (2, size) and the modes read from them.
+
+        Raises `InputError` for a window of another shape.
+        """
+        window = sound(window, 2, self.size)
         key = (self.model, self.sample_rate, window[:, :KEY].tobytes())
         last = _LAST.get(key)
         if last is not None and np.array_equal(last[0], window):
@@ -151,6 +156,7 @@ class SpectrumAnalyser:
         self, window: Audio
     ) -> tuple[Floats, NDArray[np.complex128], Floats, tuple[Floats, Floats]]:
         """Return samples, transform, power and strongest lines of a window (2, size); see `Spectrum`."""
+        window = sound(window, 2, self.size)
         return spectrum_of(window, self.bin_spacing, LOWEST_LINE * self.nominal, HIGHEST_LINE)
 
     def read_at_any_tuning(self, spectrum: Spectrum, slack: float) -> ModeReading:
@@ -200,13 +206,13 @@ def spectrum_of(
 
     Its bins are `spacing` apart, its lines between `lowest` and `highest`.
     """
-    samples = centred_samples(np.array(window, np.float32, order="C"))
+    samples = centred_samples(sound(window).copy())
     transform = np.fft.rfft(samples)
     power = hann_power(transform, samples.shape[1])
     return samples, transform, power, strongest_lines(transform, power, spacing, lowest, highest)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
+@kernel(fastmath={"reassoc"})
 def centred_samples(window: Audio) -> Floats:
     """Return the samples of each channel about their mean; those that are not numbers become zero."""
     samples = np.empty(window.shape)
@@ -221,7 +227,7 @@ def centred_samples(window: Audio) -> Floats:
     return samples
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def hann_power(transform: NDArray[np.complex128], size: Samples) -> Floats:
     """Return the power under a Hann taper (channels, bins); a sine of amplitude a has a^2 / 2 at its bin.
 
@@ -236,7 +242,7 @@ def hann_power(transform: NDArray[np.complex128], size: Samples) -> Floats:
     return power
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def strongest_lines(
     transform: NDArray[np.complex128], power: Floats, spacing: Hertz, lowest: Hertz, highest: Hertz
 ) -> tuple[Floats, Floats]:

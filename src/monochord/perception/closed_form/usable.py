@@ -2,9 +2,9 @@
 
 import math
 
-import numba
 import numpy as np
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Window
 
 SILENCE = 2.0e-5
@@ -32,7 +32,7 @@ def why_unusable(window: Window) -> str:
     return ""
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc"})
+@kernel(fastmath={"reassoc"})
 def _measured(samples: Audio) -> tuple[float, float]:
     """Return the largest standard deviation of a channel, and the share of samples at the extreme values.
 
@@ -58,7 +58,7 @@ def _measured(samples: Audio) -> tuple[float, float]:
     return deviation, extreme / samples.size
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
+@kernel(fastmath={"nnan", "nsz"})
 def _extremes(samples: Audio) -> tuple[float, float]:
     """Return the lowest and the highest sample; all are numbers."""
     low = high = samples[0, 0]

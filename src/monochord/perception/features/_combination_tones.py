@@ -15,10 +15,10 @@ Hertz (1881), On the contact of elastic solids; stiff wave numbers, Fletcher (19
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Metres, Newtons, Samples
 from monochord.perception.closed_form.modes import StringModel
@@ -72,7 +72,7 @@ class Microphones(NamedTuple):
     gain: float
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def combination_tones(
     transform: NDArray[np.complex128],
     power: Floats,
@@ -140,7 +140,7 @@ def combination_tones(
     return columns
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _amplitude(transform: NDArray[np.complex128], k: int, off: float, size: Samples) -> complex:
     """Return the amplitude of a tone `off` bins above bin k, but for a phase that all channels share."""
     value = 0.5 * transform[k] - 0.25 * (transform[k - 1] + transform[k + 1])
@@ -148,7 +148,7 @@ def _amplitude(transform: NDArray[np.complex128], k: int, off: float, size: Samp
     return 2.0 * value / (size * taper)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _side(power: Floats, frequency: Hertz, spacing: Hertz) -> float:
     """Return log10 of the power of a line's sidebands over its own, over all channels."""
     k = int(np.rint(frequency / spacing))

@@ -5,10 +5,10 @@ covers few bins, so the median of a band's bins is the power between the lines, 
 noise, whose power in a bin is exponentially distributed, the median is log 2 times the mean.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Floats
 from monochord.core.units import Hertz
 
@@ -32,7 +32,7 @@ COLUMNS = tuple(
 """Names of the measures in the order of `measure_gaps`."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def measure_gaps(transform: NDArray[np.complex128], power: Floats, spacing: Hertz) -> Floats:
     """Return log10 of both microphones' power densities between the lines, and their likeness, (3, `BANDS`).
 
@@ -72,7 +72,7 @@ def measure_gaps(transform: NDArray[np.complex128], power: Floats, spacing: Hert
     return measured
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _hann(transform: NDArray[np.complex128], channel: int, k: int) -> complex:
     """Return a bin under a Hann taper."""
     return 0.5 * transform[channel, k] - 0.25 * (transform[channel, k - 1] + transform[channel, k + 1])

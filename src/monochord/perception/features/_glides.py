@@ -12,10 +12,10 @@ these bins is told too slow: 30 mm/s on the prototype as 18 to 25. Where harmoni
 the glide is one between both.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, Seconds
 
@@ -48,7 +48,7 @@ def _views() -> NDArray[np.complex128]:
 _VIEWS = _views()
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def measure_glides(
     transform: NDArray[np.complex128],
     lines: Floats,
@@ -104,7 +104,7 @@ def measure_glides(
     return measured
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _glide(transform: NDArray[np.complex128], peak: int, window: Seconds) -> tuple[float, float]:
     """Return the change of a line's frequency in 1/s^2, and its mean square in the views."""
     seen = np.zeros(VIEWS, np.complex128)

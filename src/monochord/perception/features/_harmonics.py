@@ -1,9 +1,9 @@
 """Measures of the harmonics of several series, and of each channel as a whole."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres
 from monochord.perception.closed_form.hypotheses import StringModel
@@ -39,7 +39,7 @@ ROW = 249
 """Columns of both microphones, of their difference, and of their likeness."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def expected_harmonics(
     segments: tuple[tuple[Metres, Hertz, float], tuple[Metres, Hertz, float]],
     own: Hertz,
@@ -72,7 +72,7 @@ def expected_harmonics(
     return partials
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def measure_harmonics(
     transform: NDArray[np.complex128], power: Floats, partials: Floats, spacing: Hertz
 ) -> Floats:
@@ -119,7 +119,7 @@ def measure_harmonics(
     return measured
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def lines_near(power: Floats, partials: Floats, spacing: Hertz) -> Floats:
     """Return the bin, the power and the sidebands' power of each line, (channels, series, harmonics, 3).
 
@@ -134,7 +134,7 @@ def lines_near(power: Floats, partials: Floats, spacing: Hertz) -> Floats:
     return lines
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _line_near(power: Floats, expected: float) -> tuple[int, float, float]:
     """Return the bin of the line at an expected one, its power and that of its sidebands; bin 0 of none.
 
@@ -151,7 +151,7 @@ def _line_near(power: Floats, expected: float) -> tuple[int, float, float]:
     return peak, line, below + above
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _hann(transform: NDArray[np.complex128], channel: int, k: int) -> tuple[complex, complex]:
     """Return a bin under a Hann taper, and the difference of its neighbours over it."""
     below, above = transform[channel, k - 1], transform[channel, k + 1]
@@ -159,7 +159,7 @@ def _hann(transform: NDArray[np.complex128], channel: int, k: int) -> tuple[comp
     return value, (below - above) / (value + 1e-30)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def measure_channels(samples: Floats, power: Floats, spacing: Hertz) -> Floats:
     """Return the quantities of each channel as a whole, (channels, `CHANNEL_QUANTITIES`).
 
@@ -188,13 +188,13 @@ def measure_channels(samples: Floats, power: Floats, spacing: Hertz) -> Floats:
     return measured
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _within(power: Floats, band: Floats, spacing: Hertz) -> Floats:
     first, last = int(np.ceil(band[0] / spacing)), int(np.ceil(band[1] / spacing))
     return power[min(max(first, 2), power.size) : min(last, power.size)]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _mean_log(power: Floats) -> float:
     """Return the mean log10 of powers; sixteen are multiplied before a logarithm is taken, which is slow."""
     total, product = 0.0, 1.0
@@ -206,7 +206,7 @@ def _mean_log(power: Floats) -> float:
     return (total + np.log10(product)) / power.size if power.size else np.log10(MIN_POWER)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def of_microphones(each: Floats, whole: Floats, place: float) -> tuple[Floats, Floats]:
     """Return the columns of both microphones, of their difference and of their likeness, and the timbre.
 

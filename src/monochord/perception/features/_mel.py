@@ -3,6 +3,7 @@
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.shapes import batch
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.dsp.mel import MEL_RATE, LogMel
@@ -31,11 +32,9 @@ class MelSound:
         """Samples of a window at 16 kHz."""
         return self._resampler.length
 
-    def check(self, windows: Audio) -> None:
-        """Raise `InputError` for windows of another form than (n, channels, size)."""
-        if windows.ndim != 3 or windows.shape[1:] != (self.channels, self._size):
-            given = f"windows of shape {windows.shape}"
-            raise InputError(given, f"(n, {self.channels}, {self._size})")
+    def check(self, windows: Audio) -> Audio:
+        """Return windows as float32; raise `InputError` for another form than (n, channels, size)."""
+        return batch(windows, self.channels, self._size)
 
     def __call__(self, window: Audio) -> Audio:
         """Return the sound (channels, length) of a window; samples that are not numbers are silence."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.shapes import batch
 from monochord.core.types import Audio, Signal, Window
 from monochord.core.units import Metres, Newtons, Samples
 from monochord.perception.closed_form.modes import ModeReading
@@ -102,6 +103,7 @@ class _Extractor(Extractor):
         return COLUMNS
 
     def __call__(self, windows: Audio) -> Audio:
+        windows = batch(windows, 2, self._analyser.size)
         rows = np.empty((len(windows), len(COLUMNS)), np.float32)
         for window, row in zip(windows, rows, strict=True):
             row[:] = (*self._values(self._analyser.analyse(window).reading), *self._unusable(window))
@@ -147,6 +149,5 @@ class _Extractor(Extractor):
         return min(force, self._options.most_force)
 
     def _unusable(self, window: Audio) -> list[float]:
-        samples = np.array(window, np.float32, order="C")
-        why_not = why_unusable(Window(samples=samples, start=0, sample_rate=self._analyser.sample_rate))
+        why_not = why_unusable(Window(samples=window, start=0, sample_rate=self._analyser.sample_rate))
         return [float(why_not == reason) for reason in REASONS]

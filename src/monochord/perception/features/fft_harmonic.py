@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.shapes import batch
 from monochord.core.types import Audio, Floats, Signal
 from monochord.core.units import Samples
 from monochord.perception.closed_form.spectrum import Spectrum, SpectrumAnalyser
@@ -187,6 +188,7 @@ class _Extractor(Extractor):
         return self._columns
 
     def __call__(self, windows: Audio) -> Audio:
+        windows = batch(windows, 2, self._analyser.size)
         rows = np.empty((len(windows), len(self._columns)), np.float32)
         for window, row in zip(windows, rows, strict=True):
             row[:] = self._row(self._analyser.analyse(window))

@@ -63,7 +63,7 @@ class _Pooled(Extractor):
         return self._columns
 
     def __call__(self, windows: Audio) -> Audio:
-        self._spectrogram.sound.check(windows)
+        windows = self._spectrogram.sound.check(windows)
         rows = np.empty((windows.shape[0], len(self._columns)), np.float32)
         for row, window in zip(rows, windows, strict=True):
             energies = self._spectrogram(window)

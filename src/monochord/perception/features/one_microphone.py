@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.shapes import batch
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples
 from monochord.perception.features import FEATURES
@@ -48,17 +49,19 @@ class OneMicrophone(Feature):
         name = options.pop("name", None)
         if not isinstance(name, str):
             raise InputError("one_microphone.feature without a name", ", ".join(FEATURES.names()))
-        return _Copied(FEATURES.build(name, options).prepare(signal, size), self.microphone - 1)
+        extract = FEATURES.build(name, options).prepare(signal, size)
+        return _Copied(extract, self.microphone - 1, (signal.channels, size))
 
 
 class _Copied(Extractor):
-    def __init__(self, extract: Extractor, channel: int) -> None:
-        self._extract, self._channel = extract, channel
+    def __init__(self, extract: Extractor, channel: int, shape: tuple[int, Samples]) -> None:
+        self._extract, self._channel, self._shape = extract, channel, shape
 
     @property
     def columns(self) -> tuple[str, ...]:
         return self._extract.columns
 
     def __call__(self, windows: Audio) -> Audio:
+        windows = batch(windows, *self._shape)
         channel = windows[:, self._channel : self._channel + 1]
         return self._extract(np.repeat(channel, windows.shape[1], axis=1))

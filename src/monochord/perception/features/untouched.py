@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monochord.core.shapes import batch
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Hertz, Samples
 from monochord.perception.closed_form.spectrum import Spectrum, SpectrumAnalyser
@@ -86,6 +87,7 @@ class _Extractor(Extractor):
         return (*COLUMNS, *GAPS) if self._gaps else COLUMNS
 
     def __call__(self, windows: Audio) -> Audio:
+        windows = batch(windows, 2, self._analyser.size)
         rows = np.empty((len(windows), len(self.columns)), np.float32)
         for window, row in zip(windows, rows, strict=True):
             spectrum = self._analyser.analyse(window)

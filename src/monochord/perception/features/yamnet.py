@@ -95,7 +95,7 @@ class _LayerRows(Extractor):
         return self._columns
 
     def __call__(self, windows: Audio) -> Audio:
-        self._sound.check(windows)
+        windows = self._sound.check(windows)
         rows = np.empty((len(windows), len(self._columns)), np.float32)
         # One by one: more at once would round otherwise.
         for row, window in zip(rows, windows, strict=True):

@@ -24,9 +24,9 @@ Stat. Assoc. 84, 881; Bishop (2006), Pattern Recognition and Machine Learning, s
 from dataclasses import dataclass, replace
 from itertools import product
 
-import numba
 import numpy as np
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Floats, Indices
 from monochord.metrics import normal_coverage
 
@@ -261,7 +261,7 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
     return estimate
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _terms(variables: Floats, centre: Floats, scale: Floats) -> Floats:
     count = 1 + centre.size
     terms = np.empty((variables.shape[0], count * (count + 1) // 2))

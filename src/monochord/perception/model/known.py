@@ -14,9 +14,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 
+from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Flags, Floats
 from monochord.core.units import Seconds
 from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
@@ -101,6 +102,8 @@ def step(
     [0.538, 2.0]
     """
     counts = np.ones(len(memory), bool) if counts is None else counts
+    if not len(logits) - 1 == len(memory) == len(counts):
+        raise InputError(f"{len(logits)} logits", f"one and those of {len(memory)} reasons")
     if state.odds is None or state.weight is None:
         odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
         return KnownState(
@@ -111,7 +114,7 @@ def step(
     return KnownState(odds=odds, weight=weight, time=time)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _averaged(
     odds: Floats, weight: Floats, logits: Floats, elapsed: Seconds, memory: Floats, counts: Flags
 ) -> tuple[Floats, Floats]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.shapes import refuse_other_channels, sound
 from monochord.core.types import (
     OUTSIDE_RANGE,
     Audio,
@@ -146,10 +147,9 @@ class Model:
         trained = self.definition
         if signal.sample_rate != trained.sample_rate:
             given = f"sound at {signal.sample_rate} Hz for a model"
-            raise InputError(given, f"{trained.sample_rate} Hz, as it was trained", "record at that rate")
-        if signal.channels != trained.channels:
-            given = f"sound of {signal.channels} channel(s) for a model"
-            raise InputError(given, f"{trained.channels}, as it was trained", "connect both microphones")
+            remedy = f"resample its sound to {trained.sample_rate} Hz, or record at that rate"
+            raise InputError(given, f"{trained.sample_rate} Hz, as it was trained", remedy)
+        refuse_other_channels(signal.channels, trained.channels, "for a model")
         if trained.string and signal.string:
             refuse_other_length(signal.string, trained.string)
         if size is not None:
@@ -243,7 +243,8 @@ class Model:
         """Return what is made of the window of each stream."""
         results: list[WindowReading] = []
         for (model, before), window in zip(streams, windows, strict=True):
-            model.check_size(window.samples.shape[-1])
+            model.check_size(window.samples.shape[1])
+            sound(window.samples, model.definition.channels)
             state = replace(before if window.start > before.start else ModelState(), start=window.start)
             results.append(WindowReading(state, {}, model.why_not(window)))
         usable = [k for k, reading in enumerate(results) if not reading.why_not]

@@ -4,9 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Estimate, Indices
 from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
@@ -71,7 +72,7 @@ class Layers:
         return _outputs(rows, self.columns, self.units, self.weights)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _outputs(rows: Audio, columns: Indices, units: Indices, weights: Audio) -> Audio:
     if columns.max() >= rows.shape[1]:
         raise IndexError("a network sees columns that the rows lack")
@@ -220,10 +221,12 @@ def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
     >>> scaled(np.array([[5.0], [100.0]], np.float32), one, two, 8.0).tolist()
     [[2.0], [8.0]]
     """
+    if not mean.shape == scale.shape == row.shape[-1:]:
+        raise InputError(f"rows of {row.shape[-1]} columns", f"{mean.size}, as the scaling has")
     return _scaled(row.reshape(-1, row.shape[-1]), mean, scale, clip).reshape(row.shape)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _scaled(rows: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
     values = np.empty_like(rows)
     for k in range(rows.shape[0]):

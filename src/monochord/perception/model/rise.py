@@ -6,9 +6,10 @@ compliant lowers it, at a light touch by many times more, which a logarithm keep
 in the columns of a feature, and layers that have to find both out of them find less.
 """
 
-import numba
 import numpy as np
 
+from monochord.core.errors import InputError
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio
 
 COLUMNS = ("ratio open", "ratio rest", "ratio place")
@@ -34,11 +35,14 @@ def rises(row: Audio, reference: Audio, columns: tuple[int, ...]) -> Audio:
     >>> rises(row, reference, (0, 1, 2, 0)).round(2).tolist()
     [1.44..., 0.0, 2.0, 0.0, 1.0]
     """
+    if not (max(columns[:3]) < row.shape[-1] and columns[3] < reference.shape[-1]):
+        given = f"rows of {row.shape[-1]} columns and a reference of {reference.shape[-1]}"
+        raise InputError(given, f"the columns {columns}")
     rows, references = row.reshape(-1, row.shape[-1]), reference.reshape(-1, reference.shape[-1])
     return _rises(rows, references, columns).reshape(*row.shape[:-1], COUNT)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _rises(rows: Audio, references: Audio, columns: tuple[int, ...]) -> Audio:
     pitch, rest, at, untouched = columns
     inputs = np.zeros((rows.shape[0], COUNT), np.float32)

@@ -10,5 +10,5 @@ def torch_library() -> Any:
     try:
         import torch  # noqa: PLC0415
     except ImportError as error:
-        raise MissingLibraryError("Training", "torch >= 2.6", "monochord[train]") from error
+        raise MissingLibraryError("Training", "torch >= 2.6", "train") from error
     return torch

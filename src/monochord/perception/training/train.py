@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
-from monochord.core.types import Floats, Indices, Window
+from monochord.core.types import Floats, Indices, Signal, Window
 from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
@@ -233,7 +233,14 @@ def read_in_turn(
 
     `rows` are in the order of their sessions and of time; each session is a stream of its own, and features
     are relative to its own string.
+
+    Raises
+    ------
+    InputError
+        If rate, microphones or windows are not those of the model's training.
     """
+    manifest = dataset.manifest
+    model.check(Signal(sample_rate=manifest.sample_rate, channels=manifest.channels), manifest.window)
     design = model.definition.string
     strings = own_strings(dataset, design) if design is not None else {}
     own, state, session = model, ModelState(), -1

@@ -5,10 +5,10 @@ their gains. A segment of a touched string is loud at its own microphone. Music 
 not the same ones for seconds.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Floats, Indices
 from monochord.core.units import Hertz
 from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, noise_floor
@@ -52,7 +52,7 @@ def window_lines(samples: Audio, lowest: Hertz, sample_rate: int) -> Floats:
     return _merged(transform, power, salience, frequency, height, spacing)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _merged(
     transform: NDArray[np.complex128],
     power: Floats,
@@ -110,7 +110,7 @@ def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
     return _lasting(np.concatenate(windows), number, len(windows), SAME_LINE_BINS * spacing)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _lasting(lines: Floats, window: Indices, windows: int, reach: Hertz) -> Floats:
     group = _groups(lines, window, reach)
     lasting = np.zeros((group.max() + 1 if group.size else 0, 9))
@@ -130,14 +130,14 @@ def _lasting(lines: Floats, window: Indices, windows: int, reach: Hertz) -> Floa
     return lasting[np.argsort(-lasting[:, LAST_POWER_1] - lasting[:, LAST_POWER_2])]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _median(values: Floats) -> tuple[float, float]:
     """Return the median of values (n,) and its standard error, by their median deviation from it."""
     middle = np.median(values)
     return middle, 1.9 * np.median(np.abs(values - middle)) / np.sqrt(values.size)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _groups(lines: Floats, window: Indices, reach: Hertz) -> Indices:
     """Return the group (n,) of each line; a group has one line of a window at most, the strongest begin one.
 

@@ -55,7 +55,7 @@ def estimate_tension(
         return None
     state = TunerState()
     for start in range(0, min(samples.shape[1], round(BEGINNING * sample_rate)) - size + 1, size):
-        piece = np.ascontiguousarray(samples[:, start : start + size])
+        piece = samples[:, start : start + size]
         state = tuner.step(state, Window(samples=piece, start=start, sample_rate=sample_rate))
     return None if state.tuning is None else state.tuning.tension(string)[0]
 

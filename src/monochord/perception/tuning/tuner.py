@@ -6,6 +6,7 @@ from math import gcd, hypot, inf, nan
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.shapes import sound
 from monochord.core.types import Estimate, Floats, Signal, StringParams, Window
 from monochord.core.units import Hertz, Newtons, Samples, Seconds
 from monochord.perception.closed_form.spectrum import LOWEST_LINE, MIN_BINS
@@ -195,7 +196,8 @@ class Tuner:
     def step(self, state: TunerState, window: Window) -> TunerState:
         """Return the state after one more window, which may be touched, silent or torn.
 
-        A window that does not begin after the one before it is the first of another stream.
+        A window that does not begin after the one before it is the first of another stream. Raises
+        `InputError` for a window of other channels or another length.
         """
         state = state if window.start > state.start else TunerState()
         time = window.start / window.sample_rate
@@ -205,7 +207,8 @@ class Tuner:
         refused, dead = why_unusable(window), 0
         if refused in ("", "clipped"):
             lowest = LOWEST_LINE * self.nominal
-            lines = window_lines(window.samples[: self.channels], lowest, self.sample_rate)
+            samples = sound(window.samples, self.channels, self.size)
+            lines = window_lines(samples, lowest, self.sample_rate)
             refused, dead = _why_no_partials(lines)
             if not refused:
                 kept = (*state.lines, lines)[-self.keep :]

@@ -1,13 +1,13 @@
 """The compiled kernels: the leapfrog scheme, node by node, and the free motion of many modes."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Floats
 
 
-@njit(cache=True, error_model="numpy", fastmath=False)
+@kernel(fastmath=False)
 def leapfrog(
     now: Floats,
     before: Floats,
@@ -43,7 +43,7 @@ def leapfrog(
         now, before = before, now
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@kernel(fastmath={"reassoc", "contract"})
 def ring(propagator: Floats, shape: Floats, q: Floats, v: Floats, velocity: Floats) -> None:
     """Add the pickups' velocity by freely moving modes to `velocity`; advance `q` and `v` in place.
 

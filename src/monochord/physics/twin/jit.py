@@ -13,10 +13,14 @@ from typing import Any, TypeVar
 
 from numba import njit
 
+from monochord.core.kernels import kernel
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 COMPILE: Any = njit
 """numba's stubs know neither all of its options nor that a function keeps its signature."""
+CACHED: Any = kernel
+"""Compiles the kernel itself, which alone is kept on disk."""
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 """Sums over modes may be reordered and products fused; NaN and infinity keep their meaning.
 

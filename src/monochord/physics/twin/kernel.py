@@ -725,7 +725,7 @@ def kernel(
     own frame of `starts` on. `fingerprint` puts the text of all files into the cache's key.
     """
 
-    @jit.COMPILE(cache=True, fastmath=jit.FAST, error_model="numpy", nogil=True, _nrt=False)
+    @jit.CACHED(fastmath=jit.FAST, nogil=True, _nrt=False)
     def run(many: Any, states: Any, more: Any, outs: Any, starts: Integers, first: int, stop: int) -> int:
         for i in range(first, stop):
             sensor = Parameters(

@@ -195,7 +195,7 @@ def _library(name: str) -> Any:
         return import_module(name)
     except ImportError as error:
         extra = "openvino" if name == "openvino" else "encoders"
-        raise MissingLibraryError("This backend of the encoder", name, f"monochord[{extra}]") from error
+        raise MissingLibraryError("This backend of the encoder", name, extra) from error
 
 
 def _sha256(file: Path) -> str:

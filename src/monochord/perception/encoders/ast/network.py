@@ -290,5 +290,5 @@ def _libraries() -> tuple[Any, Any]:
         import transformers  # noqa: PLC0415
     except ImportError as error:
         library = error.name or "PyTorch and transformers"
-        raise MissingLibraryError("The transformer", library, "monochord[encoders]") from error
+        raise MissingLibraryError("The transformer", library, "encoders") from error
     return torch, transformers

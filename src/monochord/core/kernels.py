@@ -1,0 +1,140 @@
+"""How Monochord's functions are compiled: by numba, once, and kept on disk beside their module.
+
+A file of that cache may be empty or cut short, where a disk was full or a machine lost its power, or have a
+bit flipped; numba would raise what no program expects, or run it. Here each file ends with the checksum of
+what stands before. One without it counts as absent: the kernel is compiled again and the file replaced. What
+cannot be written is compiled all the same.
+
+On a terminal a compilation shows a bar, whatever program runs (`monochord.core.compilation`).
+"""
+
+import hashlib
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
+from io import BytesIO
+from pathlib import Path
+from typing import Any, TypeVar
+
+from numba import njit
+from numba.core import event
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.ccallback import CFunc
+from numba.core.sigutils import normalize_signature
+
+from monochord.core.compilation import Bar
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+DIGEST_SIZE = hashlib.sha256().digest_size
+
+
+def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function]:
+    """Compile a function at its first call, or at once for a `signature`, and keep it on disk.
+
+    It divides as NumPy does: by zero gives infinity and no error. With ``NUMBA_DISABLE_JIT`` set the function
+    stays as it is.
+
+    Parameters
+    ----------
+    signature
+        Types of the result and of the arguments, such as ``"int64(int64[::1], intp)"``.
+    options
+        Options of `numba.njit`, such as ``fastmath``.
+
+    Examples
+    --------
+    >>> @kernel()
+    ... def ratio(one: float, other: float) -> float:
+    ...     return one / other
+    >>> ratio(1.0, 0.0)
+    inf
+    """
+
+    def compiled(function: Function) -> Function:
+        dispatcher: Any = njit(error_model="numpy", **options)(function)
+        if hasattr(dispatcher, "py_func"):
+            with suppress(RuntimeError):  # a function that stands in no file, or where none can be written
+                dispatcher._cache = _Cache(function)  # noqa: SLF001
+            if signature:
+                dispatcher.compile(signature)
+                dispatcher.disable_compile()
+        return dispatcher
+
+    return compiled
+
+
+def callback(signature: Any) -> Callable[[Any], Any]:
+    """Compile a function at once into a C function, and keep it on disk; `address` is its address."""
+
+    def compiled(function: Any) -> Any:
+        compiled_function: Any = CFunc(function, normalize_signature(signature), locals={}, options={})
+        with suppress(RuntimeError):
+            compiled_function._cache = _Cache(function)  # noqa: SLF001
+        compiled_function.compile()
+        return compiled_function
+
+    return compiled
+
+
+class _Cache(FunctionCache):
+    """The cache of a function on disk, whose files are checked."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file = _Files(
+            cache_path=self._cache_path,
+            filename_base=self._impl.filename_base,
+            source_stamp=self._impl.locator.get_source_stamp(),
+        )
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save what was compiled, where that is possible."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
+
+class _Files(IndexDataCacheFile):
+    """An index and the compiled code of a function; what is damaged counts as absent."""
+
+    def _load_index(self) -> Any:
+        return super()._load_index() if _is_whole(Path(self._index_path)) else {}
+
+    def _load_data(self, name: str) -> Any:
+        path = Path(self._data_path(name))
+        if not _is_whole(path):
+            raise FileNotFoundError(path)
+        return super()._load_data(name)
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Generator[Any]:
+        content = BytesIO()
+        yield content
+        with super()._open_for_write(filepath) as file:
+            file.write(content.getvalue() + hashlib.sha256(content.getvalue()).digest())
+
+
+def _is_whole(path: Path) -> bool:
+    """Return whether a file is there and ends with the checksum of what stands before."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return False
+    return hashlib.sha256(content[:-DIGEST_SIZE]).digest() == content[-DIGEST_SIZE:]
+
+
+class _Shown(event.Listener):
+    """Passes numba's starts and ends on to the bar; they nest, since it compiles in one thread at a time."""
+
+    def __init__(self) -> None:
+        self._bar = Bar()
+
+    def on_start(self, event: Any) -> None:  # noqa: ARG002
+        """Note that a compilation starts, perhaps within another."""
+        self._bar.start()
+
+    def on_end(self, event: Any) -> None:  # noqa: ARG002
+        """Note that one has ended."""
+        self._bar.stop()
+
+
+event.register("numba:compile", _Shown())

@@ -1,0 +1,126 @@
+"""The door to compiled kernels: sound from outside passes here before any of them reads it.
+
+A kernel trusts the shapes that it is given and reads beyond the end of an array that is shorter. So what
+takes sound from a caller (a `Window`, a batch of windows, an analyser) has it checked here once; what is
+computed from it inside the package has shapes that follow.
+"""
+
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from monochord.core.errors import InputError
+
+ANY = -1
+"""Stands for any length from one on in the shape of sound."""
+NUMBERS = "fiub"
+"""Kinds of data type that are numbers with an order."""
+
+Real = TypeVar("Real", np.float32, np.float64)
+
+
+def sound(
+    given: ArrayLike, channels: int = ANY, size: int = ANY, dtype: type[Real] = np.float32
+) -> NDArray[Real]:
+    """Return sound (channels, frames), contiguous and of a type that kernels are compiled for.
+
+    What has that form is returned as it is, without a copy.
+
+    Parameters
+    ----------
+    given
+        Sound in full scale; numbers of any type.
+    channels, size
+        How many channels and frames are expected; any number from one on by default.
+    dtype
+        Type of the samples returned.
+
+    Raises
+    ------
+    InputError
+        If it has another shape, or is none of numbers.
+
+    Examples
+    --------
+    >>> sound([[0, 1, 0]]).dtype
+    dtype('float32')
+    >>> sound(np.zeros((1, 4410)), channels=2)
+    Traceback (most recent call last):
+    ...
+    monochord.core.errors.InputError: one microphone: allowed is two microphones; record both
+    """
+    array = _numbers(given, dtype)
+    if array.ndim != 2 or 0 in array.shape:
+        remedy = "give each channel a row" if array.ndim == 1 else ""
+        raise InputError(f"sound of shape {array.shape}", "(channels, frames), one or more of each", remedy)
+    if channels != ANY:
+        refuse_other_channels(array.shape[0], channels)
+    if size not in (ANY, array.shape[1]):
+        raise InputError(f"a window of {array.shape[1]} frames", f"{size} frames")
+    return array
+
+
+def refuse_other_channels(given: int, expected: int, reader: str = "") -> None:
+    """Raise `InputError` unless as many channels are given as `reader`, such as "for a model", takes.
+
+    >>> refuse_other_channels(1, 2, "for a model")
+    Traceback (most recent call last):
+    ...
+    monochord.core.errors.InputError: one microphone for a model: allowed is two microphones; record both
+    """
+    if given != expected:
+        one = "record both" if (given, expected) == (1, 2) else "choose those of the string"
+        raise InputError(f"{_microphones(given)} {reader}".strip(), _microphones(expected), one)
+
+
+def batch(given: ArrayLike, channels: int, size: int) -> NDArray[np.float32]:
+    """Return windows (n, channels, size) as `sound` returns each; there may be none of them.
+
+    Raises
+    ------
+    InputError
+        If they have another shape, or are none of numbers.
+
+    Examples
+    --------
+    >>> batch(np.zeros((0, 2, 4410)), 2, 4410).shape
+    (0, 2, 4410)
+    """
+    array = _numbers(given, np.float32)
+    if array.ndim != 3 or array.shape[1:] != (channels, size):
+        raise InputError(f"windows of shape {array.shape}", f"(n, {channels}, {size})")
+    return array
+
+
+def alike(name: str, *arrays: NDArray[Any]) -> None:
+    """Raise `InputError` unless the arrays, which are those of `name`, are of one shape and not empty.
+
+    >>> alike("spectrum", np.ones(3), np.ones(2))
+    Traceback (most recent call last):
+    ...
+    monochord.core.errors.InputError: spectrum of shapes (3,) and (2,): allowed is one shape, not empty
+    """
+    shapes = [array.shape for array in arrays]
+    if len({*shapes}) > 1 or 0 in shapes[0]:
+        given = f"{name} of shapes {' and '.join(map(str, shapes))}"
+        raise InputError(given, "one shape, not empty")
+
+
+def _microphones(count: int) -> str:
+    word = {1: "one", 2: "two"}.get(count, str(count))
+    return f"{word} microphone{'s' * (count != 1)}"
+
+
+def _numbers(given: ArrayLike, dtype: type[Real]) -> NDArray[Real]:
+    """Return an array of numbers, contiguous; values beyond the type's range become infinite."""
+    if isinstance(given, np.ndarray) and given.dtype == dtype and given.flags.c_contiguous:
+        return given
+    try:
+        array = np.asarray(given)
+    except ValueError as error:
+        raise InputError("sound in rows of different lengths", "an array of numbers") from error
+    if array.dtype.kind not in NUMBERS:
+        raise InputError(f"sound of type {array.dtype}", "an array of numbers")
+    with np.errstate(over="ignore"):
+        return np.array(array, dtype, order="C")

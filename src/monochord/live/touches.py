@@ -1,0 +1,76 @@
+"""The touches heard in a recording: what ``monochord sessions touches`` lists for a person to fill in."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
+from monochord.live.events import Event
+from monochord.live.filter import CONTACT
+from monochord.live.listen import source_of
+from monochord.live.loop import opened
+from monochord.live.settings import MODEL, LiveRun, WindowSettings
+from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.model import load
+
+SHORTEST: Seconds = 0.2
+"""Shortest touch that is listed: shorter ones are knocks."""
+DYING: Seconds = 0.1
+"""How long a touch that was lifted still sounds like one; on the twin it is half of that."""
+HEADER = "begin,end,position,force"
+
+
+def touch_spans(
+    recording: str | Path, model: str | Path = "demo", *, sensor: str = ""
+) -> list[tuple[Seconds, Seconds]]:
+    """Return begin and end of each touch in a recording, in s from its first frame, in order.
+
+    They are those that the live loop announces. A span lies within its touch: it begins at the end of the
+    first window that shows the touch, and ends `DYING` before the first window without it begins.
+
+    Parameters
+    ----------
+    recording
+        A sound file of two microphones, or a session.
+    model
+        What tells contact: a bundled model's name, or the folder of a model.
+    sensor
+        The sensor as tuned, a preset or a file, where the recording does not know it.
+
+    Raises
+    ------
+    InputError
+        If recording, model or sensor cannot be used, or nothing touches the string for `SHORTEST`.
+    """
+    definition = load(model).definition
+    length: Seconds = definition.window / definition.sample_rate
+    setup = LiveRun(
+        source=source_of(recording, {}),
+        estimator=ESTIMATORS.build(MODEL, {"path": str(model)}),
+        window=WindowSettings(length=length, hop=definition.hop / definition.sample_rate),
+        sensor=sensor,
+    )
+    changes: list[Event] = []
+    end: Seconds = 0.0
+    with opened(setup) as live:
+        for moment in live:
+            changes += [event for event in moment.events if event.name == CONTACT]
+            end = moment.prediction.time + length
+    # Of a touch that lasts to the end of the recording the end is that one.
+    begins = [event.time for event in changes if event.on]
+    ends = [event.time - length - DYING for event in changes if not event.on]
+    spans = list(zip(begins, [*ends, end], strict=False))
+    spans = [(first, last) for first, last in spans if last - first >= SHORTEST]
+    if not spans:
+        given = f"{recording} ({end:.1f} s without a touch of {SHORTEST:g} s)"
+        raise InputError(given, "a recording of touches", "tune the sensor, and hold each touch for a second")
+    return spans
+
+
+def touch_table(spans: Sequence[tuple[Seconds, Seconds]]) -> str:
+    """Return touches as a table with empty cells for what a ruler and a scale show, in m and N.
+
+    >>> touch_table([(4.0, 5.5)]).splitlines()
+    ['begin,end,position,force', '4.00,5.50,,']
+    """
+    return "\n".join([HEADER, *(f"{begin:.2f},{end:.2f},," for begin, end in spans)]) + "\n"

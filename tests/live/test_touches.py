@@ -1,0 +1,79 @@
+"""The touches heard in a recording, as a table that a person fills in."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from monochord import VirtualSensor
+from monochord.cli import run
+from monochord.core.types import Floats
+from monochord.sessions import read_session
+
+RATE = 44100
+TOUCHES = ((0.07, 0.6), (0.12, 1.2))
+"""Position in m and force in N of each touch."""
+SLACK = 0.12
+"""Seconds of a touch that its row may leave out at either end: as its sound settles and dies away."""
+
+
+@pytest.fixture(scope="module")
+def take(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Floats]:
+    """A recording of two touches of a second, and where they are truly, (touches, 2) in s."""
+    twin = VirtualSensor("prototype", seed=1)
+    sounds, contacts = [], []
+    for position, force in TOUCHES:
+        for step in ("wait", "touch"):
+            if step == "touch":
+                twin.press(position, force)
+            sound, labels = twin.advance(1.2)
+            twin.release()
+            sounds.append(sound)
+            contacts.append(labels["contact"])
+    sound, labels = twin.advance(0.6)
+    contact = np.concatenate([*contacts, labels["contact"]])
+    path = tmp_path_factory.mktemp("take") / "take.wav"
+    soundfile.write(path, np.concatenate([*sounds, sound], axis=1).T, RATE, subtype="FLOAT")
+    edges = np.flatnonzero(np.diff(contact)) / RATE
+    return path, edges.reshape(-1, 2)
+
+
+def test_each_row_lies_within_its_touch(take: tuple[Path, Floats], tmp_path: Path) -> None:
+    path, true = take
+    out = tmp_path / "touches.csv"
+    assert run(["sessions", "touches", str(path), "--sensor", "prototype", "--out", str(out)]) == 0
+    with out.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["position"], row["force"]) for row in rows] == [("", "")] * len(true)
+    found = np.array([[float(row["begin"]), float(row["end"])] for row in rows])
+    assert (found[:, 0] >= true[:, 0]).all()
+    assert (found[:, 0] <= true[:, 0] + SLACK).all()
+    assert (found[:, 1] <= true[:, 1]).all()
+    assert (found[:, 1] >= true[:, 1] - SLACK).all()
+    filled = out.read_text(encoding="utf-8").splitlines()
+    filled[1:] = [
+        f"{line[:-2]},{place},{force}" for line, (place, force) in zip(filled[1:], TOUCHES, strict=True)
+    ]
+    out.write_text("\n".join(filled), encoding="utf-8")
+    session = tmp_path / "touches.mcap"
+    given = [str(path), str(out), "--sensor", "prototype", "--out", str(session)]
+    assert run(["sessions", "import", *given]) == 0
+    columns = read_session(session).labels.columns
+    assert {*columns["position"][columns["contact"] == 1.0]} == {place for place, _ in TOUCHES}
+
+
+def test_a_table_that_exists_is_kept(take: tuple[Path, Floats], tmp_path: Path) -> None:
+    out = tmp_path / "touches.csv"
+    out.write_text("begin,end,position,force\n1,2,0.07,0.6\n", encoding="utf-8")
+    assert run(["sessions", "touches", str(take[0]), "--out", str(out)]) == 2
+    assert "0.07" in out.read_text(encoding="utf-8")
+
+
+def test_a_recording_without_touches_is_refused(tmp_path: Path) -> None:
+    path, out = tmp_path / "open.wav", tmp_path / "touches.csv"
+    sound, _ = VirtualSensor("prototype", seed=1).advance(0.5)
+    soundfile.write(path, sound.T, RATE, subtype="FLOAT")
+    assert run(["sessions", "touches", str(path), "--sensor", "prototype", "--out", str(out)]) == 2
+    assert list(tmp_path.iterdir()) == [path]
