@@ -18,6 +18,9 @@ from monochord.perception.model.rise import rises
 
 NO_CONTACT, UNCERTAIN = "no contact", "too uncertain"
 """Why a head abstains."""
+SURER = 2.0 / 3.0
+"""Share of the limit of contact's standard error up to which the other heads answer: at nodes of a string
+whose mount gives, a touch is in doubt before its place is seen to be."""
 MAX_LOGIT = 700.0
 """Largest logit whose exponential is a finite double."""
 MAX_LOG_SPREAD = 20.0
@@ -284,7 +287,8 @@ def estimates_of(
     """
     gate = definition.heads[definition.gate]
     contact = probability(outputs[definition.gate], gate)
-    is_certain = math.sqrt(contact * (1.0 - contact)) <= gate.task.limit
+    contact_std = math.sqrt(contact * (1.0 - contact))
+    is_certain = contact_std <= gate.task.limit * (1.0 if contact < DECISION else SURER)
     estimates: dict[str, Estimate] = {}
     for name, record in definition.heads.items():
         task = record.task
