@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimate, Estimates, Floats, Prepared, Window
+from monochord.core.types import Estimate, Estimates, Floats, Window
 from monochord.core.units import Hertz, Metres
 from monochord.dsp.pitch import PitchFinder, Series
 from monochord.perception.closed_form.usable import why_unusable
@@ -94,7 +94,7 @@ class FarSegment:
                 form = f"[frequency in Hz, position from 0 to {self.length:g} m, inharmonicity B if known]"
                 raise InputError(f"calibration {list(take)}", form)
 
-    def prepare(self, sample_rate: int, size: int) -> Prepared:
+    def prepare(self, sample_rate: int, size: int) -> "FarReader":
         """Return the function from a window to frequency, position and inharmonicity."""
         open_frequency, inharmonicity = self._open_note()
         setup = Setup()
@@ -108,21 +108,10 @@ class FarSegment:
             highest=min(open_frequency / (1.0 - self.reach), 0.2 * sample_rate),
             inharmonicity_prior=inharmonicity,
         )
-        inside = (
-            finder.lowest * 2.0 ** (-EDGE_CENTS / 1200.0),
-            finder.highest * 2.0 ** (EDGE_CENTS / 1200.0),
-        )
-
-        def estimate(window: Window) -> Estimates:
-            why_not = why_unusable(window)
-            candidates = [] if why_not else finder.find(window.samples.astype(np.float64))
-            why_not = why_not or self._why_undecided(candidates, open_frequency, inside)
-            if why_not:
-                return abstain(why_not)
-            best = next(each for each in candidates if inside[0] <= each.frequency <= inside[1])
-            return self._locate(best, open_frequency, setup)
-
-        return estimate
+        return FarReader(
+            finder=finder, setup=setup, length=self.length, open_frequency=open_frequency, margin=self.margin,
+            evidence=self.evidence,
+        )  # fmt: skip
 
     def _open_note(self) -> tuple[Hertz, tuple[float, float]]:
         """Return the open frequency, and mean and standard deviation of B on the open string."""
@@ -132,27 +121,76 @@ class FarSegment:
         mean = max(float(np.median(measured)), 1.0e-5) if measured else 5.0e-5
         return frequency, (mean, 0.05 * mean if measured else 2.0e-4)
 
-    def _why_undecided(
-        self, candidates: list[Series], open_frequency: Hertz, inside: tuple[Hertz, Hertz]
-    ) -> str:
-        allowed = [series for series in candidates if inside[0] <= series.frequency <= inside[1]]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FarReader:
+    """A prepared far-segment form: the function from a window to its estimates, in two steps.
+
+    Parameters
+    ----------
+    finder
+        Finds the series in a window.
+    setup
+        What pressing does on this instrument.
+    length, open_frequency
+        Of the string, in m and in Hz.
+    margin, evidence
+        Options of the form.
+    """
+
+    finder: PitchFinder
+    setup: Setup
+    length: Metres
+    open_frequency: Hertz
+    margin: float
+    evidence: float
+
+    def __call__(self, window: Window) -> Estimates:
+        """Return the estimates of a window."""
+        why_not = why_unusable(window)
+        return abstain(why_not) if why_not else self.locate(self.series(window))
+
+    def series(self, window: Window) -> list[Series]:
+        """Return the series in a usable window, best first."""
+        return self.finder.find(window.samples.astype(np.float64))
+
+    def locate(self, candidates: list[Series]) -> Estimates:
+        """Return the estimates from the series in a window."""
+        why_not = self._why_undecided(candidates)
+        if why_not:
+            return abstain(why_not)
+        return self._located(next(each for each in candidates if self.is_inside(each.frequency)))
+
+    @property
+    def _inside(self) -> tuple[Hertz, Hertz]:
+        edge = 2.0 ** (EDGE_CENTS / 1200.0)
+        return self.finder.lowest / edge, self.finder.highest * edge
+
+    def is_inside(self, frequency: Hertz) -> bool:
+        """Return whether a note is in the string's range."""
+        lowest, highest = self._inside
+        return lowest <= frequency <= highest
+
+    def _why_undecided(self, candidates: list[Series]) -> str:
+        inside = self._inside
+        allowed = [series for series in candidates if self.is_inside(series.frequency)]
         if not allowed or allowed[0].evidence < self.evidence:
             return "no harmonic structure"
         best, strongest = allowed[0], candidates[0]
         if strongest.evidence > best.evidence + OUTSIDE_MARGINS * self.margin:
             return f"a note of {strongest.frequency:.1f} Hz, outside {inside[0]:.1f} to {inside[1]:.1f} Hz"
         for other in allowed[1:]:
-            distance = abs(open_frequency / other.frequency - open_frequency / best.frequency)
+            distance = self.open_frequency * abs(1.0 / other.frequency - 1.0 / best.frequency)
             close = best.evidence - other.evidence < self.margin
             second = other.evidence > SECOND_EVIDENCE and other.beside(best) > SECOND_POWER
             if distance > SAME_POSITION and (close or second):
                 return f"two candidates, {best.frequency:.1f} and {other.frequency:.1f} Hz"
         return ""
 
-    def _locate(self, series: Series, open_frequency: Hertz, setup: Setup) -> Estimates:
-        ratio = open_frequency / series.frequency
-        correction, correction_std = setup.correct(ratio)
-        position = position_from_far_segment(series.frequency, open_frequency, self.length)
+    def _located(self, series: Series) -> Estimates:
+        ratio = self.open_frequency / series.frequency
+        correction, correction_std = self.setup.correct(ratio)
+        position = position_from_far_segment(series.frequency, self.open_frequency, self.length)
         position = min(max(position + self.length * correction, 0.0), self.length)
         noise = ratio * series.frequency_std / series.frequency
         return {
