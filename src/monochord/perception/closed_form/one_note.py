@@ -17,7 +17,7 @@ from monochord.dsp.spectrum import Analyser
 
 TOP: Hertz = 12000.0
 """Highest frequency looked at."""
-MIN_EXPLAINED = 0.85
+MIN_EXPLAINED = 0.35
 """Least share of each channel's power that a series of both explains. Two segments without a common
 fundamental leave one channel 0.2 at most, on the twin at 33 places."""
 MIN_LINES, CLEAR_LINES = 3, 4
