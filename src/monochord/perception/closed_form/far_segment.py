@@ -8,6 +8,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Floats, Window
 from monochord.core.units import Hertz, Metres
 from monochord.dsp.pitch import PitchFinder, Series
+from monochord.dsp.pitch_steadiness import SteadinessMeter
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.physics.theory import position_from_far_segment
 
@@ -23,10 +24,13 @@ SAME_POSITION = 0.006
 """Candidates nearer to each other than this share of the length are of the same position."""
 SECOND_EVIDENCE, SECOND_POWER = 12.0, 0.25
 """Least evidence in nats, and least share of the power outside the best series, of a second string."""
-OUTSIDE_MARGINS = 2.0
+OUTSIDE_MARGINS = 1.5
 """Lead, in multiples of `margin`, from which a note outside the string's range is accepted as one."""
 EDGE_CENTS = 4.0
 """Distance in cents by which a fit may lie outside the searched range and still count as inside."""
+MAX_GLIDE, MAX_SCATTER, MAX_MISSING = 0.125, 0.11, 0.45
+"""Largest glide of a string's pitch and scatter of its partials, in 1/s, and share of them that do not hold;
+chosen on 39 plucked takes, in quiet and with interference (docs/design/0007-pitch-by-evidence.md)."""
 MAX_FLAT_CENTS = 40.0
 """Largest distance in cents of a note below the open one: tunings drift."""
 
@@ -109,9 +113,14 @@ class FarSegment:
             inharmonicity_prior=inharmonicity,
         )
         return FarReader(
-            finder=finder, setup=setup, length=self.length, open_frequency=open_frequency, margin=self.margin,
+            finder=finder,
+            meter=SteadinessMeter(sample_rate=sample_rate, size=size),
+            setup=setup,
+            length=self.length,
+            open_frequency=open_frequency,
+            margin=self.margin,
             evidence=self.evidence,
-        )  # fmt: skip
+        )
 
     def _open_note(self) -> tuple[Hertz, tuple[float, float]]:
         """Return the open frequency, and mean and standard deviation of B on the open string."""
@@ -130,6 +139,8 @@ class FarReader:
     ----------
     finder
         Finds the series in a window.
+    meter
+        Measures how steady a series is.
     setup
         What pressing does on this instrument.
     length, open_frequency
@@ -139,6 +150,7 @@ class FarReader:
     """
 
     finder: PitchFinder
+    meter: SteadinessMeter
     setup: Setup
     length: Metres
     open_frequency: Hertz
@@ -148,18 +160,28 @@ class FarReader:
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of a window."""
         why_not = why_unusable(window)
-        return abstain(why_not) if why_not else self.locate(self.series(window))
+        return abstain(why_not) if why_not else self.locate(window, self.series(window))
 
     def series(self, window: Window) -> list[Series]:
         """Return the series in a usable window, best first."""
         return self.finder.find(window.samples.astype(np.float64))
 
-    def locate(self, candidates: list[Series]) -> Estimates:
+    def locate(self, window: Window, candidates: list[Series]) -> Estimates:
         """Return the estimates from the series in a window."""
         why_not = self._why_undecided(candidates)
         if why_not:
             return abstain(why_not)
-        return self._located(next(each for each in candidates if self.is_inside(each.frequency)))
+        best = next(each for each in candidates if self.is_inside(each.frequency))
+        why_not = self._why_unsteady(window, best)
+        return abstain(why_not) if why_not else self._located(best)
+
+    def _why_unsteady(self, window: Window, series: Series) -> str:
+        steadiness = self.meter.measure(window.samples, series.frequency, series.inharmonicity)
+        if abs(steadiness.glide) > MAX_GLIDE:
+            return "the pitch glides as no held string's does"
+        if steadiness.scatter > MAX_SCATTER or steadiness.missing > MAX_MISSING:
+            return "partials that do not hold as a string's do"
+        return ""
 
     @property
     def _inside(self) -> tuple[Hertz, Hertz]:

@@ -64,7 +64,8 @@ class ClosedForm(Estimator):
     margin
         Least lead of the best candidate over any other, in nats of evidence.
     evidence
-        Least evidence for a harmonic series over clutter, in nats. White noise stays below 25.
+        Least evidence for a harmonic series over clutter, in nats. White noise stays below 25. Where other
+        sounds are harmonic, neither suffices: the partials must hold within the window too, as a string's do.
     tension_law, most_force
         For the two-sided form: how force raises tension, and the largest force in N that is expected.
     """
@@ -74,7 +75,7 @@ class ClosedForm(Estimator):
     calibration: tuple[tuple[float, ...], ...] = ()
     sides: Literal["auto", "far", "both"] = "auto"
     reach: float = 0.8
-    margin: float = 6.0
+    margin: float = 8.0
     evidence: float = 27.0
     tension_law: TensionLaw = "linear"
     most_force: Newtons = 2.5
@@ -207,7 +208,7 @@ class _Either:
         if why_not:
             return two_sided if self._lead > 0 else far_segment.abstain(why_not)
         series = self._far.series(window)
-        one_sided = self._far.locate(series)
+        one_sided = self._far.locate(window, series)
         sides = self._sides.read(window.samples, series[0]) if series else NO_SIDES
         agree = self._agree(one_sided, two_sided)
         if sides.one_note and self._far.is_inside(series[0].frequency):
