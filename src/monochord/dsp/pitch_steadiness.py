@@ -82,10 +82,8 @@ class SteadinessMeter:
     def measure(self, samples: Floats | Audio, frequency: Hertz, inharmonicity: float) -> Steadiness:
         """Return the steadiness of a series in a window (channels, size)."""
         analyser = self._analyser
-        powers = [
-            analyser.powers(np.ascontiguousarray(view)).mean(axis=0)
-            for view in (samples[:, : analyser.size], samples[:, -analyser.size :])
-        ]
+        views = samples[:, : analyser.size], samples[:, -analyser.size :]
+        powers = [analyser.powers(view.astype(np.float64, order="C")).mean(axis=0) for view in views]
         n = np.arange(1.0, PARTIALS + 1.0)
         partials = frequency * n * np.sqrt(1.0 + inharmonicity * n * n)
         partials = partials[partials < analyser.top]
@@ -115,7 +113,7 @@ def _changes(
         high = min(int((partials[k] + reach) / spacing) + 1, first.size - 2)
         if high <= low:
             continue
-        i, j = low + first[low : high + 1].argmax(), low + second[low : high + 1].argmax()
+        i, j = low + int(first[low : high + 1].argmax()), low + int(second[low : high + 1].argmax())
         power[k] = np.sqrt(first[i] * second[j])
         if low < i < high and low < j < high:
             change[k] = np.log(_line(second, j) / _line(first, i))

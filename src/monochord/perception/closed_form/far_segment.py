@@ -24,7 +24,7 @@ SAME_POSITION = 0.006
 """Candidates nearer to each other than this share of the length are of the same position."""
 SECOND_EVIDENCE, SECOND_POWER = 12.0, 0.25
 """Least evidence in nats, and least share of the power outside the best series, of a second string."""
-OUTSIDE_MARGINS = 1.5
+OUTSIDE_MARGINS = 1.7
 """Lead, in multiples of `margin`, from which a note outside the string's range is accepted as one."""
 EDGE_CENTS = 4.0
 """Distance in cents by which a fit may lie outside the searched range and still count as inside."""

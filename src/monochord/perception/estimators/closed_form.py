@@ -75,7 +75,7 @@ class ClosedForm(Estimator):
     calibration: tuple[tuple[float, ...], ...] = ()
     sides: Literal["auto", "far", "both"] = "auto"
     reach: float = 0.8
-    margin: float = 8.0
+    margin: float = 7.0
     evidence: float = 27.0
     tension_law: TensionLaw = "linear"
     most_force: Newtons = 2.5
