@@ -148,6 +148,22 @@ def test_a_summary_to_read(take: Take, capsys: pytest.CaptureFixture[str]) -> No
     assert " mm from the nut (median)" in out
 
 
+def test_locate_takes_settings_as_live_does(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    path, narrow = str(take(0.2)), ("--set", "estimator.reach=0.2")
+    assert all(line["valid"] for line in lines(capsys, "locate", path, *STRING))
+    located = lines(capsys, "locate", path, *STRING, *narrow)
+    assert not any(line["valid"] for line in located)
+    assert common(lines(capsys, "live", path, *STRING, *narrow)) == located
+    assert "reach" in refusal(capsys, "locate", path, *STRING, "--set", "estimator.reech=0.2")
+
+
+def test_a_stereo_take_says_what_both_channels_carry(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["locate", str(take(0.2, channels=2)), *STRING, "--window", "0.15"]) == 0
+    assert "one note in 46, two segments in 0 of 46 windows" in capsys.readouterr().out
+    assert run(["locate", str(take(0.2)), *STRING]) == 0
+    assert "both channels" not in capsys.readouterr().out
+
+
 def test_silence_has_no_position(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "silence.wav"
     soundfile.write(path, np.zeros(22050), 44100)

@@ -20,16 +20,20 @@ from monochord.cli._options import (
     refuse_short,
     refuse_string_twice,
     sensor_option,
+    set_option,
     string_options,
     window_options,
 )
 from monochord.cli._output import echo
-from monochord.core.config import Tree
+from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.live import LiveSettings, run
 from monochord.live.sinks.base import Listener, Moment, Writer
 from monochord.perception.model.bundled import bundled_names
+
+CONTACT = "contact"
+"""The estimate that only the two-sided form makes."""
 
 
 @click.command()
@@ -37,6 +41,7 @@ from monochord.perception.model.bundled import bundled_names
 @sensor_option
 @string_options
 @window_options
+@set_option("monochord list settings live")
 @click.option("--allow-truncated", is_flag=True, help="Read what is there of a file that was cut short.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object a window.")
 def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **options: Any) -> int:
@@ -44,8 +49,12 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
 
     FILE is a .wav, .flac or a session's .mcap. MODEL, a folder that monochord train made or a bundled name
     such as demo, estimates in place of the closed form. Positions are in metres from pickup 1, and from the
-    nut for a stopped string with one microphone, as on a guitar. Control-C ends it with what it has so far,
-    and with status 130.
+    nut for a stopped string, as on a guitar. Control-C ends it with what it has so far, and with status 130.
+
+    With --length and --open-frequency, position follows from pitch alone: the sound must be that string's.
+    Another instrument in the string's range has a position too; a voice mostly has none. Of two channels,
+    both are used as a sensor's where each carries a segment of its own, and as one recording where both carry
+    the same note; a line says which.
 
     \b
     monochord locate take.wav --length 0.65 --open-frequency 110 --json
@@ -59,8 +68,9 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
     source = {**recording(file), **({"allow_truncated": True} if allow_truncated else {})}
     tree: Tree = {"source": source, "sinks": {"jsonl": {"everything": False}} if as_json else {}}
     put_estimator(tree, options, model)
+    tree = override(tree, options["assignments"])
     setup = LiveSettings.read(calibrated(tree, options["calibrate"])).build()
-    table = _Table(stopped=options["open_frequency"] is not None)
+    table = _Table(stopped=options["open_frequency"] is not None, by_pitch=model is None)
     summary = run(setup if as_json else dataclasses.replace(setup, sinks=(table,)))
     refuse_short(file, setup, summary)
     if not as_json:
@@ -71,15 +81,18 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
 class _Table(Listener):
     """Collects 24 bytes a window, and summarises them as lines."""
 
-    def __init__(self, *, stopped: bool) -> None:
+    def __init__(self, *, stopped: bool, by_pitch: bool) -> None:
         self._origin = "the nut" if stopped else "pickup 1"
         self._positions, self._stds, self._frequencies = array("d"), array("d"), array("d")
         self._reasons: Counter[str] = Counter()
+        self._stopped, self._by_pitch = stopped, by_pitch
+        self._two_channels, self._one_note = False, 0
 
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:
+        self._two_channels = signal.channels == 2
         if signal.channels == 1:
-            self._origin = "the nut"
+            self._origin, self._stopped = "the nut", True
         yield self
 
     def write(self, moment: Moment) -> None:
@@ -88,6 +101,7 @@ class _Table(Listener):
         if not position.valid:
             self._reasons[position.why_not] += 1
             return
+        self._one_note += CONTACT not in moment.prediction.estimates
         self._positions.append(position.value)
         self._stds.append(position.std)
         self._frequencies.append(frequency.value)
@@ -106,5 +120,17 @@ class _Table(Listener):
             ]
         if np.isfinite(self._frequencies).any():
             lines.append(f"  frequency                {np.nanmedian(self._frequencies):.3f} Hz (median)")
+        if valid and self._stopped and self._by_pitch:
+            lines += self._assumptions(valid)
         reasons = self._reasons.most_common()
         return lines + [f"  no position              {count} windows: {why}" for why, count in reasons]
+
+    def _assumptions(self, valid: int) -> list[str]:
+        """Return what the positions of a stopped string rest on."""
+        lines = ["  assumes                  the sound is this string's: position follows from its pitch"]
+        if self._two_channels:
+            split = (
+                f"one note in {self._one_note}, two segments in {valid - self._one_note} of {valid} windows"
+            )
+            lines.insert(0, f"  both channels carry      {split}")
+        return lines

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimates, Window
+from monochord.core.types import Audio, Estimates, Window
+from monochord.evaluation import realstrings
+from monochord.evaluation.noise import babble
 from monochord.perception.closed_form.far_segment import SETUP_STD, FarSegment, Setup, abstain
 
 LENGTH, OPEN = 0.65, 110.0
@@ -109,3 +111,39 @@ def test_an_abstention_is_one_of_everything() -> None:
     estimates = abstain("silence")
     assert set(estimates) == {"frequency", "position", "inharmonicity"}
     assert {estimate.why_not for estimate in estimates.values()} == {"silence"}
+
+
+def answers(sound: Audio, rate: int, open_frequency: float) -> list[float]:
+    """Return the positions in a sound (n,), window by window, without the abstentions."""
+    size = rate // 10
+    estimate = form(open_frequency=open_frequency).prepare(rate, size)
+    starts = range(0, sound.size - size + 1, size // 2)
+    windows = [
+        Window(samples=sound[np.newaxis, s : s + size].copy(), start=s, sample_rate=rate) for s in starts
+    ]
+    positions = [estimate(window)["position"] for window in windows]
+    return [position.value for position in positions if position.valid]
+
+
+@pytest.mark.parametrize("glide", [-0.8, -0.3, 0.3, 0.8])
+@pytest.mark.parametrize("frequency", [150.0, 220.0])
+def test_a_harmonic_sound_that_glides_is_no_held_string(frequency: float, glide: float) -> None:
+    time = np.arange(4410) / 44100 - 0.05
+    phase = 2.0 * np.pi * frequency * (time + 0.5 * glide * time**2)
+    voice = sum(np.sin(n * phase + n) / n for n in range(1, 11))
+    voice = voice + 1e-4 * np.random.default_rng(0).standard_normal(4410)
+    assert answers(0.2 * np.asarray(voice, np.float32), 44100, OPEN) == []
+
+
+@pytest.mark.parametrize("open_frequency", [82.4, 110.0])
+def test_speech_has_hardly_a_position(open_frequency: float) -> None:
+    sound = 0.1 * babble(np.random.default_rng(4), 4 * 44100, 44100.0).astype(np.float32)
+    assert len(answers(sound, 44100, open_frequency)) <= 4
+
+
+@pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
+@pytest.mark.parametrize("open_frequency", [82.4, 146.8, 246.9])
+def test_a_recorded_voice_has_hardly_a_position(open_frequency: float) -> None:
+    (speech,) = [take for take in realstrings.takes(kind="interference") if take.path.stem[0].isdigit()]
+    samples, rate = speech.read()
+    assert len(answers(samples[0], rate, open_frequency)) <= 9

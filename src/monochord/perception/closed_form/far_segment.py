@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimate, Estimates, Floats, Prepared, Window
+from monochord.core.types import Estimate, Estimates, Floats, Window
 from monochord.core.units import Hertz, Metres
 from monochord.dsp.pitch import PitchFinder, Series
+from monochord.dsp.pitch_steadiness import SteadinessMeter
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.physics.theory import position_from_far_segment
 
@@ -23,10 +24,13 @@ SAME_POSITION = 0.006
 """Candidates nearer to each other than this share of the length are of the same position."""
 SECOND_EVIDENCE, SECOND_POWER = 12.0, 0.25
 """Least evidence in nats, and least share of the power outside the best series, of a second string."""
-OUTSIDE_MARGINS = 2.0
+OUTSIDE_MARGINS = 1.7
 """Lead, in multiples of `margin`, from which a note outside the string's range is accepted as one."""
 EDGE_CENTS = 4.0
 """Distance in cents by which a fit may lie outside the searched range and still count as inside."""
+MAX_GLIDE, MAX_SCATTER, MAX_MISSING = 0.125, 0.11, 0.45
+"""Largest glide of a string's pitch and scatter of its partials, in 1/s, and share of them that do not hold;
+chosen on 39 plucked takes, in quiet and with interference (docs/design/0007-pitch-by-evidence.md)."""
 MAX_FLAT_CENTS = 40.0
 """Largest distance in cents of a note below the open one: tunings drift."""
 
@@ -94,7 +98,7 @@ class FarSegment:
                 form = f"[frequency in Hz, position from 0 to {self.length:g} m, inharmonicity B if known]"
                 raise InputError(f"calibration {list(take)}", form)
 
-    def prepare(self, sample_rate: int, size: int) -> Prepared:
+    def prepare(self, sample_rate: int, size: int) -> "FarReader":
         """Return the function from a window to frequency, position and inharmonicity."""
         open_frequency, inharmonicity = self._open_note()
         setup = Setup()
@@ -108,21 +112,15 @@ class FarSegment:
             highest=min(open_frequency / (1.0 - self.reach), 0.2 * sample_rate),
             inharmonicity_prior=inharmonicity,
         )
-        inside = (
-            finder.lowest * 2.0 ** (-EDGE_CENTS / 1200.0),
-            finder.highest * 2.0 ** (EDGE_CENTS / 1200.0),
+        return FarReader(
+            finder=finder,
+            meter=SteadinessMeter(sample_rate=sample_rate, size=size),
+            setup=setup,
+            length=self.length,
+            open_frequency=open_frequency,
+            margin=self.margin,
+            evidence=self.evidence,
         )
-
-        def estimate(window: Window) -> Estimates:
-            why_not = why_unusable(window)
-            candidates = [] if why_not else finder.find(window.samples.astype(np.float64))
-            why_not = why_not or self._why_undecided(candidates, open_frequency, inside)
-            if why_not:
-                return abstain(why_not)
-            best = next(each for each in candidates if inside[0] <= each.frequency <= inside[1])
-            return self._locate(best, open_frequency, setup)
-
-        return estimate
 
     def _open_note(self) -> tuple[Hertz, tuple[float, float]]:
         """Return the open frequency, and mean and standard deviation of B on the open string."""
@@ -132,27 +130,89 @@ class FarSegment:
         mean = max(float(np.median(measured)), 1.0e-5) if measured else 5.0e-5
         return frequency, (mean, 0.05 * mean if measured else 2.0e-4)
 
-    def _why_undecided(
-        self, candidates: list[Series], open_frequency: Hertz, inside: tuple[Hertz, Hertz]
-    ) -> str:
-        allowed = [series for series in candidates if inside[0] <= series.frequency <= inside[1]]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FarReader:
+    """A prepared far-segment form: the function from a window to its estimates, in two steps.
+
+    Parameters
+    ----------
+    finder
+        Finds the series in a window.
+    meter
+        Measures how steady a series is.
+    setup
+        What pressing does on this instrument.
+    length, open_frequency
+        Of the string, in m and in Hz.
+    margin, evidence
+        Options of the form.
+    """
+
+    finder: PitchFinder
+    meter: SteadinessMeter
+    setup: Setup
+    length: Metres
+    open_frequency: Hertz
+    margin: float
+    evidence: float
+
+    def __call__(self, window: Window) -> Estimates:
+        """Return the estimates of a window."""
+        why_not = why_unusable(window)
+        return abstain(why_not) if why_not else self.locate(window, self.series(window))
+
+    def series(self, window: Window) -> list[Series]:
+        """Return the series in a usable window, best first."""
+        return self.finder.find(window.samples.astype(np.float64))
+
+    def locate(self, window: Window, candidates: list[Series]) -> Estimates:
+        """Return the estimates from the series in a window."""
+        why_not = self._why_undecided(candidates)
+        if why_not:
+            return abstain(why_not)
+        best = next(each for each in candidates if self.is_inside(each.frequency))
+        why_not = self._why_unsteady(window, best)
+        return abstain(why_not) if why_not else self._located(best)
+
+    def _why_unsteady(self, window: Window, series: Series) -> str:
+        steadiness = self.meter.measure(window.samples, series.frequency, series.inharmonicity)
+        if abs(steadiness.glide) > MAX_GLIDE:
+            return "the pitch glides as no held string's does"
+        if steadiness.scatter > MAX_SCATTER or steadiness.missing > MAX_MISSING:
+            return "partials that do not hold as a string's do"
+        return ""
+
+    @property
+    def _inside(self) -> tuple[Hertz, Hertz]:
+        edge = 2.0 ** (EDGE_CENTS / 1200.0)
+        return self.finder.lowest / edge, self.finder.highest * edge
+
+    def is_inside(self, frequency: Hertz) -> bool:
+        """Return whether a note is in the string's range."""
+        lowest, highest = self._inside
+        return lowest <= frequency <= highest
+
+    def _why_undecided(self, candidates: list[Series]) -> str:
+        inside = self._inside
+        allowed = [series for series in candidates if self.is_inside(series.frequency)]
         if not allowed or allowed[0].evidence < self.evidence:
             return "no harmonic structure"
         best, strongest = allowed[0], candidates[0]
         if strongest.evidence > best.evidence + OUTSIDE_MARGINS * self.margin:
             return f"a note of {strongest.frequency:.1f} Hz, outside {inside[0]:.1f} to {inside[1]:.1f} Hz"
         for other in allowed[1:]:
-            distance = abs(open_frequency / other.frequency - open_frequency / best.frequency)
+            distance = self.open_frequency * abs(1.0 / other.frequency - 1.0 / best.frequency)
             close = best.evidence - other.evidence < self.margin
             second = other.evidence > SECOND_EVIDENCE and other.beside(best) > SECOND_POWER
             if distance > SAME_POSITION and (close or second):
                 return f"two candidates, {best.frequency:.1f} and {other.frequency:.1f} Hz"
         return ""
 
-    def _locate(self, series: Series, open_frequency: Hertz, setup: Setup) -> Estimates:
-        ratio = open_frequency / series.frequency
-        correction, correction_std = setup.correct(ratio)
-        position = position_from_far_segment(series.frequency, open_frequency, self.length)
+    def _located(self, series: Series) -> Estimates:
+        ratio = self.open_frequency / series.frequency
+        correction, correction_std = self.setup.correct(ratio)
+        position = position_from_far_segment(series.frequency, self.open_frequency, self.length)
         position = min(max(position + self.length * correction, 0.0), self.length)
         noise = ratio * series.frequency_std / series.frequency
         return {

@@ -8,11 +8,14 @@ from typing import Literal
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samples
-from monochord.perception.closed_form.far_segment import FarSegment
+from monochord.perception.closed_form import far_segment
+from monochord.perception.closed_form.far_segment import FarReader, FarSegment
+from monochord.perception.closed_form.one_note import NO_SIDES, SidesReader
 from monochord.perception.closed_form.two_segments import MIN_SCORE, TwoSegments, abstain
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.perception.tuning import OwnString, TunerState
+from monochord.perception.tuning.reading import RANGE
 from monochord.physics.theory import TensionLaw, open_frequency
 
 FAR_ONLY = ("calibration", "length", "open_frequency", "reach", "margin", "evidence")
@@ -22,6 +25,13 @@ DENSITY: KilogramsPerMetre = 1.0e-3
 """Stands in for that of an unknown string, whose position does not depend on it."""
 BOTH_ONLY = ("tension_law", "most_force")
 """Options of the two-sided form alone."""
+OPEN_NOTE = 0.02
+"""Share of the open frequency within which one note at both channels may be the untouched string's."""
+SAME_POSITION = 0.01
+"""Share of the length within which both forms agree."""
+UNDECIDED = "two candidates: one note at both channels, or two segments"
+MIN_LEAD, MAX_LEAD = -2, 5
+"""Most windows by which one note, or two segments, are ahead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,15 +57,16 @@ class ClosedForm(Estimator):
         take's inharmonicity B as a third number. A position of 0 is the open note itself.
     sides
         "far", "both", or "auto": both where the signal has two channels of a known string and no open
-        frequency is given. With two channels and an open frequency each window shows which: two segments
-        where each is louder at its own microphone, and from then on, else far. Force and tension then need
-        the string's density, that is a known string.
+        frequency is given. With two channels and an open frequency the windows show which: two segments
+        where each is louder at its own microphone, and from then on; far where both channels carry one note,
+        as in a stereo recording. Force and tension then need the string's density, that is a known string.
     reach
         Largest position of the far form as a share of the length.
     margin
         Least lead of the best candidate over any other, in nats of evidence.
     evidence
-        Least evidence for a harmonic series over clutter, in nats. White noise stays below 25.
+        Least evidence for a harmonic series over clutter, in nats. White noise stays below 25. Where other
+        sounds are harmonic, neither suffices: the partials must hold within the window too, as a string's do.
     tension_law, most_force
         For the two-sided form: how force raises tension, and the largest force in N that is expected.
     """
@@ -65,7 +76,7 @@ class ClosedForm(Estimator):
     calibration: tuple[tuple[float, ...], ...] = ()
     sides: Literal["auto", "far", "both"] = "auto"
     reach: float = 0.8
-    margin: float = 6.0
+    margin: float = 7.0
     evidence: float = 27.0
     tension_law: TensionLaw = "linear"
     most_force: Newtons = 2.5
@@ -97,7 +108,8 @@ class ClosedForm(Estimator):
                 sensing_range=signal.sensing_range,
             )
             both_sides = _Followed(form, replace(signal, string=string), size)
-            return _either(estimate, both_sides, knows_density=signal.string is not None)
+            reader = SidesReader(sample_rate=signal.sample_rate, size=size)
+            return _Either(estimate, both_sides, reader, knows_density=signal.string is not None)
         return estimate
 
     def _refuse_set(self, names: Sequence[str], form: str, remedy: str) -> None:
@@ -186,24 +198,65 @@ class _Followed(Watching):
         return Condition(open_frequency=tuning.open_frequency, deviation=tuning.deviation(self._own.string))
 
 
-def _either(far: Prepared, both: _Followed, *, knows_density: bool) -> Prepared:
-    """Return the far form until a window is clearly one of two segments, from then on the two-sided one."""
-    start, two_sided = -1, False
+class _Either:
+    """The far form or the two-sided one, as the windows of a stream show which.
 
-    def estimate(window: Window) -> Estimates:
-        nonlocal start, two_sided
-        two_sided = two_sided and window.start > start
-        start = window.start
-        estimates = both(window)
-        two_sided = two_sided or both.opposed
-        if not (two_sided or both.detuned):
-            return far(window)
-        if knows_density:
+    A window that is clearly of two segments begins the two-sided form. One note at both channels is located
+    by the far form, and ends the two-sided one once such windows outnumber those of two segments. Where a
+    window may be either and both forms disagree, there is no position.
+    """
+
+    def __init__(self, far: FarReader, both: _Followed, sides: SidesReader, *, knows_density: bool) -> None:
+        self._far, self._both, self._sides = far, both, sides
+        self._knows_density = knows_density
+        self._start, self._lead = -1, 0
+
+    def __call__(self, window: Window) -> Estimates:
+        if window.start <= self._start:
+            self._lead = 0
+        self._start = window.start
+        two_sided, why_not = self._two_sided(window), why_unusable(window)
+        if why_not:
+            return two_sided if self._lead > 0 else far_segment.abstain(why_not)
+        series = self._far.series(window)
+        one_sided = self._far.locate(window, series)
+        sides = self._sides.read(window.samples, series[0]) if series else NO_SIDES
+        agree = self._agree(one_sided, two_sided)
+        if sides.one_note and self._far.is_inside(series[0].frequency):
+            either = agree or self._is_open_note(series[0].frequency)
+            self._count(0 if either else -1)
+            if self._lead <= 0:
+                return one_sided
+            return two_sided if either else far_segment.abstain(UNDECIDED)
+        if self._both.opposed:
+            undecided = sides.undecided and one_sided["position"].valid
+            self._count(0 if undecided else 1)
+            if self._lead <= 0 and not agree:
+                return far_segment.abstain(UNDECIDED)
+        return two_sided if self._lead > 0 or self._both.detuned else one_sided
+
+    def _two_sided(self, window: Window) -> Estimates:
+        estimates = self._both(window)
+        if self._knows_density:
             return estimates
         unknown = Estimate.abstain("N", "the string's density is not known")
         return {**estimates, "tension": unknown, "force": unknown}
 
-    return estimate
+    def _agree(self, one_sided: Estimates, two_sided: Estimates) -> bool:
+        positions = one_sided["position"], two_sided["position"]
+        near = abs(positions[0].value - positions[1].value) < SAME_POSITION * self._far.length
+        return positions[0].valid and positions[1].valid and near
+
+    def _is_open_note(self, frequency: Hertz) -> bool:
+        """Return whether a note may be that of the untouched string, as it is known or as it is tuned."""
+        deviation, measured = frequency / self._far.open_frequency - 1.0, self._both.condition.deviation
+        if measured is None:
+            return abs(deviation) < RANGE
+        return min(abs(deviation), abs(deviation - measured)) < OPEN_NOTE
+
+    def _count(self, change: int) -> None:
+        """Count one window for two segments or against them."""
+        self._lead = min(max(self._lead + change, MIN_LEAD), MAX_LEAD)
 
 
 def _string_of(far: FarSegment, known: StringParams | None) -> StringParams:

@@ -1,0 +1,198 @@
+"""Accuracy and stated errors of the far form on real strings, in quiet and under music and speech.
+
+Positions are known where the fret is. Where only the pitch is, a string is assumed that is open a number of
+frets below it: the recording is the same, the range of notes that it may be of is wider, and the error is
+that of the pitch alone.
+"""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Metres
+from monochord.evaluation.realstrings import (
+    POSITION_TOLERANCE,
+    SCALE,
+    Interferer,
+    KnownTouches,
+    Mix,
+    Protocol,
+    RealTake,
+    calibrated_strings,
+    located,
+    period_and_clarity,
+    takes,
+)
+from monochord.metrics import bootstrap_interval
+
+TWELFTH_FRET = 12
+BOWED_STRINGS = (24, 31, 38, 45)
+"""Open notes of the bowed bass, in semitones of MIDI: C G D A."""
+GROSS_ERROR: Metres = 0.05
+MANY_STDS = 5.0
+LOUD = 4410
+"""Frames of the stretches of which `loud_half` keeps the louder ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A take whose position is known, with the open note that the estimator is given."""
+
+    group: str
+    take: RealTake
+    calibration: KnownTouches
+    position: Metres
+
+
+def fretted_cases(protocol: Protocol) -> Iterator[Case]:
+    """Yield the takes of known fret on strings of known open note, grouped by instrument and fret."""
+    half = fret_position(TWELFTH_FRET) + POSITION_TOLERANCE
+    for _, calibration, fretted in calibrated_strings(protocol):
+        for take in fretted:
+            side = "to fret 12" if take.position < half else "above fret 12"
+            yield Case(
+                group=f"{take.instrument} {side}", take=take, calibration=calibration, position=take.position
+            )
+
+
+def assumed_cases(fret: int) -> Iterator[Case]:
+    """Yield all plucked takes of known pitch as stopped at a fret of an assumed lower string."""
+    for take in takes(kind="plucked"):
+        if np.isfinite(take.frequency):
+            yield _assumed(f"{take.instrument} as fret {fret}", take, fret)
+
+
+def bowed_cases() -> Iterator[Case]:
+    """Yield the bowed takes as stopped on the nearest lower string of their instrument."""
+    for take in takes(kind="bowed"):
+        note = int(re.findall(r"_m(\d+)_", take.path.stem)[0])
+        frets = [note - string for string in BOWED_STRINGS if string < note]
+        if frets:
+            yield _assumed(take.instrument, take, min(frets))
+
+
+def _assumed(group: str, take: RealTake, fret: int) -> Case:
+    calibration = ((take.frequency / 2.0 ** (fret / 12.0), 0.0),)
+    return Case(group=group, take=take, calibration=calibration, position=fret_position(fret))
+
+
+def fret_position(fret: int) -> Metres:
+    """Return a fret's distance from the nut on a string of `SCALE`.
+
+    >>> fret_position(12)
+    0.325
+    """
+    return SCALE * (1.0 - 2.0 ** (-fret / 12.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What came of windows, each array (n,).
+
+    `error` in m, NaN for an abstention; the stated error `std` in m, and the part `noise` of it in m that the
+    pitch's has; the error of `plain` autocorrelation in m, and its `clarity`; the number of the `take`.
+    """
+
+    error: Floats
+    std: Floats
+    noise: Floats
+    plain: Floats
+    clarity: Floats
+    take: Floats
+
+    def rows(self, chosen: NDArray[np.int64]) -> "Outcome":
+        """Return the windows of the given indices."""
+        each = {name: getattr(self, name)[chosen] for name in self.__dataclass_fields__}
+        return Outcome(**each)
+
+
+def outcome(
+    cases: Iterable[Case], protocol: Protocol, interferer: Interferer | None = None, seed: int = 0
+) -> Outcome:
+    """Return what the closed form and plain autocorrelation make of the windows of takes.
+
+    Parameters
+    ----------
+    cases
+        The takes.
+    protocol
+        Which windows.
+    interferer
+        What is mixed in.
+    seed
+        Of where in the recording of interference each take's begins.
+    """
+    rng = np.random.default_rng(seed)
+    columns: list[list[float]] = []
+    for number, case in enumerate(cases):
+        offset = float(rng.uniform())
+        mix = None if interferer is None else interferer.mixer(offset, protocol)
+        open_frequency = case.calibration[0][0]
+        estimates = located(case.take, case.calibration, protocol, mix)
+        for each, (plain, clarity) in zip(estimates, _plain(case, protocol, mix), strict=True):
+            position, frequency = each["position"], each["frequency"]
+            noise = SCALE * open_frequency * frequency.std / frequency.value**2
+            columns.append([position.value - case.position, position.std, noise, plain, clarity, number])
+    return _outcome(np.array(columns).reshape(-1, 6).T)
+
+
+def _outcome(columns: Floats) -> Outcome:
+    return Outcome(**dict(zip(Outcome.__dataclass_fields__, columns, strict=True)))
+
+
+def _plain(case: Case, protocol: Protocol, mix: Mix | None) -> Iterator[tuple[float, float]]:
+    samples, rate = case.take.read()
+    mixed = samples if mix is None else mix(samples)
+    open_frequency = case.calibration[0][0]
+    shortest, longest = rate / (5.0 * open_frequency), rate / (0.977 * open_frequency)
+    for window in protocol.windows(samples, mixed, rate):
+        period, clarity = period_and_clarity(window, shortest, longest)
+        yield SCALE * (1.0 - open_frequency * period / rate) - case.position, clarity
+
+
+def answered(result: Outcome) -> float:
+    """Return the share of windows with a position."""
+    return float(np.isfinite(result.error).mean())
+
+
+def right(result: Outcome) -> float:
+    """Return the share of all windows that are answered within `POSITION_TOLERANCE`."""
+    return float((np.abs(result.error) <= POSITION_TOLERANCE).mean())
+
+
+def plain_right(result: Outcome) -> float:
+    """Return that share of autocorrelation, which answers as many windows, the clearest ones."""
+    clearest = np.argsort(-result.clarity, kind="stable")[: np.isfinite(result.error).sum()]
+    return float((np.abs(result.plain[clearest]) <= POSITION_TOLERANCE).sum() / result.plain.size)
+
+
+def beyond(result: Outcome, stds: float) -> float:
+    """Return the share of the answers that are off by more than so many stated errors."""
+    known = np.isfinite(result.error)
+    return float((np.abs(result.error) > stds * result.std)[known].mean()) if known.any() else np.nan
+
+
+def gross(result: Outcome) -> float:
+    """Return the share of the answers that are off by more than `GROSS_ERROR`."""
+    known = np.isfinite(result.error)
+    return float((np.abs(result.error[known]) > GROSS_ERROR).mean()) if known.any() else np.nan
+
+
+def right_interval(result: Outcome, seed: int = 0) -> tuple[float, float]:
+    """Return the 95 % interval of `right`, of takes drawn anew."""
+    return bootstrap_interval(lambda rows: right(result.rows(rows)), result.take, seed=seed)
+
+
+def loud_half(sound: Audio) -> Audio:
+    """Return the louder half of a recording (n,), in stretches of 0.1 s: speech without its pauses.
+
+    >>> loud_half(np.repeat(np.array([0.1, 1.0], np.float32), 4410)).size
+    4410
+    """
+    stretches = sound[: sound.size // LOUD * LOUD].reshape(-1, LOUD)
+    power = np.square(stretches, dtype=np.float64).mean(axis=1)
+    return np.ascontiguousarray(stretches[power > np.median(power)].ravel())
