@@ -1,6 +1,5 @@
 """What is whole in an MCAP file, wherever it was cut off or damaged, and what would mend it."""
 
-import hashlib
 import json
 import re
 import struct
@@ -12,7 +11,8 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from monochord.sessions import codec, walk
-from monochord.sessions._layout import BEGIN, END, FORMAT, GUARD, ending_is_sound, opening
+from monochord.sessions._digest import Digest
+from monochord.sessions._layout import BEGIN, END, FORMAT, GUARD, ending_is_sound, opening, rewritten
 from monochord.sessions.description import SessionClock
 
 if TYPE_CHECKING:
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 _INDEX = struct.Struct("<BQHI")
 _ENTRY = struct.Struct("<QQ")
+_INDEX_HEAD = 6
+UNREADABLE = "unreadable chunk"
+"""Kind of damage that may be none: a compression that is not known here."""
 _ORIGIN = re.compile(rb"origin.{4}([0-9.e+-]+)", re.DOTALL)
 
 
@@ -47,13 +50,17 @@ class Contents:
     that what follows is a writing that was cut off, of which nothing can be used. `damage` can only be
     left out, `patches` bring back all. `index` is of the last chunk's messages, where the file does not hold
     it. `begin` and `ending` are what the metadata at begin and end say, `text` and `epoch_ns` what the
-    description's message says; `digests` are SHA-256 by channel.
+    description's message says; `digests` are by channel. `rewritten` says that another program wrote the file,
+    whose layout is not ours; `marked` that a repair, which may not have come to its end, left something out.
+    `span` is from the first log time to the last.
     """
 
     end: int = len(walk.MAGIC)
     ended: bool = False
     closed: bool = False
     recovered: bool = False
+    rewritten: bool = False
+    marked: bool = False
     torn: bool = True
     damage: list[Damage] = field(default_factory=list[Damage])
     patches: list[Patch] = field(default_factory=list[Patch])
@@ -69,18 +76,33 @@ class Contents:
     chunks: "list[ChunkIndex]" = field(default_factory=list)
     attachments: "list[AttachmentIndex]" = field(default_factory=list)
     metadata: "list[MetadataIndex]" = field(default_factory=list)
-    counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    digests: dict[int, Any] = field(default_factory=lambda: defaultdict(hashlib.sha256))
+    digests: dict[int, Digest] = field(default_factory=lambda: defaultdict(Digest))
+    span: tuple[int, int] | None = None
 
     @property
     def whole(self) -> bool:
-        """Whether there is nothing to mend."""
-        return self.ended and not self.damage and not self.patches and bool(self.ending or self.recovered)
+        """Whether there is nothing to mend.
+
+        A session of ours has an ending, or the note that it was repaired; other programs leave metadata out.
+        """
+        unmended = bool(self.damage or self.patches or (self.marked and not self.recovered))
+        closed = bool(self.ending or self.recovered or self.rewritten or not self.begin)
+        return self.ended and not unmended and closed
+
+    @property
+    def unreadable(self) -> bool:
+        """Whether there are chunks that cannot be unpacked here, and may be sound."""
+        return any(each.what == UNREADABLE for each in self.damage)
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages of each channel."""
+        return {number: each.count for number, each in self.digests.items()}
 
     def agrees(self) -> bool:
         """Return whether the messages are those whose checksums the ending holds."""
         with suppress(ValueError):
-            there = {c.topic: self.digests[n].hexdigest() for n, c in self.channels.items()}
+            there = {c.topic: self.digests[n].ordered for n, c in self.channels.items()}
             return there == json.loads(self.ending.get("sha256", "{}"))
         return False
 
@@ -90,13 +112,16 @@ def scan(view: memoryview) -> Contents:
     contents, edges, group = Contents(), set[int](), _Group()
     walked, data_end = len(walk.MAGIC), 0
     for record in walk.records(view):
+        if data_end:
+            _add_summary(contents, record)
+            continue
         walked = record.end
         if record.opcode == walk.DATA_END:
-            data_end = record.offset
-            walked = record.offset
+            data_end = walked = record.offset
             crc = int.from_bytes(record.body, "little")
             contents.closed = crc in (0, zlib.crc32(view[: record.offset]))
-            break
+            contents.ended = contents.closed and _summary_is_sound(view, data_end)
+            continue
         if record.opcode == walk.FOOTER:
             walked, contents.closed = record.offset, True
             break
@@ -108,8 +133,6 @@ def scan(view: memoryview) -> Contents:
         group.close(view, contents)
         group = _add(view, contents, record)
     group.close(view, contents, last=not contents.closed and not data_end)
-    if data_end:
-        contents.ended = contents.closed and data_end == contents.end and _summary_is_sound(view, data_end)
     contents.closed = contents.closed or data_end > 0 or bytes(view[-len(walk.MAGIC) :]) == walk.MAGIC
     contents.torn = walk.torn(view, walked)
     _mend_opening(view, contents, edges)
@@ -129,8 +152,12 @@ def _add(view: memoryview, contents: Contents, record: walk.Record) -> "_Group":
         _add_attachment(contents, record)
     elif record.opcode == walk.DAMAGED:
         contents.damage.append(Damage(record.offset, record.end, "record"))
-    elif record.opcode in (walk.HEADER, walk.LOST):
+    else:
         contents.end = record.end
+    if record.opcode == walk.LOOSE:
+        _add_messages(contents, record.body)
+    contents.rewritten |= record.opcode == walk.HEADER and rewritten(bytes(record.body))
+    contents.marked |= record.opcode == walk.LOST
     return _Group()
 
 
@@ -178,29 +205,53 @@ class _Group:
         """Take a record that stands where an index should; one of no chunk that is known is passed over."""
         if self._chunk is None:
             return record.opcode == walk.MESSAGE_INDEX
-        if self.full or record.opcode not in (walk.MESSAGE_INDEX, walk.DAMAGED):
+        if self.full or not (record.opcode in (walk.MESSAGE_INDEX, walk.DAMAGED) or self._is_next(record)):
             return False
         self._end = record.end
         return True
+
+    def _is_next(self, record: walk.Record) -> bool:
+        """Return whether a record is the next index but for its opcode, which is a message's."""
+        due = self._bytes[self._end - self._start :][: record.end - record.offset]
+        return record.opcode == walk.LOOSE and due[1:] == bytes(record.body[1:])
 
     def close(self, view: memoryview, contents: Contents, *, last: bool = False) -> None:
         """Enter the result into `contents`; where the file ends here, the index belongs behind."""
         chunk, self._chunk = self._chunk, None
         if chunk is None:
             return
-        if not self.full and last:
-            contents.index = self._bytes
+        if _entries(view[self._start : self._end]) == _entries(memoryview(self._bytes)):
+            contents.end = self._end  # other programs write the same in another order
+            chunk.message_index_length = self._end - self._start
+            chunk.message_index_offsets = offsets(view[self._start : self._end], self._start)
         elif self.full:
             _patch(view, contents, self._start, self._bytes)
             contents.end = self._end
-        else:
-            if self._end > self._start:
-                contents.damage.append(Damage(self._start, self._end, "index"))
-            return
-        chunk.message_index_length, at = len(self._bytes), self._start
-        for number, data in self._index.items():
-            chunk.message_index_offsets[number] = at
-            at += len(data)
+            chunk.message_index_length = len(self._bytes)
+            chunk.message_index_offsets = offsets(memoryview(self._bytes), self._start)
+        elif last:
+            contents.index = self._bytes
+        elif self._end > self._start:
+            contents.damage.append(Damage(self._start, self._end, "index"))
+
+
+def _entries(index: memoryview) -> dict[int, list[tuple[int, int]]] | None:
+    """Return times and places of the messages of each channel, by records of an index; None of damaged ones."""
+    entries: dict[int, list[tuple[int, int]]] = {}
+    reached = 0
+    for opcode, offset, body in walk.inside(index):
+        reached = offset + walk.HEAD_SIZE + len(body)
+        if opcode != walk.MESSAGE_INDEX or not walk.index_fits(body):
+            return None
+        if body[_INDEX_HEAD:]:
+            number = int.from_bytes(body[:2], "little")
+            entries.setdefault(number, []).extend(_ENTRY.iter_unpack(body[_INDEX_HEAD:]))
+    return {number: sorted(each) for number, each in entries.items()} if reached == len(index) else None
+
+
+def offsets(index: memoryview, start: int) -> dict[int, int]:
+    """Return the place of each channel's record in an index of messages that stands at `start`."""
+    return {int.from_bytes(body[:2], "little"): start + at for _, at, body in walk.inside(index)}
 
 
 def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what: str = "record") -> None:
@@ -218,27 +269,12 @@ def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Gr
 
     chunk = walk.chunk(record.body)
     if not chunk.sound:
-        contents.damage.append(Damage(record.offset, record.end, "chunk"))
+        unreadable = walk.unreadable(chunk.compression, chunk.uncompressed_size)
+        contents.damage.append(Damage(record.offset, record.end, UNREADABLE if unreadable else "chunk"))
         return _Group()
-    entries: dict[int, list[tuple[int, int]]] = {}
-    for opcode, offset, body in walk.inside(chunk.records):
-        if opcode == walk.SCHEMA:
-            schema = walk.schema(body)
-            contents.schemas |= {schema.id: schema} if schema else {}
-        elif opcode == walk.CHANNEL:
-            channel = walk.channel(body)
-            contents.channels |= {channel.id: channel} if channel else {}
-        elif opcode == walk.MESSAGE and len(body) >= walk.MIN_MESSAGE:
-            message = walk.message(body)
-            contents.counts[message.channel] += 1
-            entries.setdefault(message.channel, []).append((message.log_time, offset))
-            add_to(contents.digests[message.channel], message)
-            channel = contents.channels.get(message.channel)
-            if channel and channel.topic == "/description" and contents.text is None:
-                contents.text, contents.epoch_ns = _text(message), message.log_time
-    times = [time for each in entries.values() for time, _ in each] or [0]
-    begin, stop = min(times), max(times)
-    if not chunk.compression and entries and any(record.body[24:28]):
+    entries = _add_messages(contents, chunk.records)
+    begin, stop = _span(entries) or (0, 0)
+    if not chunk.compression and entries and any(record.body[24:28]) and not contents.rewritten:
         _patch(view, contents, record.offset, walk.chunk_head(begin, stop, chunk.records))
     contents.end = record.end
     contents.chunks.append(
@@ -262,10 +298,44 @@ def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Gr
     return _Group(contents.chunks[-1], record.end, index)
 
 
-def add_to(digest: Any, message: walk.Message) -> None:
-    """Add a message to the digest of its topic."""
-    digest.update(struct.pack("<QQI", message.log_time, message.publish_time, message.sequence))
-    digest.update(message.data)
+def _add_messages(contents: Contents, records: memoryview) -> dict[int, list[tuple[int, int]]]:
+    """Take schemas, channels and messages in; return log times and places of the messages of each channel."""
+    entries: dict[int, list[tuple[int, int]]] = {}
+    for opcode, offset, body in walk.inside(records):
+        if opcode == walk.SCHEMA:
+            schema = walk.schema(body)
+            contents.schemas |= {schema.id: schema} if schema else {}
+        elif opcode == walk.CHANNEL:
+            channel = walk.channel(body)
+            contents.channels |= {channel.id: channel} if channel else {}
+        elif opcode == walk.MESSAGE and len(body) >= walk.MIN_MESSAGE:
+            message = walk.message(body)
+            entries.setdefault(message.channel, []).append((message.log_time, offset))
+            contents.digests[message.channel].add(
+                message.log_time, message.publish_time, message.sequence, message.data
+            )
+            channel = contents.channels.get(message.channel)
+            if channel and channel.topic == "/description" and contents.text is None:
+                contents.text, contents.epoch_ns = _text(message), message.log_time
+    if here := _span(entries):
+        begin, stop = contents.span or here
+        contents.span = min(begin, here[0]), max(stop, here[1])
+    return entries
+
+
+def _span(entries: dict[int, list[tuple[int, int]]]) -> tuple[int, int] | None:
+    times = [time for each in entries.values() for time, _ in each]
+    return (min(times), max(times)) if times else None
+
+
+def _add_summary(contents: Contents, record: walk.Record) -> None:
+    """Take in what only the summary tells, where the chunk that told it is damaged; ours is known without."""
+    if not (contents.rewritten and contents.ended):
+        return
+    if record.opcode == walk.SCHEMA and (schema := walk.schema(record.body)):
+        contents.schemas.setdefault(schema.id, schema)
+    elif record.opcode == walk.CHANNEL and (channel := walk.channel(record.body)):
+        contents.channels.setdefault(channel.id, channel)
 
 
 def _text(message: walk.Message) -> str | None:
@@ -322,15 +392,16 @@ def _summary_is_sound(view: memoryview, data_end: int) -> bool:
     if footer <= data_end or bytes(view[-len(walk.MAGIC) :]) != walk.MAGIC:
         return False
     opcode, length, start, _, crc = struct.unpack_from("<BQQQI", view, footer)
-    if (opcode, length, start) != (walk.FOOTER, 20, data_end + 13):
+    begin = data_end + 13  # behind the end of the data; a summary of nothing begins nowhere
+    if (opcode, length) != (walk.FOOTER, 20) or start != (0 if footer == begin else begin):
         return False
-    return crc in (0, zlib.crc32(view[start : footer + 25]))
+    return crc in (0, zlib.crc32(view[begin : footer + 25]))
 
 
 def _mend_opening(view: memoryview, contents: Contents, edges: set[int]) -> None:
     """Where what comes before the second chunk is damaged, make it anew from the description, if it fits."""
     identity = identity_of(view, contents)
-    if identity is None:
+    if identity is None or contents.rewritten:
         return
     text, clock = identity
     try:

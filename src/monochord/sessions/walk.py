@@ -24,23 +24,27 @@ MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
 CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX = 8, 9, 10, 11, 12, 13
 SUMMARY_OFFSET, DATA_END = 14, 15
-DAMAGED = 0
-"""Opcode under which `records` gives bytes that are no record."""
+DAMAGED, LOOSE = 0, -1
+"""Opcodes under which `records` gives bytes that are no record, and messages in no chunk."""
+_LOOSE = (SCHEMA, CHANNEL, MESSAGE)
 LOST, LOST_MARK = 0xDA, b"DAMAGED\n"
 """Opcode, one of those that MCAP leaves to applications, and first bytes of a record that stands where others
 were damaged: every reader skips it."""
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+HEAD_SIZE = _HEAD.size
+"""Bytes before the body of a record."""
 MIN_MESSAGE = _MESSAGE.size
 """Bytes of a message record without its payload."""
 _CHUNK = struct.Struct("<QQQII")
 _PLAIN = _CHUNK.size + 8  # where the records of a chunk without compression begin
-_INDEX_ENTRY = 16
+_INDEX_HEAD, _INDEX_ENTRY = 6, 16
 _MIN_DAMAGE = _HEAD.size + len(
     LOST_MARK
 )  # bytes of the smallest damage, so that a record of opcode LOST fits
 # Where a record may begin: an opcode of the data section, and a length below 4 GB.
 _HEADS = re.compile(rb"(?=[\x02\x06\x07\x09\x0c\x0f\xda].{4}\x00{4})", re.DOTALL)
+_LOOSE_HEADS = re.compile(rb"(?=[\x02-\x07\x09\x0c\x0f\xda].{4}\x00{4})", re.DOTALL)
 MAX_UNPACKED_CHUNK = 64 << 20
 """Bytes that a compressed chunk may unpack to; one that claims more counts as damaged, and is not unpacked.
 
@@ -52,7 +56,8 @@ _MAX_NAME = 32  # characters of a compression's name
 class Record(NamedTuple):
     """A record of the file: its opcode, where it begins and ends, and its body.
 
-    Of opcode `DAMAGED`, the body is all of it, as there is no telling a head from what follows.
+    Of opcode `DAMAGED`, the body is all of it, as there is no telling a head from what follows. Of `LOOSE`, it
+    is all of one or more records (schemas, channels, messages), heads included, as `inside` takes them.
     """
 
     opcode: int
@@ -104,14 +109,17 @@ def records(view: memoryview) -> Iterator[Record]:
 
     Where a record's head or the lengths inside it are damaged, the next sound record is searched, and what
     lies between is one record of opcode `DAMAGED`; or a chunk, if its checksum says that only its head is
-    damaged. What comes after the data section is not searched: it is made anew from what comes before.
+    damaged. Schemas, channels and messages that follow each other outside chunks are one record of opcode
+    `LOOSE`. What comes after the data section is not searched: it is made anew from what comes before.
     """
-    offset = len(MAGIC)
+    offset, heads = len(MAGIC), _HEADS
     while offset < len(view):
-        if end := _end(view, offset):
+        if end := _end_of_loose(view, offset):
+            record, heads = Record(LOOSE, offset, end, view[offset:end]), _LOOSE_HEADS
+        elif end := _end(view, offset):
             record = Record(view[offset], offset, end, view[offset + _HEAD.size : end])
         else:
-            end = _next(view, offset + _MIN_DAMAGE) or len(view)
+            end = _next(view, offset + _MIN_DAMAGE, heads) or len(view)
             body = view[offset + _HEAD.size : end]
             if chunk(body).sound:
                 record = Record(CHUNK, offset, end, body)
@@ -178,6 +186,22 @@ def chunk(body: memoryview) -> ChunkBody:
         compressed_size=len(packed),
         records=memoryview(b"") if unpacked is None else unpacked,
         sound=sound,
+    )
+
+
+def contents(record: Record) -> ChunkBody:
+    """Return what a record of opcode `CHUNK` or `LOOSE` holds; nothing guards the latter."""
+    if record.opcode == CHUNK:
+        return chunk(record.body)
+    size = len(record.body)
+    return ChunkBody(
+        begin=0,
+        stop=0,
+        uncompressed_size=size,
+        compression="",
+        compressed_size=size,
+        records=record.body,
+        sound=True,
     )
 
 
@@ -260,9 +284,20 @@ def _end(view: memoryview, offset: int) -> int:
         return 0
 
 
-def _next(view: memoryview, start: int) -> int:
-    """Return where the next record begins that is sound, or has a record behind it; 0 where there is none."""
-    for match in _HEADS.finditer(view, start):
+def _end_of_loose(view: memoryview, offset: int) -> int:
+    """Return where schemas, channels and messages that follow each other end, 0 where there are none."""
+    end = 0
+    while offset < len(view) and view[offset] in _LOOSE and (offset := _end(view, offset)):
+        end = offset
+    return end
+
+
+def _next(view: memoryview, start: int, heads: "re.Pattern[bytes]") -> int:
+    """Return where the next record begins that is sound, or has a record behind it; 0 where there is none.
+
+    `heads` finds where one may begin: messages are looked for only in files that have them outside chunks.
+    """
+    for match in heads.finditer(view, start):
         at = match.start()
         end = _end(view, at)
         if not end:
@@ -314,14 +349,26 @@ def _header_fits(body: memoryview) -> bool:
     return library + 4 + _number(body, library) == len(body)
 
 
+def _schema_fits(body: memoryview) -> bool:
+    encoding = 6 + _number(body, 2)
+    data = encoding + 4 + _number(body, encoding)
+    return data + 4 + _number(body, data) == len(body)
+
+
+def _channel_fits(body: memoryview) -> bool:
+    encoding = 8 + _number(body, 4)
+    content = encoding + 4 + _number(body, encoding)
+    return content + 4 + _number(body, content) == len(body)
+
+
 def _chunk_fits(body: memoryview) -> bool:
     records = _CHUNK.size + _number(body, _CHUNK.size - 4)
     return records + 8 + _number(body, records, "<Q") == len(body)
 
 
-def _index_fits(body: memoryview) -> bool:
-    size = _number(body, 2)
-    return size == len(body) - 6 and size > 0 and size % _INDEX_ENTRY == 0
+def index_fits(body: memoryview) -> bool:
+    """Return whether a record's body can be that of an index of messages."""
+    return len(body) >= _INDEX_HEAD and _number(body, 2) == len(body) - _INDEX_HEAD and len(body) % _INDEX_ENTRY == _INDEX_HEAD
 
 
 def _metadata_fits(body: memoryview) -> bool:
@@ -337,21 +384,37 @@ def _attachment_fits(body: memoryview) -> bool:
 
 _FITS: dict[int, Callable[[memoryview], bool]] = {
     HEADER: _header_fits,
+    SCHEMA: _schema_fits,
+    CHANNEL: _channel_fits,
+    MESSAGE: lambda body: len(body) >= MIN_MESSAGE,
     CHUNK: _chunk_fits,
-    MESSAGE_INDEX: _index_fits,
+    MESSAGE_INDEX: index_fits,
     METADATA: _metadata_fits,
     ATTACHMENT: _attachment_fits,
     DATA_END: lambda body: len(body) == 4,
     FOOTER: lambda body: len(body) == 20,
     LOST: lambda body: bytes(body[: len(LOST_MARK)]) == LOST_MARK,
 }
-"""Whether the lengths inside a record agree with the record's own, by opcode: two witnesses for each."""
+"""Whether the lengths inside a record agree with the record's own, by opcode: two witnesses for all but a
+message."""
 
 
 def _stream(body: memoryview) -> "ReadDataStream":
     from mcap.data_stream import ReadDataStream  # noqa: PLC0415
 
     return ReadDataStream(BytesIO(body))
+
+
+def unreadable(compression: str, size: int) -> bool:
+    """Return whether a chunk may be sound though it cannot be unpacked here: of another compression, or large.
+
+    A name in which one character is wrong counts as damaged.
+    """
+    near = any(
+        len(name) == len(compression) and sum(a != b for a, b in zip(name, compression, strict=True)) == 1
+        for name in _UNPACK
+    )
+    return size > MAX_UNPACKED_CHUNK if compression in _UNPACK else bool(compression) and not near
 
 
 def unpacked_size(body: memoryview) -> int:
@@ -365,7 +428,7 @@ def _unpacked(compression: str, packed: memoryview, size: int) -> memoryview | N
     """Return what was packed, None where that is damaged, or not of the size that it claims."""
     if not compression:
         return packed
-    unpack = {"zstd": _unpacked_zstd, "lz4": _unpacked_lz4}.get(compression)
+    unpack = _UNPACK.get(compression)
     if unpack is None or size > MAX_UNPACKED_CHUNK:
         return None
     try:
@@ -390,3 +453,10 @@ def _unpacked_lz4(packed: memoryview, size: int) -> bytes | None:
     stream = lz4.frame.LZ4FrameDecompressor()
     data = stream.decompress(packed, max_length=size + 1)
     return data if stream.eof else None
+
+
+_UNPACK: dict[str, Callable[[memoryview, int], bytes | None]] = {
+    "zstd": _unpacked_zstd,
+    "lz4": _unpacked_lz4,
+}
+"""What unpacks a chunk, by the name of its compression."""
