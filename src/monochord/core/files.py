@@ -1,8 +1,9 @@
 """Files that are read only where they have an end, and written so that half of one never has its name."""
 
 import os
+import re
 import stat
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from monochord.core.errors import InputError
 MAX_NAME = 100
 """Characters of a file's name that the one beside it repeats."""
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a disk", stat.S_IFSOCK: "a socket"}
+_INDEX = re.compile(r"|Unnamed: \d+")
 
 
 def refuse_endless(path: Path) -> None:
@@ -28,6 +30,22 @@ def refuse_endless(path: Path) -> None:
         return
     if kind:
         raise InputError(f"file {path} ({kind})", "a file on a disk", "save it first")
+
+
+def without_index(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Return the rows of a table, header first, without the row numbers that pandas writes before them.
+
+    Its header names them not at all, or, written a second time, ``Unnamed: 0``.
+
+    >>> without_index([["", "time"], ["0", "0.5"]])
+    [['time'], ['0.5']]
+    """
+    table = [[*row] for row in rows]
+    while table and len(table[0]) > 1 and _INDEX.fullmatch(table[0][0].strip()):
+        if not all(row and row[0].strip().isdecimal() for row in table[1:]):
+            break
+        table = [row[1:] for row in table]
+    return table
 
 
 @contextmanager
@@ -57,3 +75,17 @@ def replacing(path: Path) -> Generator[Path]:
         raise
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextmanager
+def sound_written(path: Path) -> Generator[None]:
+    """Raise `InputError` where libsndfile cannot write all of a sound file, as on a full disk."""
+    import soundfile  # noqa: PLC0415  (loads its library on use)
+
+    try:
+        yield
+    except soundfile.LibsndfileError as error:
+        given = f"file {path} ({error.error_string.rstrip('.')})"
+        raise InputError(
+            given, "a place that takes all of it", "free space there, or write elsewhere"
+        ) from error

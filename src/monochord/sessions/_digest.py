@@ -2,8 +2,6 @@
 
 import hashlib
 import struct
-from collections.abc import Iterable
-from typing import Self
 
 _TIMES = struct.Struct("<QQI")
 
@@ -46,13 +44,3 @@ class Digest:
         each.update(data)
         self._total = (self._total + int.from_bytes(each.digest(), "little")) % (1 << 256)
         self.count += 1
-
-    @classmethod
-    def joined(cls, parts: "Iterable[Digest]") -> Self:
-        """Return the digest of a topic that several channels have; the order between these is lost."""
-        all_, whole = [*parts], cls()
-        whole.count = sum(each.count for each in all_)
-        whole._total = sum(each._total for each in all_) % (1 << 256)
-        if len(all_) == 1:
-            whole._ordered = all_[0]._ordered
-        return whole

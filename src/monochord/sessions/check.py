@@ -9,9 +9,10 @@ from typing import Any
 from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 from monochord.sessions import walk
-from monochord.sessions._contents import UNREADABLE, Contents, scan
+from monochord.sessions._contents import UNREADABLE, Contents
 from monochord.sessions._digest import Digest
 from monochord.sessions._layout import TOTALS
+from monochord.sessions._scan import scan
 from monochord.sessions.bounds import json_object
 from monochord.sessions.description import Description
 from monochord.sessions.file import being_written
@@ -150,7 +151,8 @@ def _by_topic(session: SessionReader, contents: Contents) -> tuple[dict[str, str
     messages: dict[str, int] = {}
     for topic in session.topics:
         numbers = [number for number, name in session.channels.items() if name == topic]
-        digest = Digest.joined([contents.digests[number] for number in numbers])
+        # Several channels of one topic are one only as they are read.
+        digest = contents.digests[numbers[0]] if len(numbers) == 1 else _in_order(session, topic)
         same = digest.ordered == written.get(topic)
         if topic in totals:
             same = digest.total == totals[topic]

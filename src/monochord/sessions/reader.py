@@ -1,8 +1,6 @@
 """Reads a session, whole, cut off or damaged."""
 
-from array import array
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.errors import InputError, MissingLibraryError
+from monochord.core.errors import InputError, MissingLibraryError, did_you_mean
 from monochord.core.labels import LabelTrack
-from monochord.core.types import Feed
+from monochord.core.types import Feed, Floats
 from monochord.sessions import codec, walk
 from monochord.sessions._layout import BEGIN, END, rewritten
+from monochord.sessions._places import number_in, places, records_of, topic_in
 from monochord.sessions.bounds import (
     MAX_COLUMNS,
     MAX_DURATION,
@@ -24,13 +23,6 @@ from monochord.sessions.bounds import (
 )
 from monochord.sessions.description import NANO, Description, SessionClock
 from monochord.sessions.tracks import AUDIO, LABELS, AudioTrack, ClockTrack, Event, ReadingTrack
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-from typing import TYPE_CHECKING
-
-from monochord.core.errors import did_you_mean
-from monochord.core.types import Floats
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -80,7 +72,7 @@ class SessionReader:
         for record in walk.records(self._view):
             if self._ended:
                 if record.opcode == walk.CHANNEL:  # in the summary
-                    self._names[_number_in(record.body)] = _topic_in(record.body)
+                    self._names[number_in(record.body)] = topic_in(record.body)
             elif record.opcode == walk.METADATA:
                 name, values = walk.metadata(record.body)
                 opening = values if name == BEGIN else opening
@@ -117,10 +109,10 @@ class SessionReader:
         except ValueError:
             origin = "0.0"  # no time that is read depends on it
         names: dict[int, str] = {}
-        for _, opcode, _, content in _records_of(parts):
-            number = _number_in(content)
+        for _, opcode, _, content in records_of(parts):
+            number = number_in(content)
             if opcode == walk.CHANNEL:
-                names[number] = _topic_in(content)
+                names[number] = topic_in(content)
             elif opcode == walk.MESSAGE and names.get(number) == "/description":
                 if len(content) < walk.MIN_MESSAGE:
                     return {}
@@ -167,27 +159,13 @@ class SessionReader:
                     held, records = part, walk.contents(self._parts[part]).records
                 content = records[start:stop]
                 if len(content) < walk.MIN_MESSAGE:
-                    yield walk.Message(_number_in(content), 0, 0, 0, content[:0])
+                    yield walk.Message(number_in(content), 0, 0, 0, content[:0])
                 else:
                     yield walk.message(content)
 
     @cached_property
     def _places(self) -> dict[str, NDArray[np.uint64]]:
-        """Of each topic, where its messages are: sort key, part of the file, and first and last byte in it."""
-        found: dict[str, array[int]] = {}
-        begin, end = 0, 0
-        for part, opcode, start, content in _records_of(self._parts):
-            number = _number_in(content)
-            if opcode == walk.CHANNEL:
-                self._names[number] = _topic_in(content)
-            elif opcode == walk.MESSAGE and (topic := self._names.get(number)):
-                message = walk.message(content) if len(content) >= walk.MIN_MESSAGE else None
-                end = message.log_time if message else end
-                begin = begin or end
-                key = _key(topic, message) if message else 0
-                found.setdefault(topic, array("Q")).extend((key, part, start, start + len(content)))
-        tables = {topic: np.frombuffer(each, np.uint64).reshape(-1, 4) for topic, each in found.items()}
-        return {topic: _sorted(rows, backwards=begin > end) for topic, rows in tables.items()}
+        return places(self._parts, self._names)
 
     @property
     def channels(self) -> dict[int, str]:
@@ -402,40 +380,6 @@ NO_COUNT = (1 << 32) - 1
 
 PIECE = 4096
 """Messages whose places are looked up at a time."""
-
-
-def _records_of(parts: list[walk.Record]) -> Iterator[tuple[int, int, int, memoryview]]:
-    """Yield the records of chunks that are sound: number of the chunk, opcode, where the body begins, body."""
-    for part, record in enumerate(parts):
-        chunk = walk.contents(record)
-        for opcode, offset, body in walk.inside(chunk.records) if chunk.sound else ():
-            yield part, opcode, offset + walk.HEAD_SIZE, body
-
-
-def _key(topic: str, message: walk.Message) -> int:
-    """Return what the messages of a topic are sorted by."""
-    if topic == "/audio":  # a device's times may step back where its frames do not
-        with suppress(InputError):
-            return int(codec.decode(codec.AUDIO, message.data).start)
-    return message.log_time
-
-
-def _sorted(rows: NDArray[np.uint64], *, backwards: bool) -> NDArray[np.uint64]:
-    """Return rows by their first column; equal ones as they stand, from the end where that runs backwards."""
-    first, last = rows[0, 0], rows[-1, 0]
-    rows = rows[::-1] if first > last or (first == last and backwards) else rows
-    return rows[np.argsort(rows[:, 0], kind="stable")]
-
-
-def _number_in(content: memoryview) -> int:
-    """Return the channel's number that the body of a channel or a message begins with."""
-    return int.from_bytes(content[:2], "little")
-
-
-def _topic_in(channel: memoryview) -> str:
-    """Return the topic that a channel record's body names, whatever else is wrong with it."""
-    length = int.from_bytes(channel[4:8], "little")
-    return bytes(channel[8 : 8 + length]).decode(errors="replace")
 
 
 def _joined(parts: list[Any], kind: Any) -> Any:

@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless
 from monochord.core.units import Seconds
 from monochord.sessions import walk
-from monochord.sessions._contents import Contents, identity_of, offsets, scan
+from monochord.sessions._contents import Contents, identity_of
 from monochord.sessions._layout import BEGIN, FORMAT, opening
+from monochord.sessions._scan import offsets, scan
 from monochord.sessions.file import refuse_recorded
 from monochord.sessions.reader import read_session
 from monochord.sessions.walk import MAGIC
@@ -52,6 +54,7 @@ def recover(path: Path) -> Recovery:
     InputError
         If the file is not there, no session, being recorded, or cannot be written.
     """
+    refuse_endless(path)
     try:
         with path.open("r+b") as file:
             refuse_recorded(path, file.fileno())

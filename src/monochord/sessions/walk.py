@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless
+from monochord.sessions import _packing as packing
 
 if TYPE_CHECKING:
     from mcap.data_stream import ReadDataStream
@@ -45,19 +47,14 @@ _MIN_DAMAGE = _HEAD.size + len(
 # Where a record may begin: an opcode of the data section, and a length below 4 GB.
 _HEADS = re.compile(rb"(?=[\x02\x06\x07\x09\x0c\x0f\xda].{4}\x00{4})", re.DOTALL)
 _LOOSE_HEADS = re.compile(rb"(?=[\x02-\x07\x09\x0c\x0f\xda].{4}\x00{4})", re.DOTALL)
-MAX_UNPACKED_CHUNK = 64 << 20
-"""Bytes that a compressed chunk may unpack to; one that claims more counts as damaged, and is not unpacked.
-
-Of a chunk that is not compressed no copy is made, and it may be of any size.
-"""
 _MAX_NAME = 32  # characters of a compression's name
 
 
 class Record(NamedTuple):
     """A record of the file: its opcode, where it begins and ends, and its body.
 
-    Of opcode `DAMAGED`, the body is all of it, as there is no telling a head from what follows. Of `LOOSE`, it
-    is all of one or more records (schemas, channels, messages), heads included, as `inside` takes them.
+    Of opcode `DAMAGED`, the body is all of it, as there is no telling a head from what follows. Of `LOOSE`,
+    it is all of one or more records (schemas, channels, messages), heads included, as `inside` takes them.
     """
 
     opcode: int
@@ -91,6 +88,7 @@ class ChunkBody:
 
 def mapped(path: Path) -> memoryview:
     """Return the bytes of a file, read as they are used; raises `InputError` if it is no MCAP file."""
+    refuse_endless(path)
     try:
         with path.open("rb") as file:
             size = file.seek(0, 2)
@@ -170,7 +168,7 @@ def chunk(body: memoryview) -> ChunkBody:
     begin, stop, size, crc, length = _CHUNK.unpack_from(bytes(body[: _CHUNK.size]).ljust(_CHUNK.size, b"\0"))
     compression = bytes(body[32 : 32 + min(length, _MAX_NAME)]).decode(errors="replace")
     packed = body[40 + length :]
-    unpacked = _unpacked(compression, packed, size)
+    unpacked = packing.unpacked(compression, packed, size)
     whole = len(body) >= _CHUNK.size + length + 8
     sound = (
         whole and unpacked is not None and len(unpacked) == size and (crc == 0 or zlib.crc32(unpacked) == crc)
@@ -368,7 +366,11 @@ def _chunk_fits(body: memoryview) -> bool:
 
 def index_fits(body: memoryview) -> bool:
     """Return whether a record's body can be that of an index of messages."""
-    return len(body) >= _INDEX_HEAD and _number(body, 2) == len(body) - _INDEX_HEAD and len(body) % _INDEX_ENTRY == _INDEX_HEAD
+    return (
+        len(body) >= _INDEX_HEAD
+        and _number(body, 2) == len(body) - _INDEX_HEAD
+        and len(body) % _INDEX_ENTRY == _INDEX_HEAD
+    )
 
 
 def _metadata_fits(body: memoryview) -> bool:
@@ -405,58 +407,8 @@ def _stream(body: memoryview) -> "ReadDataStream":
     return ReadDataStream(BytesIO(body))
 
 
-def unreadable(compression: str, size: int) -> bool:
-    """Return whether a chunk may be sound though it cannot be unpacked here: of another compression, or large.
-
-    A name in which one character is wrong counts as damaged.
-    """
-    near = any(
-        len(name) == len(compression) and sum(a != b for a, b in zip(name, compression, strict=True)) == 1
-        for name in _UNPACK
-    )
-    return size > MAX_UNPACKED_CHUNK if compression in _UNPACK else bool(compression) and not near
-
-
 def unpacked_size(body: memoryview) -> int:
     """Return how many bytes a chunk record claims to unpack to, 0 if it is not compressed."""
     head = bytes(body[: _CHUNK.size]).ljust(_CHUNK.size, b"\0")
     _, _, size, _, length = _CHUNK.unpack(head)
     return size if length else 0
-
-
-def _unpacked(compression: str, packed: memoryview, size: int) -> memoryview | None:
-    """Return what was packed, None where that is damaged, or not of the size that it claims."""
-    if not compression:
-        return packed
-    unpack = _UNPACK.get(compression)
-    if unpack is None or size > MAX_UNPACKED_CHUNK:
-        return None
-    try:
-        data = unpack(packed, size)
-    except Exception:  # noqa: BLE001  (each library has errors of its own: damage)
-        return None
-    return None if data is None else memoryview(data)
-
-
-def _unpacked_zstd(packed: memoryview, size: int) -> bytes | None:
-    import zstandard  # noqa: PLC0415
-
-    # A size in the data's own head is what the library would allocate, whatever limit it is given.
-    if zstandard.frame_content_size(packed) not in (size, -1):
-        return None
-    return zstandard.decompress(packed, max_output_size=size)
-
-
-def _unpacked_lz4(packed: memoryview, size: int) -> bytes | None:
-    import lz4.frame  # noqa: PLC0415
-
-    stream = lz4.frame.LZ4FrameDecompressor()
-    data = stream.decompress(packed, max_length=size + 1)
-    return data if stream.eof else None
-
-
-_UNPACK: dict[str, Callable[[memoryview, int], bytes | None]] = {
-    "zstd": _unpacked_zstd,
-    "lz4": _unpacked_lz4,
-}
-"""What unpacks a chunk, by the name of its compression."""
