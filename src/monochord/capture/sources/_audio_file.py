@@ -158,7 +158,8 @@ def _finished(file: BinaryIO, samples: _Samples) -> mmap:
     """Return the bytes of a file with the lengths that it has; the file stays as it is."""
     content = mmap(file.fileno(), 0, access=ACCESS_COPY)
     size = len(content)
-    lengths = {4: size - 8, samples.begin - 4: size - samples.begin}
+    room = size - samples.begin
+    lengths = {4: size - 8, samples.begin - 4: room - room % 2}  # behind an odd one, a byte would follow
     for at, length in lengths.items():
         content[at : at + 4] = min(length, UNKNOWN_LENGTH).to_bytes(4, samples.order)
         if samples.wide:
