@@ -60,7 +60,8 @@ def _open(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
             if not allow_truncated:
                 given = f"file {path} (its recorder ended before it wrote how long it is)"
                 raise InputError(given, "a whole file", READ_ANYWAY)
-            return soundfile.SoundFile(_finished(file, samples))
+            content: Any = _finished(file, samples)  # which soundfile takes, as it has what a file has
+            return soundfile.SoundFile(content)
     except soundfile.LibsndfileError as error:
         raise InputError(f"file {path} ({error.error_string.rstrip('.')})", allowed) from error
     except OSError as error:
