@@ -93,6 +93,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "reversed without chunks": {"order": backwards, "use_chunking": False},
     "shuffled": {"order": shuffled},
     "our name kept": {"library": "monochord", "compression": NONE},
+    "our name kept, reversed": {"library": "monochord", "order": backwards, "chunk_size": 20_000},
     "a name as long as ours": {"library": "othertool", "compression": NONE},
 }
 

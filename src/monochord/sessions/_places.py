@@ -11,10 +11,14 @@ from monochord.core.errors import InputError
 from monochord.sessions import codec, walk
 
 
-def places(parts: list[walk.Record], names: dict[int, str]) -> dict[str, NDArray[np.uint64]]:
+def places(
+    parts: list[walk.Record], names: dict[int, str], *, as_written: bool
+) -> dict[str, NDArray[np.uint64]]:
     """Return, of each topic, rows (n, 4): sort key, number of the chunk, first and last byte in it.
 
-    `names` are the topics of channels as far as they are known; those that `parts` name are added.
+    `names` are the topics of channels as far as they are known; those that `parts` name are added. With
+    `as_written` they stand in the order in which they were recorded, in which a time may step back; otherwise
+    they are sorted by log time. Audio is sorted by its frames either way.
     """
     found: dict[str, array[int]] = {}
     begin, end = 0, 0
@@ -26,10 +30,10 @@ def places(parts: list[walk.Record], names: dict[int, str]) -> dict[str, NDArray
             message = walk.message(content) if len(content) >= walk.MIN_MESSAGE else None
             end = message.log_time if message else end
             begin = begin or end
-            key = _key(topic, message) if message else 0
+            key = _key(topic, message, as_written=as_written) if message else 0
             found.setdefault(topic, array("Q")).extend((key, part, start, start + len(content)))
     tables = {topic: np.frombuffer(each, np.uint64).reshape(-1, 4) for topic, each in found.items()}
-    return {topic: _sorted(rows, backwards=begin > end) for topic, rows in tables.items()}
+    return {topic: _sorted(rows, backwards=begin > end and not as_written) for topic, rows in tables.items()}
 
 
 def records_of(parts: list[walk.Record]) -> Iterator[tuple[int, int, int, memoryview]]:
@@ -40,12 +44,12 @@ def records_of(parts: list[walk.Record]) -> Iterator[tuple[int, int, int, memory
             yield part, opcode, offset + walk.HEAD_SIZE, body
 
 
-def _key(topic: str, message: walk.Message) -> int:
+def _key(topic: str, message: walk.Message, *, as_written: bool) -> int:
     """Return what the messages of a topic are sorted by."""
     if topic == "/audio":  # a device's times may step back where its frames do not
         with suppress(InputError):
             return int(codec.decode(codec.AUDIO, message.data).start)
-    return message.log_time
+    return 0 if as_written else message.log_time
 
 
 def _sorted(rows: NDArray[np.uint64], *, backwards: bool) -> NDArray[np.uint64]:

@@ -64,7 +64,7 @@ class SessionReader:
         self._view = walk.mapped(path)
         self._names: dict[int, str] = {}
         self._parts: list[walk.Record] = []
-        self._holes, self._ended, ours = 0, False, True
+        self._holes, self._ended, ours, moved = 0, False, True, False
         self.malformed: dict[str, tuple[int, str]] = {}
         opening: dict[str, str] = {}
         self.ending: dict[str, str] = {}
@@ -76,6 +76,7 @@ class SessionReader:
             elif record.opcode == walk.METADATA:
                 name, values = walk.metadata(record.body)
                 opening = values if name == BEGIN else opening
+                moved |= name == BEGIN and bool(self._parts)
                 self.ending = values if name == END else self.ending
                 self.recovered = self.recovered or name == walk.RECOVERED
             elif record.opcode in (walk.CHUNK, walk.LOOSE):
@@ -86,6 +87,8 @@ class SessionReader:
             self._ended |= record.opcode == walk.DATA_END
         unpacked = sum(walk.unpacked_size(each.body) for each in self._parts if each.opcode == walk.CHUNK)
         refuse_unpacking(f"session {path}", len(self._view), unpacked, "unpack it: mcap decompress")
+        # Where another program wrote the file, its order says nothing.
+        self._as_written = ours and not moved and bool(opening or self._holes)
         origin = opening.get("origin", "0.0")
         opening |= self._described_again(origin, self._parts[:1])
         if "description" not in opening:  # other programs leave metadata out, and sort by topic
@@ -145,9 +148,10 @@ class SessionReader:
         return (*codec.TOPICS, *(codec.topic_of(stream) for stream in self.streams))
 
     def messages(self, topic: str) -> Iterator[walk.Message]:
-        """Yield the messages of a topic in the order of their log times, audio in that of its frames.
+        """Yield the messages of a topic as they were recorded, one after the other; audio by its frames.
 
-        Other programs may have written them in any order. Chunks that are damaged are left out.
+        Where another program wrote the file, they come in the order of their log times. Chunks that are
+        damaged are left out.
         """
         rows = self._places.get(topic)
         if rows is None:
@@ -165,7 +169,7 @@ class SessionReader:
 
     @cached_property
     def _places(self) -> dict[str, NDArray[np.uint64]]:
-        return places(self._parts, self._names)
+        return places(self._parts, self._names, as_written=self._as_written)
 
     @property
     def channels(self) -> dict[int, str]:
