@@ -1,8 +1,10 @@
 """`monochord list` finds every plug-in folder and every preset by itself."""
 
 import json
+from pathlib import Path
 
 import pytest
+from tests.contract.test_open_closed import write_distribution
 
 from monochord.capture.sources import SOURCES
 from monochord.cli import run
@@ -83,3 +85,43 @@ def test_devices_and_models_are_listed(capsys: pytest.CaptureFixture[str]) -> No
     assert {device["source"] for device in devices} <= {"jack", "soundcard"}
     assert run(["list", "models", "demo", "--json"]) == 0
     assert [model["name"] for model in json.loads(capsys.readouterr().out)["models"]] == ["demo"]
+
+
+BROKEN = {
+    "raises": "raise RuntimeError('no such\\nboard')",
+    "ends": "raise SystemExit(3)",
+    "misspelt": "def broken(:",
+    "empty": "",
+}
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_a_broken_package_is_one_line_and_hides_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    (tmp_path / f"{kind}_board.py").write_text(BROKEN[kind], encoding="utf-8")
+    groups = ("sources", "sinks", "sensors")
+    entries = [line for group in groups for line in (f"[monochord.{group}]", f"board = {kind}_board")]
+    write_distribution(tmp_path, f"{kind}_board", entries)
+    monkeypatch.syspath_prepend(tmp_path)
+    for group in groups:
+        assert run(["list", group, "--json"]) == 0
+        result = json.loads(capsys.readouterr().out)
+        (board,) = [entry for entry in result[group] if entry["name"] == "board"]
+        assert board["broken"]
+        assert not any("broken" in entry for entry in result[group] if entry["name"] != "board")
+    assert run(["list", "sources"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "broken" in line]
+    assert len(lines) == 1
+    assert lines[0].split()[:2] == ["board", "broken:"]
+
+
+def test_a_package_whose_list_is_damaged_hides_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_distribution(tmp_path, "torn_board", ["[monochord.sources]", "board"])
+    monkeypatch.syspath_prepend(tmp_path)
+    assert run(["list", "sources", "--json"]) == 0
+    names = [entry["name"] for entry in json.loads(capsys.readouterr().out)["sources"]]
+    assert {"wav", "twin"} <= set(names)
+    assert "board" not in names

@@ -93,6 +93,7 @@ def test_only_the_kernel_of_the_twin_calls_its_parts() -> None:
 
 WHO_CHECKS = {
     "dsp.levels": {"measure_levels": "itself"},
+    "dsp.pitch_steadiness": {"measure": "Analyser.powers"},
     "dsp.series": dict.fromkeys(("fit_series", "series_evidence", "search"), "itself"),
     "dsp.spectrum": dict.fromkeys(("power_spectrum", "find_peaks"), "itself"),
     "perception.closed_form.usable": {"why_unusable": "Window"},

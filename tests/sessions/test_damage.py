@@ -10,7 +10,7 @@ from mcap_ros2.decoder import DecoderFactory
 from tests.sessions.made import EPOCH, RATE, as_killed, block, description, readings
 
 from monochord.sessions import SessionClock, SessionWriter, check, read_session, recover, walk
-from monochord.sessions._contents import scan
+from monochord.sessions._scan import scan
 
 FLUSH = 0.1
 LOST = 0.5

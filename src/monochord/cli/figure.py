@@ -9,6 +9,7 @@ from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
 from monochord.core.config import override, to_tree
 from monochord.core.errors import InputError
+from monochord.core.files import replacing
 from monochord.figures import FIGURES
 from monochord.figures.base import Measured, require_matplotlib
 from monochord.physics.simulators import SIMULATORS
@@ -38,7 +39,8 @@ def figure(
         raise InputError("--model beside --set model=", "one of both")
     chosen = override({} if model is None else {"model": model}, assignments)
     drawing = FIGURES.build(name, chosen, where="")
-    drawing.draw().savefig(path)
+    with replacing(path) as part:
+        drawing.draw().savefig(part)
     if as_json:
         result = {"figure": name, "path": str(path), "options": to_tree(drawing)}
         if isinstance(drawing, Measured):

@@ -16,7 +16,7 @@ from monochord.capture.devices import devices
 from monochord.cli._options import completes
 from monochord.cli._output import echo
 from monochord.core.config import settings_of, to_tree
-from monochord.core.errors import InputError, did_you_mean
+from monochord.core.errors import InputError, MonochordError, did_you_mean
 from monochord.core.registry import Registry
 from monochord.evaluation.grids import Grid
 from monochord.lab.plan import Plan
@@ -100,11 +100,23 @@ def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
     return dict(sorted(shelves.items()))
 
 
+def _each(names: Iterable[str], entry: Callable[[str], Entry]) -> Iterable[Entry]:
+    """Yield the entry of each name; one that cannot be loaded says so in its place, and hides no other."""
+    for name in names:
+        try:
+            yield {"name": name, **entry(name)}
+        except Exception as error:  # noqa: BLE001  (whatever a package of another author raises)
+            reason = str(error) if isinstance(error, MonochordError) else f"{type(error).__name__}: {error}"
+            yield {"name": name, "summary": f"broken: {' '.join(reason.split())}", "broken": reason}
+
+
 def _plugins(registry: Registry[Any]) -> Iterable[Entry]:
-    for name in registry.names():
+    def entry(name: str) -> Entry:
         kind = registry.load(name)
         summary = (kind.__doc__ or "").strip().partition("\n")[0]
-        yield {"name": name, "summary": summary, "options": _options(kind)}
+        return {"summary": summary, "options": _options(kind)}
+
+    return _each(registry.names(), entry)
 
 
 def _options(kind: type) -> Sequence[Entry]:
@@ -134,13 +146,13 @@ def _plain(value: Any) -> Any:
 def _settings() -> Iterable[Entry]:
     for name, (summary, kind) in SETTINGS.items():
         yield {"name": name, "summary": summary, "options": _options(kind)}
-    for name in SIMULATORS.names():
+
+    def entry(name: str) -> Entry:
         summary = f"The setup of 'monochord simulate' with --model {name}."
-        yield {
-            "name": f"simulate_{name}",
-            "summary": summary,
-            "options": _options(SIMULATORS.load(name).setup()),
-        }
+        options = _options(SIMULATORS.load(name).setup())
+        return {"name": f"simulate_{name}", "summary": summary, "options": options}
+
+    yield from _each(SIMULATORS.names(), entry)
 
 
 def _devices() -> Iterable[Entry]:
@@ -149,39 +161,40 @@ def _devices() -> Iterable[Entry]:
 
 
 def _models() -> Iterable[Entry]:
-    for name in bundled_names():
+    def entry(name: str) -> Entry:
         definition = load(name).definition
         simulated = "simulated sound" if definition.simulated else "recorded sound"
         summary = f"Estimates {', '.join(definition.heads)}; trained on {simulated}."
-        yield {"name": name, "summary": summary, "feature": definition.feature.name}
+        return {"summary": summary, "feature": definition.feature.name}
+
+    return _each(bundled_names(), entry)
 
 
 def _strings() -> Iterable[Entry]:
-    for name in string_names():
+    def entry(name: str) -> Entry:
         preset = load_string(name)
         facts = {"source": preset.source, "notes": preset.notes, "open_frequency": preset.open_frequency}
-        yield {"name": name, "summary": preset.title, **facts, "string": to_tree(preset.string)}
+        return {"summary": preset.title, **facts, "string": to_tree(preset.string)}
+
+    return _each(string_names(), entry)
 
 
 def _sensors() -> Iterable[Entry]:
-    for name in sensor_names():
-        yield _preset(name, to_tree(load_sensor(name)), "sensor")
+    return _each(sensor_names(), lambda name: _preset(to_tree(load_sensor(name)), "sensor"))
 
 
 def _materials() -> Iterable[Entry]:
-    for name in material_names():
-        yield _preset(name, to_tree(load_material(name)), "material")
+    return _each(material_names(), lambda name: _preset(to_tree(load_material(name)), "material"))
 
 
 def _plans() -> Iterable[Entry]:
-    for name in plan_names():
-        yield _preset(name, to_tree(load_plan(name)), "plan")
+    return _each(plan_names(), lambda name: _preset(to_tree(load_plan(name)), "plan"))
 
 
-def _preset(name: str, tree: Entry, kind: str) -> Entry:
+def _preset(tree: Entry, kind: str) -> Entry:
     """Return a preset as an entry: its title, source and notes beside its values, under its kind."""
     facts = {"summary": tree.pop("title"), "source": tree.pop("source"), "notes": tree.pop("notes")}
-    return {"name": name, **facts, kind: {key: value for key, value in tree.items() if key != "name"}}
+    return {**facts, kind: {key: value for key, value in tree.items() if key != "name"}}
 
 
 def _text(shelf: str, entries: Iterable[Entry]) -> str:

@@ -26,6 +26,7 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
+from monochord.core.files import replacing
 from monochord.core.types import Signal
 from monochord.live import LiveSettings, run
 from monochord.live.settings import NAME
@@ -151,7 +152,8 @@ class _SavedSettings(Listener):
     @contextmanager
     def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
         try:
-            self._path.write_text(self._text, encoding="utf-8")
+            with replacing(self._path) as part:
+                part.write_text(self._text, encoding="utf-8")
         except OSError as error:
             given = f"file {self._path} ({error.strerror})"
             raise InputError(given, "a path that can be written") from error

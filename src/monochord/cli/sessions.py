@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +15,9 @@ from monochord.cli._options import radius, refuse_unwritable, sensor_option, set
 from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
 from monochord.core.config import Tree, override, to_tree
-from monochord.core.errors import InputError, MonochordError
+from monochord.core.errors import InputError
+from monochord.core.files import replacing
+from monochord.core.ownership import part_folder
 from monochord.figures import FIGURES
 from monochord.live.touches import touch_spans, touch_table
 from monochord.physics.strings import load_string
@@ -25,6 +26,7 @@ from monochord.sessions import check as check_session
 from monochord.sessions import recover as recover_session
 from monochord.sessions.alignment import Lateness, align
 from monochord.sessions.exports import EXPORTS, form_of
+from monochord.sessions.exports.base import new_folder
 
 LABEL_WIDTH = 12
 MAX_KINDS = 8
@@ -82,7 +84,8 @@ def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
         refuse_unwritable(figure, SUFFIXES)
     facts = facts_of(read_session(file))
     if figure is not None:
-        FIGURES.build(OVERVIEW, {"path": str(file)}).draw().savefig(figure)
+        with replacing(figure) as part:
+            FIGURES.build(OVERVIEW, {"path": str(file)}).draw().savefig(part)
         facts["figure"] = str(figure)
     echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
 
@@ -131,14 +134,14 @@ def export(
     monochord sessions export lerobot takes/*.mcap --out set --set fps=30
     """  # noqa: D301
     exporter = EXPORTS.build(form, override({}, assignments))
-    fresh = not out.exists()
-    try:
-        written = exporter.write([read_session(file) for file in files], out)
-    except (OSError, MonochordError):
-        if fresh:  # half an export is none, and would be in the way of the next
-            shutil.rmtree(out, ignore_errors=True)
-        raise
-    size = sum(path.stat().st_size for path in written)
+    whole = [read_session(file) for file in files]
+    if out.exists():
+        new_folder(out)  # which refuses one with something in it
+    out.absolute().parent.mkdir(parents=True, exist_ok=True)
+    with part_folder(out) as part:
+        written = exporter.write(whole, part)
+        size = sum(path.stat().st_size for path in written)
+        part.rename(out)
     summary = {"form": form, "out": str(out), "sessions": len(files), "files": len(written), "bytes": size}
     line = (
         f"{out}: {_counted(len(files), 'session')} in {_counted(len(written), 'file')}, {size / 1e6:.1f} MB"

@@ -9,6 +9,7 @@ import click
 from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
 from monochord.core.errors import InputError
+from monochord.core.files import replacing, sound_written
 from monochord.core.types import Contact
 from monochord.physics.sensors import sensor_names
 from monochord.physics.simulators import SIMULATORS, Case, Sound
@@ -94,10 +95,8 @@ def _write(path: Path, sound: Sound) -> float:
 
     gain = 1.0 / max(1.0, float(abs(sound.microphones).max()) / 0.99)
     suffix = path.suffix.lower()
-    try:
-        soundfile.write(path, gain * sound.microphones.T, sound.sample_rate, subtype=SUBTYPES[suffix])
-    except soundfile.LibsndfileError as error:
-        raise InputError(f"file '{path}' ({error.error_string})", "a file that can be written") from error
+    with sound_written(path), replacing(path) as part:
+        soundfile.write(part, gain * sound.microphones.T, sound.sample_rate, subtype=SUBTYPES[suffix])
     return gain
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
+from monochord.core.files import replacing
 from monochord.live import LiveSettings
 from monochord.live.tuning import SECONDS, WINDOW, SensorAsTuned, tuned
 from monochord.physics.sensors import sensor_tuning
@@ -107,9 +107,8 @@ def _facts(result: SensorAsTuned) -> dict[str, Any]:
 
 
 def _write(path: Path, text: str) -> None:
-    part = path.with_name(f".{path.name}.part")
     try:
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)  # noqa: PTH105  (replaces the file at once)
+        with replacing(path) as part:
+            part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"file {path} ({error.strerror})", "a path that can be written") from error

@@ -19,6 +19,7 @@ import msgspec
 import tomli_w
 
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.files import refuse_endless
 
 T = TypeVar("T")
 Tree: TypeAlias = dict[str, Any]
@@ -32,6 +33,7 @@ MAX_SHOWN = 80
 
 def load_toml(path: Path) -> Tree:
     """Read a TOML file; raises `InputError` where it is absent or not TOML."""
+    refuse_endless(path)
     try:
         return tomllib.loads(_text(path))
     except OSError as error:
@@ -42,6 +44,7 @@ def load_toml(path: Path) -> Tree:
 
 def load_json(path: Path, remedy: str = "") -> Any:
     """Read a JSON file; raises `InputError`, which ends with `remedy`, where it is absent or not JSON."""
+    refuse_endless(path)
     try:
         return json.loads(_text(path))
     except OSError as error:

@@ -116,10 +116,9 @@ def preset_path(package: str, kind: str, name: str) -> Path:
     refuse_clash(kind, key, added, own=own)
     try:
         return Path(str(files(package if own else added[0].value) / f"{key}.toml"))
-    except ImportError as error:
-        raise InputError(
-            f"{kind} '{name}' ({error})", "a preset of an installed package", "reinstall it"
-        ) from error
+    except (Exception, SystemExit) as error:  # whatever the package does as it is imported
+        given = f"{kind} '{name}' ({type(error).__name__}: {error})"
+        raise InputError(given, "a preset of an installed package", "reinstall it") from error
 
 
 def _folder(package: str) -> str:

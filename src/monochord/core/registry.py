@@ -9,13 +9,15 @@ Another distribution adds plug-ins by entry points of the group ``monochord.FOLD
 """
 
 import inspect
+import logging
 import pkgutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, distributions, entry_points
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
@@ -23,6 +25,7 @@ from monochord.core.config import from_tree
 from monochord.core.errors import InputError, did_you_mean
 
 T = TypeVar("T")
+_log = logging.getLogger("monochord")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +107,10 @@ class Registry(Generic[T]):
         try:
             value = entry.load()
             value = self._class_in(value) if isinstance(value, ModuleType) else value
-        except (ImportError, AttributeError, TypeError) as error:
-            raise InputError(f"{given} ({error})", f"a {self.base.__name__} that loads", remedy) from error
+        except (Exception, SystemExit) as error:  # whatever the package does as it is imported
+            raise InputError(
+                f"{given} ({type(error).__name__}: {error})", f"a {self.base.__name__} that loads", remedy
+            ) from error
         if not (inspect.isclass(value) and issubclass(value, self.base)):
             raise InputError(f"{given} ({entry.value})", f"a subclass of {self.base.__name__}", remedy)
         return value
@@ -137,10 +142,25 @@ def installed(folder: str) -> Mapping[str, tuple[EntryPoint, ...]]:
 def _installed(folder: str, path: tuple[str, ...]) -> Mapping[str, tuple[EntryPoint, ...]]:  # noqa: ARG001
     """Return the entry points by name; `path` is where Python looks for them, which takes milliseconds."""
     entries: dict[str, tuple[EntryPoint, ...]] = {}
-    for entry in entry_points(group=f"monochord.{folder}"):
+    for entry in _entries(f"monochord.{folder}"):
         name = entry.name.replace("-", "_")
         entries[name] = (*entries.get(name, ()), entry)
     return entries
+
+
+def _entries(group: str) -> Iterable[EntryPoint]:
+    """Return the entry points of a group; one package whose list is damaged does not hide the others'."""
+    with suppress(Exception):
+        return entry_points(group=group)
+    by_package: dict[str, Iterable[EntryPoint]] = {}
+    for package in distributions():
+        try:
+            by_package.setdefault(package.name, package.entry_points.select(group=group))
+        except Exception as error:  # noqa: BLE001  (whatever the library makes of damage)
+            given = f"package {package.metadata['Name']} (its entry points are damaged: {error})"
+            _log.warning("monochord: %s", InputError(given, "those of its author", "reinstall or remove it"))
+            by_package[package.name] = ()
+    return [entry for entries in by_package.values() for entry in entries]
 
 
 def refuse_clash(kind: str, name: str, added: tuple[EntryPoint, ...], *, own: bool) -> None:

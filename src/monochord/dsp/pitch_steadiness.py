@@ -8,9 +8,9 @@ between them; those of a series that only happens to lie near the partials of ot
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples, Seconds
 from monochord.dsp.spectrum import Analyser
@@ -97,7 +97,7 @@ class SteadinessMeter:
         return Steadiness(glide / self.apart, scatter / self.apart, missing)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _changes(
     first: Floats, second: Floats, partials: Floats, grid: tuple[Hertz, Hertz]
 ) -> tuple[Floats, Floats]:
@@ -122,7 +122,7 @@ def _changes(
     return np.where(counted, change, np.nan), np.where(counted, weight, 0.0)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _line(power: Floats, k: int) -> float:
     """Return where the parabola through the logarithms of three bins is highest, in bins."""
     y0, y1, y2 = np.log(power[k - 1]), np.log(power[k]), np.log(power[k + 1])

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from monochord.core.errors import InputError
+from monochord.core.files import replacing
 from monochord.core.ownership import scratch_folder
 from monochord.core.types import Audio
 from monochord.evaluation.baselines import baseline_results
@@ -146,8 +147,9 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
     write_results(results, folder / RESULTS)
     write_csv(results, folder / TABLE)
     scores = json.dumps(card.tree(), indent=1, allow_nan=False)
-    (folder / SCORES).write_text(scores + "\n", encoding="utf-8")
-    (folder / PAGE).write_text(page(card, draw(folder / RESULTS, results)), encoding="utf-8")
+    for name, text in ((SCORES, scores + "\n"), (PAGE, page(card, draw(folder / RESULTS, results)))):
+        with replacing(folder / name) as part:
+            part.write_text(text, encoding="utf-8")
 
 
 def refuse_unwritable(folder: Path) -> None:

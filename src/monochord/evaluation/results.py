@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.core.files import replacing
 from monochord.core.types import Floats
 from monochord.core.units import Metres, Seconds
 
@@ -212,7 +213,7 @@ def write_results(results: Results, file: Path) -> None:
     arrays: dict[str, NDArray[Any]] = {name: getattr(results, name) for name in ROWS}
     for kind in COLUMNS:
         arrays |= {f"{kind}.{name}": column for name, column in getattr(results, kind).items()}
-    with file.open("wb") as stream:
+    with replacing(file) as part, part.open("wb") as stream:
         np.savez_compressed(stream, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
 
 
@@ -257,7 +258,7 @@ def write_csv(results: Results, file: Path) -> None:
     labels, names = [*results.truth], [*results.value]
     head = ["session", "object", "condition", "start", "usable", *(f"true_{name}" for name in labels)]
     head += [f"{name}{end}" for name in names for end in ("", "_std", "_why_not")]
-    with file.open("w", encoding="utf-8", newline="") as stream:
+    with replacing(file) as part, part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(head)
         for row, number in enumerate(results.trial.tolist()):

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
+from monochord.core.files import replacing
 from monochord.core.types import Flags, Floats, Indices
 from monochord.evaluation.results import CLEAN, Results
 from monochord.evaluation.scorecard import EVERYTHING
@@ -145,8 +146,10 @@ def keep_summary(file: Path, rows: Sequence[SummaryRow], page: Callable[[Sequenc
     every = {tuple(row[key] for key in LABELS): row for row in (read_summary(file) if file.exists() else [])}
     every |= {tuple(row[key] for key in LABELS): row for row in rows}
     lines = ",\n".join(json.dumps(row, allow_nan=False) for row in every.values())
-    file.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
-    file.with_suffix(".md").write_text(page(list(every.values())), encoding="utf-8")
+    with replacing(file) as part:
+        part.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+    with replacing(file.with_suffix(".md")) as part:
+        part.write_text(page(list(every.values())), encoding="utf-8")
 
 
 def read_summary(file: Path) -> list[SummaryRow]:
@@ -172,7 +175,7 @@ def read_summary(file: Path) -> list[SummaryRow]:
 def write_summary_csv(file: Path, rows: Sequence[SummaryRow]) -> None:
     """Write rows as text, without their intervals; None is an empty field."""
     names = [name for name in rows[0] if name != "intervals"] if rows else list(KEYS)
-    with file.open("w", encoding="utf-8", newline="") as stream:
+    with replacing(file) as part, part.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(stream, names, extrasaction="ignore", lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)

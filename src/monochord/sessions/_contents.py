@@ -1,25 +1,23 @@
 """What is whole in an MCAP file, wherever it was cut off or damaged, and what would mend it."""
 
-import hashlib
 import json
 import re
-import struct
-import zlib
 from collections import defaultdict
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from monochord.sessions import codec, walk
-from monochord.sessions._layout import BEGIN, END, FORMAT, GUARD, ending_is_sound, opening
+from monochord.sessions import walk
+from monochord.sessions._digest import Digest
+from monochord.sessions._layout import ending_is_sound
 from monochord.sessions.description import SessionClock
 
 if TYPE_CHECKING:
     from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema
 
-_INDEX = struct.Struct("<BQHI")
-_ENTRY = struct.Struct("<QQ")
+UNREADABLE = "unreadable chunk"
+"""Kind of damage that may be none: a compression that is not known here."""
 _ORIGIN = re.compile(rb"origin.{4}([0-9.e+-]+)", re.DOTALL)
 
 
@@ -47,13 +45,17 @@ class Contents:
     that what follows is a writing that was cut off, of which nothing can be used. `damage` can only be
     left out, `patches` bring back all. `index` is of the last chunk's messages, where the file does not hold
     it. `begin` and `ending` are what the metadata at begin and end say, `text` and `epoch_ns` what the
-    description's message says; `digests` are SHA-256 by channel.
+    description's message says; `digests` are by channel. `rewritten` says that another program, with a
+    layout of its own, wrote the file; `marked` that a repair, perhaps one that was cut off, left something
+    out. `span` is from the first log time to the last.
     """
 
     end: int = len(walk.MAGIC)
     ended: bool = False
     closed: bool = False
     recovered: bool = False
+    rewritten: bool = False
+    marked: bool = False
     torn: bool = True
     damage: list[Damage] = field(default_factory=list[Damage])
     patches: list[Patch] = field(default_factory=list[Patch])
@@ -69,69 +71,35 @@ class Contents:
     chunks: "list[ChunkIndex]" = field(default_factory=list)
     attachments: "list[AttachmentIndex]" = field(default_factory=list)
     metadata: "list[MetadataIndex]" = field(default_factory=list)
-    counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    digests: dict[int, Any] = field(default_factory=lambda: defaultdict(hashlib.sha256))
+    digests: dict[int, Digest] = field(default_factory=lambda: defaultdict(Digest))
+    span: tuple[int, int] | None = None
 
     @property
     def whole(self) -> bool:
-        """Whether there is nothing to mend."""
-        return self.ended and not self.damage and not self.patches and bool(self.ending or self.recovered)
+        """Whether there is nothing to mend.
+
+        A session of ours has an ending, or the note that it was repaired; other programs leave metadata out.
+        """
+        unmended = bool(self.damage or self.patches or (self.marked and not self.recovered))
+        closed = bool(self.ending or self.recovered or self.rewritten or not self.begin)
+        return self.ended and not unmended and closed
+
+    @property
+    def unreadable(self) -> bool:
+        """Whether there are chunks that cannot be unpacked here, and may be sound."""
+        return any(each.what == UNREADABLE for each in self.damage)
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Messages of each channel."""
+        return {number: each.count for number, each in self.digests.items()}
 
     def agrees(self) -> bool:
         """Return whether the messages are those whose checksums the ending holds."""
         with suppress(ValueError):
-            there = {c.topic: self.digests[n].hexdigest() for n, c in self.channels.items()}
+            there = {c.topic: self.digests[n].ordered for n, c in self.channels.items()}
             return there == json.loads(self.ending.get("sha256", "{}"))
         return False
-
-
-def scan(view: memoryview) -> Contents:
-    """Return what a file holds up to its last sound record."""
-    contents, edges, group = Contents(), set[int](), _Group()
-    walked, data_end = len(walk.MAGIC), 0
-    for record in walk.records(view):
-        walked = record.end
-        if record.opcode == walk.DATA_END:
-            data_end = record.offset
-            walked = record.offset
-            crc = int.from_bytes(record.body, "little")
-            contents.closed = crc in (0, zlib.crc32(view[: record.offset]))
-            break
-        if record.opcode == walk.FOOTER:
-            walked, contents.closed = record.offset, True
-            break
-        edges.add(record.end)
-        if group.takes(record):
-            if group.full:
-                group.close(view, contents)
-            continue
-        group.close(view, contents)
-        group = _add(view, contents, record)
-    group.close(view, contents, last=not contents.closed and not data_end)
-    if data_end:
-        contents.ended = contents.closed and data_end == contents.end and _summary_is_sound(view, data_end)
-    contents.closed = contents.closed or data_end > 0 or bytes(view[-len(walk.MAGIC) :]) == walk.MAGIC
-    contents.torn = walk.torn(view, walked)
-    _mend_opening(view, contents, edges)
-    if contents.ending and contents.ending_at and not ending_is_sound(contents.ending):
-        contents.damage.append(contents.ending_at._replace(what="ending"))
-        contents.ending = {}
-    return contents
-
-
-def _add(view: memoryview, contents: Contents, record: walk.Record) -> "_Group":
-    """Take a record in; return what must follow."""
-    if record.opcode == walk.CHUNK:
-        return _add_chunk(view, contents, record)
-    if record.opcode == walk.METADATA:
-        _add_metadata(view, contents, record)
-    elif record.opcode == walk.ATTACHMENT:
-        _add_attachment(contents, record)
-    elif record.opcode == walk.DAMAGED:
-        contents.damage.append(Damage(record.offset, record.end, "record"))
-    elif record.opcode in (walk.HEADER, walk.LOST):
-        contents.end = record.end
-    return _Group()
 
 
 def origin_of(view: memoryview, contents: Contents) -> float:
@@ -158,206 +126,3 @@ def identity_of(view: memoryview, contents: Contents) -> tuple[str, SessionClock
             epoch_ns=epoch_ns, origin=origin_of(view, contents)
         )
     return None
-
-
-class _Group:
-    """A chunk's index of messages: what it must be, and the records that stand in its place."""
-
-    def __init__(
-        self, chunk: "ChunkIndex | None" = None, start: int = 0, index: dict[int, bytes] | None = None
-    ) -> None:
-        self._chunk, self._index = chunk, index or {}
-        self._start = self._end = start
-        self._bytes = b"".join(self._index.values())
-
-    @property
-    def full(self) -> bool:
-        return self._end - self._start == len(self._bytes)
-
-    def takes(self, record: walk.Record) -> bool:
-        """Take a record that stands where an index should; one of no chunk that is known is passed over."""
-        if self._chunk is None:
-            return record.opcode == walk.MESSAGE_INDEX
-        if self.full or record.opcode not in (walk.MESSAGE_INDEX, walk.DAMAGED):
-            return False
-        self._end = record.end
-        return True
-
-    def close(self, view: memoryview, contents: Contents, *, last: bool = False) -> None:
-        """Enter the result into `contents`; where the file ends here, the index belongs behind."""
-        chunk, self._chunk = self._chunk, None
-        if chunk is None:
-            return
-        if not self.full and last:
-            contents.index = self._bytes
-        elif self.full:
-            _patch(view, contents, self._start, self._bytes)
-            contents.end = self._end
-        else:
-            if self._end > self._start:
-                contents.damage.append(Damage(self._start, self._end, "index"))
-            return
-        chunk.message_index_length, at = len(self._bytes), self._start
-        for number, data in self._index.items():
-            chunk.message_index_offsets[number] = at
-            at += len(data)
-
-
-def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what: str = "record") -> None:
-    """Note what belongs at an offset, as far as it is not there."""
-    there = bytes(view[offset : offset + len(data)])
-    if there == data:
-        return
-    wrong = [k for k, (is_, should) in enumerate(zip(there, data, strict=True)) if is_ != should]
-    contents.patches.append(Patch(offset + wrong[0], data[wrong[0] : wrong[-1] + 1], what))
-
-
-def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Group:
-    """Take a chunk in; return what its index must be."""
-    from mcap.records import ChunkIndex  # noqa: PLC0415
-
-    chunk = walk.chunk(record.body)
-    if not chunk.sound:
-        contents.damage.append(Damage(record.offset, record.end, "chunk"))
-        return _Group()
-    entries: dict[int, list[tuple[int, int]]] = {}
-    for opcode, offset, body in walk.inside(chunk.records):
-        if opcode == walk.SCHEMA:
-            schema = walk.schema(body)
-            contents.schemas |= {schema.id: schema} if schema else {}
-        elif opcode == walk.CHANNEL:
-            channel = walk.channel(body)
-            contents.channels |= {channel.id: channel} if channel else {}
-        elif opcode == walk.MESSAGE and len(body) >= walk.MIN_MESSAGE:
-            message = walk.message(body)
-            contents.counts[message.channel] += 1
-            entries.setdefault(message.channel, []).append((message.log_time, offset))
-            add_to(contents.digests[message.channel], message)
-            channel = contents.channels.get(message.channel)
-            if channel and channel.topic == "/description" and contents.text is None:
-                contents.text, contents.epoch_ns = _text(message), message.log_time
-    times = [time for each in entries.values() for time, _ in each] or [0]
-    begin, stop = min(times), max(times)
-    if not chunk.compression and entries and any(record.body[24:28]):
-        _patch(view, contents, record.offset, walk.chunk_head(begin, stop, chunk.records))
-    contents.end = record.end
-    contents.chunks.append(
-        ChunkIndex(
-            chunk_length=record.end - record.offset,
-            chunk_start_offset=record.offset,
-            compression=chunk.compression,
-            compressed_size=chunk.compressed_size,
-            message_end_time=stop,
-            message_index_length=0,
-            message_index_offsets={},
-            message_start_time=begin,
-            uncompressed_size=chunk.uncompressed_size,
-        )
-    )
-    index = {
-        number: _INDEX.pack(walk.MESSAGE_INDEX, 6 + 16 * len(each), number, 16 * len(each))
-        + b"".join(_ENTRY.pack(*entry) for entry in each)
-        for number, each in entries.items()
-    }
-    return _Group(contents.chunks[-1], record.end, index)
-
-
-def add_to(digest: Any, message: walk.Message) -> None:
-    """Add a message to the digest of its topic."""
-    digest.update(struct.pack("<QQI", message.log_time, message.publish_time, message.sequence))
-    digest.update(message.data)
-
-
-def _text(message: walk.Message) -> str | None:
-    with suppress(Exception):  # whatever the decoder makes of what a program of another kind wrote
-        return str(codec.decode(codec.TEXT, message.data).data)
-    return None
-
-
-def _add_metadata(view: memoryview, contents: Contents, record: walk.Record) -> None:
-    from mcap.records import MetadataIndex  # noqa: PLC0415
-
-    name, content = walk.metadata(record.body)
-    if not name:
-        contents.damage.append(Damage(record.offset, record.end, "record"))
-        return
-    if len(name) == len(END) and GUARD in content and ending_is_sound(content):
-        _patch(view, contents, record.offset + 13, END.encode())  # behind opcode and two lengths
-        name = END
-    if name == BEGIN:
-        contents.begin, contents.begin_at = content, Damage(record.offset, record.end, "description")
-    elif name == END:
-        contents.ending, contents.ending_at = content, Damage(record.offset, record.end, "ending")
-    contents.recovered = contents.recovered or name == walk.RECOVERED
-    contents.metadata.append(
-        MetadataIndex(offset=record.offset, length=record.end - record.offset, name=name)
-    )
-    contents.end = record.end
-
-
-def _add_attachment(contents: Contents, record: walk.Record) -> None:
-    from mcap.records import AttachmentIndex  # noqa: PLC0415
-
-    attachment, crc = walk.attachment(record.body), int.from_bytes(record.body[-4:], "little")
-    if attachment is None or crc not in (0, zlib.crc32(record.body[:-4])):
-        contents.damage.append(Damage(record.offset, record.end, "record"))
-        return
-    contents.attachments.append(
-        AttachmentIndex(
-            offset=record.offset,
-            length=record.end - record.offset,
-            create_time=attachment.create_time,
-            log_time=attachment.log_time,
-            data_size=len(attachment.data),
-            name=attachment.name,
-            media_type=attachment.media_type,
-        )
-    )
-    contents.end = record.end
-
-
-def _summary_is_sound(view: memoryview, data_end: int) -> bool:
-    """Return whether summary and footer are what their checksum, where there is one, and their places say."""
-    footer = len(view) - len(walk.MAGIC) - 29
-    if footer <= data_end or bytes(view[-len(walk.MAGIC) :]) != walk.MAGIC:
-        return False
-    opcode, length, start, _, crc = struct.unpack_from("<BQQQI", view, footer)
-    if (opcode, length, start) != (walk.FOOTER, 20, data_end + 13):
-        return False
-    return crc in (0, zlib.crc32(view[start : footer + 25]))
-
-
-def _mend_opening(view: memoryview, contents: Contents, edges: set[int]) -> None:
-    """Where what comes before the second chunk is damaged, make it anew from the description, if it fits."""
-    identity = identity_of(view, contents)
-    if identity is None:
-        return
-    text, clock = identity
-    try:
-        made = opening(text, clock)
-    except Exception:  # noqa: BLE001  (no description of ours: there is nothing to go by)
-        return
-    head = made[: next(walk.records(memoryview(made))).end]
-    headed = bytes(view[: len(head)]) == head
-    described = contents.begin == {"format": FORMAT, **clock.dump(), "description": text}
-    first = contents.chunks[0].chunk_start_offset if contents.chunks else len(made)
-    if (
-        headed
-        and described
-        and contents.text is not None
-        and all(each.offset >= first for each in contents.damage)
-    ):
-        return
-    if len(made) in edges:
-        only_text = headed and contents.text is not None and bool(contents.begin)
-        contents.damage = [each for each in contents.damage if each.offset >= len(made)]
-        contents.patches = [each for each in contents.patches if each.offset >= len(made)]
-        _patch(view, contents, 0, made, "description" if only_text else "begin")
-        contents.end = max(contents.end, len(made))
-        return
-    if len(head) in edges:
-        contents.damage = [each for each in contents.damage if each.offset >= len(head)]
-        _patch(view, contents, 0, head, "begin")
-    if not described and contents.begin_at:
-        contents.damage.append(contents.begin_at)
-        contents.begin = {}

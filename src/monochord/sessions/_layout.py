@@ -17,8 +17,13 @@ BEGIN = "monochord"
 """Name of the metadata at the begin."""
 END = "monochord.end"
 """Name of the metadata where a session was closed."""
+LIBRARY, PROFILE = "monochord", "ros2"
 GUARD = "guard"
 """Name, among the values at the end, of the checksum of the others."""
+MAX_FLIPPED = 2
+"""Bytes of our header that may be damaged before it counts as another program's."""
+TOTALS = "totals"
+"""Name, among the values at the end, of a checksum of each topic's messages in any order."""
 UNGUARDED = {"checksum", "sha256", "messages", "frames", "dropped", "gaps", "end"}
 """Values at the end of a session that was written before there was a guard."""
 
@@ -33,7 +38,7 @@ def begin(
     from mcap.writer import CompressionType, Writer  # noqa: PLC0415
 
     writer = Writer(out, compression=CompressionType.NONE, chunk_size=1 << 62)
-    writer.start(profile="ros2", library="monochord")
+    writer.start(profile=PROFILE, library=LIBRARY)
     writer.add_metadata(BEGIN, {"format": FORMAT, **clock.dump(), "description": text})
     if description.plan:
         plan = description.plan.encode()
@@ -59,6 +64,13 @@ def opening(text: str, clock: SessionClock) -> bytes:
     writer.add_message(topics["/description"], log_time=epoch, data=data, publish_time=epoch, sequence=0)
     writer.flush()
     return out.getvalue()
+
+
+def rewritten(header: bytes) -> bool:
+    """Return whether the body of a file's header is another program's, rather than ours with flipped bits."""
+    ours = b"".join(len(each).to_bytes(4, "little") + each.encode() for each in (PROFILE, LIBRARY))
+    flipped = sum(a != b for a, b in zip(header, ours, strict=False))
+    return len(header) != len(ours) or flipped > MAX_FLIPPED
 
 
 def guarded(values: dict[str, str]) -> dict[str, str]:

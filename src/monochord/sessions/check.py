@@ -9,7 +9,10 @@ from typing import Any
 from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 from monochord.sessions import walk
-from monochord.sessions._contents import Contents, scan
+from monochord.sessions._contents import UNREADABLE, Contents
+from monochord.sessions._digest import Digest
+from monochord.sessions._layout import TOTALS
+from monochord.sessions._scan import scan
 from monochord.sessions.bounds import json_object
 from monochord.sessions.description import Description
 from monochord.sessions.file import being_written
@@ -70,18 +73,18 @@ def check(path: Path) -> CheckReport:
     if not contents.ended:
         where = f"cut off after {contents.end} of {path.stat().st_size} bytes: was not closed"
         faults += ["its ending is damaged"] if contents.closed else [] if recording else [where]
-    elif not (session.complete or session.recovered):
-        faults.append("its checksums are missing")
-    if session.complete and content_checksum != session.ending.get("checksum"):
-        wrong = ", ".join(t for t, digest in _written(session).items() if digests.get(t) != digest)
+    if session.ending and content_checksum != session.ending.get("checksum"):
+        wrong = ", ".join(t for t, digest in _ending(session, "sha256").items() if digests.get(t) != digest)
         faults.append(f"checksum is not what was written ({wrong or 'its own is damaged'})")
     if not _described_twice(session):
         faults.append("its description is not what was written")
     remarks = _remarks(session)
+    if contents.ended and not (session.ending or session.recovered):
+        remarks.insert(0, "its checksums are missing: it cannot be compared with what was recorded")
     faults += _malformed(session)
     if recording:
         faults.append("being recorded, or repaired by another program")
-    elif not contents.whole:
+    elif not contents.whole and not contents.unreadable:
         faults.append("repair it: monochord sessions recover")
     audio = session.audio
     return CheckReport(
@@ -98,6 +101,8 @@ def _damage(contents: Contents) -> list[str]:
     """Return a sentence for each kind of damage."""
     faults: list[str] = []
     kinds = [each.what for each in (*contents.damage, *contents.patches)]
+    if unreadable := kinds.count(UNREADABLE):
+        faults.append(f"{unreadable} chunks that cannot be unpacked here: unpack it (mcap decompress)")
     chunks, records = kinds.count("chunk"), sum(kinds.count(what) for what in ("record", "index", "ending"))
     if chunks:
         faults.append(f"{chunks} damaged chunk{'s' if chunks > 1 else ''}")
@@ -110,10 +115,10 @@ def _damage(contents: Contents) -> list[str]:
     return faults
 
 
-def _written(session: SessionReader) -> dict[str, Any]:
-    """Return SHA-256 of every topic as the writer stored it, nothing where that is damaged."""
+def _ending(session: SessionReader, name: str) -> dict[str, Any]:
+    """Return a checksum of every topic as the writer stored it, nothing where that is damaged."""
     try:
-        return json_object(session.ending.get("sha256", "{}"))
+        return json_object(session.ending.get(name, "{}"))
     except InputError:
         return {}
 
@@ -137,14 +142,33 @@ def _malformed(session: SessionReader) -> list[str]:
 
 
 def _by_topic(session: SessionReader, contents: Contents) -> tuple[dict[str, str], dict[str, int]]:
-    """Return SHA-256 and number of messages of every topic, as the writer reckons them."""
-    names = dict(enumerate(session.topics, 1)) | {
-        n: channel.topic for n, channel in contents.channels.items()
-    }
-    numbers = {topic: number for number, topic in names.items()}
-    of = {topic: numbers.get(topic, 0) for topic in session.topics}  # 0 is no channel's
-    digests = {topic: contents.digests[number].hexdigest() for topic, number in of.items()}
-    return digests, {topic: contents.counts[number] for topic, number in of.items()}
+    """Return SHA-256 and number of messages of every topic, as the writer reckons them.
+
+    Where the messages are those that were written, in whatever order, SHA-256 is that which was written.
+    """
+    written, totals = _ending(session, "sha256"), _ending(session, TOTALS)
+    digests: dict[str, str] = {}
+    messages: dict[str, int] = {}
+    for topic in session.topics:
+        numbers = [number for number, name in session.channels.items() if name == topic]
+        # Several channels of one topic are one only as they are read.
+        digest = contents.digests[numbers[0]] if len(numbers) == 1 else _in_order(session, topic)
+        same = digest.ordered == written.get(topic)
+        if topic in totals:
+            same = digest.total == totals[topic]
+        elif not same and topic in written:
+            same = _in_order(session, topic).ordered == written[topic]
+        digests[topic] = written[topic] if same and topic in written else digest.ordered
+        messages[topic] = digest.count
+    return digests, messages
+
+
+def _in_order(session: SessionReader, topic: str) -> Digest:
+    """Return the digest of a topic's messages as they are read; all that an older session has to go by."""
+    digest = Digest()
+    for message in session.messages(topic):
+        digest.add(message.log_time, message.publish_time, message.sequence, message.data)
+    return digest
 
 
 def _remarks(session: SessionReader) -> list[str]:

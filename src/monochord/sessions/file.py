@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless
 from monochord.core.units import Seconds
 
 KEEP_SIZE = 1  # of fallocate(2): blocks are set aside, the file's size stays
@@ -154,6 +155,7 @@ def refuse_recorded(path: Path, handle: int) -> None:
 
 def being_written(path: Path) -> bool:
     """Return whether a program records or repairs a session now."""
+    refuse_endless(path)
     with _reading(path) as handle:
         return not _locked(handle, fcntl.LOCK_SH, 0.0)
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.errors import InputError, MissingLibraryError
+from monochord.core.errors import InputError, MissingLibraryError, did_you_mean
 from monochord.core.labels import LabelTrack
-from monochord.core.types import Feed
+from monochord.core.types import Feed, Floats
 from monochord.sessions import codec, walk
-from monochord.sessions._layout import BEGIN, END
+from monochord.sessions._layout import BEGIN, END, rewritten
+from monochord.sessions._places import number_in, places, records_of, topic_in
 from monochord.sessions.bounds import (
     MAX_COLUMNS,
     MAX_DURATION,
@@ -22,13 +23,6 @@ from monochord.sessions.bounds import (
 )
 from monochord.sessions.description import NANO, Description, SessionClock
 from monochord.sessions.tracks import AUDIO, LABELS, AudioTrack, ClockTrack, Event, ReadingTrack
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-from typing import TYPE_CHECKING
-
-from monochord.core.errors import did_you_mean
-from monochord.core.types import Floats
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -69,25 +63,36 @@ class SessionReader:
         self.path = path
         self._view = walk.mapped(path)
         self._names: dict[int, str] = {}
-        self._chunks: list[memoryview] = []
-        self._holes = 0
+        self._parts: list[walk.Record] = []
+        self._holes, self._ended, ours, moved = 0, False, True, False
         self.malformed: dict[str, tuple[int, str]] = {}
         opening: dict[str, str] = {}
         self.ending: dict[str, str] = {}
         self.recovered = False
         for record in walk.records(self._view):
-            if record.opcode == walk.METADATA:
+            if self._ended:
+                if record.opcode == walk.CHANNEL:  # in the summary
+                    self._names[number_in(record.body)] = topic_in(record.body)
+            elif record.opcode == walk.METADATA:
                 name, values = walk.metadata(record.body)
                 opening = values if name == BEGIN else opening
+                moved |= name == BEGIN and bool(self._parts)
                 self.ending = values if name == END else self.ending
                 self.recovered = self.recovered or name == walk.RECOVERED
-            elif record.opcode == walk.CHUNK:
-                self._chunks.append(record.body)
-            elif record.opcode == walk.DAMAGED:
-                self._holes += 1
-            elif record.opcode == walk.DATA_END:
-                break
-        opening = {**opening, **self._described_again(opening.get("origin", "0.0"))}
+            elif record.opcode in (walk.CHUNK, walk.LOOSE):
+                self._parts.append(record)
+            elif record.opcode == walk.HEADER:
+                ours = not rewritten(bytes(record.body))
+            self._holes += record.opcode == walk.DAMAGED
+            self._ended |= record.opcode == walk.DATA_END
+        unpacked = sum(walk.unpacked_size(each.body) for each in self._parts if each.opcode == walk.CHUNK)
+        refuse_unpacking(f"session {path}", len(self._view), unpacked, "unpack it: mcap decompress")
+        # Where another program wrote the file, its order says nothing.
+        self._as_written = ours and not moved and bool(opening or self._holes)
+        origin = opening.get("origin", "0.0")
+        opening |= self._described_again(origin, self._parts[:1])
+        if "description" not in opening:  # other programs leave metadata out, and sort by topic
+            opening |= self._described_again(origin, self._parts)
         if "description" not in opening:
             remedy = "import audio and labels with: monochord sessions import"
             raise InputError(f"file {path} (MCAP, but no session)", "a session of Monochord", remedy)
@@ -97,23 +102,20 @@ class SessionReader:
         except InputError as error:
             given = f"file {path} (its description is damaged: {error.given})"
             raise InputError(given, error.allowed, "repair it: monochord sessions recover") from error
-        # As every session numbers them; where the chunk that says so is damaged, this does.
-        self._names = dict(enumerate(self.topics, 1))
-        unpacked = sum(walk.unpacked_size(body) for body in self._chunks)
-        refuse_unpacking(f"session {path}", len(self._view), unpacked, "unpack it: mcap decompress")
+        # As every session of ours numbers them; where the chunk that says so is damaged, this does.
+        self._names = (dict(enumerate(self.topics, 1)) if ours else {}) | self._names
 
-    def _described_again(self, origin: str) -> dict[str, str]:
+    def _described_again(self, origin: str, parts: list[walk.Record]) -> dict[str, str]:
         """Return what the begin says, as the first message says it, which a checksum guards; else nothing."""
         try:
             float(origin)
         except ValueError:
             origin = "0.0"  # no time that is read depends on it
         names: dict[int, str] = {}
-        first = walk.chunk(self._chunks[0]) if self._chunks else None
-        for opcode, _, content in walk.inside(first.records) if first and first.sound else ():
-            number = int.from_bytes(content[:2], "little")
+        for _, opcode, _, content in records_of(parts):
+            number = number_in(content)
             if opcode == walk.CHANNEL:
-                names[number] = _topic_in(content)
+                names[number] = topic_in(content)
             elif opcode == walk.MESSAGE and names.get(number) == "/description":
                 if len(content) < walk.MIN_MESSAGE:
                     return {}
@@ -128,12 +130,12 @@ class SessionReader:
     @property
     def complete(self) -> bool:
         """Whether it was closed, rather than cut off."""
-        return bool(self.ending)
+        return bool(self.ending) or (self._ended and not self.recovered and not self._holes)
 
     @cached_property
     def damaged(self) -> int:
         """How many chunks or other records are damaged; their content is left out of all that is read."""
-        return self._holes + sum(not walk.chunk(body).sound for body in self._chunks)
+        return self._holes + sum(not walk.contents(each).sound for each in self._parts)
 
     @property
     def streams(self) -> tuple[str, ...]:
@@ -146,17 +148,34 @@ class SessionReader:
         return (*codec.TOPICS, *(codec.topic_of(stream) for stream in self.streams))
 
     def messages(self, topic: str) -> Iterator[walk.Message]:
-        """Yield the messages of a topic in the order of the file; chunks that are damaged are left out."""
-        for body in self._chunks:
-            chunk = walk.chunk(body)
-            for opcode, _, content in walk.inside(chunk.records) if chunk.sound else ():
-                number = int.from_bytes(content[:2], "little")
-                if opcode == walk.MESSAGE:
-                    if self._names.get(number) == topic:
-                        torn = len(content) < walk.MIN_MESSAGE
-                        yield walk.Message(number, 0, 0, 0, content[:0]) if torn else walk.message(content)
-                elif opcode == walk.CHANNEL:
-                    self._names[number] = _topic_in(content)
+        """Yield the messages of a topic as they were recorded, one after the other; audio by its frames.
+
+        Where another program wrote the file, they come in the order of their log times. Chunks that are
+        damaged are left out.
+        """
+        rows = self._places.get(topic)
+        if rows is None:
+            return
+        held, records = -1, memoryview(b"")
+        for first in range(0, len(rows), PIECE):
+            for _, part, start, stop in rows[first : first + PIECE].tolist():
+                if part != held:
+                    held, records = part, walk.contents(self._parts[part]).records
+                content = records[start:stop]
+                if len(content) < walk.MIN_MESSAGE:
+                    yield walk.Message(number_in(content), 0, 0, 0, content[:0])
+                else:
+                    yield walk.message(content)
+
+    @cached_property
+    def _places(self) -> dict[str, NDArray[np.uint64]]:
+        return places(self._parts, self._names, as_written=self._as_written)
+
+    @property
+    def channels(self) -> dict[int, str]:
+        """The topic of each channel, by its number in the file."""
+        _ = self._places
+        return self._names
 
     def decoded(self, topic: str) -> Iterator[tuple[walk.Message, Any]]:
         """Yield the messages of a topic with what they hold; those that are malformed are counted instead."""
@@ -363,10 +382,8 @@ NO_COUNT = (1 << 32) - 1
 """What stands for no sequence in a message's 32 bits."""
 
 
-def _topic_in(channel: memoryview) -> str:
-    """Return the topic that a channel record's body names, whatever else is wrong with it."""
-    length = int.from_bytes(channel[4:8], "little")
-    return bytes(channel[8 : 8 + length]).decode(errors="replace")
+PIECE = 4096
+"""Messages whose places are looked up at a time."""
 
 
 def _joined(parts: list[Any], kind: Any) -> Any:

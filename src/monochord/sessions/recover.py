@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless
 from monochord.core.units import Seconds
 from monochord.sessions import walk
-from monochord.sessions._contents import Contents, identity_of, scan
+from monochord.sessions._contents import Contents, identity_of
 from monochord.sessions._layout import BEGIN, FORMAT, opening
+from monochord.sessions._scan import offsets, scan
 from monochord.sessions.file import refuse_recorded
 from monochord.sessions.reader import read_session
-from monochord.sessions.walk import MAGIC, inside
+from monochord.sessions.walk import MAGIC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +54,7 @@ def recover(path: Path) -> Recovery:
     InputError
         If the file is not there, no session, being recorded, or cannot be written.
     """
+    refuse_endless(path)
     try:
         with path.open("r+b") as file:
             refuse_recorded(path, file.fileno())
@@ -91,6 +94,9 @@ class _Repair:
 
     def plan(self) -> None:
         """Work out what to change."""
+        if self.contents.unreadable:
+            given = f"session {self._path} (with chunks that cannot be unpacked here)"
+            raise InputError(given, "chunks of lz4 or zstd, 64 MiB at most", "unpack it: mcap decompress")
         # What one look puts in place and the next takes away again is left after the second look.
         while fixes := [fix for fix in (*self._patches(), *self._damage()) if fix[:2] not in self._changes]:
             for offset, data, length in fixes:
@@ -157,7 +163,7 @@ class _Repair:
         notes = {walk.RECOVERED: {"lost_bytes": str(self.lost), "pieces": json.dumps(_joined(self._pieces))}}
         if not contents.begin:
             notes[BEGIN] = {"format": FORMAT, **clock.dump(), "description": text}
-        if not set(contents.counts) <= set(contents.channels):
+        if not set(contents.counts) <= set(contents.channels) and not contents.rewritten:
             begin = scan(memoryview(opening(text, clock)))
             contents.schemas, contents.channels = begin.schemas, begin.channels
         return notes
@@ -207,7 +213,7 @@ def ending_after(contents: Contents, notes: Mapping[str, Mapping[str, str]]) -> 
     out = RecordBuilder()
     if contents.index:
         contents.chunks[-1].message_index_length = len(contents.index)
-        contents.chunks[-1].message_index_offsets = dict(_offsets(contents.index, contents.end))
+        contents.chunks[-1].message_index_offsets = offsets(memoryview(contents.index), contents.end)
         out.write(contents.index)
     for name, values in notes.items():
         before = out.count
@@ -215,6 +221,7 @@ def ending_after(contents: Contents, notes: Mapping[str, Mapping[str, str]]) -> 
         entry = MetadataIndex(offset=contents.end + before, length=out.count - before, name=name)
         contents.metadata.append(entry)
     DataEnd(0).write(out)
+    begin, stop = contents.span or (0, 0)
     summary = contents.end + out.count
     groups: list[tuple[Opcode, list[Any]]] = [
         (Opcode.SCHEMA, list(contents.schemas.values())),
@@ -225,11 +232,11 @@ def ending_after(contents: Contents, notes: Mapping[str, Mapping[str, str]]) -> 
                 Statistics(
                     attachment_count=len(contents.attachments),
                     channel_count=len(contents.channels),
-                    channel_message_counts=dict(contents.counts),
+                    channel_message_counts=contents.counts,
                     chunk_count=len(contents.chunks),
                     message_count=sum(contents.counts.values()),
-                    message_end_time=max((c.message_end_time for c in contents.chunks), default=0),
-                    message_start_time=min((c.message_start_time for c in contents.chunks), default=0),
+                    message_end_time=stop,
+                    message_start_time=begin,
                     metadata_count=len(contents.metadata),
                     schema_count=len(contents.schemas),
                 )
@@ -239,24 +246,18 @@ def ending_after(contents: Contents, notes: Mapping[str, Mapping[str, str]]) -> 
         (Opcode.ATTACHMENT_INDEX, list(contents.attachments)),
         (Opcode.METADATA_INDEX, list(contents.metadata)),
     ]
-    offsets: list[SummaryOffset] = []
+    groups_at: list[SummaryOffset] = []
     for opcode, entries in groups:
         start = contents.end + out.count
         for entry in entries:
             entry.write(out)
         if entries:
             length = contents.end + out.count - start
-            offsets.append(SummaryOffset(group_opcode=opcode, group_start=start, group_length=length))
+            groups_at.append(SummaryOffset(group_opcode=opcode, group_start=start, group_length=length))
     offset_start = contents.end + out.count
-    for offset in offsets:
-        offset.write(out)
+    for group in groups_at:
+        group.write(out)
     Footer(summary_start=summary, summary_offset_start=offset_start, summary_crc=0).write(out)
     done = out.end()
     crc = zlib.crc32(done[summary - contents.end : -4])
     return done[:-4] + crc.to_bytes(4, "little") + MAGIC
-
-
-def _offsets(index: bytes, start: int) -> Iterator[tuple[int, int]]:
-    """Yield channel and place of each record of an index of messages that is to stand at `start`."""
-    for _, offset, body in inside(memoryview(index)):
-        yield int.from_bytes(body[:2], "little"), start + offset

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless
+from monochord.sessions import _packing as packing
 
 if TYPE_CHECKING:
     from mcap.data_stream import ReadDataStream
@@ -24,35 +26,35 @@ MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = 1, 2, 3, 4, 5, 6, 7
 CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX = 8, 9, 10, 11, 12, 13
 SUMMARY_OFFSET, DATA_END = 14, 15
-DAMAGED = 0
-"""Opcode under which `records` gives bytes that are no record."""
+DAMAGED, LOOSE = 0, -1
+"""Opcodes under which `records` gives bytes that are no record, and messages in no chunk."""
+_LOOSE = (SCHEMA, CHANNEL, MESSAGE)
 LOST, LOST_MARK = 0xDA, b"DAMAGED\n"
 """Opcode, one of those that MCAP leaves to applications, and first bytes of a record that stands where others
 were damaged: every reader skips it."""
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+HEAD_SIZE = _HEAD.size
+"""Bytes before the body of a record."""
 MIN_MESSAGE = _MESSAGE.size
 """Bytes of a message record without its payload."""
 _CHUNK = struct.Struct("<QQQII")
 _PLAIN = _CHUNK.size + 8  # where the records of a chunk without compression begin
-_INDEX_ENTRY = 16
+_INDEX_HEAD, _INDEX_ENTRY = 6, 16
 _MIN_DAMAGE = _HEAD.size + len(
     LOST_MARK
 )  # bytes of the smallest damage, so that a record of opcode LOST fits
 # Where a record may begin: an opcode of the data section, and a length below 4 GB.
 _HEADS = re.compile(rb"(?=[\x02\x06\x07\x09\x0c\x0f\xda].{4}\x00{4})", re.DOTALL)
-MAX_UNPACKED_CHUNK = 64 << 20
-"""Bytes that a compressed chunk may unpack to; one that claims more counts as damaged, and is not unpacked.
-
-Of a chunk that is not compressed no copy is made, and it may be of any size.
-"""
+_LOOSE_HEADS = re.compile(rb"(?=[\x02-\x07\x09\x0c\x0f\xda].{4}\x00{4})", re.DOTALL)
 _MAX_NAME = 32  # characters of a compression's name
 
 
 class Record(NamedTuple):
     """A record of the file: its opcode, where it begins and ends, and its body.
 
-    Of opcode `DAMAGED`, the body is all of it, as there is no telling a head from what follows.
+    Of opcode `DAMAGED`, the body is all of it, as there is no telling a head from what follows. Of `LOOSE`,
+    it is all of one or more records (schemas, channels, messages), heads included, as `inside` takes them.
     """
 
     opcode: int
@@ -86,6 +88,7 @@ class ChunkBody:
 
 def mapped(path: Path) -> memoryview:
     """Return the bytes of a file, read as they are used; raises `InputError` if it is no MCAP file."""
+    refuse_endless(path)
     try:
         with path.open("rb") as file:
             size = file.seek(0, 2)
@@ -104,14 +107,17 @@ def records(view: memoryview) -> Iterator[Record]:
 
     Where a record's head or the lengths inside it are damaged, the next sound record is searched, and what
     lies between is one record of opcode `DAMAGED`; or a chunk, if its checksum says that only its head is
-    damaged. What comes after the data section is not searched: it is made anew from what comes before.
+    damaged. Schemas, channels and messages that follow each other outside chunks are one record of opcode
+    `LOOSE`. What comes after the data section is not searched: it is made anew from what comes before.
     """
-    offset = len(MAGIC)
+    offset, heads = len(MAGIC), _HEADS
     while offset < len(view):
-        if end := _end(view, offset):
+        if end := _end_of_loose(view, offset):
+            record, heads = Record(LOOSE, offset, end, view[offset:end]), _LOOSE_HEADS
+        elif end := _end(view, offset):
             record = Record(view[offset], offset, end, view[offset + _HEAD.size : end])
         else:
-            end = _next(view, offset + _MIN_DAMAGE) or len(view)
+            end = _next(view, offset + _MIN_DAMAGE, heads) or len(view)
             body = view[offset + _HEAD.size : end]
             if chunk(body).sound:
                 record = Record(CHUNK, offset, end, body)
@@ -162,7 +168,7 @@ def chunk(body: memoryview) -> ChunkBody:
     begin, stop, size, crc, length = _CHUNK.unpack_from(bytes(body[: _CHUNK.size]).ljust(_CHUNK.size, b"\0"))
     compression = bytes(body[32 : 32 + min(length, _MAX_NAME)]).decode(errors="replace")
     packed = body[40 + length :]
-    unpacked = _unpacked(compression, packed, size)
+    unpacked = packing.unpacked(compression, packed, size)
     whole = len(body) >= _CHUNK.size + length + 8
     sound = (
         whole and unpacked is not None and len(unpacked) == size and (crc == 0 or zlib.crc32(unpacked) == crc)
@@ -178,6 +184,22 @@ def chunk(body: memoryview) -> ChunkBody:
         compressed_size=len(packed),
         records=memoryview(b"") if unpacked is None else unpacked,
         sound=sound,
+    )
+
+
+def contents(record: Record) -> ChunkBody:
+    """Return what a record of opcode `CHUNK` or `LOOSE` holds; nothing guards the latter."""
+    if record.opcode == CHUNK:
+        return chunk(record.body)
+    size = len(record.body)
+    return ChunkBody(
+        begin=0,
+        stop=0,
+        uncompressed_size=size,
+        compression="",
+        compressed_size=size,
+        records=record.body,
+        sound=True,
     )
 
 
@@ -260,9 +282,20 @@ def _end(view: memoryview, offset: int) -> int:
         return 0
 
 
-def _next(view: memoryview, start: int) -> int:
-    """Return where the next record begins that is sound, or has a record behind it; 0 where there is none."""
-    for match in _HEADS.finditer(view, start):
+def _end_of_loose(view: memoryview, offset: int) -> int:
+    """Return where schemas, channels and messages that follow each other end, 0 where there are none."""
+    end = 0
+    while offset < len(view) and view[offset] in _LOOSE and (offset := _end(view, offset)):
+        end = offset
+    return end
+
+
+def _next(view: memoryview, start: int, heads: "re.Pattern[bytes]") -> int:
+    """Return where the next record begins that is sound, or has a record behind it; 0 where there is none.
+
+    `heads` finds where one may begin: messages are looked for only in files that have them outside chunks.
+    """
+    for match in heads.finditer(view, start):
         at = match.start()
         end = _end(view, at)
         if not end:
@@ -314,14 +347,30 @@ def _header_fits(body: memoryview) -> bool:
     return library + 4 + _number(body, library) == len(body)
 
 
+def _schema_fits(body: memoryview) -> bool:
+    encoding = 6 + _number(body, 2)
+    data = encoding + 4 + _number(body, encoding)
+    return data + 4 + _number(body, data) == len(body)
+
+
+def _channel_fits(body: memoryview) -> bool:
+    encoding = 8 + _number(body, 4)
+    content = encoding + 4 + _number(body, encoding)
+    return content + 4 + _number(body, content) == len(body)
+
+
 def _chunk_fits(body: memoryview) -> bool:
     records = _CHUNK.size + _number(body, _CHUNK.size - 4)
     return records + 8 + _number(body, records, "<Q") == len(body)
 
 
-def _index_fits(body: memoryview) -> bool:
-    size = _number(body, 2)
-    return size == len(body) - 6 and size > 0 and size % _INDEX_ENTRY == 0
+def index_fits(body: memoryview) -> bool:
+    """Return whether a record's body can be that of an index of messages."""
+    return (
+        len(body) >= _INDEX_HEAD
+        and _number(body, 2) == len(body) - _INDEX_HEAD
+        and len(body) % _INDEX_ENTRY == _INDEX_HEAD
+    )
 
 
 def _metadata_fits(body: memoryview) -> bool:
@@ -337,15 +386,19 @@ def _attachment_fits(body: memoryview) -> bool:
 
 _FITS: dict[int, Callable[[memoryview], bool]] = {
     HEADER: _header_fits,
+    SCHEMA: _schema_fits,
+    CHANNEL: _channel_fits,
+    MESSAGE: lambda body: len(body) >= MIN_MESSAGE,
     CHUNK: _chunk_fits,
-    MESSAGE_INDEX: _index_fits,
+    MESSAGE_INDEX: index_fits,
     METADATA: _metadata_fits,
     ATTACHMENT: _attachment_fits,
     DATA_END: lambda body: len(body) == 4,
     FOOTER: lambda body: len(body) == 20,
     LOST: lambda body: bytes(body[: len(LOST_MARK)]) == LOST_MARK,
 }
-"""Whether the lengths inside a record agree with the record's own, by opcode: two witnesses for each."""
+"""Whether the lengths inside a record agree with the record's own, by opcode: two witnesses for all but a
+message."""
 
 
 def _stream(body: memoryview) -> "ReadDataStream":
@@ -359,34 +412,3 @@ def unpacked_size(body: memoryview) -> int:
     head = bytes(body[: _CHUNK.size]).ljust(_CHUNK.size, b"\0")
     _, _, size, _, length = _CHUNK.unpack(head)
     return size if length else 0
-
-
-def _unpacked(compression: str, packed: memoryview, size: int) -> memoryview | None:
-    """Return what was packed, None where that is damaged, or not of the size that it claims."""
-    if not compression:
-        return packed
-    unpack = {"zstd": _unpacked_zstd, "lz4": _unpacked_lz4}.get(compression)
-    if unpack is None or size > MAX_UNPACKED_CHUNK:
-        return None
-    try:
-        data = unpack(packed, size)
-    except Exception:  # noqa: BLE001  (each library has errors of its own: damage)
-        return None
-    return None if data is None else memoryview(data)
-
-
-def _unpacked_zstd(packed: memoryview, size: int) -> bytes | None:
-    import zstandard  # noqa: PLC0415
-
-    # A size in the data's own head is what the library would allocate, whatever limit it is given.
-    if zstandard.frame_content_size(packed) not in (size, -1):
-        return None
-    return zstandard.decompress(packed, max_output_size=size)
-
-
-def _unpacked_lz4(packed: memoryview, size: int) -> bytes | None:
-    import lz4.frame  # noqa: PLC0415
-
-    stream = lz4.frame.LZ4FrameDecompressor()
-    data = stream.decompress(packed, max_length=size + 1)
-    return data if stream.eof else None

@@ -8,7 +8,7 @@ from array import array
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from monochord.core.errors import InputError
 from monochord.core.types import Block, Floats, Readings
 from monochord.core.units import Samples, Seconds
 from monochord.sessions import codec
-from monochord.sessions._layout import END, begin, guarded
+from monochord.sessions._digest import Digest
+from monochord.sessions._layout import END, TOTALS, begin, guarded
 from monochord.sessions.bounds import MAX_COLUMNS
 from monochord.sessions.description import LATEST_STAMP, Description, SessionClock
 from monochord.sessions.file import SessionFile
@@ -67,8 +68,7 @@ class SessionWriter:
         self._closed = False
         self._pending: list[Block] = []
         self._counts = {"frames": 0, "dropped": 0, "gaps": 0, "end": 0}
-        self._digests: dict[int, Any] = {}
-        self._messages: dict[int, int] = {}
+        self._digests: dict[int, Digest] = {}
         self._unflushed = self._chunks = 0
         try:
             text = description.dump()
@@ -78,7 +78,7 @@ class SessionWriter:
             assert CHUNKS in library, "mcap keeps its chunks elsewhere"
             library[CHUNKS] = ChunkList(self._file)
             for number in self._channels.values():
-                self._digests[number], self._messages[number] = hashlib.sha256(), 0
+                self._digests[number] = Digest()
             self._put("/description", self.clock.epoch_ns, codec.encode(codec.TEXT, data=text))
             self.flush()
         except BaseException:
@@ -240,12 +240,13 @@ class SessionWriter:
 
     def _closing_values(self) -> dict[str, str]:
         """Return the values of the ending: messages and SHA-256 of each topic, counts, the clock."""
-        digests = {topic: self._digests[number].hexdigest() for topic, number in self._channels.items()}
-        whole = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
+        digests = {topic: self._digests[number] for topic, number in self._channels.items()}
+        ordered = json.dumps({topic: each.ordered for topic, each in digests.items()}, sort_keys=True)
         return {
-            "checksum": whole,
-            "sha256": json.dumps(digests, sort_keys=True),
-            "messages": json.dumps({t: self._messages[n] for t, n in self._channels.items()}, sort_keys=True),
+            "checksum": hashlib.sha256(ordered.encode()).hexdigest(),
+            "sha256": ordered,
+            TOTALS: json.dumps({topic: each.total for topic, each in digests.items()}, sort_keys=True),
+            "messages": json.dumps({topic: each.count for topic, each in digests.items()}, sort_keys=True),
             **{name: str(count) for name, count in self._counts.items()},
             **self.clock.dump(),
         }
@@ -293,10 +294,7 @@ class SessionWriter:
     def _put(self, topic: str, stamp: int, data: bytes, sent: int | None = None, sequence: int = 0) -> None:
         number = self._channels[topic]
         published, count = stamp if sent is None else sent, sequence % (1 << 32)
-        digest = self._digests[number]
-        digest.update(struct.pack("<QQI", stamp, published, count))
-        digest.update(data)
-        self._messages[number] += 1
+        self._digests[number].add(stamp, published, count, data)
         self._unflushed += len(data)
         self._writer.add_message(number, log_time=stamp, data=data, publish_time=published, sequence=count)
 

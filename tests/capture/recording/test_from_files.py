@@ -8,7 +8,7 @@ from tests.sessions.forged import mutated, refused_or_done
 
 from monochord.capture.recording.from_files import from_files
 from monochord.core.errors import InputError
-from monochord.sessions import SessionReader, check, read_session
+from monochord.sessions import SessionReader, check, read_session, recover
 
 RATE = 44100
 
@@ -74,6 +74,40 @@ def test_labels_keep_their_columns_times_and_blanks(tmp_path: Path) -> None:
 def test_other_spreadsheets_are_read_too(tmp_path: Path, table: str) -> None:
     sound(tmp_path / "a.wav")
     np.testing.assert_array_equal(imported(tmp_path / "a.wav", table).labels.columns["contact"], [1.0])
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        ",time,position\n0,0.1,0.05\n1,0.2,0.06\n",
+        "Unnamed: 0;time;position\n7;0.1;0.05\n3;0.2;0.06\n",
+        ",Unnamed: 0,time,position\n0,0,0.1,0.05\n1,1,0.2,0.06\n",
+    ],
+)
+def test_row_numbers_of_pandas_are_no_label(tmp_path: Path, table: str) -> None:
+    sound(tmp_path / "a.wav")
+    labels = imported(tmp_path / "a.wav", table).labels
+    assert {name: column.tolist() for name, column in labels.columns.items()} == {"position": [0.05, 0.06]}
+
+
+def test_a_column_without_a_name_that_is_no_row_number_is_refused(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    with pytest.raises(InputError, match="a different name for each"):
+        imported(tmp_path / "a.wav", ",time,position\n0.5,0.1,0.05\n")
+
+
+@pytest.mark.parametrize("share", [0.4, 0.8])
+def test_an_imported_session_that_was_cut_keeps_what_is_whole(tmp_path: Path, share: float) -> None:
+    samples = sound(tmp_path / "a.wav", subtype="FLOAT", seconds=2.0)
+    path = imported(tmp_path / "a.wav", "time,contact\n0.0,0\n0.5,1\n").path
+    content = path.read_bytes()
+    path.write_bytes(content[: round(share * len(content))])
+    for _ in range(2):
+        kept = read_session(path).audio.samples
+        assert (share - 0.1) * samples.shape[1] < kept.shape[1]
+        assert np.array_equal(kept, samples[:, : kept.shape[1]])
+        recover(path)
+    assert check(path).sound
 
 
 def test_a_row_may_be_a_touch(tmp_path: Path) -> None:

@@ -188,6 +188,45 @@ def test_a_truncated_file_repeats_what_it_has(tmp_path: Path) -> None:
     assert np.array_equal(audio(file, allow_truncated=True, repeat=2), np.tile(once, 2))
 
 
+def unfinished(path: Path, kind: str) -> np.ndarray:
+    """Write a file as it stands where its recorder died, and return the samples that are in it."""
+    samples = noise(3000)
+    form = "RF64" if kind == "RF64" else "WAV"
+    endian = "BIG" if kind == "RIFX" else "FILE"
+    soundfile.write(path, samples.T, RATE, subtype="FLOAT", format=form, endian=endian)
+    content = bytearray(path.read_bytes())
+    if kind == "junk":
+        content[12:12] = b"JUNK" + (28).to_bytes(4, "little") + bytes(28)
+    at = content.index(b"data") + 4
+    content[4:8] = content[at : at + 4] = b"\xff" * 4 if kind == "RF64" else bytes(4)
+    if kind == "RF64":
+        content[20:44] = bytes(24)
+    path.write_bytes(content[:-5] if kind == "torn" else content)
+    return samples[:, : -1 if kind == "torn" else None]
+
+
+@pytest.mark.parametrize("kind", ["RIFF", "RIFX", "RF64", "junk", "torn"])
+def test_what_a_recorder_left_that_died_is_refused_or_read(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "a.wav"
+    samples = unfinished(path, kind)
+    before = path.read_bytes()
+    with pytest.raises(InputError) as caught:
+        blocks(path)
+    assert "recorder ended" in caught.value.given
+    assert "--allow-truncated" in caught.value.remedy
+    assert np.array_equal(audio(path, allow_truncated=True), samples)
+    assert np.array_equal(audio(path, allow_truncated=True, repeat=2), np.tile(samples, 2))
+    assert path.read_bytes() == before
+
+
+def test_a_file_without_sound_but_with_notes_is_not_an_unfinished_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.wav"
+    soundfile.write(path, np.zeros((0, 2)), RATE)
+    path.write_bytes(path.read_bytes() + b"LIST" + (8).to_bytes(4, "little") + b"INFOabcd")
+    with pytest.raises(InputError, match="0 frames"):
+        blocks(path, allow_truncated=True)
+
+
 def text(path: Path) -> None:
     path.write_text("this is not sound\n" * 20, encoding="ascii")
 

@@ -13,6 +13,7 @@ from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Stream
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless, without_index
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Seconds
 from monochord.physics.known_touches import why_impossible
@@ -131,6 +132,7 @@ def _write(writer: SessionWriter, stream: Stream, time: Floats, columns: Mapping
         _labels(writer, time, columns, slice(written, due))
         written = due
         writer.audio(block)
+        writer.flush()  # a file that is cut keeps what came before
     _labels(writer, time, columns, slice(written, None))
 
 
@@ -207,6 +209,7 @@ def _of_touches(
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Return the header and the rows that are not empty, each with its number in the file."""
     allowed = "a CSV file whose first line names time and labels"
+    refuse_endless(path)
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             first = file.readline()
@@ -221,6 +224,8 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         raise InputError(f"file {path} ({error})", allowed) from error
     if not lines:
         raise InputError(f"file {path} (empty)", allowed)
+    cells = without_index([line for _, line in lines])
+    lines = [(number, line) for (number, _), line in zip(lines, cells, strict=True)]
     names = [name.strip() for name in lines[0][1]]
     if "time" not in names and not {*TOUCH} <= {*names}:
         remedy = "call the column of the times time"

@@ -1,13 +1,16 @@
 """Opens a wav or flac file for reading, or says in one line why it cannot be used."""
 
 import os
+from dataclasses import dataclass
+from mmap import ACCESS_COPY, mmap
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import soundfile
 
 from monochord.capture.sources.base import refuse_other_rates
 from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless
 
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
 MAX_CHANNELS = 2
@@ -27,11 +30,12 @@ def open_audio(path: Path, *, allow_truncated: bool, most: int = MAX_CHANNELS) -
     """
     if path.is_dir():
         raise InputError(f"folder {path}", "a wav or flac file", "name one of its files")
+    refuse_endless(path)
     if not path.exists():
         raise InputError(f"file {path} (not there)", "an existing wav or flac file", "check its name")
     if not path.stat().st_size:
         raise InputError(f"file {path} (empty)", "a wav or flac file with sound in it")
-    file = _open(path)
+    file = _open(path, allow_truncated=allow_truncated)
     try:
         _refuse(file, path, most)
         if not allow_truncated:
@@ -42,15 +46,22 @@ def open_audio(path: Path, *, allow_truncated: bool, most: int = MAX_CHANNELS) -
     return file
 
 
-def _open(path: Path) -> soundfile.SoundFile:
+def _open(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
     allowed = "wav or flac sound"
     try:
         with path.open("rb") as file:
             magic = file.read(4)
-        if magic not in (b"RIFF", b"RIFX", b"RF64", b"fLaC"):
-            raise InputError(f"file {path} (begins with {magic!r})", allowed, "convert it")
-        name: Any = os.fsencode(path)  # a name need not be text
-        return soundfile.SoundFile(name)
+            if magic not in (b"RIFF", b"RIFX", b"RF64", b"fLaC"):
+                raise InputError(f"file {path} (begins with {magic!r})", allowed, "convert it")
+            samples = None if magic == b"fLaC" else _samples_in(file)
+            name: Any = os.fsencode(path)  # a name need not be text
+            if samples is None or not _is_unfinished(file, samples):
+                return soundfile.SoundFile(name)
+            if not allow_truncated:
+                given = f"file {path} (its recorder ended before it wrote how long it is)"
+                raise InputError(given, "a whole file", READ_ANYWAY)
+            content: Any = _finished(file, samples)  # which soundfile takes, as it has what a file has
+            return soundfile.SoundFile(content)
     except soundfile.LibsndfileError as error:
         raise InputError(f"file {path} ({error.error_string.rstrip('.')})", allowed) from error
     except OSError as error:
@@ -77,7 +88,7 @@ def _refuse_truncated(file: soundfile.SoundFile, path: Path) -> None:
         whole = _last_frame_reads(file)
     else:
         with path.open("rb") as raw:
-            whole = _holds_what_it_promises(raw, path.stat().st_size)
+            whole = _holds_what_it_promises(raw)
     if not whole:
         raise InputError(f"file {path} (truncated)", "a whole file", f"copy it again, or {READ_ANYWAY}")
 
@@ -92,18 +103,77 @@ def _last_frame_reads(file: soundfile.SoundFile) -> bool:
     return reads
 
 
-def _holds_what_it_promises(file: BinaryIO, size: int) -> bool:
-    """Walk the chunks of a RIFF file to its samples; return whether the file reaches to their end."""
-    order = "big" if file.read(4) == b"RIFX" else "little"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Samples:
+    """Where the samples of a RIFF file begin, and how many bytes of them it promises.
+
+    `order` is that of its numbers, `wide` the place of the 64-bit lengths of an RF64 file, else 0.
+    """
+
+    begin: int
+    promised: int
+    order: Literal["big", "little"]
+    wide: int
+
+
+def _samples_in(file: BinaryIO) -> _Samples | None:
+    """Walk the chunks of a RIFF file to its samples; return None where there are none."""
+    file.seek(0)
+    order: Literal["big", "little"] = "big" if file.read(4) == b"RIFX" else "little"
     file.seek(12)
-    wide = 0  # the 64-bit length of an RF64 file's samples
+    wide = 0
     while len(head := file.read(8)) == 8:
         length = int.from_bytes(head[4:], order)
+        begin = file.tell()
         if head[:4] == b"ds64":
-            wide = int.from_bytes(file.read(16)[8:], "little")
-            file.seek(-16, 1)
+            wide = begin
         if head[:4] == b"data":
-            length = wide if length == UNKNOWN_LENGTH else length
-            return file.tell() + length <= size
-        file.seek(length + length % 2, 1)
-    return False
+            if length == UNKNOWN_LENGTH and wide:
+                file.seek(wide + 8)
+                length = int.from_bytes(file.read(8), order)
+            return _Samples(begin=begin, promised=length, order=order, wide=wide)
+        file.seek(begin + length + length % 2)
+    return None
+
+
+def _size(file: BinaryIO) -> int:
+    return os.fstat(file.fileno()).st_size
+
+
+def _is_unfinished(file: BinaryIO, samples: _Samples) -> bool:
+    """Return whether a file promises no samples, and what follows is not chunks to its end either."""
+    size, at = _size(file), samples.begin
+    if samples.promised:
+        return False
+    while at < size:
+        file.seek(at)
+        head = file.read(8)
+        if len(head) < 8 or not (head[:4].isascii() and head[:4].decode().isprintable()):
+            return True
+        length = int.from_bytes(head[4:], samples.order)
+        at += 8 + length + length % 2
+    return at > size + 1  # the last byte of padding may be missing
+
+
+def _finished(file: BinaryIO, samples: _Samples) -> mmap:
+    """Return the bytes of a file with the lengths that it has; the file stays as it is."""
+    content = mmap(file.fileno(), 0, access=ACCESS_COPY)
+    size = len(content)
+    room = size - samples.begin
+    lengths = {4: size - 8, samples.begin - 4: room - room % 2}  # behind an odd one, a byte would follow
+    for at, length in lengths.items():
+        content[at : at + 4] = min(length, UNKNOWN_LENGTH).to_bytes(4, samples.order)
+        if samples.wide:
+            wide = samples.wide + (0 if at == 4 else 8)
+            content[wide : wide + 8] = length.to_bytes(8, samples.order)
+            content[at : at + 4] = UNKNOWN_LENGTH.to_bytes(4, samples.order)
+    return content
+
+
+def _holds_what_it_promises(file: BinaryIO) -> bool:
+    """Return whether a RIFF file reaches to the end of its samples."""
+    samples = _samples_in(file)
+    if samples is None:
+        return False
+    unknown = samples.promised == UNKNOWN_LENGTH  # a program that writes to a pipe puts it
+    return unknown or samples.begin + samples.promised <= _size(file)

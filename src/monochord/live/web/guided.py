@@ -20,6 +20,7 @@ import numpy as np
 from monochord.capture.sources import SOURCES
 from monochord.core.dated import dated_path
 from monochord.core.errors import MonochordError
+from monochord.core.files import replacing
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.live.delivery import reason
@@ -91,7 +92,8 @@ class Tuning(Guided):
         path = dated_path("sensor", ".toml", self._folder)
         sensor = tuned([source], ["the page's recording"])
         sensor = replace(sensor, time=datetime.now(UTC).isoformat(timespec="seconds"))
-        path.write_text(sensor.toml(), encoding="utf-8")
+        with replacing(path) as part:
+            part.write_text(sensor.toml(), encoding="utf-8")
         return [*sensor.lines(), f"Written to {path}; use it by --sensor {path}"]
 
 

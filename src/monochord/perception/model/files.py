@@ -12,8 +12,7 @@ names (`monochord.perception.model.bundled`).
 import dataclasses
 import hashlib
 import json
-import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,8 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json, to_tree
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.files import refuse_endless, replacing
+from monochord.core.ownership import part_folder
 from monochord.core.types import Audio
 from monochord.perception.model.bundled import bundled_folder, bundled_names
 from monochord.perception.model.definition import FORMAT, Definition
@@ -61,12 +62,21 @@ def save(model: Model, folder: Path) -> Model:
     blob = packed({name: np.ascontiguousarray(model.weights[name], np.float32) for name in names})
     definition = dataclasses.replace(model.definition, weights=hashlib.sha256(blob).hexdigest())
     text = json.dumps(_finite(to_tree(definition)), indent=1, ensure_ascii=False, allow_nan=False)
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, content in ((WEIGHTS, blob), (TEXT, text.encode() + b"\n")):
-        part = folder / f".{name}.part"
-        part.write_bytes(content)
-        os.replace(part, folder / name)  # noqa: PTH105  (replaces the file at once)
+    content = ((WEIGHTS, blob), (TEXT, text.encode() + b"\n"))
+    if folder.exists():
+        _write(folder, content)
+    else:
+        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
+        with part_folder(folder) as part:
+            _write(part, content)
+            part.rename(folder)
     return dataclasses.replace(model, definition=definition)
+
+
+def _write(folder: Path, content: Iterable[tuple[str, bytes]]) -> None:
+    for name, each in content:
+        with replacing(folder / name) as part:
+            part.write_bytes(each)
 
 
 def load(path: Path | str) -> Model:
@@ -91,6 +101,7 @@ def load(path: Path | str) -> Model:
         raise InputError(given, allowed, did_you_mean(str(path), names))
     definition = _definition(folder / TEXT)
     file = folder / WEIGHTS
+    refuse_endless(file)
     expected = 4 * sum(prod(shape) for shape in definition.shapes().values())
     try:
         if file.stat().st_size > expected + MAX_HEADER:

@@ -13,7 +13,6 @@
 
 import csv
 import json
-import os
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from io import StringIO
@@ -22,6 +21,7 @@ from typing import Any
 
 from monochord.core.config import Tree, dump_toml, load_toml
 from monochord.core.errors import InputError, MissingLibraryError
+from monochord.core.files import replacing
 from monochord.perception.training.checkpoint import Line
 
 CONFIG, METRICS, HISTORY = "config.toml", "metrics.json", "history.csv"
@@ -67,9 +67,8 @@ def write_metrics(out: Path, metrics: Mapping[str, Any]) -> None:
 
 
 def _replace(file: Path, text: str) -> None:
-    part = file.with_name(f".{file.name}.part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, file)  # noqa: PTH105  (replaces the file at once)
+    with replacing(file) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def summary_writer() -> Any:

@@ -11,11 +11,11 @@ import numpy as np
 
 from monochord.core.config import Tree
 from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless
 from monochord.core.types import Audio, Block, Feed, Readings
 from monochord.core.units import Samples, Seconds
 from monochord.sessions import Description, SessionClock, SessionReader, SessionWriter
 from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_TEXT, json_object
-from monochord.sessions.writer import AUDIO_MESSAGE
 
 ABOUT = "session.json"
 """The file that says what the others are."""
@@ -115,6 +115,7 @@ def read_about(folder: Path, form: str) -> tuple[Description, SessionClock]:
 
 def _read_json(folder: Path, allowed: str) -> Tree:
     path = folder / ABOUT
+    refuse_endless(path)
     try:
         with path.open("rb") as file:
             raw = file.read(4 * MAX_TEXT + 1)  # of one character, UTF-8 makes 4 bytes at most
@@ -211,8 +212,7 @@ def write_back(
                     frame_time=None if stretch.device_frame < 0 else stretch.device_frame,
                 )
             )
-            if stretch.samples.shape[1] < AUDIO_MESSAGE * description.sample_rate:
-                writer.flush()  # or it would be joined to the next one
+            writer.flush()  # it is not joined to the next one, and a file that is cut keeps it
         for each in rest.values():
             each.write(np.inf)
 

@@ -12,6 +12,7 @@ import numpy as np
 import soundfile
 
 from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless, sound_written, without_index
 from monochord.core.types import Audio
 from monochord.core.units import Samples
 from monochord.sessions import SessionReader
@@ -88,9 +89,8 @@ def _write_sound(session: SessionReader, folder: Path) -> Path:
     ends = [stretch.start + stretch.samples.shape[1] for stretch in stretches(session)]
     size = max(ends, default=0) * description.channels * 4
     form = "RF64" if size > MAX_WAV else "WAV"
-    with soundfile.SoundFile(
-        path, "w", description.sample_rate, description.channels, "FLOAT", format=form
-    ) as sound:
+    shape = (description.sample_rate, description.channels)
+    with sound_written(path), soundfile.SoundFile(path, "w", *shape, "FLOAT", format=form) as sound:
         for stretch in stretches(session):
             while stretch.start > sound.tell():
                 lost = min(stretch.start - sound.tell(), MAX_STRETCH)
@@ -111,6 +111,7 @@ def _write_sound(session: SessionReader, folder: Path) -> Path:
 
 def _opened(path: Path) -> soundfile.SoundFile:
     allowed = "the WAV file that was exported"
+    refuse_endless(path)
     try:
         file = soundfile.SoundFile(path)
     except (soundfile.LibsndfileError, OSError) as error:
@@ -186,11 +187,10 @@ def read_csv(path: Path, kinds: Mapping[str, type]) -> Columns:
     InputError
         If the file cannot be read, a row has another length, or a cell is not of its kind: with its row.
     """
+    refuse_endless(path)
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            reader = csv.reader(file, strict=True)
-            names = next(reader, [])
-            rows = list(reader)
+            names, *rows = without_index([*csv.reader(file, strict=True)] or [[]])
     except OSError as error:
         raise InputError(f"file {path} ({error.strerror})", "a CSV file", "check its name") from error
     except (csv.Error, UnicodeDecodeError) as error:

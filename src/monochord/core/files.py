@@ -1,0 +1,91 @@
+"""Files that are read only where they have an end, and written so that half of one never has its name."""
+
+import os
+import re
+import stat
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from monochord.core.errors import InputError
+
+MAX_NAME = 100
+"""Characters of a file's name that the one beside it repeats."""
+_KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a disk", stat.S_IFSOCK: "a socket"}
+_INDEX = re.compile(r"|Unnamed: \d+")
+
+
+def refuse_endless(path: Path) -> None:
+    """Raise `InputError` where a path is a pipe, a device or a socket: reading it may take for ever.
+
+    What is not there, and folders, pass: whoever opens them says so.
+
+    >>> refuse_endless(Path("/dev/zero"))
+    Traceback (most recent call last):
+    monochord.core.errors.InputError: file /dev/zero (a device): allowed is a file on a disk; save it first
+    """
+    try:
+        kind = _KINDS.get(stat.S_IFMT(path.stat().st_mode))
+    except OSError:
+        return
+    if kind:
+        raise InputError(f"file {path} ({kind})", "a file on a disk", "save it first")
+
+
+def without_index(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Return the rows of a table, header first, without the row numbers that pandas writes before them.
+
+    Its header names them not at all, or, written a second time, ``Unnamed: 0``.
+
+    >>> without_index([["", "time"], ["0", "0.5"]])
+    [['time'], ['0.5']]
+    """
+    table = [[*row] for row in rows]
+    while table and len(table[0]) > 1 and _INDEX.fullmatch(table[0][0].strip()):
+        if not all(row and row[0].strip().isdecimal() for row in table[1:]):
+            break
+        table = [row[1:] for row in table]
+    return table
+
+
+@contextmanager
+def replacing(path: Path) -> Generator[Path]:
+    """Yield a file beside `path` to write, which takes its place at once as the context ends.
+
+    If that ends with an error, or is never reached, what was there before stays. The name that is written has
+    the same suffix; a device or a pipe, such as ``/dev/stdout``, is written itself.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with replacing(Path(folder) / "a.txt") as part:
+    ...         _ = part.write_text("whole")
+    ...     (Path(folder) / "a.txt").read_text(), len(os.listdir(folder))
+    ('whole', 1)
+    """
+    path = path.resolve()  # where a link points, so that the link stays
+    if path.exists() and not path.is_file():
+        yield path
+        return
+    part = path.with_name(f".part-{os.getpid()}-{path.name[-MAX_NAME:]}")
+    try:
+        yield part
+        os.replace(part, path)  # noqa: PTH105  (replaces the file at once)
+    except OSError as error:
+        error.filename = str(path)  # that of `part` means nothing to a person
+        raise
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def sound_written(path: Path) -> Generator[None]:
+    """Raise `InputError` where libsndfile cannot write all of a sound file, as on a full disk."""
+    import soundfile  # noqa: PLC0415  (loads its library on use)
+
+    try:
+        yield
+    except soundfile.LibsndfileError as error:
+        given = f"file {path} ({error.error_string.rstrip('.')})"
+        raise InputError(
+            given, "a place that takes all of it", "free space there, or write elsewhere"
+        ) from error

@@ -1,0 +1,70 @@
+"""Where the messages of each topic are in a file, in the order in which they are read."""
+
+from array import array
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.errors import InputError
+from monochord.sessions import codec, walk
+
+
+def places(
+    parts: list[walk.Record], names: dict[int, str], *, as_written: bool
+) -> dict[str, NDArray[np.uint64]]:
+    """Return, of each topic, rows (n, 4): sort key, number of the chunk, first and last byte in it.
+
+    `names` are the topics of channels as far as they are known; those that `parts` name are added. With
+    `as_written` they stand in the order in which they were recorded, in which a time may step back; otherwise
+    they are sorted by log time. Audio is sorted by its frames either way.
+    """
+    found: dict[str, array[int]] = {}
+    begin, end = 0, 0
+    for part, opcode, start, content in records_of(parts):
+        number = number_in(content)
+        if opcode == walk.CHANNEL:
+            names[number] = topic_in(content)
+        elif opcode == walk.MESSAGE and (topic := names.get(number)):
+            message = walk.message(content) if len(content) >= walk.MIN_MESSAGE else None
+            end = message.log_time if message else end
+            begin = begin or end
+            key = _key(topic, message, as_written=as_written) if message else 0
+            found.setdefault(topic, array("Q")).extend((key, part, start, start + len(content)))
+    tables = {topic: np.frombuffer(each, np.uint64).reshape(-1, 4) for topic, each in found.items()}
+    return {topic: _sorted(rows, backwards=begin > end and not as_written) for topic, rows in tables.items()}
+
+
+def records_of(parts: list[walk.Record]) -> Iterator[tuple[int, int, int, memoryview]]:
+    """Yield the records of sound chunks: number of the chunk, opcode, where the body begins, body."""
+    for part, record in enumerate(parts):
+        chunk = walk.contents(record)
+        for opcode, offset, body in walk.inside(chunk.records) if chunk.sound else ():
+            yield part, opcode, offset + walk.HEAD_SIZE, body
+
+
+def _key(topic: str, message: walk.Message, *, as_written: bool) -> int:
+    """Return what the messages of a topic are sorted by."""
+    if topic == "/audio":  # a device's times may step back where its frames do not
+        with suppress(InputError):
+            return int(codec.decode(codec.AUDIO, message.data).start)
+    return 0 if as_written else message.log_time
+
+
+def _sorted(rows: NDArray[np.uint64], *, backwards: bool) -> NDArray[np.uint64]:
+    """Return rows by their first column; equal ones as they stand, from the end where that runs backwards."""
+    first, last = rows[0, 0], rows[-1, 0]
+    rows = rows[::-1] if first > last or (first == last and backwards) else rows
+    return rows[np.argsort(rows[:, 0], kind="stable")]
+
+
+def number_in(content: memoryview) -> int:
+    """Return the channel's number that the body of a channel or a message begins with."""
+    return int.from_bytes(content[:2], "little")
+
+
+def topic_in(channel: memoryview) -> str:
+    """Return the topic that a channel record's body names, whatever else is wrong with it."""
+    length = int.from_bytes(channel[4:8], "little")
+    return bytes(channel[8 : 8 + length]).decode(errors="replace")
