@@ -16,7 +16,7 @@ import numpy as np
 
 from monochord.core.clock import MIN_CLOCK_STEP
 from monochord.core.errors import InputError
-from monochord.core.types import Estimates, StreamHealth, Window
+from monochord.core.types import OUTSIDE_RANGE, Estimates, StreamHealth, Window
 from monochord.core.units import Seconds
 from monochord.live.filter import CONTACT, FilterState
 from monochord.perception.estimators.base import Condition
@@ -162,6 +162,14 @@ UNKNOWN_SOUND = _finding(
     "Check microphones, drivers and string; if all are well, train the model on sound like this.",
 )
 TWO_TOUCHES = _finding("warning", "Two things seem to touch the string.", "Touch it with one at a time.")
+OUTSIDE = _finding(
+    "info", "The touch is outside the sensing range: contact alone is told.", "Touch the string within it."
+)
+TWO_STRINGS = _finding(
+    "error",
+    "Two strings sound at once.",
+    "Give each sensor inputs of its own; keep another string's sound away from these microphones.",
+)
 SOFT_TOUCH = _finding(
     "warning", "Something very soft seems to touch the string.", "Touch it with something harder than foam."
 )
@@ -189,6 +197,8 @@ REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
         "clipped": ("clipping", CLIPPING),
         "hum louder than the string": ("hum", HUMMING),
         "two things seem to touch": ("two_touches", TWO_TOUCHES),
+        OUTSIDE_RANGE: ("outside_range", OUTSIDE),
+        "two strings sound at once": ("two_strings", TWO_STRINGS),
         "something very soft seems to touch": ("soft_touch", SOFT_TOUCH),
         "one driver seems silent": ("driver_silent", ONE_DRIVER),
         "sound unlike what this model learned": ("sound_unlike", UNKNOWN_SOUND),
