@@ -139,7 +139,11 @@ def export(
         new_folder(out)  # which refuses one with something in it
     out.absolute().parent.mkdir(parents=True, exist_ok=True)
     with part_folder(out) as part:
-        written = exporter.write(whole, part)
+        try:
+            written = exporter.write(whole, part)
+        except InputError as error:  # a person knows the folder by its own name
+            given = error.given.replace(str(part), str(out))
+            raise InputError(given, error.allowed, error.remedy) from error
         size = sum(path.stat().st_size for path in written)
         part.rename(out)
     summary = {"form": form, "out": str(out), "sessions": len(files), "files": len(written), "bytes": size}
