@@ -12,8 +12,10 @@ import pytest
 import soundfile
 
 import monochord as mc
+from monochord.core.types import Prediction
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.physics.twin.virtual_sensor import VirtualSensor
+from monochord.physics.twin.world import World
 
 RATE = 44100
 INSIDE = (0.055, 0.0667, 0.08, 0.095, 0.0995, 0.1, 0.101, 0.12, 0.1333, 0.145)
@@ -68,7 +70,7 @@ def led_along(recording: Recording, place: Metres, force: Newtons) -> None:
     recording.advance(0.1)
 
 
-def judged(recording: Recording, file: Path) -> Iterator[tuple[Metres, mc.Prediction]]:
+def judged(recording: Recording, file: Path) -> Iterator[tuple[Metres, Prediction]]:
     """Yield each window of a held touch: its place, and what the model says."""
     soundfile.write(file, np.concatenate(recording.parts, axis=1).T, RATE, subtype="FLOAT")
     predictions = list(mc.listen(file, model="demo"))
@@ -78,7 +80,7 @@ def judged(recording: Recording, file: Path) -> Iterator[tuple[Metres, mc.Predic
                 yield place, prediction
 
 
-def is_far_off(place: Metres, prediction: mc.Prediction) -> bool:
+def is_far_off(place: Metres, prediction: Prediction) -> bool:
     position = prediction["position"]
     return position.valid and abs(position.value - place) > max(MAX_DEVIATIONS * position.std, MIN_ERROR)
 
@@ -89,7 +91,7 @@ def is_far_off(place: Metres, prediction: mc.Prediction) -> bool:
     [(131, 51, 0, "plausible"), (131, 51, 0, "ideal"), (77, 5, 2, "plausible"), (300, 3, 1, "plausible")],
 )
 def test_held_touches_are_right_or_withheld(
-    build: int, day: int, seed: int, world: mc.World, tmp_path: Path
+    build: int, day: int, seed: int, world: World, tmp_path: Path
 ) -> None:
     recording = Recording(VirtualSensor("prototype", seed=seed, build=build, day=day, world=world))
     recording.advance(2.0)
