@@ -62,10 +62,10 @@ def replacing(path: Path) -> Generator[Path]:
     ...     (Path(folder) / "a.txt").read_text(), len(os.listdir(folder))
     ('whole', 1)
     """
-    path = path.resolve()  # where a link points, so that the link stays
     if path.exists() and not path.is_file():
         yield path
         return
+    path = path.resolve()  # where a link points, so that the link stays
     part = path.with_name(f".part-{os.getpid()}-{path.name[-MAX_NAME:]}")
     try:
         yield part

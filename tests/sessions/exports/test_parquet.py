@@ -84,5 +84,5 @@ def test_a_spoilt_folder_is_refused_in_one_line(folder: Path, name: str) -> None
 
 def test_without_pyarrow_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"requires pyarrow.*monochord\[export\]"):
+    with pytest.raises(InputError, match=r"requires pyarrow.*pip install"):
         Parquet().write([], tmp_path / "out")
