@@ -115,8 +115,9 @@ def test_rows_of_measured_labels_are_of_the_same_touches_and_say_so(
     truth, measured = rows
     assert (truth["condition"], measured["condition"]) == (UNSEEN, f"{UNSEEN}, measured labels")
     assert measured["n"] == pytest.approx(truth["n"], rel=0.1)
-    for name, limit in (("position_mae_mm", 0.1), ("force_mae_n", 0.05)):
-        assert measured[name] != truth[name]
+    limits = {"position_mae_mm": 0.1, "force_mae_n": 0.05}
+    assert any(measured[name] != truth[name] for name in limits)  # one may round to the same digits
+    for name, limit in limits.items():
         assert measured[name] == pytest.approx(truth[name], abs=limit)
 
 

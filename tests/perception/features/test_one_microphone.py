@@ -83,5 +83,5 @@ def test_a_model_of_one_microphone_ignores_the_other(lesson: dict[str, Any], tmp
         window = Window(samples=samples, start=0, sample_rate=LEARNABLE)
         signal = Signal(sample_rate=LEARNABLE, channels=2)
         estimates.append(ModelEstimator(path=tmp_path / "run").prepare(signal, 1600)(window))
-    assert estimates[0] == estimates[1]
+    assert str(estimates[0]) == str(estimates[1])  # NaN, where it abstains, is no number that equals itself
     assert estimates[0]["contact"].valid
