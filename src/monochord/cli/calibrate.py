@@ -9,7 +9,8 @@ import click
 
 from monochord.cli._output import echo, progress_bar
 from monochord.datasets.build import Labelling
-from monochord.perception.training.adapt import Adaptation, Objects
+from monochord.perception.training.adapt import Objects
+from monochord.perception.training.adaptation import Adaptation
 from monochord.perception.training.calibration import calibrated
 
 

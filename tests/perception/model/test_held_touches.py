@@ -3,9 +3,11 @@
 Nowhere may it be sure and wrong. The builds are in no plan that anything was trained on.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pytest
@@ -22,7 +24,18 @@ INSIDE = (0.055, 0.0667, 0.08, 0.095, 0.0995, 0.1, 0.101, 0.12, 0.1333, 0.145)
 OUTSIDE = (0.02, 0.03, 0.045, 0.155, 0.17, 0.185)
 MAX_DEVIATIONS, MIN_ERROR = 5.0, 1e-3
 """An answer is far off where its error is above so many of its standard errors, and above so much in m."""
+Judged: TypeAlias = tuple[Metres, Prediction]
+"""A window of a held touch: its place, and what the model says."""
 SETTLING, HOLD, PAUSE = 0.3, 2.0, 0.4
+
+
+class VirtualSensorDraw(NamedTuple):
+    """Which sensor is drawn."""
+
+    build: int
+    day: int
+    seed: int
+    world: World
 
 
 @dataclass
@@ -70,8 +83,8 @@ def led_along(recording: Recording, place: Metres, force: Newtons) -> None:
     recording.advance(0.1)
 
 
-def judged(recording: Recording, file: Path) -> Iterator[tuple[Metres, Prediction]]:
-    """Yield each window of a held touch: its place, and what the model says."""
+def judged(recording: Recording, file: Path) -> Iterator[Judged]:
+    """Yield the windows of a recording's touches."""
     soundfile.write(file, np.concatenate(recording.parts, axis=1).T, RATE, subtype="FLOAT")
     predictions = list(mc.listen(file, model="demo"))
     for place, begin, end in recording.touches:
@@ -85,27 +98,66 @@ def is_far_off(place: Metres, prediction: Prediction) -> bool:
     return position.valid and abs(position.value - place) > max(MAX_DEVIATIONS * position.std, MIN_ERROR)
 
 
+SENSORS = {
+    "demo": VirtualSensorDraw(131, 51, 0, "plausible"),
+    "ideal": VirtualSensorDraw(131, 51, 0, "ideal"),
+    "77": VirtualSensorDraw(77, 5, 2, "plausible"),
+    "300": VirtualSensorDraw(300, 3, 1, "plausible"),
+}
+GIVES = "at nodes of a string whose mount gives, one window tells several places alike (docs/ROADMAP.md)"
+
+
+@pytest.fixture(scope="module")
+def windows(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], list[Judged]]:
+    """The windows of all held touches of a sensor, made once."""
+
+    @cache
+    def of(name: str) -> list[Judged]:
+        draw = SENSORS[name]
+        twin = VirtualSensor("prototype", seed=draw.seed, build=draw.build, day=draw.day, world=draw.world)
+        recording = Recording(twin)
+        recording.advance(2.0)
+        for place in (*INSIDE, *OUTSIDE):
+            for press, force in ((straight_down, 0.6), (led_up, 1.0), (led_along, 1.4)):
+                press(recording, place, force)
+                recording.hold(place)
+        return list(judged(recording, tmp_path_factory.mktemp("touches") / "touches.wav"))
+
+    return of
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("places", [INSIDE, OUTSIDE], ids=["inside", "outside"])
+@pytest.mark.parametrize("name", [*SENSORS])
+def test_held_touches_are_right_or_withheld(
+    name: str, places: tuple[Metres, ...], windows: Callable[[str], list[Judged]]
+) -> None:
+    zone = [(place, each) for place, each in windows(name) if place in places]
+    assert zone
+    assert sum(is_far_off(*each) for each in zone) <= 0.005 * len(zone)
+    contacts = [each["contact"] for _, each in zone]
+    assert sum(each.valid and each.value < 0.5 for each in contacts) <= 0.01 * len(zone)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("build", "day", "seed", "world"),
-    [(131, 51, 0, "plausible"), (131, 51, 0, "ideal"), (77, 5, 2, "plausible"), (300, 3, 1, "plausible")],
+    "name",
+    [
+        "demo",
+        "ideal",
+        pytest.param("77", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),
+        pytest.param("300", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),
+    ],
 )
-def test_held_touches_are_right_or_withheld(
-    build: int, day: int, seed: int, world: World, tmp_path: Path
+def test_inside_the_range_nearly_all_windows_are_answered(
+    name: str, windows: Callable[[str], list[Judged]]
 ) -> None:
-    recording = Recording(VirtualSensor("prototype", seed=seed, build=build, day=day, world=world))
-    recording.advance(2.0)
-    for place in (*INSIDE, *OUTSIDE):
-        for press, force in ((straight_down, 0.6), (led_up, 1.0), (led_along, 1.4)):
-            press(recording, place, force)
-            recording.hold(place)
-    windows = list(judged(recording, tmp_path / "touches.wav"))
-    for places, min_answered in ((INSIDE, 0.9), (OUTSIDE, 0.0)):
-        zone = [(place, each) for place, each in windows if place in places]
-        share = len(zone) / 100.0
-        assert sum(is_far_off(*each) for each in zone) <= 0.5 * share
-        assert sum(each["position"].valid for _, each in zone) >= 100.0 * min_answered * share
-        denied = [each for _, each in zone if each["contact"].valid and each["contact"].value < 0.5]
-        assert len(denied) <= share
-        doubled = [each for _, each in zone if each["position"].why_not == "two things seem to touch"]
-        assert len(doubled) <= share
+    positions = [each["position"] for place, each in windows(name) if place in INSIDE]
+    assert sum(each.valid for each in positions) >= 0.95 * len(positions)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*SENSORS])
+def test_one_held_touch_is_not_called_two(name: str, windows: Callable[[str], list[Judged]]) -> None:
+    reasons = [each["position"].why_not for place, each in windows(name) if place in INSIDE]
+    assert sum(reason == "two things seem to touch" for reason in reasons) <= 0.01 * len(reasons)

@@ -17,7 +17,8 @@ from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.model import Model, load, save
-from monochord.perception.training.adapt import Trust, accustomed, adapt, judge
+from monochord.perception.training.adapt import accustomed, adapt, judge
+from monochord.perception.training.adaptation import Trust
 from monochord.perception.training.calibration import calibrated
 from monochord.perception.training.correct import with_prior, with_variables
 from monochord.perception.training.examples import touches_of

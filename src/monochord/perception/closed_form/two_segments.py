@@ -95,9 +95,9 @@ class TwoSegments:
         if reading.open_frequency < (1.0 - MAX_OPEN_FALL) * analyser.nominal:
             return abstain("two candidates") | touched
         std_1 = line_std(reading.line_1) / reading.mode_1
-        return self._locate(reading, std_1, line_std(reading.line_2) / reading.mode_2)
+        return touched | self._located(reading, std_1, line_std(reading.line_2) / reading.mode_2)
 
-    def _locate(self, reading: ModeReading, std_1: Hertz, std_2: Hertz) -> Estimates:
+    def _located(self, reading: ModeReading, std_1: Hertz, std_2: Hertz) -> dict[str, Estimate]:
         length, position = self.string.length, reading.position
         f1 = reading.open_frequency * length / position
         f2 = reading.open_frequency * length / (length - position)
@@ -107,7 +107,6 @@ class TwoSegments:
         noise = 2.0 * tension * math.hypot(f2 / f1 * std_1, f1 / f2 * std_2) / (f1 + f2)
         tension_std = math.hypot(noise, CLAMP_TENSION_STD * tension)
         values = {
-            "contact": (1.0, _contact_std(reading.contact_lead)),
             "frequency": (f2, std_2) if f2 < f1 else (f1, std_1),
             "position": (position, position_std),
             "tension": (tension, tension_std),

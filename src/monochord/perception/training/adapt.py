@@ -2,20 +2,21 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Flags, Floats, Indices
-from monochord.core.units import Metres, Newtons
+from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import KNOWN, HeadRecord
 from monochord.perception.model.known import MAX_ODDS, reason
 from monochord.perception.model.model import Model
+from monochord.perception.training.adaptation import Adaptation, HeadAdaptation, Suggestion, Trust
 from monochord.perception.training.correct import KnownErrors, Replayed, known_errors, with_correction
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.rows import Progress
@@ -28,144 +29,7 @@ MAX_FOLDS = 10
 """Folds of the cross-validation; with as many touches or fewer each touch is left out by itself."""
 ACCUSTOMED_SHARE = 0.01
 """Share of the windows of a sensor in order that may still reach the limit of the detector."""
-MIN_REPORTED_SHARE = 0.01
-"""Least share of windows taken for a fault that is reported."""
 REMEDY = "train one with corrections, as the preset builds does"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeadAdaptation:
-    """What known touches did for a head, by cross-validation over touches, in the label's unit.
-
-    `before` and `after` are mean absolute errors, the latter of touches left out. `std` is the median
-    standard error stated for these, `coverage` the share of windows within one, `within_two` within two. A
-    head whose touches did not help, as where modes are misread, is left as it was: `used` is false. So it is
-    for one without corrections, of which the touches say only how good it is: `corrected` is false. Where no
-    touch was to be learned from, all of them only judge: `learned` is false.
-    """
-
-    unit: str
-    touches: int
-    windows: int
-    before: float
-    after: float
-    std: float
-    coverage: float
-    within_two: float
-    used: bool
-    corrected: bool = True
-    learned: bool = True
-
-    @property
-    def expected(self) -> float:
-        """The error to expect of the model as it is now, in the label's unit."""
-        return self.after if self.used else self.before
-
-    def line(self, name: str) -> str:
-        """Return it as a person reads it, for the head of this name."""
-        factor, unit = (1e3, "mm") if self.unit == "m" else (1.0, self.unit)
-        before, after, std = (f"{factor * value:.3g} {unit}" for value in (self.before, self.after, self.std))
-        stated = (
-            f"({self.windows} windows), stated +-{std} (median), which covers {100 * self.coverage:.0f} %, "
-            f"twice that {100 * self.within_two:.0f} %"
-        )
-        if not self.learned:
-            return f"  {name:<10} mean error {before} on {self.touches} touches {stated}"
-        if not self.corrected:
-            return f"  {name:<10} mean error {before} {stated}; it has no correction to learn"
-        line = f"  {name:<10} mean error {before} before, {after} with {self.touches} touches {stated}"
-        return line if self.used else f"{line}; left as it was, since they did not help"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Suggestion:
-    """The touch that would lower the uncertainty of the others most, by the share `gain` on average."""
-
-    position: Metres
-    force: Newtons
-    gain: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trust:
-    """Where known touches lie, and the error to expect there: what a model may be trusted with.
-
-    `position` in m and `force` in N are the least and greatest of the touches' means, None where none is
-    known. `errors` are the mean absolute errors by head, in SI units. `sliding` is whether a touch slid.
-    """
-
-    touches: int
-    position: tuple[Metres, Metres] | None
-    force: tuple[Newtons, Newtons] | None
-    errors: dict[str, float]
-    sliding: bool
-    others: bool = False
-
-    def line(self) -> str:
-        """Return it as one sentence."""
-        spans = [
-            f"{factor * span[0]:.3g} to {factor * span[1]:.3g} {unit}"
-            for span, factor, unit in ((self.position, 1e3, "mm"), (self.force, 1.0, "N"))
-            if span is not None
-        ]
-        factors = {"position": (1e3, "mm"), "force": (1.0, "N")}
-        errors = [
-            f"{factors[name][0] * error:.2g} {factors[name][1]} of {name}"
-            for name, error in self.errors.items()
-            if name in factors
-        ]
-        which = "1 known touch lies" if self.touches == 1 else f"{self.touches} known touches lie"
-        return (
-            f"trust it at {' and '.join(spans)}, where the {which}: expect a mean error of "
-            f"{' and '.join(errors)} there; not covered: other positions, "
-            + ("forces or mounts" if self.others else "forces, objects or mounts")
-            + ("" if self.sliding else ", and sliding")
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Adaptation:
-    """A model adapted to known touches, what that did for each head, and which touch would help most next.
-
-    `mistaken` are the shares of windows that the model took for faults, by reason, and no longer does, unless
-    it was only judged: `learned` is false then, and the model as it was. `trust` is where the touches lie.
-    `outside` are the positions of known touches outside `sensing_range`, which were left out.
-    """
-
-    model: Model
-    heads: dict[str, HeadAdaptation]
-    next_touch: Suggestion | None
-    mistaken: dict[str, float]
-    trust: Trust
-    learned: bool = True
-    sensing_range: tuple[Metres, Metres] | None = None
-    outside: tuple[Metres, ...] = ()
-
-    def lines(self) -> list[str]:
-        """Return the errors of touches that were left out, and the touch to make next, for a person."""
-        lines = [head.line(name) for name, head in self.heads.items()]
-        if self.sensing_range is not None and self.outside:
-            low, high = self.sensing_range
-            which = (
-                "1 known touch lies" if len(self.outside) == 1 else f"{len(self.outside)} known touches lie"
-            )
-            places = ", ".join(f"{1e3 * place:.1f}" for place in self.outside)
-            span = f"the sensing range of {1e3 * low:g} to {1e3 * high:g} mm"
-            lines.append(f"{which} outside {span} (at {places} mm): left out of position and force")
-        now = (
-            'were taken for "{}", and are not any more; was it so?' if self.learned else 'are taken for "{}"'
-        )
-        lines += [
-            f"  {100 * share:.0f} % of windows {now.format(why)}"
-            for why, share in self.mistaken.items()
-            if share >= MIN_REPORTED_SHARE
-        ]
-        touch = self.next_touch
-        if touch is not None:
-            place = f"{1e3 * touch.position:.0f} mm with {touch.force:.1f} N"
-            gain = f"to lower the variance by {100 * touch.gain:.0f} %"
-            lines.append(f"the touch that would help most next: {place}, {gain}")
-        return [*lines, self.trust.line()]
 
 
 def adapt(
@@ -213,7 +77,6 @@ def adapt(
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
     labelled = np.any([np.isfinite(dataset.label(name)) for name in model.corrections], axis=0)
     known_touches = np.unique(touch[rows][labelled[rows]])[:touches]
-    refuse_impossible(model, given, touch, known_touches)
     if replayed is None:
         replayed = read_in_turn(model, dataset, rows, progress)
     refuse_impossible(model, dataset, touch, known_touches, replayed.outputs)
@@ -297,7 +160,6 @@ def judge(
     """
     given, dataset = dataset, as_of_the_design(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
-    refuse_impossible(model, given, touch, np.unique(touch[rows]))
     replayed = read_in_turn(model, dataset, rows, progress)
     refuse_impossible(model, dataset, touch, np.unique(touch[rows]), replayed.outputs)
     heads: dict[str, HeadAdaptation] = {}

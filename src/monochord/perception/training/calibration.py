@@ -9,17 +9,16 @@ import numpy as np
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
-from monochord.core.types import StringParams
 from monochord.core.units import Metres
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
 from monochord.perception.model import load, save
-from monochord.perception.training.adapt import Adaptation, Objects, adapt, judge
+from monochord.perception.training.adapt import Objects, adapt, judge
+from monochord.perception.training.adaptation import Adaptation
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.rows import Progress
 from monochord.perception.training.touch_labels import refuse_impossible
 from monochord.perception.tuning.sessions import tension_estimator
-from monochord.physics.sensors import range_of
 from monochord.sessions import read_session
 
 TOLERANCE: Metres = 1e-6
@@ -67,8 +66,8 @@ def calibrated(
     force
         Whether to accept sessions whose streams are not on one clock.
     sensing_range
-        Where the sensor tells places, in m: by default that of the sensor that the sessions name, or of the
-        design whose string the model was trained with.
+        Where the sensor tells places, in m: by default that of the sensor that the sessions name. The model's
+        own narrows it, and stands for it where none is named.
     progress
         Called with the progress.
 
@@ -100,7 +99,8 @@ def calibrated(
         )
         touch = touches_of(dataset)
         refuse_impossible(given, dataset, touch, np.unique(touch))  # before any is left out
-        span = sensing_range or _range_of(files, trained.string)
+        span = sensing_range or _range_of(files)
+        span = (given.within(span) if span else given).places
         dataset, outside = _within(dataset, span)
         if touches == 0:
             result = judge(given, dataset, sensing_range=span, progress=progress)
@@ -112,13 +112,11 @@ def calibrated(
     return result if out is None else dataclasses.replace(result, model=save(result.model, out))
 
 
-def _range_of(sessions: Sequence[Path], trained: StringParams | None) -> tuple[Metres, Metres] | None:
-    """Return what is within the range of every sensor that sessions name, or of the design of a string."""
+def _range_of(sessions: Sequence[Path]) -> tuple[Metres, Metres] | None:
+    """Return what is within the range of every sensor that sessions name; None where none is named."""
     named = [read_session(path).description.sensor.get("range") for path in sessions]
     ranges = [from_tree(SensorRange, {"range": each}, "session.sensor").range for each in named if each]
-    if not ranges:
-        return range_of(trained)
-    return max(low for low, _ in ranges), min(high for _, high in ranges)
+    return (max(low for low, _ in ranges), min(high for _, high in ranges)) if ranges else None
 
 
 def _within(dataset: Dataset, span: tuple[Metres, Metres] | None) -> tuple[Dataset, tuple[Metres, ...]]:

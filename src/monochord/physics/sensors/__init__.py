@@ -13,7 +13,7 @@ from monochord.core.config import dump_toml, from_tree, load_toml, to_tree
 from monochord.core.errors import InputError
 from monochord.core.presets import Presets
 from monochord.core.types import Signal, StringParams
-from monochord.core.units import Hertz, Metres, Newtons, Seconds
+from monochord.core.units import Hertz, Newtons, Seconds
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.setup import Sensor
@@ -182,15 +182,3 @@ def designs_with(string: StringParams | None) -> list[str]:
     return [
         name for name in sensor_names() if replace(load_sensor(name).string, tension=string.tension) == string
     ]
-
-
-def range_of(string: StringParams | None) -> tuple[Metres, Metres] | None:
-    """Return the sensing range of the presets that have a string, None where none has it or they differ.
-
-    Examples
-    --------
-    >>> range_of(load_string("prototype").string)
-    (0.05, 0.15)
-    """
-    ranges = {load_sensor(name).range for name in designs_with(string)}
-    return ranges.pop() if len(ranges) == 1 else None
