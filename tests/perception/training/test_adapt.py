@@ -128,13 +128,15 @@ def test_known_touches_outside_the_sensing_range_are_named_and_left_out(
     assert span[0] <= result.trust.position[0] < result.trust.position[1] <= span[1]
     (line,) = [each for each in result.lines() if "70 to 130 mm" in each]
     assert f"{(~inside).sum()} known touches" in line
-    with pytest.raises(
-        InputError, match="all outside the sensing range: allowed is touches between 10 and 2"
-    ):
-        calibrated(
-            str(given), [str(foreign_session)], tmp_path / "no", touches=touches, sensing_range=(0.01, 0.02)
-        )
-    assert not (tmp_path / "no").exists()
+    ordered = np.sort(means)
+    widest = int(np.diff(ordered).argmax())
+    untouched = (float(ordered[widest]) + 1e-4, float(ordered[widest + 1]) - 1e-4)
+    for nowhere, reason in ((untouched, "all outside the sensing range"), ((0.01, 0.02), "10 to 20 mm")):
+        with pytest.raises(InputError, match=reason):
+            calibrated(
+                str(given), [str(foreign_session)], tmp_path / "no", touches=touches, sensing_range=nowhere
+            )
+        assert not (tmp_path / "no").exists()
 
 
 def test_the_sensing_range_is_that_of_the_sensor_that_a_session_names(
