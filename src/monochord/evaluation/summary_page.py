@@ -20,10 +20,10 @@ EXPLAINED = (
 )
 
 COUNTED = (
-    "The column of windows (`n` in the rows) counts touched windows of 0.1 s whose position or force is known, "
-    "answered or not. All figures of position and force are of these. Windows of known touches, of the taps "
-    "that align the streams, and with the beginning or the end of a touch are left out. Contact is also scored "
-    "on untouched windows, which `n` does not count: where only motors sound, it is 0."
+    "The column of windows (`n` in the rows) counts touched windows of 0.1 s whose position or force is "
+    "known, answered or not. All figures of position and force are of these. Windows of known touches, of "
+    "the taps that align the streams, and with the beginning or the end of a touch are left out. Contact is "
+    "also scored on untouched windows, which `n` does not count: where only motors sound, it is 0."
 )
 
 

@@ -104,7 +104,9 @@ SENSORS = {
     "77": VirtualSensorDraw(77, 5, 2, "plausible"),
     "300": VirtualSensorDraw(300, 3, 1, "plausible"),
 }
-GIVES = "at nodes of a string whose mount gives, one window tells several places alike (docs/ROADMAP.md)"
+GIVES = (
+    "at nodes of the string one window tells several places, and contact from none, alike (docs/ROADMAP.md)"
+)
 
 
 @pytest.fixture(scope="module")
@@ -135,8 +137,22 @@ def test_held_touches_are_right_or_withheld(
     zone = [(place, each) for place, each in windows(name) if place in places]
     assert zone
     assert sum(is_far_off(*each) for each in zone) <= 0.005 * len(zone)
-    contacts = [each["contact"] for _, each in zone]
-    assert sum(each.valid and each.value < 0.5 for each in contacts) <= 0.01 * len(zone)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("places", [INSIDE, OUTSIDE], ids=["inside", "outside"])
+@pytest.mark.parametrize("name", [*SENSORS])
+def test_contact_is_not_denied(
+    name: str,
+    places: tuple[Metres, ...],
+    windows: Callable[[str], list[Judged]],
+    request: pytest.FixtureRequest,
+) -> None:
+    if name == "77" and places is INSIDE:
+        request.applymarker(pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True))
+    contacts = [each["contact"] for place, each in windows(name) if place in places]
+    denied = sum(each.valid and each.value < 0.5 for each in contacts)
+    assert denied <= 0.01 * len(contacts)
 
 
 @pytest.mark.slow
@@ -144,7 +160,7 @@ def test_held_touches_are_right_or_withheld(
     "name",
     [
         "demo",
-        "ideal",
+        pytest.param("ideal", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),
         pytest.param("77", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),
         pytest.param("300", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),
     ],
