@@ -104,7 +104,7 @@ SENSORS = {
     "77": VirtualSensorDraw(77, 5, 2, "plausible"),
     "300": VirtualSensorDraw(300, 3, 1, "plausible"),
 }
-GIVES = (
+GIVES = "at nodes one window tells several places, and contact from none, alike (docs/ROADMAP.md)"
     "at nodes of the string one window tells several places, and contact from none, alike (docs/ROADMAP.md)"
 )
 
