@@ -105,8 +105,6 @@ SENSORS = {
     "300": VirtualSensorDraw(300, 3, 1, "plausible"),
 }
 GIVES = "at nodes one window tells several places, and contact from none, alike (docs/ROADMAP.md)"
-    "at nodes of the string one window tells several places, and contact from none, alike (docs/ROADMAP.md)"
-)
 
 
 @pytest.fixture(scope="module")

@@ -226,8 +226,10 @@ class Model:
         contact = estimates[trained.gate]
         if name is None or not (contact.valid and contact.value >= DECISION):
             return "", set()
-        output, correction = reading.outputs[name], self.corrections.get(name)
-        place, std = quantity(output, trained.heads[name], correction)
+        stated, output = estimates[name], reading.outputs[name]
+        place, std = stated.value, stated.std
+        if not stated.valid:  # it is withheld, and may lie outside all the same
+            place, std = quantity(output, trained.heads[name], self.corrections.get(name))
         why_not = why_not_stated(place, std, reading.lines, self.places)
         tasks = {head: record.task for head, record in trained.heads.items() if why_not}
         return why_not, {
