@@ -84,7 +84,7 @@ def plan_names() -> list[str]:
     Examples
     --------
     >>> plan_names()[:3]
-    ['builds', 'designs', 'hardware']
+    ['builds', 'designs', 'everywhere']
     """
     return PLANS.names()
 
