@@ -131,7 +131,9 @@ STILL = _finding(
     "Look whether it is whole and nothing soft damps it; check the drivers' switches, batteries and height.",
 )
 ONE_DRIVER = _finding(
-    "error", "One driver seems silent.", "Check the battery, the switch and the height of each driver."
+    "error",
+    "One driver seems silent.",
+    "Check the battery, the switch and the height of each driver. A touch close to one end may sound so, too.",
 )
 CLIPPING = _finding(
     "warning",

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.core.types import OUTSIDE_RANGE, Estimates, Window
+from monochord.core.types import OUTSIDE_RANGE, Estimate, Estimates, Window
 from monochord.perception.model import Model, ModelState, load
+from monochord.perception.model.model import WindowReading
 from monochord.perception.model.place import CONTRADICTED, NO_PLACE, PlaceByLines, why_not_stated
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
@@ -63,6 +64,30 @@ def test_outside_the_range_contact_alone_is_told(place: float) -> None:
         assert estimates["contact"].value > 0.9
         others = {name: each for name, each in estimates.items() if name != "contact"}
         assert {each.why_not for each in others.values()} == {OUTSIDE_RANGE}
+
+
+SOFT = "something very soft seems to touch"
+
+
+@pytest.mark.parametrize(
+    ("detected", "expected", "valid"),
+    [
+        (SOFT, OUTSIDE_RANGE, {"contact"}),
+        ("two things seem to touch", OUTSIDE_RANGE, {"contact"}),
+        ("one driver seems silent", "one driver seems silent", {"contact"}),
+        ("microphone 1 is silent", "microphone 1 is silent", set[str]()),
+        ("", OUTSIDE_RANGE, {"contact"}),
+    ],
+)
+def test_the_place_comes_before_what_the_touch_sounds_like(
+    detected: str, expected: str, valid: set[str]
+) -> None:
+    touch = Estimate(value=1.0, std=0.01, unit="1")
+    estimates = dict.fromkeys(("contact", "position", "force", "slip"), touch)
+    reading = WindowReading(ModelState(), {}, detected, OUTSIDE_RANGE)
+    why_not, withheld = load("demo").withheld(reading, estimates)
+    assert why_not == expected
+    assert estimates.keys() - withheld == valid
 
 
 def test_a_narrower_sensor_narrows_what_is_stated() -> None:

@@ -44,14 +44,14 @@ UNUSABLE = ("gap", "silence", "samples that are not numbers")
 class WindowReading(NamedTuple):
     """What a model makes of a window, before any estimate is stated.
 
-    `state` is that after the window, `outputs` those of the heads, empty where it cannot be used, `why_not`
-    why to abstain, empty for no reason, and `lines` the place that its lines tell.
+    `state` is that after the window, and `outputs` those of the heads, empty where it cannot be used.
+    `why_not` is why to abstain, and `why_no_place` why a touch has no place; both are empty for no reason.
     """
 
     state: ModelState
     outputs: Mapping[str, Output]
     why_not: str
-    lines: PlaceByLines = NO_PLACE
+    why_no_place: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,37 +206,33 @@ class Model:
             estimates: dict[str, Estimate] = {}
             if outputs:
                 estimates = model.at_own_tension(estimates_of(trained, outputs, model.corrections))
-            why_not, withheld = reading.why_not, set(trained.heads)
-            if not why_not:
-                why_not, withheld = model.why_not_here(reading, estimates)
-            elif outputs and model.contact_holds(estimates[trained.gate], why_not):
-                withheld.remove(trained.gate)
+            why_not, withheld = model.withheld(reading, estimates)
             for name in withheld:
                 estimates[name] = Estimate.abstain(trained.heads[name].task.unit, why_not)
             results.append((reading.state, estimates))
         return results
 
-    def why_not_here(self, reading: WindowReading, estimates: Estimates) -> tuple[str, set[str]]:
-        """Return why a touch cannot be estimated where it is, and which heads abstain; empty for no reason.
+    def withheld(self, reading: WindowReading, estimates: Estimates) -> tuple[str, set[str]]:
+        """Return why heads abstain from a window, and which ones; an empty reason for none.
 
         Outside the sensing range all that needs a touch abstains. Where the lines tell another place, what
-        depends on the place does: position and force.
+        depends on the place does: position and force. Beside a fault every head abstains, but for contact
+        where that holds.
         """
-        trained, name = self.definition, self.definition.place
-        contact = estimates[trained.gate]
-        if name is None or not (contact.valid and contact.value >= DECISION):
-            return "", set()
-        stated, output = estimates[name], reading.outputs[name]
-        place, std = stated.value, stated.std
-        if not stated.valid:  # it is withheld, and may lie outside all the same
-            place, std = quantity(output, trained.heads[name], self.corrections.get(name))
-        why_not = why_not_stated(place, std, reading.lines, self.places)
-        tasks = {head: record.task for head, record in trained.heads.items() if why_not}
-        return why_not, {
-            head
-            for head, task in tasks.items()
-            if task.touched and (why_not == OUTSIDE_RANGE or not task.is_probability)
-        }
+        trained, why_not, record = self.definition, reading.why_not, self.definition.known
+        contact = estimates.get(trained.gate)
+        is_touched = contact is not None and contact.valid and contact.value >= DECISION
+        # Outside the sensing range one touch may sound soft, or like two.
+        is_one = record is not None and why_not in record.brief and reading.why_no_place == OUTSIDE_RANGE
+        if is_touched and reading.why_no_place and (is_one or not why_not):
+            why_not = reading.why_no_place
+            tasks = {name: head.task for name, head in trained.heads.items() if head.task.touched}
+            is_outside = why_not == OUTSIDE_RANGE
+            return why_not, {name for name, task in tasks.items() if is_outside or not task.is_probability}
+        withheld = set(trained.heads) if why_not else set[str]()
+        if contact is not None and self.contact_holds(contact, why_not):
+            withheld.remove(trained.gate)
+        return why_not, withheld
 
     @staticmethod
     def _read(
@@ -284,6 +280,7 @@ class Model:
             outputs[name] = replace(outputs[name], variables=values)
         time, why_not = window.start / window.sample_rate, ""
         contact = probability(outputs[trained.gate], trained.heads[trained.gate])
+        why_no_place = self._why_no_place(row, outputs) if contact >= DECISION else ""
         if self.detector is not None and logits is not None:
             known_state = self.detector.step(state.known, logits, time, touched=contact > DECISION)
             state = replace(state, known=known_state)
@@ -294,7 +291,15 @@ class Model:
             contact = 1.0 if why_not else contact
             samples = window.samples[np.newaxis]
             state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
-        return WindowReading(state, outputs, why_not, self._lines(row))
+        return WindowReading(state, outputs, why_not, why_no_place)
+
+    def _why_no_place(self, row: Audio, outputs: Mapping[str, Output]) -> str:
+        """Return why the place of a touch cannot be stated, by the features of its window and the heads."""
+        name = self.definition.place
+        if name is None:
+            return ""
+        place, std = quantity(outputs[name], self.definition.heads[name], self.corrections.get(name))
+        return why_not_stated(place, std, self._lines(row), self.places)
 
     def _lines(self, row: Audio) -> PlaceByLines:
         """Return the place that the lines of a window tell, by the columns of its features that hold it."""
