@@ -133,7 +133,7 @@ STILL = _finding(
 ONE_DRIVER = _finding(
     "error",
     "One driver seems silent.",
-    "Check the battery, the switch and the height of each driver. A touch close to one end may sound so, too.",
+    "Check the battery, the switch and the height of each driver. Touches close to an end may sound so too.",
 )
 CLIPPING = _finding(
     "warning",

@@ -83,7 +83,7 @@ def test_the_place_comes_before_what_the_touch_sounds_like(
     detected: str, expected: str, valid: set[str]
 ) -> None:
     touch = Estimate(value=1.0, std=0.01, unit="1")
-    estimates = dict.fromkeys(("contact", "position", "force", "slip"), touch)
+    estimates: dict[str, Estimate] = dict.fromkeys(("contact", "position", "force", "slip"), touch)
     reading = WindowReading(ModelState(), {}, detected, OUTSIDE_RANGE)
     why_not, withheld = load("demo").withheld(reading, estimates)
     assert why_not == expected
