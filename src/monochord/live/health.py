@@ -131,9 +131,7 @@ STILL = _finding(
     "Look whether it is whole and nothing soft damps it; check the drivers' switches, batteries and height.",
 )
 ONE_DRIVER = _finding(
-    "error",
-    "One driver seems silent.",
-    "Check the battery, the switch and the height of each driver. Touches close to an end may sound so too.",
+    "error", "One driver seems silent.", "Check the battery, the switch and the height of each driver."
 )
 CLIPPING = _finding(
     "warning",
@@ -165,7 +163,9 @@ UNKNOWN_SOUND = _finding(
 )
 TWO_TOUCHES = _finding("warning", "Two things seem to touch the string.", "Touch it with one at a time.")
 OUTSIDE = _finding(
-    "info", "The touch is outside the sensing range: contact alone is told.", "Touch the string within it."
+    "info",
+    "The touch is outside the sensing range: contact alone is told.",
+    "Touch the string within it. If that is where it is touched, check that both drivers run.",
 )
 TWO_STRINGS = _finding(
     "error",

@@ -74,7 +74,7 @@ SOFT = "something very soft seems to touch"
     [
         (SOFT, OUTSIDE_RANGE, {"contact"}),
         ("two things seem to touch", OUTSIDE_RANGE, {"contact"}),
-        ("one driver seems silent", "one driver seems silent", {"contact"}),
+        ("one driver seems silent", OUTSIDE_RANGE, {"contact"}),
         ("microphone 1 is silent", "microphone 1 is silent", set[str]()),
         ("", OUTSIDE_RANGE, {"contact"}),
     ],

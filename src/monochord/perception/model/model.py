@@ -222,9 +222,10 @@ class Model:
         trained, why_not, record = self.definition, reading.why_not, self.definition.known
         contact = estimates.get(trained.gate)
         is_touched = contact is not None and contact.valid and contact.value >= DECISION
-        # Outside the sensing range one touch may sound soft, or like two.
-        is_one = record is not None and why_not in record.brief and reading.why_no_place == OUTSIDE_RANGE
-        if is_touched and reading.why_no_place and (is_one or not why_not):
+        # Outside the sensing range one touch may sound soft, like two, or as if its driver were silent.
+        of_touches = (*record.brief, *record.touched) if record is not None else ()
+        is_placed = why_not in ("", *of_touches) if reading.why_no_place == OUTSIDE_RANGE else not why_not
+        if is_touched and reading.why_no_place and is_placed:
             why_not = reading.why_no_place
             tasks = {name: head.task for name, head in trained.heads.items() if head.task.touched}
             is_outside = why_not == OUTSIDE_RANGE
