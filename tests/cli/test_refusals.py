@@ -15,8 +15,6 @@ STRING = "--length 0.65 --open-frequency 110"
 SAVED = "--sink jsonl={out} --save-config {out}.toml"
 RECORD = "record {out}.mcap --source wav --set source.path={one}"
 DATASET = "evaluate --dataset {dataset}"
-PARTS = "ablate parts --out {out}"
-FEW = f"{PARTS} --dataset {{dataset}}"
 COARSE = "simulate appendix --at 0.05 --set time_step=1e-6"
 REFUSED = {
     # live and locate
@@ -103,7 +101,7 @@ REFUSED = {
     "collect small --out {out} --workers 2 --cluster tcp://127.0.0.1:9": "--workers",
     "collect small --out {out} --real-time --workers 2": "--real-time with --workers or --cluster",
     "collect small --out {out} --server x": "--server: allowed is with --real-time",
-    # calibrate, build, evaluate, ablate
+    # calibrate, build, evaluate
     "calibrate demo --sessions {session} --touches 0 --objects others": "--objects others with --touches 0",
     "calibrate demo --sessions {session} --objects other --out {out}": "'other' is not one of",
     "evaluate": "no sessions to evaluate",
@@ -116,16 +114,6 @@ REFUSED = {
     f"{DATASET} --estimator closed_from": "did you mean 'closed_form'",
     f"{DATASET} --sensor prototipe": "did you mean 'prototype'",
     f"{DATASET} --set sides=both": "an unknown string",
-    "ablate none.toml --out {out}": "none.toml",
-    "ablate feature --out {out}": "did you mean 'features'",
-    f"{PARTS} --only hole": "did you mean 'whole'",
-    f"{PARTS} --dataset nowhere": "allowed is a folder that monochord build made",
-    f"{PARTS} --set variations.half.shere=0.5": "did you mean 'share'",
-    f"{PARTS} --set config=papr": "did you mean 'paper'",
-    f"{PARTS} --part train": "'validation', 'test'",
-    f"{FEW} --only one_driver": "variation one_driver: sessions 'sessions-one-driver'",
-    f"{FEW} --only half --set variations.half.config=tnes": "variation half: configuration 'tnes'",
-    f"{FEW} --set set=['noise.copys=0']": "variation whole: option 'noise.copys'",
     "build {session} --out {out} --split time --held-out wood": "held-out",
     "build {session} --out {out} --window 100": "window",
     "evaluate demo --sessions {session} --out {out} --split {session}": "--split",
@@ -136,14 +124,10 @@ REFUSED = {
     "evaluate demo --sessions {session} --suite": "write --suite noise",
     "evaluate demo --sessions {session} --suite --out {out}": "--suite without a name: allowed is noise",
     "evaluate demo --suite nois": "--suite nois",
-    "evaluate demo --sessions {session} --suite hardware": "beside --suite hardware",
-    "evaluate demo --sessions {session} --quick": "beside --suite hardware",
-    "evaluate demo --suite hardware --only motor": "did you mean 'motors'",
-    "evaluate --suite hardware": "name it: --sensor prototype",
-    "transfer demo --sessions {session} --touches ten": "--touches ten: allowed is whole numbers",
-    "transfer demo --sessions {session} --touches 5,-1": "--touches 5,-1: allowed is 0 or more",
-    "transfer demo --sessions {session}": "without labels",
-    "transfer demo": "Missing option '--sessions'",
+    "evaluate demo --suite hardware": "python -m studies.hardware_suite",
+    "transfer demo": "python -m studies.unseen_builds",
+    "ablate features": "python -m studies.ablation",
+    "collect builds --out o": "studies/plans/builds.toml",
     "evaluate demo --sessions {session} --out {out} --estimator closed_form": "--estimator",
     # simulate, figure, bench, weights, list
     "simulate": "Missing argument 'PRESET'",

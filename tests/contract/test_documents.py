@@ -7,7 +7,6 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import click
@@ -15,8 +14,6 @@ import pytest
 
 from monochord.cli import monochord as commands
 from monochord.cli import run
-from monochord.evaluation.summary import SummaryRow, read_summary
-from monochord.evaluation.summary_page import builds_page, hardware_page
 from monochord.physics.materials import material_names
 from monochord.physics.sensors import sensor_names
 from monochord.physics.strings import string_names
@@ -125,15 +122,6 @@ def test_a_picture_of_the_readme_is_light_described_and_said_to_be_simulated_or_
 
 def test_every_picture_of_the_readme_has_its_words_below() -> None:
     assert len(PICTURES) == (ROOT / "README.md").read_text(encoding="utf-8").count("![")
-
-
-@pytest.mark.parametrize(("name", "page"), [("builds", builds_page), ("hardware", hardware_page)])
-def test_a_page_of_results_is_that_of_its_rows(
-    name: str, page: Callable[[Sequence[SummaryRow]], str]
-) -> None:
-    results = ROOT / "docs" / "results"
-    rows = read_summary(results / f"{name}.json")
-    assert page(rows) == (results / f"{name}.md").read_text(encoding="utf-8")
 
 
 def test_the_presets_have_a_page_with_their_sources() -> None:

@@ -11,11 +11,8 @@ from matplotlib.collections import QuadMesh
 
 from monochord.core.errors import InputError
 from monochord.evaluation import realstrings
-from monochord.evaluation.summary import KEYS
-from monochord.figures.builds import Builds
 from monochord.figures.confusion import Confusion
 from monochord.figures.error_map import ErrorMapFigure
-from monochord.figures.hardware import Hardware
 from monochord.figures.paper_tables import PaperTables
 from monochord.figures.realstrings import RealstringsFigure, string_errors
 from monochord.figures.scatter import Scatter
@@ -227,43 +224,3 @@ def test_other_files_and_datasets_are_refused(write: Write, rows: Path, small: P
     ):
         with pytest.raises(InputError, match=line):
             Tsne(**{"dataset": small / "dataset", **options}).draw()  # pyright: ignore[reportArgumentType]
-
-
-def test_the_hardware_figure_shows_each_row_of_the_suite(tmp_path: Path) -> None:
-    file = tmp_path / "hardware.json"
-    rows = [
-        dict.fromkeys(KEYS)
-        | {"model": model, "condition": condition, "position_mae_mm": 0.5, "answered": 0.9}
-        for model in ("a", "b") for condition in ("clean", "motors")
-    ]  # fmt: skip
-    rows[0]["force_mae_n"] = 0.25
-    file.write_text(json.dumps(rows))
-    figure = Hardware(rows=file)
-    position, force, _, answered = figure.draw().axes
-    assert [len(np.asarray(line.get_xdata())) for line in position.lines] == [2, 2]
-    assert [np.asarray(line.get_xdata()).tolist() for line in force.lines] == [[0.25], []]
-    np.testing.assert_allclose(np.asarray(answered.lines[0].get_xdata()), 90.0)
-    assert [text.get_text() for text in position.get_yticklabels()] == ["clean", "motors"]
-    assert figure.numbers()["force_mae_n"]["a"] == {"clean": 0.25, "motors": None}
-    with pytest.raises(InputError, match="estimator 'c'"):
-        Hardware(rows=file, models=("c",)).draw()
-
-
-def test_the_figure_of_unseen_builds_shows_each_number_of_known_touches(tmp_path: Path) -> None:
-    file = tmp_path / "builds.json"
-    rows = [
-        dict.fromkeys(KEYS)
-        | {"model": model, "touches": touches, "condition": "sealed", "object": "all objects"}
-        | {"position_mae_mm": 1.0 / (1 + touches), "intervals": {"position_mae_mm": [0.1, 2.0]}}
-        for model in ("a", "b") for touches in (0, 10)
-    ]  # fmt: skip
-    file.write_text(json.dumps([*rows, {**rows[0], "condition": "motors"}]))
-    figure = Builds(rows=file)
-    position, force, _ = figure.draw().axes
-    assert [np.asarray(line.get_ydata()).tolist() for line in position.lines] == [[1.0, 1.0 / 11.0]] * 2
-    assert [text.get_text() for text in position.get_xticklabels()] == ["0", "10"]
-    assert [len(np.asarray(line.get_xdata())) for line in force.lines] == [0, 0]
-    assert figure.numbers()["position_mae_mm"]["a"] == {"0": 1.0, "10": 1.0 / 11.0}
-    for options, line in (({"condition": "seeled"}, "did you mean 'sealed'"), ({"object": "wood"}, "'wood'")):
-        with pytest.raises(InputError, match=line):
-            Builds(rows=file, **options).draw()

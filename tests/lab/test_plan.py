@@ -1,4 +1,3 @@
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -6,9 +5,7 @@ from tests.lab.tiny import session, tiny
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
-from monochord.figures.following import Following
 from monochord.lab.deviation import Deviation
-from monochord.lab.hardware import CONDITIONS, FIRST_BUILD
 from monochord.lab.offline import describe
 from monochord.lab.plan import Delays, Group, Plan, assignments
 from monochord.lab.plans import load_plan, plan_names
@@ -18,13 +15,6 @@ from monochord.physics.twin.world import only
 
 GRID = Group(name="a", grid=(5, 4), sessions=3, radii=(0.002, 0.004), days=(1, 2), forces=(0.1, 2.0))
 PLAN = Plan(name="p", groups=(GRID, Group(name="b", like="a", sessions=2, lifted=3e-3)))
-SEALED = [name for name in plan_names() if name.startswith("sealed")]
-
-
-def _builds(group: Group) -> set[int]:
-    """Seeds of the builds of a group."""
-    own = range(0) if group.first_build is None else range(group.first_build, group.first_build + group.total)
-    return {*group.builds, *own}
 
 
 def test_every_cell_of_the_grid_is_used_once_for_each_radius() -> None:
@@ -96,17 +86,6 @@ def test_a_drawn_design_is_a_sessions_own_and_described() -> None:
     for one in (first, second):
         low, high = one.design().drivers
         assert max(low.sense, low.drive) < 0.5 * plain.string.length < min(high.sense, high.drive)
-
-
-def test_the_odd_plan_shares_no_build_with_a_test() -> None:
-    builds = {build for group in load_plan("odd").groups for build in group.builds}
-    tests = [group for name in ("builds", *SEALED) for group in load_plan(name).groups]
-    assert not builds & {
-        each
-        for group in tests
-        if group.name.startswith("test") or min(group.builds) > 200
-        for each in group.builds
-    }
 
 
 @pytest.mark.parametrize(("name", "least", "most"), [("drawn", 3e8, 2.1e11), ("drawn_soft", 5e5, 3e8)])
@@ -209,71 +188,6 @@ def test_sessions_of_the_paper_last_about_a_minute() -> None:
     assert 45.0 < min(lengths) <= max(lengths) < 75.0
 
 
-@pytest.mark.parametrize("plan", SEALED)
-def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan: str) -> None:
-    sealed = load_plan(plan)
-    others = [group for name in plan_names() if name != plan for group in load_plan(name).groups]
-    builds = {build for group in sealed.groups for build in group.builds}
-    days = {day for group in sealed.groups for day in group.days}
-    materials = {group.material for group in sealed.groups}
-    assert len({build for group in sealed.groups if not group.design for build in group.builds}) == 20
-    assert not builds & {build for group in others for build in _builds(group)}
-    assert max(builds) < FIRST_BUILD  # those of the hardware suite begin there
-    assert not days & {day for group in others for day in group.days}
-    assert materials & {group.material for group in others} == {"plastic", "metal_tube", "wood", "allen_key"}
-    assert len(materials) == 10
-
-
-def test_what_reads_modes_learns_from_no_build_or_day_that_a_model_learns_from_or_is_judged_by() -> None:
-    # Builds of the plans designs and odd have drivers and microphones of their own besides.
-    apart = {"modes", "modes_2", "modes_3", "designs", "odd"}
-    reading = [group for name in ("modes", "modes_2", "modes_3") for group in load_plan(name).groups]
-    others = [group for name in plan_names() if name not in apart for group in load_plan(name).groups]
-    builds = {build for group in reading for build in _builds(group)}
-    assert not builds & {build for group in others for build in _builds(group)}
-    assert not builds & {*range(FIRST_BUILD, FIRST_BUILD + max(one.builds for one in CONDITIONS))}
-    # The plan everywhere has builds of its own, but some of these days: only the tuning is drawn by the day.
-    others = [group for group in others if group not in load_plan("everywhere").groups]
-    days = {day for group in reading for day in group.days}
-    assert not days & {day for group in others for day in group.days}
-
-
-def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object_with_training() -> None:
-    touches = load_plan("touches")
-    others = [group for name in plan_names() if name != "touches" for group in load_plan(name).groups]
-    builds = {build for group in touches.groups for build in group.builds}
-    days = {day for group in touches.groups for day in group.days}
-    assert len(builds) == 6
-    assert not builds & {build for group in others for build in _builds(group)}
-    assert not builds & {*Following().builds}
-    assert max(builds) < FIRST_BUILD
-    assert not days & {day for group in others for day in group.days}
-    trained = [
-        group
-        for name in ("builds", "designs", "modes", "modes_2", "modes_3", "odd")
-        for group in load_plan(name).groups
-        if not group.name.startswith("test")
-    ]
-    assert not {group.material for group in touches.groups} & {group.material for group in trained}
-    held = [one for one in assignments(touches) if one.group.protocol == "hold" and not one.group.like]
-    assert sorted(one.build or 0 for one in held) == sorted(builds)
-    assert {len(one.cells()) for one in held} == {600}
-
-
-@pytest.mark.parametrize("plan", SEALED)
-def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(plan: str) -> None:
-    sessions = assignments(load_plan(plan))
-    counts: dict[int | None, int] = {}
-    for one in sessions:
-        if one.group.name.startswith("hold_"):
-            counts[one.build] = counts.get(one.build, 0) + len(one.cells())
-    assert set(counts.values()) == {200}
-    sensors = [one.sensor() for one in sessions]
-    pitch = [np.sqrt(1.0 + each.drift / each.string.tension) - 1.0 for each in sensors]
-    assert min(pitch) < -0.02
-    assert max(pitch) > 0.02
-
-
 AGAIN = """
 notes = "With another object, and music."
 [again]
@@ -286,52 +200,6 @@ materials = { copper_pipe = "brass_rod" }
 name = "more"
 music = "synthetic"
 """
-
-
-def test_a_plan_again_has_other_builds_days_and_objects_and_groups_of_its_own(tmp_path: Path) -> None:
-    (tmp_path / "mine.toml").write_text(AGAIN, encoding="utf-8")
-    plan, other = load_plan(str(tmp_path / "mine.toml")), load_plan("sealed_3")
-    assert (plan.name, plan.title, plan.world) == ("mine", other.title, "plausible")
-    assert plan.notes == "With another object, and music."
-    *again, more = plan.groups
-    assert more == Group(name="more", music="synthetic")
-    for group, was in zip(again, other.groups, strict=True):
-        assert group.material == {"copper_pipe": "brass_rod"}.get(was.material, was.material)
-        assert group.builds[0] == was.builds[0] + (3000 if was.design else 2000)
-        assert group.days == tuple(day + 1000 for day in was.days)
-    assert "hold_brass_rod" in {group.name for group in again}
-    (tmp_path / "mine.toml").write_text(AGAIN.replace("copper_pipe", "copper_pip"), encoding="utf-8")
-    with pytest.raises(InputError, match="did you mean 'copper_pipe'"):
-        load_plan(str(tmp_path / "mine.toml"))
-    (tmp_path / "mine.toml").write_text(AGAIN.replace("sealed_3", f"{tmp_path}/mine.toml"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"again \(nested too deep\)"):
-        load_plan(str(tmp_path / "mine.toml"))
-    (tmp_path / "mine.toml").write_text(AGAIN.replace("builds =", "buildss ="), encoding="utf-8")
-    with pytest.raises(InputError, match=r"plan mine, again.*did you mean 'builds'"):
-        load_plan(str(tmp_path / "mine.toml"))
-
-
-def test_a_plan_again_keeps_which_group_is_like_which_and_moves_first_builds(tmp_path: Path) -> None:
-    other = """
-    [[groups]]
-    name = "hold_wood"
-    material = "wood"
-    first_build = 100
-    [[groups]]
-    name = "clear"
-    like = "hold_wood"
-    lifted = 0.003
-    """
-    again = f"""
-    [again]
-    plan = "{tmp_path}/other.toml"
-    builds = 20
-    materials = {{ wood = "cork" }}
-    """
-    (tmp_path / "other.toml").write_text(other, encoding="utf-8")
-    (tmp_path / "again.toml").write_text(again, encoding="utf-8")
-    held, clear = load_plan(str(tmp_path / "again.toml")).groups
-    assert (held.name, held.first_build, clear.like) == ("hold_cork", 120, "hold_cork")
 
 
 def test_with_a_first_build_each_session_is_of_a_build_of_its_own() -> None:

@@ -6,13 +6,13 @@ from typing import Any
 
 import click
 
+from monochord import evaluation
 from monochord.cli._drawings import drawings
-from monochord.cli._hardware import HardwareRun, hardware_options, test_on_hardware
 from monochord.cli._options import completes, refuse_without, set_option
 from monochord.cli._output import echo, progress_bar
 from monochord.core.config import override
 from monochord.core.errors import InputError
-from monochord.evaluation import evaluate as evaluation
+from monochord.evaluation.evaluate import refuse_unwritable
 from monochord.evaluation.paper import keep_rows, paper_rows
 from monochord.evaluation.scorecard import Scorecard, ScoreTable
 from monochord.evaluation.scores import Detection, Regression
@@ -20,10 +20,7 @@ from monochord.evaluation.select import EvaluationSettings
 from monochord.perception.model.bundled import bundled_names
 
 PARTS = ("test", "validation")
-SUITES = ("noise", "hardware")
-OF_HARDWARE = ("cache", "only", "quick", "workers")
-NOT_OF_HARDWARE = ("dataset", "split", "part", "sessions", "noises", "tuned")
-"""Parameters that only the hardware suite has, and that it does not have."""
+SUITE = "noise"
 DEFAULT_ESTIMATOR = "closed_form"
 HEADS = ("windows", "answered", "error", "<= 5 mm", "r", "error", "<= 0.2 N", "r", "contact", "slip area")
 WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
@@ -51,16 +48,14 @@ WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
 @click.option("--noise", "noises", multiple=True, metavar="KIND:DB", help="Also test with noise; repeatable.")
 @click.option(
     "--suite",
-    metavar="noise|hardware",
+    metavar=SUITE,
     is_flag=False,
     flag_value="",
-    help="noise: also test with every kind of noise, at 0 to 25 dB. hardware: test on simulated sensors of "
-    "the same touches, with distortion, noise, other temperature, tuning, drive, builds, contact and ends.",
+    help="Also test with every kind of noise, at 0 to 25 dB.",
 )
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise and suite."
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of the noise."
 )
-@hardware_options
 @click.option("--baselines/--no-baselines", default=True, show_default=True, help="Ridge and extra trees.")
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results and a report there."
@@ -80,10 +75,6 @@ def evaluate(
     assignments: tuple[str, ...],
     as_json: bool,
     suite: str | None,
-    cache: Path,
-    only: tuple[str, ...],
-    quick: bool,
-    workers: int | None,
     **options: Any,
 ) -> None:
     """Test MODEL, or the estimator NAME, on sessions that it was not trained on.
@@ -96,7 +87,6 @@ def evaluate(
     \b
     monochord evaluate run --out report --noise music:10
     monochord evaluate demo --sessions monday/*.mcap
-    monochord evaluate run --suite hardware --out hardware
     monochord evaluate --estimator closed_form --dataset dataset --sensor prototype --suite noise
     """  # noqa: D301
     if model is not None and estimator is not None:
@@ -105,41 +95,30 @@ def evaluate(
         refuse_without("--split or --part beside --sessions", "all of the sessions", "split", "part")
     if rows is None:
         refuse_without("--feature without --rows", "beside --rows, whose name it is", "feature")
-    if suite not in (None, *SUITES):
+    if suite == "hardware":
+        raise InputError("--suite hardware", SUITE, "it is a study now: python -m studies.hardware_suite")
+    if suite not in (None, SUITE):
         given = f"--suite {suite}" if suite else "--suite without a name"
-        raise InputError(given, ", ".join(SUITES), "write --suite noise for every kind of noise")
+        raise InputError(given, SUITE, "write --suite noise for every kind of noise")
     if not (options["noises"] or suite):
         refuse_without("--seed without noise", "beside --noise or --suite, whose it is", "seed")
     settings = EvaluationSettings(
         model=model,
         estimator=estimator or DEFAULT_ESTIMATOR,
         options=override({}, assignments),
-        suite=suite == "noise",
+        suite=suite == SUITE,
         **options,
     )
     if out is not None:
-        evaluation.refuse_unwritable(out)
-    if suite == "hardware":
-        refuse_without("sessions, noise or --tuned beside --suite hardware", "its own", *NOT_OF_HARDWARE)
-        run = HardwareRun(cache=cache, only=only, quick=quick, workers=workers)
-        test_on_hardware(run, settings, name=feature, out=out, rows=rows, as_json=as_json)
-        return
-    refuse_without("--cache, --only, --quick or --workers", "beside --suite hardware", *OF_HARDWARE)
+        refuse_unwritable(out)
     with progress_bar() as progress:
-        outcome = evaluation.evaluate(settings, music=music, progress=progress)
+        outcome = evaluation.evaluate(settings, progress=progress)
     if out is not None:
         evaluation.write(out, outcome, drawings)
     card = outcome.card
     if rows is not None:
         keep_rows(rows, paper_rows(card, feature or outcome.label, settings.part))
     echo(*([json.dumps(card.tree(), allow_nan=False)] if as_json else _lines(card)))
-
-
-def music() -> Any:
-    """Return synthetic music (n,), which stands in where there is no recording of any."""
-    from monochord.dsp.music import loop  # noqa: PLC0415
-
-    return loop(0)
 
 
 def _lines(card: Scorecard) -> list[str]:

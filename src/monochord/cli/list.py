@@ -18,7 +18,6 @@ from monochord.cli._output import echo
 from monochord.core.config import settings_of, to_tree
 from monochord.core.errors import InputError, MonochordError, did_you_mean
 from monochord.core.registry import Registry
-from monochord.evaluation.grids import Grid
 from monochord.lab.plan import Plan
 from monochord.lab.plans import load_plan, plan_names
 from monochord.live import LiveSettings
@@ -36,7 +35,6 @@ SETTINGS: Mapping[str, tuple[str, type]] = {
     "record": ("A run of 'monochord record', also its --config.", recording.RecordingSettings),
     "collect": ("A plan of 'monochord collect'.", Plan),
     "train": ("A run of 'monochord train', also its CONFIG.", TrainingSettings),
-    "ablate": ("A grid of 'monochord ablate'.", Grid),
 }
 """By name what a set of settings is for, and the dataclass that defines it."""
 

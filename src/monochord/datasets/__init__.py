@@ -1,1 +1,22 @@
-"""From sessions to windows with labels."""
+"""From sessions to windows with labels: build, split, audit and augment."""
+
+from monochord.datasets.audit import Audit, audit
+from monochord.datasets.augment import Augmentation
+from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
+from monochord.datasets.split import Split
+from monochord.datasets.store import Dataset, open_dataset
+from monochord.datasets.truth import MEASURED
+
+__all__ = [
+    "MEASURED",
+    "Audit",
+    "Augmentation",
+    "BuildOptions",
+    "Dataset",
+    "Labelling",
+    "Split",
+    "audit",
+    "build_dataset",
+    "find_sessions",
+    "open_dataset",
+]

@@ -17,7 +17,7 @@ from monochord.core.types import Audio, Flags, Indices
 from monochord.core.units import Samples
 from monochord.datasets._strategies import is_held_out
 from monochord.datasets.duplicates import find_duplicates
-from monochord.datasets.manifest import FILE, Part, file_checksum
+from monochord.datasets.manifest import Part
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset
 
@@ -144,7 +144,7 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
 
 
 def _strange_rows(dataset: Dataset, split: Split) -> Iterator[Leak]:
-    if split.dataset and split.dataset != file_checksum(dataset.path / FILE):
+    if split.dataset and split.dataset != dataset.checksum:
         yield Leak(kind="other dataset", parts=tuple(split.parts), where="its checksum differs", many=0)
     for name, rows in split.parts.items():
         outside = int(((rows < 0) | (rows >= len(dataset))).sum())

@@ -36,7 +36,7 @@ from monochord.datasets._strategies import (
     is_pattern,
     refuse_strange,
 )
-from monochord.datasets.manifest import MAX_WINDOWS, file_checksum
+from monochord.datasets.manifest import MAX_WINDOWS
 from monochord.datasets.store import Dataset
 
 By: TypeAlias = Literal["session", "object", "time", "day", "build"]
@@ -215,7 +215,7 @@ def split_dataset(
         guard=gap if by == "time" else 0,
         held_out=tuple(held_out),
         left_out=int((part_of < 0).sum()),
-        dataset=file_checksum(dataset.path / "manifest.json"),
+        dataset=dataset.checksum,
         groups=groups,
     )
 

@@ -27,7 +27,7 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Audio, Flags, Floats, Indices
 from monochord.core.units import Samples
 from monochord.datasets.checksums import REMEDY, check_blocks
-from monochord.datasets.manifest import TABLE, Layout, Manifest, is_column_name
+from monochord.datasets.manifest import FILE, TABLE, Layout, Manifest, file_checksum, is_column_name
 
 MAX_OPEN_FILES = 256
 """Audio files that are mapped at once: each holds one of the process's file descriptors."""
@@ -60,6 +60,11 @@ class Dataset:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _reopened, (self.path,)
+
+    @property
+    def checksum(self) -> str:
+        """The SHA-256 of its manifest, which holds those of its sessions and arrays: a split names it."""
+        return file_checksum(self.path / FILE)
 
     @property
     def usable(self) -> Flags:

@@ -1,1 +1,76 @@
-"""What estimators make of takes whose truth is known."""
+"""What estimators make of takes whose truth is known: replay, scores, baselines and the report."""
+
+from monochord.evaluation.baselines import RIDGE, Baselines, features_of, fit_baselines
+from monochord.evaluation.evaluate import Evaluation, evaluate, write
+from monochord.evaluation.noise import Disturbance, noise_suite, parse_noise
+from monochord.evaluation.paper import PaperRow, keep_rows, paper_page, paper_rows
+from monochord.evaluation.replay import Selection, replay, replay_together
+from monochord.evaluation.results import CLEAN, Results, Trial, join, read_results, write_results
+from monochord.evaluation.scorecard import EVERYTHING, Scorecard, scorecard
+from monochord.evaluation.scores import (
+    DRAWS,
+    MIN_SESSIONS,
+    Detection,
+    Regression,
+    Score,
+    blocks_of,
+    detection,
+    regression,
+    regression_rows,
+    score_of,
+)
+from monochord.evaluation.select import (
+    Candidate,
+    EvaluationData,
+    EvaluationSettings,
+    load,
+    refuse_trained_on,
+    select,
+    training_of,
+)
+
+__all__ = [
+    "CLEAN",
+    "DRAWS",
+    "EVERYTHING",
+    "MIN_SESSIONS",
+    "RIDGE",
+    "Baselines",
+    "Candidate",
+    "Detection",
+    "Disturbance",
+    "Evaluation",
+    "EvaluationData",
+    "EvaluationSettings",
+    "PaperRow",
+    "Regression",
+    "Results",
+    "Score",
+    "Scorecard",
+    "Selection",
+    "Trial",
+    "blocks_of",
+    "detection",
+    "evaluate",
+    "features_of",
+    "fit_baselines",
+    "join",
+    "keep_rows",
+    "load",
+    "noise_suite",
+    "paper_page",
+    "paper_rows",
+    "parse_noise",
+    "read_results",
+    "refuse_trained_on",
+    "regression",
+    "regression_rows",
+    "replay",
+    "replay_together",
+    "score_of",
+    "scorecard",
+    "select",
+    "training_of",
+    "write",
+    "write_results",
+]

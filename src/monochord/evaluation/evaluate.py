@@ -14,7 +14,7 @@ from typing import TypeAlias
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.core.ownership import scratch_folder
-from monochord.core.types import Audio
+from monochord.dsp.music import loop
 from monochord.evaluation.baselines import baseline_results
 from monochord.evaluation.noise import RECORDED, Disturbance, noise_recordings, noise_suite, parse_noise
 from monochord.evaluation.replay import Progress, Selection, replay
@@ -42,7 +42,6 @@ class Evaluation:
 def evaluate(
     settings: EvaluationSettings,
     *,
-    music: Callable[[], Audio] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
     """Return the estimates and scores of an estimator on sessions that it was not trained on.
@@ -51,8 +50,6 @@ def evaluate(
     ----------
     settings
         What is evaluated.
-    music
-        Returns sound (n,) at 44100 Hz that stands in for a recording of music where there is none.
     progress
         Called for every session.
 
@@ -68,7 +65,7 @@ def evaluate(
     with ExitStack() as stack:
         candidate = load(settings)
         data = select(settings, candidate, stack.enter_context(scratch_folder()), progress)
-        noises = _noises(settings, data.selection.dataset.manifest.sample_rate, music)
+        noises = _noises(settings, data.selection.dataset.manifest.sample_rate)
         results = replay_conditions(data, candidate, noises, progress)
         beside = _baselines(settings, data, candidate, noises, progress)
         card = score(results, data, beside)
@@ -173,11 +170,10 @@ def refuse_unwritable(folder: Path) -> None:
             each.rmdir()
 
 
-def _noises(
-    settings: EvaluationSettings, sample_rate: int, music: Callable[[], Audio] | None
-) -> list[Disturbance]:
+def _noises(settings: EvaluationSettings, sample_rate: int) -> list[Disturbance]:
+    """Return what sounds are disturbed by; synthetic music stands in where there is no recording of any."""
     recorded = settings.suite or any(text.partition(":")[0] in RECORDED for text in settings.noises)
-    recordings = noise_recordings(sample_rate, music() if music else None) if recorded else {}
+    recordings = noise_recordings(sample_rate, loop(0)) if recorded else {}
     noises = [parse_noise(text, recordings, settings.seed) for text in settings.noises]
     return [*noises, *(noise_suite(recordings, seed=settings.seed) if settings.suite else ())]
 

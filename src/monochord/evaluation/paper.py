@@ -185,7 +185,7 @@ def paper_page(rows: Sequence[PaperRow]) -> str:
 
     Examples
     --------
-    ``monochord ablate features --rows docs/results/paper.json`` writes it beside the rows.
+    ``monochord evaluate run --rows docs/results/paper.json`` writes it beside the rows.
     """
     kind = "All sound is simulated. " if rows and all(row["simulated"] for row in rows) else ""
     intro = (

@@ -7,8 +7,6 @@ from pathlib import Path
 from monochord.core.errors import InputError, did_you_mean
 from monochord.evaluation.results import Results, read_results
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444", "#999933")
-"""Okabe and Ito's, which colour-blind readers can tell apart, and two more."""
 UNITS = {"position": (1e3, "mm"), "force": (1.0, "N")}
 """Factor from SI and unit in which a quantity is drawn."""
 SYMBOLS = {"position": "x", "force": "F"}

@@ -11,7 +11,6 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.evaluation.paper import NOISE, PAPER, PaperRow, reported
 from monochord.evaluation.results import CLEAN
 from monochord.figures import _style
-from monochord.figures._results import COLOURS
 from monochord.figures.base import Measured
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ class PaperTables(Measured):
     Parameters
     ----------
     rows
-        The file that `monochord ablate --rows` or `monochord evaluate --rows` wrote.
+        The file that `monochord evaluate --rows` wrote.
     noise
         Condition that is drawn beside the clean one; empty for none.
     features
@@ -103,7 +102,7 @@ class PaperTables(Measured):
             conditions = {row["condition"] for row in rows}
         except (OSError, ValueError, TypeError, KeyError) as error:
             given = f"rows {self.rows} (absent or damaged)"
-            raise InputError(given, "a file that monochord ablate --rows wrote") from error
+            raise InputError(given, "a file that monochord evaluate --rows wrote") from error
         if self.noise and self.noise not in conditions:
             known = ", ".join(sorted(conditions))
             raise InputError(f"noise '{self.noise}'", known, did_you_mean(self.noise, conditions))
@@ -120,8 +119,8 @@ class PaperTables(Measured):
                 across = [place + aside + (0.0 if clean else 0.03) for place in at]
                 axes.plot(
                     across, [errors[bodies[place]] for place in at], ls="",
-                    marker=MARKS[number // len(COLOURS) % len(MARKS)], ms=4.0, mec="none",
-                    color=COLOURS[number % len(COLOURS)], alpha=1.0 if clean else 0.35,
+                    marker=MARKS[number // len(_style.COLOURS) % len(MARKS)], ms=4.0, mec="none",
+                    color=_style.COLOURS[number % len(_style.COLOURS)], alpha=1.0 if clean else 0.35,
                     label=feature if clean else None,
                 )  # fmt: skip
 

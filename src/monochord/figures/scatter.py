@@ -14,7 +14,7 @@ from monochord.core.types import Floats
 from monochord.evaluation.results import CLEAN, Results
 from monochord.evaluation.scores import regression, regression_rows
 from monochord.figures import _style
-from monochord.figures._results import COLOURS, SYMBOLS, UNITS, in_condition, title_of
+from monochord.figures._results import SYMBOLS, UNITS, in_condition, title_of
 from monochord.figures.base import Measured
 from monochord.metrics import LIMITS
 
@@ -102,7 +102,7 @@ class Scatter(Measured):
         for number, (body, of_body) in enumerate(_bodies(results).items()):
             answered = np.flatnonzero(of_body & scored & np.isfinite(estimate))
             rows = answered[:: max(-(-len(answered) // self.points), 1)]
-            colour = COLOURS[number % len(COLOURS)]
+            colour = _style.COLOURS[number % len(_style.COLOURS)]
             axes.plot([], [], ls="", marker="o", ms=3.5, color=colour, label=body)
             _draw_points(axes, truth[rows], estimate[rows], span, colour)
         above = int((estimate[scored] > span[1]).sum())

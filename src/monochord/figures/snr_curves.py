@@ -12,7 +12,7 @@ from monochord.core.errors import InputError
 from monochord.evaluation.results import CLEAN, Results, read_results
 from monochord.evaluation.scores import Score, detection, regression
 from monochord.figures import _style
-from monochord.figures._results import COLOURS, title_of
+from monochord.figures._results import title_of
 from monochord.figures.base import Measured
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def _draw(axes: Axes, curves: list[dict[str, Any]], name: str, factor: float) ->
         bars = np.abs(factor * np.array(ends) - value)
         axes.errorbar(
             [ratio for ratio, _ in line], value, yerr=bars if bars.any() else None, lw=1.1, marker="o",
-            ms=3.0, elinewidth=0.6, color=COLOURS[number % len(COLOURS)], label=noise,
+            ms=3.0, elinewidth=0.6, color=_style.COLOURS[number % len(_style.COLOURS)], label=noise,
         )  # fmt: skip
     for one in curves:
         if one["noise"] == CLEAN and one[name]["value"] is not None:

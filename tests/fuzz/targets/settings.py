@@ -12,7 +12,6 @@ from monochord.cli import live as live_command
 from monochord.cli import record as record_command
 from monochord.core.config import dump_toml, load_toml, override
 from monochord.core.errors import InputError
-from monochord.evaluation.grids import load_grid
 from monochord.lab.collection import chosen
 from monochord.lab.plans import load_plan
 from monochord.live import LiveSettings
@@ -110,7 +109,6 @@ KINDS: dict[str, Callable[[Path, Sequence[str]], Any]] = {
     "live": _live,
     "record": _record,
     "plan": _plan,
-    "grid": lambda file, assignments: load_grid(str(file), {}, assignments).compared,
     "string": lambda file, _: load_string(str(file)).usual_contact,
     "material": lambda file, _: load_material(str(file)),
     "sensor": lambda file, _: load_sensor(str(file)),
@@ -118,7 +116,6 @@ KINDS: dict[str, Callable[[Path, Sequence[str]], Any]] = {
 FOLDERS = {
     "train": "monochord.perception.training.configs",
     "plan": "monochord.lab.plans",
-    "grid": "monochord.evaluation.grids",
     "string": "monochord.physics.strings",
     "material": "monochord.physics.materials",
     "sensor": "monochord.physics.sensors",

@@ -8,7 +8,7 @@ import pytest
 import monochord as mc
 from monochord.core.config import load_toml
 from monochord.core.errors import InputError
-from monochord.core.types import Signal, Window
+from monochord.core.types import OUTSIDE_RANGE, Signal, Window
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
 from monochord.perception.model import ModelState, folder_of, load
@@ -113,7 +113,9 @@ def test_a_silent_driver_is_named_when_something_touches_and_remembered(dead: in
         if contact.valid:
             touched[time] = contact.value > 0.5
     assert not any(reason for time, reason in reasons.items() if time < 1.9)
-    assert {reason for time, reason in reasons.items() if time > 2.4} == {"one driver seems silent"}
+    # A touch whose one segment hardly rings may as well be one close to that end.
+    after = {reason for time, reason in reasons.items() if time > 2.4}
+    assert {"one driver seems silent"} <= after <= {"one driver seems silent", OUTSIDE_RANGE}
     # Contact is told all the same; of one segment that hardly rings it is in doubt now and then.
     assert np.mean([touched[time] for time in reasons if 2.4 < time < 2.9 or 3.9 < time < 4.4]) > 0.6
     assert not any(touched[time] for time in reasons if 3.1 < time < 3.4)

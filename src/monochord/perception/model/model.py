@@ -45,13 +45,13 @@ class WindowReading(NamedTuple):
     """What a model makes of a window, before any estimate is stated.
 
     `state` is that after the window, and `outputs` those of the heads, empty where it cannot be used.
-    `why_not` is why to abstain, and `why_no_place` why a touch has no place; both are empty for no reason.
+    `why_not` is why to abstain, empty for no reason, and `lines` the place that its lines tell.
     """
 
     state: ModelState
     outputs: Mapping[str, Output]
     why_not: str
-    why_no_place: str = ""
+    lines: PlaceByLines = NO_PLACE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,20 +220,28 @@ class Model:
         where that holds.
         """
         trained, why_not, record = self.definition, reading.why_not, self.definition.known
-        contact = estimates.get(trained.gate)
-        is_touched = contact is not None and contact.valid and contact.value >= DECISION
         # Outside the sensing range one touch may sound soft, like two, or as if its driver were silent.
         of_touches = (*record.brief, *record.touched) if record is not None else ()
-        is_placed = why_not in ("", *of_touches) if reading.why_no_place == OUTSIDE_RANGE else not why_not
-        if is_touched and reading.why_no_place and is_placed:
-            why_not = reading.why_no_place
+        no_place = self._why_no_place(reading, estimates) if why_not in ("", *of_touches) else ""
+        if no_place == OUTSIDE_RANGE or (no_place and not why_not):
             tasks = {name: head.task for name, head in trained.heads.items() if head.task.touched}
-            is_outside = why_not == OUTSIDE_RANGE
-            return why_not, {name for name, task in tasks.items() if is_outside or not task.is_probability}
+            is_outside = no_place == OUTSIDE_RANGE
+            return no_place, {name for name, task in tasks.items() if is_outside or not task.is_probability}
         withheld = set(trained.heads) if why_not else set[str]()
-        if contact is not None and self.contact_holds(contact, why_not):
+        if estimates and self.contact_holds(estimates[trained.gate], why_not):
             withheld.remove(trained.gate)
         return why_not, withheld
+
+    def _why_no_place(self, reading: WindowReading, estimates: Estimates) -> str:
+        """Return why the place of a touch cannot be stated, empty for no reason and where nothing touches."""
+        name, contact = self.definition.place, estimates.get(self.definition.gate)
+        if name is None or contact is None or not (contact.valid and contact.value >= DECISION):
+            return ""
+        place, std = estimates[name].value, estimates[name].std
+        if not estimates[name].valid:  # it is withheld, and may lie outside all the same
+            head = self.definition.heads[name]
+            place, std = quantity(reading.outputs[name], head, self.corrections.get(name))
+        return why_not_stated(place, std, reading.lines, self.places)
 
     @staticmethod
     def _read(
@@ -281,7 +289,6 @@ class Model:
             outputs[name] = replace(outputs[name], variables=values)
         time, why_not = window.start / window.sample_rate, ""
         contact = probability(outputs[trained.gate], trained.heads[trained.gate])
-        why_no_place = self._why_no_place(row, outputs) if contact >= DECISION else ""
         if self.detector is not None and logits is not None:
             known_state = self.detector.step(state.known, logits, time, touched=contact > DECISION)
             state = replace(state, known=known_state)
@@ -292,15 +299,7 @@ class Model:
             contact = 1.0 if why_not else contact
             samples = window.samples[np.newaxis]
             state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
-        return WindowReading(state, outputs, why_not, why_no_place)
-
-    def _why_no_place(self, row: Audio, outputs: Mapping[str, Output]) -> str:
-        """Return why the place of a touch cannot be stated, by the features of its window and the heads."""
-        name = self.definition.place
-        if name is None:
-            return ""
-        place, std = quantity(outputs[name], self.definition.heads[name], self.corrections.get(name))
-        return why_not_stated(place, std, self._lines(row), self.places)
+        return WindowReading(state, outputs, why_not, self._lines(row))
 
     def _lines(self, row: Audio) -> PlaceByLines:
         """Return the place that the lines of a window tell, by the columns of its features that hold it."""

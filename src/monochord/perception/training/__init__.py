@@ -1,1 +1,21 @@
-"""From a dataset to a model."""
+"""From a dataset to a model: training, and adapting a model to known touches."""
+
+from monochord.perception.training.adapt import REMEDY, Objects, adapt
+from monochord.perception.training.configs import config_path
+from monochord.perception.training.correct import Replayed
+from monochord.perception.training.examples import stream_of, touches_of
+from monochord.perception.training.settings import TrainingSettings
+from monochord.perception.training.train import read_in_turn, train
+
+__all__ = [
+    "REMEDY",
+    "Objects",
+    "Replayed",
+    "TrainingSettings",
+    "adapt",
+    "config_path",
+    "read_in_turn",
+    "stream_of",
+    "touches_of",
+    "train",
+]

@@ -11,7 +11,6 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Flags, Floats, Indices, Signal
 from monochord.core.units import Metres
-from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset
 from monochord.perception.features.base import SupportsCompliance
@@ -67,7 +66,7 @@ def read_split(settings: TrainingSettings, dataset: Dataset) -> Split:
     """Return the split that the settings name; raises `InputError` if it is not one of this dataset."""
     file = settings.split or dataset.path / "split.json"
     split = Split.read(file)
-    if split.dataset and split.dataset != file_checksum(dataset.path / FILE):
+    if split.dataset and split.dataset != dataset.checksum:
         raise InputError(f"split {file} of another dataset", f"one of {dataset.path}", "split that one again")
     if any(rows.size and rows.max() >= len(dataset) for rows in split.parts.values()):
         raise InputError(f"split {file} of more windows", f"{len(dataset)}, as there are", "split it again")
@@ -110,7 +109,7 @@ def training_data(settings: TrainingSettings, dataset: Dataset, split: Split) ->
         string=string,
         sensing_range=_sensing_range(sensor.range, dataset, split),
         simulated=any(manifest.parts[number].simulated for number in used),
-        dataset=file_checksum(dataset.path / FILE),
+        dataset=dataset.checksum,
         sessions={manifest.parts[number].name: manifest.parts[number].checksum for number in used},
         versions={name: version(name) for name in ("monochord", "numpy", "torch")},
     )

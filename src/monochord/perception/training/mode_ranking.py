@@ -2,9 +2,9 @@
 
 The first is of `monochord.perception.closed_form.place_density`, the second of its `ranking`.
 
-    monochord collect modes --out sessions
+    monochord collect studies/plans/modes.toml --out sessions
     monochord build sessions --split build --skip --out modes
-    monochord collect modes_2 --out more-sessions
+    monochord collect studies/plans/modes_2.toml --out more-sessions
     monochord build more-sessions --split build --skip --out modes_2
     python -m monochord.perception.training.mode_ranking modes modes_2 --judge builds
 

@@ -114,8 +114,8 @@ class KnownSettings:
     on
         Whether a model has one.
     dataset
-        Folder of a dataset of sessions that a model should not know: `monochord collect odd` and `monochord
-        build` make one. Without it the detector learns faults of microphones alone.
+        Folder of a dataset of sessions that a model should not know, such as one of the plan
+        `studies/plans/odd.toml`. Without it the detector learns faults of microphones alone.
     reasons
         Reason to abstain from each of its sessions, by a pattern of their names; sessions of no pattern are
         left out. In those of a pattern in `touches` only touched windows are unlike the training.

@@ -21,20 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
-from monochord.core.files import replacing
 from monochord.core.types import Flags, Floats, Indices
-from monochord.evaluation.results import CLEAN, Results
-from monochord.evaluation.scorecard import EVERYTHING
-from monochord.evaluation.scores import (
+from monochord.evaluation import (
+    CLEAN,
     DRAWS,
+    EVERYTHING,
     MIN_SESSIONS,
+    Results,
     Score,
     blocks_of,
     detection,
     regression_rows,
     score_of,
 )
-from monochord.metrics import LIMITS, known
+from monochord.metrics import LIMITS, known, normal_coverage
 
 SummaryRow: TypeAlias = dict[str, Any]
 KEYS = (
@@ -50,6 +50,21 @@ COLUMNS: Mapping[str, str] = {"position": "position_mae_mm", "force": "force_mae
 """Column of the error of each quantity."""
 GROSS = 5.0
 """Standard errors beyond which an error is gross."""
+
+
+HEADS = (
+    "answered", "position", "<= 5 mm", "force", "contact", "slip area", "1 se", "2 se", f"> {GROSS:g} se",
+)  # fmt: skip
+"""Heads of the columns of `cells`."""
+INTERVALS = {"position_mae_mm": 1, "force_mae_n": 3}
+"""Places among these of figures whose interval a page shows."""
+BLANK = "-"
+EXPLAINED = (
+    "Errors are mean absolute ones over touched windows with an estimate; shares are over all touched "
+    "windows, where an abstention is a miss. Under 1 se and 2 se is the share of truths within one and two "
+    f"stated standard errors ({normal_coverage(1.0):.1%} and {normal_coverage(2.0):.1%} where they are "
+    f"right), under > {GROSS:g} se the share of answered windows that are further off: confidently wrong."
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,10 +105,6 @@ def summary_row(
     draws
         Bootstrap draws of the intervals, over builds where there are `MIN_SESSIONS`, else over sessions; 0
         for none.
-
-    Examples
-    --------
-    ``monochord evaluate MODEL --suite hardware --rows FILE`` keeps such rows.
     """
     block, what = _blocks(results)
     scored = regression_rows(results, "position") | regression_rows(results, "force")
@@ -135,6 +146,27 @@ def summary_row(
     return row
 
 
+def cells(row: SummaryRow) -> tuple[str, ...]:
+    """Return the figures of a row as texts, in the order of `HEADS`.
+
+    >>> row = dict.fromkeys(("answered", "position_mae_mm", "position_within_5mm", "force_mae_n"), 1.0)
+    >>> row |= dict.fromkeys(("contact_accuracy", "slip_auc", "coverage_1se", "coverage_2se", "gross_share"))
+    >>> cells(row)
+    ('100.0 %', '1 mm', '100.0 %', '1 N', '-', '-', '-', '-', '-')
+    """
+    return (
+        _percent(row["answered"]),
+        _number(row["position_mae_mm"], " mm"),
+        _percent(row["position_within_5mm"]),
+        _number(row["force_mae_n"], " N"),
+        _percent(row["contact_accuracy"]),
+        BLANK if row["slip_auc"] is None else f"{row['slip_auc']:.3f}",
+        _percent(row["coverage_1se"]),
+        _percent(row["coverage_2se"]),
+        BLANK if row["gross_share"] is None else f"{100.0 * row['gross_share']:.2f} %",
+    )
+
+
 def keep_summary(file: Path, rows: Sequence[SummaryRow], page: Callable[[Sequence[SummaryRow]], str]) -> None:
     """Put rows into FILE.json in place of those of the same `LABELS`, and print all in it to FILE.md.
 
@@ -146,10 +178,8 @@ def keep_summary(file: Path, rows: Sequence[SummaryRow], page: Callable[[Sequenc
     every = {tuple(row[key] for key in LABELS): row for row in (read_summary(file) if file.exists() else [])}
     every |= {tuple(row[key] for key in LABELS): row for row in rows}
     lines = ",\n".join(json.dumps(row, allow_nan=False) for row in every.values())
-    with replacing(file) as part:
-        part.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
-    with replacing(file.with_suffix(".md")) as part:
-        part.write_text(page(list(every.values())), encoding="utf-8")
+    file.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+    file.with_suffix(".md").write_text(page(list(every.values())), encoding="utf-8")
 
 
 def read_summary(file: Path) -> list[SummaryRow]:
@@ -164,9 +194,7 @@ def read_summary(file: Path) -> list[SummaryRow]:
         rows: list[SummaryRow] = json.loads(file.read_text(encoding="utf-8"))
         complete = all(key in row for row in rows for key in KEYS)
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(
-            f"rows {file} (absent or damaged)", "a file that monochord evaluate wrote"
-        ) from error
+        raise InputError(f"rows {file} (absent or damaged)", "a file that a study wrote") from error
     if not complete:
         raise InputError(f"rows {file} of other keys", ", ".join(KEYS))
     return rows
@@ -175,7 +203,7 @@ def read_summary(file: Path) -> list[SummaryRow]:
 def write_summary_csv(file: Path, rows: Sequence[SummaryRow]) -> None:
     """Write rows as text, without their intervals; None is an empty field."""
     names = [name for name in rows[0] if name != "intervals"] if rows else list(KEYS)
-    with replacing(file) as part, part.open("w", encoding="utf-8", newline="") as stream:
+    with file.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(stream, names, extrasaction="ignore", lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
@@ -246,3 +274,11 @@ def _mean(values: Floats | Flags, block: Indices, draws: int) -> Score:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else float(f"{value:.4g}")
+
+
+def _number(value: float | None, unit: str) -> str:
+    return BLANK if value is None else f"{value:.3g}{unit}"
+
+
+def _percent(value: float | None) -> str:
+    return BLANK if value is None else f"{100.0 * value:.1f} %"

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies._rows import KEYS, keep_summary, read_summary, summary_row, write_summary_csv
+from studies.hardware_suite import hardware_page
 
 from monochord.core.errors import InputError
 from monochord.evaluation.results import Results
-from monochord.evaluation.summary import KEYS, keep_summary, read_summary, summary_row, write_summary_csv
-from monochord.evaluation.summary_page import hardware_page
 
 
 def off(results: Results, name: str, rows: np.ndarray, by: float) -> Results:

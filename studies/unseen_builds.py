@@ -1,43 +1,69 @@
 """How well a model does on builds that it was never trained on, by how many of their touches it knows.
 
+Makes `docs/results/builds.md` from sessions of a sealed plan, such as those that
+``monochord collect studies/plans/sealed_7.toml`` renders, in some 40 minutes on two cores:
+``python -m studies.unseen_builds MODEL --sessions FILES --rows FILE``.
+
 Each session, or all sessions of a build, is adapted to by its first touches and scored on the touches after
 them. Beside the model stand ridge regression on the same feature, fitted to the same training windows and
 corrected by the same touches, and ridge regression fitted to these touches alone. Of a string that is
 tuned far off the design, all of them use the tension that is estimated from its untouched sound.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
+import click
 import numpy as np
+from studies._command import lines_of, main, progress_bar
+from studies._rows import EXPLAINED, HEADS, INTERVALS, SummaryRow, cells, keep_summary, summary_row
 
 from monochord.core.errors import InputError
-from monochord.core.jobs import Run, one_by_one
-from monochord.core.ownership import scratch_folder
 from monochord.core.types import Flags
-from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
-from monochord.datasets.store import Dataset
-from monochord.datasets.truth import MEASURED
-from monochord.evaluation.baselines import RIDGE, Baselines, features_of, fit_baselines
-from monochord.evaluation.replay import Progress, Selection, replay_together
-from monochord.evaluation.results import Results, join
-from monochord.evaluation.scorecard import EVERYTHING
-from monochord.evaluation.scores import regression_rows
-from monochord.evaluation.select import Candidate, EvaluationSettings, load, refuse_trained_on, training_of
-from monochord.evaluation.summary import SummaryRow, summary_row
+from monochord.datasets import MEASURED, BuildOptions, Dataset, Labelling, build_dataset, find_sessions
+from monochord.evaluation import (
+    EVERYTHING,
+    RIDGE,
+    Baselines,
+    Candidate,
+    EvaluationSettings,
+    Results,
+    Selection,
+    features_of,
+    fit_baselines,
+    join,
+    load,
+    refuse_trained_on,
+    regression_rows,
+    replay_together,
+    training_of,
+)
+from monochord.figures import COLOURS, style
+from monochord.lab import run_all
+from monochord.metrics import normal_coverage
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import Model, save
 from monochord.perception.model import load as load_model
-from monochord.perception.training.adapt import REMEDY, Objects, adapt
-from monochord.perception.training.correct import Replayed
-from monochord.perception.training.examples import stream_of, touches_of
-from monochord.perception.training.train import read_in_turn
-from monochord.perception.tuning.sessions import own_strings, tension_estimator
+from monochord.perception.training import (
+    REMEDY,
+    Objects,
+    Replayed,
+    adapt,
+    read_in_turn,
+    stream_of,
+    touches_of,
+)
+from monochord.perception.tuning import own_strings, tension_estimator
 from monochord.sessions import read_session
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TOUCHES = (0, 1, 5, 10, 25, 50, 100)
 """Numbers of known touches."""
@@ -51,6 +77,20 @@ PRIOR_TOUCHES, MIN_SLOPE, MIN_SPREAD = 1.0, 4, 1e-9
 """Of a baseline's correction: touches without error that shrink an offset by itself, fewest touches for a
 slope, and least spread of estimates."""
 QUANTITIES = ("position", "force")
+
+COUNTED = (
+    "The column of windows (`n` in the rows) counts touched windows of 0.1 s whose position or force is "
+    "known, answered or not. All figures of position and force are of these. Windows of known touches, of "
+    "the taps that align the streams, and with the beginning or the end of a touch are left out. Contact is "
+    "also scored on untouched windows, which `n` does not count: where only motors sound, it is 0."
+)
+
+PANELS = {
+    "position_mae_mm": ("error of x (mm)", 1.0),
+    "force_mae_n": ("error of F (N)", 1.0),
+    "coverage_1se": ("within 1 std. error (%)", 1e2),
+}
+"""Of each panel of the figure the label and the factor of its column."""
 
 Per: TypeAlias = Literal["session", "build"]
 Curves: TypeAlias = dict[tuple[str, int], Results]
@@ -88,8 +128,8 @@ def evaluate_builds(
     per: Per = "session",
     condition: str = UNSEEN,
     labels: Labelling = "",
-    run: Run[Group, Outcome] = one_by_one,
-    progress: Progress = lambda *_: None,
+    run: Callable[[Sequence[Group], Callable[[Group], Outcome]], Iterable[tuple[Group, Outcome]]] = run_all,
+    progress: Callable[[str, int, int], None] = lambda *_: None,
     refused: Callable[[str], None] = lambda _: None,
 ) -> list[SummaryRow]:
     """Return a row of figures for each world, estimator, number of known touches, and object.
@@ -124,10 +164,6 @@ def evaluate_builds(
     ------
     InputError
         If the model has no corrections, a session was trained on, or no group has touches enough.
-
-    Examples
-    --------
-    ``monochord transfer MODEL --sessions sealed --rows docs/results/builds.json`` keeps them.
     """
     candidate = load(settings)
     model = load_model(settings.model or "")
@@ -160,12 +196,7 @@ def evaluate_builds(
 
 
 def groups_of(files: Sequence[Path], per: Per = "session") -> list[Group]:
-    """Return the groups of sessions: each session by itself, or all of a build and world.
-
-    Examples
-    --------
-    ``monochord transfer MODEL --sessions FILES --per build`` groups them by build.
-    """
+    """Return the groups of sessions: each session by itself, or all of a build and world."""
     groups: dict[tuple[str, ...], list[Path]] = {}
     for file in files:
         description = read_session(file).description
@@ -198,7 +229,8 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
     definition = rivals.model.definition
     window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
     curves: Curves = {}
-    with scratch_folder() as scratch:
+    with TemporaryDirectory() as folder:
+        scratch = Path(folder)
         options = BuildOptions(window=window, hop=hop, labels=labels)
         try:
             listen = tension_estimator(definition.string)
@@ -216,9 +248,9 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
         replayed_rows = read_in_turn(rivals.model, dataset, rows)
         estimators: list[Estimator] = []
         for count in counts:
-            folder = scratch / f"model_{count}"
-            save(_adapted(rivals.model, dataset, known[count], group.objects, replayed_rows), folder)
-            estimators.append(ESTIMATORS.build("model", {"path": str(folder)}))
+            home = scratch / f"model_{count}"
+            save(_adapted(rivals.model, dataset, known[count], group.objects, replayed_rows), home)
+            estimators.append(ESTIMATORS.build("model", {"path": str(home)}))
         replayed: list[list[Results]] = [[] for _ in counts]
         by_session = [{each.sessions[0]: each for each in _by_string(every)} for every in others]
         for session in whole.sessions:
@@ -295,10 +327,6 @@ def corrected(results: Results, known: Results) -> Results:
         What is corrected.
     known
         Of windows whose truth is known, and of nothing else.
-
-    Examples
-    --------
-    ``monochord transfer`` corrects ridge regression so, and states both.
     """
     from sklearn.linear_model import RidgeCV  # noqa: PLC0415
 
@@ -344,3 +372,166 @@ def _by_object(results: Results) -> dict[str, Results]:
     names = np.unique(column).tolist()
     each = {name: results.where(column == name) for name in names} if len(names) > 1 else {}
     return {EVERYTHING: results, **each}
+
+
+def builds_page(rows: Sequence[SummaryRow]) -> str:
+    """Return the rows of unseen builds as text: a table for each world, condition and object."""
+    parts = [
+        "# Unseen builds",
+        "",
+        "Each build is adapted to by its first touches, of known position and force, and scored on the "
+        'touches after them. "Ridge" is ridge regression on the same feature, fitted to the same training '
+        'windows and corrected by the same touches; "from scratch" is one fitted to these touches '
+        "alone. "
+        + EXPLAINED
+        + " In brackets are intervals of 95 %, drawn over builds where there are five or more.",
+        "",
+        COUNTED,
+        "",
+    ]
+    kinds = dict.fromkeys((row["world"], row["condition"], row["object"]) for row in rows)
+    for world, condition, body in kinds:
+        own = [
+            row for row in rows if (row["world"], row["condition"], row["object"]) == (world, condition, body)
+        ]
+        where = f"{world} world, simulated" if world else "real sound"
+        parts += [f"## {condition.capitalize()}, {body.replace('_', ' ')}, {where}", "", *_table(own), ""]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _table(rows: Sequence[SummaryRow]) -> Iterator[str]:
+    yield "| " + " | ".join(["estimator", "touches", *HEADS, "builds", "windows"]) + " |"
+    yield "|---|" + "---:|" * (len(HEADS) + 3)
+    for row in rows:
+        figures = list(cells(row))
+        for name, at in INTERVALS.items():
+            figures[at] += _interval(row, name)
+        name = row["model"].replace("_", " ")
+        line = [name, str(row["touches"]), *figures, str(row["builds"]), str(row["n"])]
+        yield "| " + " | ".join(line) + " |"
+
+
+def _interval(row: SummaryRow, name: str) -> str:
+    low_high = row.get("intervals", {}).get(name)
+    return f" ({low_high[0]:.3g} to {low_high[1]:.3g})" if low_high else ""
+
+
+def drawn(rows: Sequence[SummaryRow]) -> "Figure":
+    """Return errors of position and force, and coverage, over the known touches, a line for each estimator.
+
+    The rows are of one condition and object. Shades are intervals of 95 % over builds, and the dashed line is
+    the coverage of normal errors whose size is stated rightly.
+    """
+    counts = sorted({row["touches"] for row in rows})
+    page = style.canvas(62.0)
+    panels = page.subplots(1, len(PANELS))
+    for letter, axes, (column, (label, factor)) in zip("ABC", panels, PANELS.items(), strict=True):
+        style.dress(axes, letter, "", "known touches", label)
+        for number, model in enumerate(dict.fromkeys(row["model"] for row in rows)):
+            own = [row for row in rows if row["model"] == model and row[column] is not None]
+            at = [counts.index(row["touches"]) for row in own]
+            colour = COLOURS[number % len(COLOURS)]
+            values = [factor * row[column] for row in own]
+            axes.plot(at, values, marker="o", ms=3.0, lw=1.0, color=colour, label=model.replace("_", " "))
+            bounds = [row.get("intervals", {}).get(column) or (row[column], row[column]) for row in own]
+            low, high = factor * np.array(bounds, float).reshape(-1, 2).T
+            axes.fill_between(at, low, high, color=colour, alpha=0.15, lw=0)
+        axes.set_xticks(range(len(counts)), [str(count) for count in counts])
+        axes.set_ylim(bottom=0.0)
+        axes.grid(axis="y", lw=0.3, color=style.PALE)
+    panels[2].axhline(100.0 * normal_coverage(1.0), lw=0.6, ls=style.THEORY, color=style.INK)
+    panels[2].set_ylim(0.0, 100.0)
+    kind = "simulated" if all(row.get("simulated") for row in rows) else "recorded"
+    title = f"{kind}: {rows[0]['condition']}, {rows[0]['object'].replace('_', ' ')}"
+    page.suptitle(title, fontsize=style.LABEL)
+    style.key(page, *panels)
+    return page
+
+
+@click.command()
+@click.argument("model")
+@click.option("--sessions", multiple=True, required=True, metavar="FILES", help="Unseen builds; repeatable.")
+@click.option(
+    "--touches",
+    default=",".join(map(str, TOUCHES)),
+    show_default=True,
+    metavar="N,N",
+    help="Numbers of known touches.",
+)
+@click.option(
+    "--per",
+    type=click.Choice(["session", "build"]),
+    default="session",
+    show_default=True,
+    help="Adapted to: each session, with its object, or a build by all of its sessions, for other objects.",
+)
+@click.option("--condition", default=UNSEEN, show_default=True, metavar="TEXT", help="Name of the condition.")
+@click.option(
+    "--labels",
+    type=click.Choice(["recorded", "measured"]),
+    help="From the session, or from force and pose.  [default: recorded where there are any]",
+)
+@click.option("--name", default="", metavar="NAME", help="Name of the model in the rows.  [default: MODEL]")
+@click.option(
+    "--baselines/--no-baselines", default=True, show_default=True, help="Ridge on the same feature."
+)
+@click.option(
+    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep rows in FILE, a JSON, and a page."
+)
+@click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw all objects to FILE.")
+@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes.  [default: one a core]")
+def unseen_builds(
+    model: str,
+    *,
+    sessions: tuple[str, ...],
+    touches: str,
+    per: Per,
+    condition: str,
+    labels: Labelling | None,
+    name: str,
+    baselines: bool,
+    rows: Path | None,
+    figure: Path | None,
+    workers: int | None,
+) -> None:
+    """Test MODEL on builds that it was not trained on, adapted to 0, 1, 5 ... touches of each.
+
+    Every session is adapted to by its first touches and scored on the others, beside ridge regression on the
+    same feature, corrected by the same touches, and beside ridge regression that has seen nothing else. With
+    --labels measured, touches are known and scored by what robot and force sensor say, errors included.
+    """
+    settings = EvaluationSettings(model=model, sessions=sessions, baselines=baselines)
+    with progress_bar("builds") as progress:
+        result = evaluate_builds(
+            settings,
+            name=name or Path(model).name,
+            touches=_numbers(touches),
+            per=per,
+            condition=condition,
+            labels=labels or "",
+            run=partial(run_all, workers=workers),
+            progress=progress,
+            refused=lambda why: print(f"left out: {why}", file=sys.stderr),
+        )
+    if rows is not None:
+        keep_summary(rows, result, builds_page)
+    if figure is not None:
+        drawn([row for row in result if row["object"] == EVERYTHING]).savefig(figure)
+    names = ("world", "object", "estimator", "touches")
+    own = [(row["world"] or "real", row["object"], row["model"], str(row["touches"])) for row in result]
+    table = [(*each, *cells(row), str(row["builds"])) for each, row in zip(own, result, strict=True)]
+    print(*lines_of((*names, *HEADS, "builds"), table), sep="\n")
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    try:
+        numbers = tuple(int(each) for each in text.split(","))
+    except ValueError as error:
+        raise InputError(f"--touches {text}", "whole numbers with commas between, such as 0,10") from error
+    if min(numbers) < 0:
+        raise InputError(f"--touches {text}", "0 or more")
+    return numbers
+
+
+if __name__ == "__main__":
+    main(unseen_builds)

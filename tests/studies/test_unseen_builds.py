@@ -1,6 +1,5 @@
 """Rows of unseen builds say what known touches of each are worth, and see no label of the others."""
 
-import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,19 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies._rows import KEYS, SummaryRow
+from studies.unseen_builds import SCRATCH, UNSEEN, builds_page, corrected, drawn, evaluate_builds, groups_of
 from tests.conftest import LEARNABLE, sung
 
-from monochord.cli import run
 from monochord.core.errors import InputError
 from monochord.core.types import Block
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
-from monochord.evaluation.builds import SCRATCH, UNSEEN, corrected, evaluate_builds, groups_of
 from monochord.evaluation.evaluate import evaluate
 from monochord.evaluation.results import Results
 from monochord.evaluation.select import EvaluationSettings
-from monochord.evaluation.summary import KEYS, SummaryRow
-from monochord.evaluation.summary_page import builds_page
 from monochord.perception.model import load, save
 from monochord.perception.training.correct import known_errors, with_prior, with_variables
 from monochord.perception.training.examples import touches_of
@@ -30,6 +27,11 @@ from monochord.sessions import Description, SessionClock, SessionWriter
 
 pytest.importorskip("torch")
 BIAS = 0.5
+
+
+def here(groups: Sequence[Any], work: Any) -> Any:
+    """Run the groups in this process, which knows the made-up features."""
+    return ((group, work(group)) for group in groups)
 
 
 @pytest.fixture
@@ -78,9 +80,9 @@ def row_of(rows: Sequence[SummaryRow], model: str, touches: int) -> SummaryRow:
 @pytest.mark.usefixtures("made_up_features")
 @pytest.mark.slow
 def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path) -> None:
-    files = [recorded(tmp_path / "unseen", build) for build in (1, 2)]
+    files = [recorded(tmp_path / "unseen", build) for build in (2, 4)]  # forces stay above zero
     settings = settings_of(correctable, files)
-    rows = evaluate_builds(settings, name="m", touches=(0, 8, 10))
+    rows = evaluate_builds(settings, name="m", touches=(0, 8, 10), run=here)
     assert [(row["model"], row["touches"]) for row in rows] == [
         ("m", 0), ("m", 8), ("m, ridge", 0), ("m, ridge", 8), (SCRATCH, 8)
     ]  # fmt: skip
@@ -104,15 +106,12 @@ def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path
     assert page.count("| from scratch | 8 |") == 1
 
 
-def test_rows_of_measured_labels_are_of_the_same_touches_and_say_so(
-    small: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    rows: list[SummaryRow] = []
-    for labels in ("recorded", "measured"):
-        line = ["transfer", "demo", "--sessions", str(small / "hold_000.mcap"), "--touches", "0", "--json"]
-        assert run([*line, "--labels", labels, "--workers", "1"]) == 0
-        rows += json.loads(capsys.readouterr().out)["rows"]
-    truth, measured = rows
+def test_rows_of_measured_labels_are_of_the_same_touches_and_say_so(small: Path) -> None:
+    settings = EvaluationSettings(model="demo", sessions=(str(small / "hold_000.mcap"),))
+    truth, measured = (
+        row for labels in ("recorded", "measured")
+        for row in evaluate_builds(settings, touches=(0,), labels=labels)
+    )  # fmt: skip
     assert (truth["condition"], measured["condition"]) == (UNSEEN, f"{UNSEEN}, measured labels")
     assert measured["n"] == pytest.approx(truth["n"], rel=0.1)
     limits = {"position_mae_mm": 0.1, "force_mae_n": 0.05}
@@ -128,7 +127,9 @@ def test_a_session_that_cannot_be_used_is_told_and_left_out(correctable: Path, t
     middle = len(whole) // 2
     files[1].write_bytes(whole[:middle] + bytes(4096) + whole[middle + 4096 :])
     told: list[str] = []
-    rows = evaluate_builds(settings_of(correctable, files), name="m", touches=(0,), refused=told.append)
+    rows = evaluate_builds(
+        settings_of(correctable, files), name="m", touches=(0,), run=here, refused=told.append
+    )
     assert [row["builds"] for row in rows] == [1, 1]
     assert len(told) == 1
     assert "build_2.mcap" in told[0]
@@ -154,7 +155,7 @@ def test_labels_of_the_scored_touches_change_no_estimate(correctable: Path, tmp_
             yield group, curves
 
     for later in (0.0, 1.0):
-        file = recorded(tmp_path / f"later{later:g}", 1, later=later)
+        file = recorded(tmp_path / f"later{later:g}", 2, later=later)
         evaluate_builds(settings_of(correctable, [file]), name="m", touches=(8,), run=watched)
     first, second = estimates
     assert list(first) == ["m", "m, ridge", SCRATCH]
@@ -199,3 +200,16 @@ def test_a_correction_finds_an_offset_and_a_slope(oracle: Any) -> None:
         np.nanmean(-known.error_of("force")[(known.start < 2.0) & (known.trial == at)]) for at in (0, 1)
     ]
     assert step == pytest.approx(sum(errors) / (touches + 1.0))
+
+
+def test_the_figure_shows_each_number_of_known_touches() -> None:
+    rows = [
+        dict.fromkeys(KEYS)
+        | {"model": model, "touches": touches, "condition": "sealed", "object": "all objects"}
+        | {"position_mae_mm": 1.0 / (1 + touches), "intervals": {"position_mae_mm": [0.1, 2.0]}}
+        for model in ("a", "b") for touches in (0, 10)
+    ]  # fmt: skip
+    position, force, _ = drawn(rows).axes
+    assert [np.asarray(line.get_ydata()).tolist() for line in position.lines] == [[1.0, 1.0 / 11.0]] * 2
+    assert [text.get_text() for text in position.get_xticklabels()] == ["0", "10"]
+    assert [len(np.asarray(line.get_xdata())) for line in force.lines] == [0, 0]

@@ -1,0 +1,48 @@
+"""What the commands of studies share: errors as one line, a progress bar, and tables."""
+
+import sys
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+from monochord.core.errors import MonochordError
+
+
+def main(command: click.Command) -> None:
+    """Run a command and exit: 0 done, 2 for an error that it names in one line."""
+    try:
+        command.main(standalone_mode=False)
+    except (MonochordError, click.ClickException) as error:
+        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        sys.stderr.write(f"{command.name}: {text}\n")
+        sys.exit(2)
+
+
+@contextmanager
+def progress_bar(title: str) -> Generator[Callable[[str, int, int], None]]:
+    """Show a bar, moved by what is yielded: what is done, how much is done, and how much there is."""
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title)
+        yield lambda name, done, of: bar.update(task, description=name or title, completed=done, total=of)
+
+
+def lines_of(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return a table as lines: names to the left, figures to the right.
+
+    >>> lines_of(("model", "mm"), [("ridge", "1.5"), ("demo", "0.52")])
+    ['model    mm', 'ridge   1.5', 'demo   0.52']
+    """
+    table = [tuple(heads), *map(tuple, rows)]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    figures = [all(row[at][-1:] in "0123456789-%mN" for row in rows) for at in range(len(heads))]
+    lines = (
+        "  ".join(
+            text.rjust(width) if right else text.ljust(width)
+            for text, width, right in zip(line, widths, figures, strict=True)
+        )
+        for line in table
+    )
+    return [line.rstrip() for line in lines]

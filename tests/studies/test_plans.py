@@ -1,0 +1,114 @@
+"""The plans of studies: what judges a model is never what it learned from."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from studies.hardware_suite import CONDITIONS, FIRST_BUILD
+
+from monochord.figures.following import Following
+from monochord.lab.plan import Group, Plan, assignments
+from monochord.lab.plans import load_plan, plan_names
+
+FOLDER = Path(__file__).parents[2] / "studies" / "plans"
+NAMES = sorted(file.stem for file in FOLDER.glob("*.toml"))
+SEALED = [name for name in NAMES if name.startswith("sealed")]
+OURS = plan_names()
+
+
+def plan_of(name: str) -> Plan:
+    return load_plan(name if name in OURS else str(FOLDER / f"{name}.toml"))
+
+
+def every() -> list[str]:
+    return [*OURS, *NAMES]
+
+
+def _builds(group: Group) -> set[int]:
+    """Seeds of the builds of a group."""
+    own = range(0) if group.first_build is None else range(group.first_build, group.first_build + group.total)
+    return {*group.builds, *own}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_plan_loads_and_names_its_source(name: str) -> None:
+    plan = plan_of(name)
+    assert plan.title
+    assert plan.source
+    assert "simulated" in plan.notes
+
+
+def test_the_odd_plan_shares_no_build_with_a_test() -> None:
+    builds = {build for group in plan_of("odd").groups for build in group.builds}
+    tests = [group for name in ("builds", *SEALED) for group in plan_of(name).groups]
+    assert not builds & {
+        each
+        for group in tests
+        if group.name.startswith("test") or min(group.builds) > 200
+        for each in group.builds
+    }
+
+
+@pytest.mark.parametrize("plan", SEALED)
+def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan: str) -> None:
+    sealed = plan_of(plan)
+    others = [group for name in every() if name != plan for group in plan_of(name).groups]
+    builds = {build for group in sealed.groups for build in group.builds}
+    days = {day for group in sealed.groups for day in group.days}
+    materials = {group.material for group in sealed.groups}
+    assert len({build for group in sealed.groups if not group.design for build in group.builds}) == 20
+    assert not builds & {build for group in others for build in _builds(group)}
+    assert max(builds) < FIRST_BUILD  # those of the hardware suite begin there
+    assert not days & {day for group in others for day in group.days}
+    assert materials & {group.material for group in others} == {"plastic", "metal_tube", "wood", "allen_key"}
+    assert len(materials) == 10
+
+
+def test_what_reads_modes_learns_from_no_build_or_day_that_a_model_learns_from_or_is_judged_by() -> None:
+    # Builds of the plans designs and odd have drivers and microphones of their own besides.
+    apart = {"modes", "modes_2", "modes_3", "designs", "odd"}
+    reading = [group for name in ("modes", "modes_2", "modes_3") for group in plan_of(name).groups]
+    others = [group for name in every() if name not in apart for group in plan_of(name).groups]
+    builds = {build for group in reading for build in _builds(group)}
+    assert not builds & {build for group in others for build in _builds(group)}
+    assert not builds & {*range(FIRST_BUILD, FIRST_BUILD + max(one.builds for one in CONDITIONS))}
+    # The plan everywhere has builds of its own, but some of these days: only the tuning is drawn by the day.
+    others = [group for group in others if group not in plan_of("everywhere").groups]
+    days = {day for group in reading for day in group.days}
+    assert not days & {day for group in others for day in group.days}
+
+
+def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object_with_training() -> None:
+    touches = plan_of("touches")
+    others = [group for name in every() if name != "touches" for group in plan_of(name).groups]
+    builds = {build for group in touches.groups for build in group.builds}
+    days = {day for group in touches.groups for day in group.days}
+    assert len(builds) == 6
+    assert not builds & {build for group in others for build in _builds(group)}
+    assert not builds & {*Following().builds}
+    assert max(builds) < FIRST_BUILD
+    assert not days & {day for group in others for day in group.days}
+    trained = [
+        group
+        for name in ("builds", "designs", "modes", "modes_2", "modes_3", "odd")
+        for group in plan_of(name).groups
+        if not group.name.startswith("test")
+    ]
+    assert not {group.material for group in touches.groups} & {group.material for group in trained}
+    held = [one for one in assignments(touches) if one.group.protocol == "hold" and not one.group.like]
+    assert sorted(one.build or 0 for one in held) == sorted(builds)
+    assert {len(one.cells()) for one in held} == {600}
+
+
+@pytest.mark.parametrize("plan", SEALED)
+def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(plan: str) -> None:
+    sessions = assignments(plan_of(plan))
+    counts: dict[int | None, int] = {}
+    for one in sessions:
+        if one.group.name.startswith("hold_"):
+            counts[one.build] = counts.get(one.build, 0) + len(one.cells())
+    assert set(counts.values()) == {200}
+    sensors = [one.sensor() for one in sessions]
+    pitch = [np.sqrt(1.0 + each.drift / each.string.tension) - 1.0 for each in sensors]
+    assert min(pitch) < -0.02
+    assert max(pitch) > 0.02
