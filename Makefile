@@ -78,8 +78,8 @@ $(INSTALLED): pyproject.toml | $(DEMO_INSTALLED)
 	@touch $@
 
 define COMPILE_REST
-from monochord.cli import run
-assert run(["bench", "bound", "--set", "windows=1"]) == 0
+from studies.pitch_bound import Bound
+assert list(Bound(windows=1).run())
 endef
 export COMPILE_REST
 

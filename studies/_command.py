@@ -8,6 +8,8 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
+from monochord.benchmarks.base import Benchmark
+from monochord.core.config import from_tree, override
 from monochord.core.errors import MonochordError
 
 
@@ -46,3 +48,16 @@ def lines_of(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
         for line in table
     )
     return [line.rstrip() for line in lines]
+
+
+def measure(kind: type[Benchmark]) -> None:
+    """Run a benchmark as a command, whose ``--set NAME=VALUE`` overrides an option, and print its rows."""
+
+    @click.command(name=kind.__name__.lower(), help=kind.__doc__)
+    @click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="Override an option.")
+    def command(assignments: tuple[str, ...]) -> None:
+        for row in from_tree(kind, override({}, assignments), kind.__name__).run():
+            beside = f"  {row.ratio:.3g} times {row.baseline} ({row.baseline_value:.4g})" if row.ratio else ""
+            print(f"{row.name:<40}{row.value:>12.4g} {row.unit}{beside}", flush=True)
+
+    main(command)

@@ -23,7 +23,7 @@ from hypothesis import settings
 from tests.stalls import FAILED_ATTEMPTS, Stalls, watched
 
 from monochord.capture.jack.server import JackServer
-from monochord.evaluation import realstrings
+from monochord.evaluation import recordings
 
 # A time limit for each example fails on a machine that is busy, and says nothing of the code.
 settings.register_profile("monochord", deadline=None)
@@ -180,7 +180,7 @@ def play(jack_server: JackServer, players: "subprocess.Popen[str]") -> Iterator[
 def recording(tmp_path: Path) -> Path:
     """A second and a half of two microphones on a real string where there is one, else of stiff partials."""
     file, frames = tmp_path / "recording.wav", 3 * RATE // 2
-    folder = realstrings.folder()
+    folder = recordings.folder()
     real = sorted(folder.glob("shiny_2ch/*.flac")) if folder else []
     if real:
         both = soundfile.read(real[0], frames, dtype="float32", always_2d=True)[0]

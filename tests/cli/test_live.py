@@ -18,7 +18,7 @@ import pytest
 import soundfile
 
 from monochord.cli import run
-from monochord.evaluation import realstrings
+from monochord.evaluation import recordings
 from monochord.live.sinks import jsonl
 from monochord.live.sinks.base import Moment
 
@@ -103,7 +103,7 @@ def test_streaming_equals_offline(take: Take, capsys: pytest.CaptureFixture[str]
 
 
 def test_streaming_equals_offline_on_real_recordings(capsys: pytest.CaptureFixture[str]) -> None:
-    folder = realstrings.folder()
+    folder = recordings.folder()
     if folder is None:
         pytest.skip("no real recordings (MONOCHORD_REALSTRINGS)")
     for path in sorted(folder.glob("*plucked*/*.flac"))[::80]:
@@ -286,7 +286,7 @@ def test_a_trained_model_locates_too(take: Take, capsys: pytest.CaptureFixture[s
         ("live --source twin --set source.sped=1", "option 'source.sped'"),
         ("live --source twin --set sinks.terminal.with=1", "option 'sinks.terminal.with'"),
         ("figure trends --set stps=1", "option 'stps'"),
-        ("bench bound --set size=1", "option 'size'"),
+        ("bench model --set size=1", "option 'size'"),
     ],
 )
 def test_what_cannot_be_is_refused_as_it_was_typed(

@@ -17,7 +17,7 @@ import pytest
 import soundfile
 
 from monochord.cli import run
-from monochord.evaluation import realstrings
+from monochord.evaluation import recordings
 
 pytestmark = pytest.mark.jack
 RATE = 44100
@@ -29,7 +29,7 @@ Records = dict[float, dict[str, Any]]
 @pytest.fixture
 def note(tmp_path: Path) -> Path:
     """Two seconds of one microphone: a real string fretted on the A string where there is one."""
-    folder = realstrings.folder()
+    folder = recordings.folder()
     real = sorted(folder.glob("*plucked*/*_s2_f03_*.flac")) if folder else []
     if real:
         samples = soundfile.read(real[0], dtype="float32", always_2d=True)[0][:, 0]

@@ -10,11 +10,9 @@ import pytest
 from matplotlib.collections import QuadMesh
 
 from monochord.core.errors import InputError
-from monochord.evaluation import realstrings
 from monochord.figures.confusion import Confusion
 from monochord.figures.error_map import ErrorMapFigure
 from monochord.figures.paper_tables import PaperTables
-from monochord.figures.realstrings import RealstringsFigure, string_errors
 from monochord.figures.scatter import Scatter
 from monochord.figures.snr_curves import SnrCurves
 from monochord.figures.tsne import Tsne, embedded
@@ -175,16 +173,6 @@ def test_tsne_separates_groups_whatever_the_units_of_their_columns() -> None:
     assert (group[nearest] == group[:, None]).mean() > 0.99
     with pytest.raises(InputError, match="equal rows"):
         embedded(np.ones((30, 3)), 5.0)
-
-
-@pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
-def test_realstrings_draws_every_string_and_a_curve_for_each_interference() -> None:
-    by_string = string_errors()
-    assert len(by_string) >= 2
-    errors = np.concatenate([e for takes in by_string.values() for _, e in takes])
-    assert np.nanmean(np.abs(errors)) < 1.6e-3
-    curves = RealstringsFigure(ratios=(20.0,)).draw().axes[1]
-    assert len(curves.lines) == 3 * len(realstrings.takes(kind="interference"))
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,9 @@
-"""Benchmarks: one file a benchmark, found by its name; each compares with a baseline of the same run."""
+"""Measurements on an own machine: one file a benchmark, found by its name."""
 
+from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark
 from monochord.core.registry import Registry
 
 BENCHMARKS: Registry[Benchmark] = Registry("monochord.benchmarks", Benchmark)
 
-__all__ = ["BENCHMARKS"]
+__all__ = ["BENCHMARKS", "one_core"]

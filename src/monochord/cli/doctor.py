@@ -7,7 +7,7 @@ import click
 
 from monochord.capture.jack.machine import MISSING, OK, WARN, Check, checks
 from monochord.cli._output import echo
-from monochord.evaluation import realstrings
+from monochord.evaluation import recordings
 
 MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
 
@@ -28,8 +28,8 @@ def doctor(*, as_json: bool) -> int:
 
 
 def _recordings() -> Check:
-    name, folder = "real recordings", realstrings.folder()
+    name, folder = "real recordings", recordings.folder()
     if folder is None:
-        remedy = "only the benchmark realstrings needs them; name their folder in MONOCHORD_REALSTRINGS"
+        remedy = "only studies and the noise suite need them; name their folder in MONOCHORD_REALSTRINGS"
         return Check(name=name, state=WARN, detail="none", remedy=remedy)
-    return Check(name=name, state=OK, detail=f"{len(realstrings.takes())} in {folder}")
+    return Check(name=name, state=OK, detail=f"{len(recordings.takes())} in {folder}")

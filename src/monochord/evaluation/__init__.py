@@ -4,6 +4,16 @@ from monochord.evaluation.baselines import RIDGE, Baselines, features_of, fit_ba
 from monochord.evaluation.evaluate import Evaluation, evaluate, write
 from monochord.evaluation.noise import Disturbance, noise_suite, parse_noise
 from monochord.evaluation.paper import PaperRow, keep_rows, paper_page, paper_rows
+from monochord.evaluation.recordings import (
+    RATE,
+    REMEDY,
+    SCALE,
+    RealTake,
+    folder,
+    interference_recordings,
+    resampled,
+    takes,
+)
 from monochord.evaluation.replay import Selection, replay, replay_together
 from monochord.evaluation.results import CLEAN, Results, Trial, join, read_results, write_results
 from monochord.evaluation.scorecard import EVERYTHING, Scorecard, scorecard
@@ -34,7 +44,10 @@ __all__ = [
     "DRAWS",
     "EVERYTHING",
     "MIN_SESSIONS",
+    "RATE",
+    "REMEDY",
     "RIDGE",
+    "SCALE",
     "Baselines",
     "Candidate",
     "Detection",
@@ -43,6 +56,7 @@ __all__ = [
     "EvaluationData",
     "EvaluationSettings",
     "PaperRow",
+    "RealTake",
     "Regression",
     "Results",
     "Score",
@@ -54,6 +68,8 @@ __all__ = [
     "evaluate",
     "features_of",
     "fit_baselines",
+    "folder",
+    "interference_recordings",
     "join",
     "keep_rows",
     "load",
@@ -67,9 +83,11 @@ __all__ = [
     "regression_rows",
     "replay",
     "replay_together",
+    "resampled",
     "score_of",
     "scorecard",
     "select",
+    "takes",
     "training_of",
     "write",
     "write_results",

@@ -14,7 +14,7 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.noise import NOISES, STEADY, band, geared_motor
-from monochord.evaluation.realstrings import interference_recordings, resampled, takes
+from monochord.evaluation.recordings import interference_recordings, resampled, takes
 
 SUITE_RATIOS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 """Ratios of the noise suite in dB."""

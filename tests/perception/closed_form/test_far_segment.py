@@ -7,7 +7,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimates, Window
-from monochord.evaluation import realstrings
+from monochord.evaluation import recordings
 from monochord.evaluation.noise import babble
 from monochord.perception.closed_form.far_segment import SETUP_STD, FarSegment, Setup, abstain
 
@@ -141,9 +141,9 @@ def test_speech_has_hardly_a_position(open_frequency: float) -> None:
     assert len(answers(sound, 44100, open_frequency)) <= 4
 
 
-@pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
+@pytest.mark.skipif(recordings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 @pytest.mark.parametrize("open_frequency", [82.4, 146.8, 246.9])
 def test_a_recorded_voice_has_hardly_a_position(open_frequency: float) -> None:
-    (speech,) = [take for take in realstrings.takes(kind="interference") if take.path.stem[0].isdigit()]
+    (speech,) = [take for take in recordings.takes(kind="interference") if take.path.stem[0].isdigit()]
     samples, rate = speech.read()
     assert len(answers(samples[0], rate, open_frequency)) <= 9

@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from tests.physics.twin.built import FOAM, PLASTIC, SENSOR, inside, key, modes, touch
+from tests.physics.twin.reference import advance_slowly
 
 from monochord.physics.twin import (
     ContactLaw,
@@ -26,7 +27,6 @@ from monochord.physics.twin import (
 )
 from monochord.physics.twin import records as layout
 from monochord.physics.twin.jit import fingerprint
-from monochord.physics.twin.reference import advance_slowly
 
 ROOT = Path(__file__).parents[3]
 NOISE = Outside(samples=np.random.default_rng(1).uniform(-0.2, 0.2, 1000).astype(np.float32))

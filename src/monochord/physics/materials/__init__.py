@@ -8,6 +8,8 @@ from monochord.core.errors import InputError
 from monochord.core.presets import Presets
 from monochord.core.units import Metres, MetresPerSecond, Pascals
 
+__all__ = ["Material", "load_material", "material_names"]
+
 _RANGES = {
     "young_modulus": (1.0e3, 2.0e12, "Pa"),
     "poisson_ratio": (1.0e-3, 0.5, ""),

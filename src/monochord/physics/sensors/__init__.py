@@ -18,6 +18,8 @@ from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.setup import Sensor
 
+__all__ = ["Sensor", "load_sensor", "sensor_names"]
+
 MAX_RETUNING = 0.25
 """Largest share by which a sensor may be tuned off its design."""
 

@@ -9,6 +9,8 @@ from monochord.core.presets import Presets
 from monochord.core.types import Contact, StringParams
 from monochord.core.units import Hertz
 
+__all__ = ["load_string", "string_names"]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StringPreset:

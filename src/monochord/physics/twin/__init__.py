@@ -21,6 +21,7 @@ from monochord.physics.twin.setup import (
     hold,
 )
 from monochord.physics.twin.stream import Labels, Take, Twin, advance, advance_many, begin, retouch, switch
+from monochord.physics.twin.world import plausible_touch, sensor_of
 
 __all__ = [
     "MAX_TOUCHES",
@@ -43,6 +44,8 @@ __all__ = [
     "advance_many",
     "begin",
     "hold",
+    "plausible_touch",
     "retouch",
+    "sensor_of",
     "switch",
 ]

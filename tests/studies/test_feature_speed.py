@@ -1,14 +1,16 @@
 """The benchmark of features of the string's lines."""
 
-import pytest
+from typing import Any
 
-from monochord.benchmarks import BENCHMARKS
+import pytest
+from studies.feature_speed import FeaturesBenchmark
+
 from monochord.core.errors import InputError
 
 
 def test_every_feature_stands_beside_the_plain_transform_and_real_time() -> None:
-    names = ["fft_harmonic", "closed_form"]
-    rows = {row.name: row for row in BENCHMARKS.build("features", {"names": names, "count": 60}).run()}
+    names = ("fft_harmonic", "closed_form")
+    rows = {row.name: row for row in FeaturesBenchmark(names=names, count=60).run()}
     assert len(rows) == 2 * 4
     for name in names:
         p50, p95, p99 = (rows[f"{name}, {share}"] for share in ("p50", "p95", "p99"))
@@ -25,9 +27,9 @@ def test_every_feature_stands_beside_the_plain_transform_and_real_time() -> None
     [
         ({"count": 0}, "0 windows: allowed is 1 or more"),
         ({"window": 0.001}, "window 0.001 s: allowed is 0.02 to 1 s"),
-        ({"names": ["fft_harmonics"], "count": 1}, "did you mean 'fft_harmonic'"),
+        ({"names": ("fft_harmonics",), "count": 1}, "did you mean 'fft_harmonic'"),
     ],
 )
-def test_what_cannot_be_is_refused(options: dict[str, object], match: str) -> None:
+def test_what_cannot_be_is_refused(options: dict[str, Any], match: str) -> None:
     with pytest.raises(InputError, match=match):
-        list(BENCHMARKS.build("features", options).run())
+        list(FeaturesBenchmark(**options).run())

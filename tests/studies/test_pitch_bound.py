@@ -1,6 +1,6 @@
 """Pitch is as good as theory allows, within a small factor, and knows how good it is."""
 
-from monochord.benchmarks.bound import Bound
+from studies.pitch_bound import Bound
 
 
 def test_errors_are_near_the_bound_and_claims_honest() -> None:

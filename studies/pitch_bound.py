@@ -1,15 +1,20 @@
-"""How near the pitch of a short window comes to what physics allows: the Cramer-Rao bound."""
+"""How near the pitch of a short window comes to what physics allows: the Cramer-Rao bound.
+
+Makes what `docs/design/0007-pitch-by-evidence.md` says of its error, in some two minutes: ``python -m
+studies.pitch_bound``.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from studies._command import measure
 
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Seconds
-from monochord.dsp.pitch import PitchFinder
+from monochord.dsp import PitchFinder
 from monochord.physics.theory import series_bound, stiff_partials
 
 PARTIALS = np.arange(1.0, 11.0)
@@ -88,3 +93,7 @@ class Bound(Benchmark):
 
 def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+if __name__ == "__main__":
+    measure(Bound)

@@ -1,23 +1,29 @@
-"""Accuracy of position on real recorded strings, calibrated by the open note, and by one take more."""
+"""Accuracy of position on real recorded strings, calibrated by the open note, and by one take more.
+
+Makes what `docs/how-to/strings.md` says of accuracy, in some two minutes, from the recordings that
+MONOCHORD_REALSTRINGS
+names: ``python -m studies.real_strings``.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-
-from monochord.benchmarks.base import Benchmark, Row
-from monochord.core.types import Floats
-from monochord.core.units import Seconds
-from monochord.evaluation.realstrings import (
+from studies._command import measure
+from studies._takes import (
     POSITION_TOLERANCE,
     KnownTouches,
     Protocol,
-    RealTake,
     autocorrelation_errors,
     calibrated_strings,
     located,
     position_errors,
 )
+
+from monochord.benchmarks.base import Benchmark, Row
+from monochord.core.types import Floats
+from monochord.core.units import Seconds
+from monochord.evaluation import RealTake
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,3 +114,7 @@ def _rows(name: str, errors: Floats, plain: Floats) -> Iterator[Row]:
         baseline_value=100.0 * float((plain_miss <= POSITION_TOLERANCE).mean()),
     )
     yield Row(name=f"{name}: largest error", value=1e3 * float(miss.max()), unit="mm")
+
+
+if __name__ == "__main__":
+    measure(Realstrings)

@@ -3,9 +3,9 @@
 import os
 
 import pytest
+from studies.twin_speed import FDTD, Twin
 
 from monochord.benchmarks.base import Row
-from monochord.benchmarks.twin import FDTD, SLOW, Twin
 from monochord.core.errors import InputError
 
 PARTS = ("free", "ebows", "touch", "full")
@@ -17,24 +17,18 @@ def rows() -> dict[str, Row]:
 
 
 def test_every_part_stands_beside_the_papers_scheme(rows: dict[str, Row]) -> None:
-    paper = rows["paper's FDTD, wall/audio"]
+    paper = rows["paper's FDTD, time/audio"]
     assert paper.value > 0.0
     for name in PARTS:
-        row = rows[f"{name}, wall/audio"]
+        row = rows[f"{name}, time/audio"]
         assert row.value > 0.0
-        assert (row.baseline, row.baseline_value) == (FDTD, paper.value)
-    assert rows["free, wall/audio"].value < 2.0 * rows["full, wall/audio"].value  # the least against the most
-
-
-def test_compiling_is_worth_it(rows: dict[str, Row]) -> None:
-    slow, full = rows["un-jitted reference, wall/audio"], rows["full, wall/audio again"]
-    assert (full.baseline, full.baseline_value) == (SLOW, slow.value)
-    assert full.value == rows["full, wall/audio"].value
-    assert full.value < 0.05 * slow.value
+        assert row.baseline == FDTD
+        assert row.baseline_value == pytest.approx(paper.value, rel=0.5)
+    assert rows["free, time/audio"].value < 2.0 * rows["full, time/audio"].value  # the least against the most
 
 
 def test_a_plausible_world_stands_beside_the_ideal_one(rows: dict[str, Row]) -> None:
-    row = rows["full in the world plausible, wall/audio"]
+    row = rows["full in the world plausible, time/audio"]
     assert row.baseline == "full, ideal"
     assert row.ratio is not None
     assert 0.8 < row.ratio < 2.5  # measured: 1.4 over longer stretches
@@ -47,14 +41,6 @@ def test_many_are_timed_on_one_core_and_on_all(rows: dict[str, Row]) -> None:
     assert many.ratio is not None
     assert share.value == pytest.approx(1.0 / many.ratio / cores)
     assert 0.0 < share.value < 1.5
-
-
-def test_no_row_but_these(rows: dict[str, Row]) -> None:
-    names = [*(f"{name}, wall/audio" for name in PARTS), "full, wall/audio again"]
-    names += ["full in the world plausible, wall/audio"]
-    names += ["paper's FDTD, wall/audio", "un-jitted reference, wall/audio"]
-    assert [*rows][:8] == names
-    assert len(rows) == 10
 
 
 @pytest.mark.parametrize(

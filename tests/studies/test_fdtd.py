@@ -1,6 +1,6 @@
 """The benchmark of the paper's finite differences, kept short."""
 
-from monochord.benchmarks.fdtd import Fdtd
+from studies.fdtd import Fdtd
 
 
 def test_every_row_stands_beside_its_baseline() -> None:

@@ -5,15 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-
-from monochord.core.errors import InputError
-from monochord.core.types import Window
-from monochord.evaluation import realstrings
-from monochord.evaluation.realstrings import (
+from studies._takes import (
     Interferer,
     Protocol,
     Reference,
-    interference_recordings,
     located,
     open_note,
     period,
@@ -21,7 +16,11 @@ from monochord.evaluation.realstrings import (
     recorded_strings,
 )
 
-real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
+from monochord.core.errors import InputError
+from monochord.core.types import Window
+from monochord.evaluation import folder, interference_recordings, takes
+
+real = pytest.mark.skipif(folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 MANIFEST = """file,string,kind,x_over_L,f0_measured_hz
 lute/b.wav,G,plucked,0.25,146.7
 lute/a.wav,,slide,,
@@ -31,14 +30,14 @@ lute/c.wav,G,plucked,,110.0
 
 def test_takes_are_listed_filtered_and_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MONOCHORD_REALSTRINGS", str(tmp_path))
-    assert realstrings.folder() is None
-    assert realstrings.takes() == []
+    assert folder() is None
+    assert takes() == []
     (tmp_path / "lute").mkdir()
     soundfile.write(tmp_path / "lute" / "b.wav", np.zeros((100, 2)), 22050)
     (tmp_path / "manifest.csv").write_text(MANIFEST, encoding="utf-8")
-    assert [take.path.stem for take in realstrings.takes()] == ["a", "b", "c"]
-    assert [take.path.stem for take in realstrings.takes(kind="plucked")] == ["b", "c"]
-    (take,) = realstrings.takes(kind="plucked", labelled=True)
+    assert [take.path.stem for take in takes()] == ["a", "b", "c"]
+    assert [take.path.stem for take in takes(kind="plucked")] == ["b", "c"]
+    (take,) = takes(kind="plucked", labelled=True)
     assert (take.frequency, take.string_name) == (146.7, "lute G")
     assert take.position == pytest.approx(0.1625)
     samples, rate = take.read()

@@ -1,4 +1,7 @@
-"""The virtual sensor's speed: how long it takes to sound, part by part, and over many sensors at once."""
+"""The virtual sensor's speed: how long it takes to sound, part by part, and over many sensors at once.
+
+Makes what `docs/reference/twin.md` says of its speed, in some 30 seconds: ``python -m studies.twin_speed``.
+"""
 
 import os
 import time
@@ -6,8 +9,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from studies._command import measure
 
-from monochord.benchmarks._process import one_core
+from monochord.benchmarks import one_core
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.errors import InputError
 from monochord.core.units import Seconds
@@ -26,14 +30,12 @@ from monochord.physics.twin import (
     advance_many,
     begin,
     hold,
+    plausible_touch,
+    sensor_of,
 )
-from monochord.physics.twin import Twin as VirtualSensor
-from monochord.physics.twin.reference import advance_slowly
-from monochord.physics.twin.world import plausible_touch, sensor_of
 
 RATE = 44100
 FDTD = "the paper's FDTD, compiled"
-SLOW = "un-jitted reference"
 PLAUSIBLE_SEED = 3
 """Of the touching object: with it the plastic one has three modes under it."""
 SETTLE: Seconds = 0.5
@@ -47,8 +49,8 @@ class Twin(Benchmark):
     Rows: the string alone, plucked (free); with both drivers (ebows); pressed besides (touch); and
     everything: a touch that slides to and fro, rough, on a drifting string in a noisy room (full), which is
     timed once more with all effects of the world `plausible`, beside the ideal one. What is compiled has run
-    once before. Wall time of the fastest of many short stretches counts, for other programs take a share of
-    any machine.
+    once before. Both sides of a ratio take turns over stretches of the same length, and the median of their
+    processor time counts, for other programs take a share of any machine.
 
     Parameters
     ----------
@@ -74,57 +76,38 @@ class Twin(Benchmark):
             raise InputError(f"{self.sensors} sensors", "2 to 4096")
 
     def run(self) -> Iterator[Row]:
-        """Time every row, the baselines, and then many twins."""
+        """Time every row beside the paper's scheme, and then many twins."""
         sensor = load_sensor(self.sensor)
+        paper = load_string("appendix")
+        setup = SplitString(string=paper.string, contact=paper.usual_contact)
+
+        def fdtd() -> None:
+            simulate(setup, self.stretch, route="fdtd")
+
         with one_core():
-            paper = load_string("appendix")
-            setup = SplitString(string=paper.string, contact=paper.usual_contact)
-            simulate(setup, 0.05, route="fdtd")
-            fdtd = _fastest(lambda: simulate(setup, 0.5, route="fdtd"), 3) / 0.5
-            slow = self._pace(sensor, _scene("full", sensor), advance_slowly, stretch=0.005, count=4)
             for name in ("free", "ebows", "touch", "full"):
-                pace = self._pace(sensor, _scene(name, sensor), advance)
-                yield _row(f"{name}, wall/audio", pace, FDTD, fdtd)
-            yield _row("full, wall/audio again", pace, SLOW, slow)
-            yield _row("full in the world plausible, wall/audio", *self._plausible(sensor))
-            yield _row("paper's FDTD, wall/audio", fdtd, "real time", 1.0)
-            yield _row("un-jitted reference, wall/audio", slow, "real time", 1.0)
+                pace, base = self._pair(_Sounding(sensor, _scene(name, sensor), self.stretch), fdtd)
+                yield _row(f"{name}, time/audio", pace, FDTD, base)
+            usual, built = _scene("full", sensor), sensor_of(sensor, "plausible")
+            touches = tuple(plausible_touch(touch, PLAUSIBLE_SEED) for touch in usual.touches)
+            plausible = _Sounding(built, replace(usual, touches=touches), self.stretch)
+            pace, base = self._pair(plausible, _Sounding(sensor, usual, self.stretch))
+            yield _row("full in the world plausible, time/audio", pace, "full, ideal", base)
+            yield _row("paper's FDTD, time/audio", self._pair(fdtd, fdtd)[0], "real time", 1.0)
         yield from self._many(sensor)
 
-    def _pace(
-        self,
-        sensor: Sensor,
-        scene: Scene,
-        go: Callable[[VirtualSensor, int], tuple[object, VirtualSensor]],
-        *,
-        stretch: Seconds | None = None,
-        count: int | None = None,
-    ) -> float:
-        """Wall time over audio time of the fastest stretch, after the sound has begun."""
-        _, twin = advance(begin(sensor, scene), round(SETTLE * RATE))
-        stretch = self.stretch if stretch is None else stretch
-        count = round(self.seconds / stretch) if count is None else count
-        best, frames = np.inf, round(stretch * RATE)
-        for _ in range(count):
-            start = time.perf_counter()
-            _, twin = go(twin, frames)
-            best = min(best, time.perf_counter() - start)
-        return best / stretch
-
-    def _plausible(self, sensor: Sensor) -> tuple[float, str, float]:
-        """Return the pace of everything in a plausible world, and in the ideal one; stretches take turns."""
-        usual, built = _scene("full", sensor), sensor_of(sensor, "plausible")
-        touches = tuple(plausible_touch(touch, PLAUSIBLE_SEED) for touch in usual.touches)
-        scenes = (built, replace(usual, touches=touches)), (sensor, usual)
-        frames = round(self.stretch * RATE)
-        twins = [advance(begin(*scene), round(SETTLE * RATE))[1] for scene in scenes]
-        best = [np.inf, np.inf]
+    def _pair(self, own: Callable[[], None], baseline: Callable[[], None]) -> tuple[float, float]:
+        """Return the processor time over audio time of both, whose stretches take turns."""
+        times: tuple[list[Seconds], list[Seconds]] = ([], [])
+        for work in (own, baseline):  # what compiles or begins is not timed
+            work()
         for _ in range(round(self.seconds / self.stretch)):
-            for i, twin in enumerate(twins):
-                start = time.perf_counter()
-                _, twins[i] = advance(twin, frames)
-                best[i] = min(best[i], time.perf_counter() - start)
-        return best[0] / self.stretch, "full, ideal", best[1] / self.stretch
+            for work, taken in zip((own, baseline), times, strict=True):
+                start = time.thread_time()
+                work()
+                taken.append(time.thread_time() - start)
+        first, second = (float(np.median(taken)) / self.stretch for taken in times)
+        return first, second
 
     def _many(self, sensor: Sensor) -> Iterator[Row]:
         """How well all cores are used: pace on one core over pace on all, over the number of cores."""
@@ -145,6 +128,17 @@ class Twin(Benchmark):
         one, all_cores = min(alone) / audio, min(together) / audio
         yield _row(f"{self.sensors} touched twins, wall/audio", all_cores, "on one core", one)
         yield _row(f"share of {cores} cores used", one / all_cores / cores, "all of them", 1.0)
+
+
+class _Sounding:
+    """A twin that has settled, and sounds a stretch further at each call."""
+
+    def __init__(self, sensor: Sensor, scene: Scene, stretch: Seconds) -> None:
+        _, self._twin = advance(begin(sensor, scene), round(SETTLE * RATE))
+        self._frames = round(stretch * RATE)
+
+    def __call__(self) -> None:
+        _, self._twin = advance(self._twin, self._frames)
 
 
 def _scene(name: str, sensor: Sensor) -> Scene:
@@ -174,3 +168,7 @@ def _fastest(work: Callable[[], object], repeats: int) -> Seconds:
 
 def _row(name: str, value: float, baseline: str, baseline_value: float) -> Row:
     return Row(name=name, value=value, unit="1", baseline=baseline, baseline_value=baseline_value)
+
+
+if __name__ == "__main__":
+    measure(Twin)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from studies._takes import Protocol, autocorrelation_errors, recorded_strings
+from studies.real_strings import Realstrings
 
-from monochord.benchmarks.realstrings import Realstrings
-from monochord.evaluation import realstrings
-from monochord.evaluation.realstrings import Protocol, autocorrelation_errors, recorded_strings
+from monochord.evaluation import folder
 
-real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
+real = pytest.mark.skipif(folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 
 
 @pytest.fixture(scope="module", params=[0.2, pytest.param(0.1, marks=pytest.mark.slow)])

@@ -1,4 +1,8 @@
-"""What a window costs a feature of the string's lines, by itself and in a batch."""
+"""What a window costs a feature of the string's lines, by itself and in a batch.
+
+Makes what `docs/design/0012-features.md` says of their cost, in some 30 seconds: ``python -m
+studies.feature_speed``.
+"""
 
 import time
 from collections.abc import Callable, Iterator
@@ -6,8 +10,9 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from studies._command import measure
 
-from monochord.benchmarks._process import one_core
+from monochord.benchmarks import one_core
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.capture.sources import SOURCES
 from monochord.core.errors import InputError
@@ -101,3 +106,7 @@ def _duration(work: Callable[[Audio], object], sound: Audio) -> Seconds:
     start = time.perf_counter()
     work(sound)
     return time.perf_counter() - start
+
+
+if __name__ == "__main__":
+    measure(FeaturesBenchmark)

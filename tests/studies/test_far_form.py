@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from studies._takes import Interferer, Protocol
+from studies.far_form import Outcome
 
 from monochord.core.types import Floats
-from monochord.evaluation import far_form, realstrings
-from monochord.evaluation.far_form import Outcome
-from monochord.evaluation.realstrings import Interferer, Protocol, interference_recordings
+from monochord.evaluation import folder, interference_recordings
+from studies import far_form
 
-real = pytest.mark.skipif(realstrings.folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
+real = pytest.mark.skipif(folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 
 
 def outcome(error: list[float], plain: list[float], clarity: list[float]) -> Outcome:

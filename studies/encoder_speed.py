@@ -1,4 +1,8 @@
-"""The time of a frozen encoder for a window, with each backend that is installed."""
+"""The time of a frozen encoder for a window, with each backend that is installed.
+
+Makes what `docs/design/0013-encoders.md` says of their cost, in some two minutes: ``python -m
+studies.encoder_speed``.
+"""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -6,8 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from studies._command import measure
 
-from monochord.benchmarks._process import one_core
+from monochord.benchmarks import one_core
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.errors import DeviceError, InputError, did_you_mean
 from monochord.core.types import Audio, Signal
@@ -107,3 +112,7 @@ def _duration(extract: Extractor, sound: Audio) -> Seconds:
     start = time.perf_counter()
     extract(sound)
     return time.perf_counter() - start
+
+
+if __name__ == "__main__":
+    measure(Encoders)
