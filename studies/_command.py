@@ -1,8 +1,10 @@
 """What the commands of studies share: errors as one line, a progress bar, and tables."""
 
+import json
 import sys
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import click
 from rich.console import Console
@@ -11,6 +13,7 @@ from rich.progress import Progress
 from monochord.benchmarks.base import Benchmark
 from monochord.core.config import from_tree, override
 from monochord.core.errors import MonochordError
+from monochord.figures.base import Measured
 
 
 def main(command: click.Command) -> None:
@@ -59,5 +62,21 @@ def measure(kind: type[Benchmark]) -> None:
         for row in from_tree(kind, override({}, assignments), kind.__name__).run():
             beside = f"  {row.ratio:.3g} times {row.baseline} ({row.baseline_value:.4g})" if row.ratio else ""
             print(f"{row.name:<40}{row.value:>12.4g} {row.unit}{beside}", flush=True)
+
+    main(command)
+
+
+def draw(kind: type[Measured]) -> None:
+    """Draw a figure as a command, whose ``--set NAME=VALUE`` overrides an option."""
+
+    @click.command(name=kind.__name__.lower(), help=kind.__doc__)
+    @click.option("--set", "assignments", multiple=True, metavar="NAME=VALUE", help="Override an option.")
+    @click.option("--out", type=click.Path(path_type=Path), required=True, help="File of the figure.")
+    @click.option("--json", "numbers", type=click.Path(path_type=Path), help="File of its numbers.")
+    def command(assignments: tuple[str, ...], out: Path, numbers: Path | None) -> None:
+        figure = from_tree(kind, override({}, assignments), kind.__name__)
+        figure.draw().savefig(out)
+        if numbers is not None:
+            numbers.write_text(json.dumps(figure.numbers(), indent=1) + "\n", encoding="utf-8")
 
     main(command)

@@ -1,9 +1,7 @@
-import numpy as np
 import pytest
 
 from monochord.benchmarks.strings import Strings
 from monochord.evaluation.strings import strings_cost
-from monochord.figures.strings import Strings as Figure
 
 
 def test_windows_of_all_strings_are_timed_and_counted() -> None:
@@ -28,13 +26,3 @@ def test_each_number_of_strings_is_compared_with_the_first() -> None:
     assert [row.name for row in costs] == ["N = 1, cost of an estimate", "N = 3, cost of an estimate"]
     assert costs[0].ratio == 1.0
     assert {row.baseline for row in costs} == {"N = 1"}
-
-
-def test_the_figure_shows_cost_and_rate() -> None:
-    figure = Figure(strings=(1,), seconds=0.8, hop=0.05, processes=(1,))
-    left, right = figure.draw().axes
-    assert left.get_ylabel() == "ms"
-    assert right.get_ylabel() == "1/s"
-    (run,) = figure.numbers()["runs"]
-    drawn = [float(np.ravel(axes.lines[0].get_ydata())[0]) for axes in (left, right)]
-    assert drawn == [1e3 * run["cost"], run["rate"]]

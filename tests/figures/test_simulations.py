@@ -11,9 +11,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats
 from monochord.figures import convergence, modes, touch
 from monochord.figures.convergence import STEADY, TRANSIENT, Convergence, SegmentSound, envelope, spectrum
-from monochord.figures.following import Following
 from monochord.figures.modes import PATTERN_TOLERANCE, Modes
-from monochord.figures.slip import Slip
 from monochord.figures.touch import PHASES, RATE, SIZE, Touch
 from monochord.figures.trends import Sweep, Trends, simulated_spectra, simulator
 from monochord.physics.sensors import load_sensor
@@ -26,8 +24,6 @@ APPENDIX = load_string("appendix").string
 SPLIT_STRING = simulator("split_string")
 SENSOR = load_sensor("prototype")
 FEW_HISTORIES = Modes(histories=12, after=2.0)
-SHORT = Following(builds=(301,), seconds=4.0, noises=("quiet", "motors"), thresholds=(0.3, 0.6))
-FEW_TOUCHES = Slip(runs=3, speeds=(0.01, 0.1), seconds=0.12)
 
 
 @pytest.fixture(scope="module")
@@ -245,33 +241,6 @@ def test_the_spectrogram_of_a_touch_counts_from_the_middle_of_its_window() -> No
     assert frequencies[-1] <= 5000.0
 
 
-def test_slip_has_areas_with_intervals_and_draws_four_panels() -> None:
-    numbers = FEW_TOUCHES.numbers()
-    assert numbers["simulated"] is True
-    for key in ("areas", "areas in noise"):
-        assert [(one["feature"], one["speed"]) for one in numbers[key]] == [
-            (feature, speed) for feature in ("rumble", "filled gaps") for speed in FEW_TOUCHES.speeds
-        ]
-        assert all(0.0 <= one["low"] <= one["area"] <= one["high"] <= 1.0 for one in numbers[key])
-    panels = {axes.get_title(loc="left"): axes for axes in FEW_TOUCHES.draw().axes}
-    areas = [np.asarray(line.get_ydata()).tolist() for line in panels["A"].lines[:2]]
-    expected = [one["area"] for one in numbers["areas"]]
-    np.testing.assert_allclose(np.ravel(areas), expected)
-    assert set("ABCD") <= set(panels)
-
-
-def test_a_slow_drag_sticks_and_then_slips() -> None:
-    drag = FEW_TOUCHES.dragged(drivers=False)
-    early, late = drag.time < 0.02, drag.time > 0.08
-    # For 20 ms at 5 mm/s the string moves with the object: at most a few micrometres are lost to the bristle.
-    np.testing.assert_allclose(drag.string[early], drag.object[early], atol=1e-5)
-    assert not drag.slip[early].any()
-    assert drag.slip[late].mean() > 0.5
-    assert set(np.unique(drag.state[late])) >= {2.0, 3.0}
-    # Friction pulls with the force that the string's lateral stiffness returns.
-    assert np.corrcoef(drag.string, drag.force)[0, 1] > 0.95
-
-
 @pytest.mark.parametrize(
     ("figure", "options", "line"),
     [
@@ -295,38 +264,8 @@ def test_a_slow_drag_sticks_and_then_slips() -> None:
         (Touch, {"force": 0.0}, "force 0 N"),
         (Touch, {"speed": 1.0}, "speed 1 m/s"),
         (Touch, {"highest": 100.0}, "highest 100 Hz"),
-        (Slip, {"speeds": (0.0,)}, "speeds"),
-        (Slip, {"runs": 1}, "runs 1: allowed is 2 to 1000"),
-        (Slip, {"seconds": 0.01}, "seconds 0.01"),
     ],
 )
 def test_options_out_of_range_are_refused(figure: Any, options: dict[str, Any], line: str) -> None:
     with pytest.raises(InputError, match=re.escape(line)):
         figure(**options).draw()
-
-
-def test_what_is_followed_is_compared_with_single_windows() -> None:
-    numbers = SHORT.numbers()
-    assert numbers["simulated"] is True
-    for noise in SHORT.noises:
-        for name in ("contact", "slip"):
-            curves = numbers["curves"][noise][name]
-            followed, single = curves["followed"], curves["windows"]
-            assert [each["threshold"] for each in followed] == list(SHORT.thresholds)
-            assert [each["events"] for each in followed] == [each["events"] for each in single]
-            for one, other in zip(followed, single, strict=True):
-                assert one["false_alarms"] <= other["false_alarms"]
-        position = numbers["errors"][noise]["position"]
-        assert position["windows"] > 50
-        assert position["tracked_answered"] >= position["raw_answered"] - 0.05
-    panels = SHORT.draw().axes
-    assert [panel.get_xlabel() for panel in panels[2:]] == ["threshold", "threshold"]
-    assert all(panel.lines for panel in panels)
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"noises": ("wind",)}, {"builds": ()}, {"thresholds": (1.5,)}, {"seconds": 0.0}]
-)
-def test_a_comparison_that_cannot_be_made_is_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(InputError):
-        Following(**wrong)

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studies.following import Following
 from studies.hardware_suite import CONDITIONS, FIRST_BUILD
 
-from monochord.figures.following import Following
 from monochord.lab.plan import Group, Plan, assignments
 from monochord.lab.plans import load_plan, plan_names
 

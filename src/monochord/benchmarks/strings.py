@@ -14,7 +14,7 @@ class Strings(Benchmark):
 
     The loop runs at the pace of real time; where it is late it skips to the newest window, so that all
     strings get the same rate, below the one asked for. The cost of an estimate is compared with that of one
-    string alone in the same run. `monochord figure strings` draws it.
+    string alone in the same run.
 
     Parameters
     ----------

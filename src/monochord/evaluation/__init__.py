@@ -2,7 +2,7 @@
 
 from monochord.evaluation.baselines import RIDGE, Baselines, features_of, fit_baselines
 from monochord.evaluation.evaluate import Evaluation, evaluate, write
-from monochord.evaluation.noise import Disturbance, noise_suite, parse_noise
+from monochord.evaluation.noise import Disturbance, motor, noise_suite, parse_noise
 from monochord.evaluation.paper import PaperRow, keep_rows, paper_page, paper_rows
 from monochord.evaluation.recordings import (
     RATE,
@@ -38,6 +38,7 @@ from monochord.evaluation.select import (
     select,
     training_of,
 )
+from monochord.evaluation.strings import StringsCost, refuse_options, strings_cost
 
 __all__ = [
     "CLEAN",
@@ -62,6 +63,7 @@ __all__ = [
     "Score",
     "Scorecard",
     "Selection",
+    "StringsCost",
     "Trial",
     "blocks_of",
     "detection",
@@ -73,11 +75,13 @@ __all__ = [
     "join",
     "keep_rows",
     "load",
+    "motor",
     "noise_suite",
     "paper_page",
     "paper_rows",
     "parse_noise",
     "read_results",
+    "refuse_options",
     "refuse_trained_on",
     "regression",
     "regression_rows",
@@ -87,6 +91,7 @@ __all__ = [
     "score_of",
     "scorecard",
     "select",
+    "strings_cost",
     "takes",
     "training_of",
     "write",

@@ -4,9 +4,25 @@
 what it counted.
 """
 
-from monochord.live.loop import run
+from monochord.live.filter import FilterSettings, FilterState, Tracked, step
+from monochord.live.loop import LiveStream, run
 from monochord.live.score import Scorer
-from monochord.live.settings import LiveRun, LiveSettings, WindowSettings
+from monochord.live.settings import MODEL, LiveRun, LiveSettings, WindowSettings
 from monochord.live.summary import Summary
+from monochord.live.switches import SwitchSettings
 
-__all__ = ["LiveRun", "LiveSettings", "Scorer", "Summary", "WindowSettings", "run"]
+__all__ = [
+    "MODEL",
+    "FilterSettings",
+    "FilterState",
+    "LiveRun",
+    "LiveSettings",
+    "LiveStream",
+    "Scorer",
+    "Summary",
+    "SwitchSettings",
+    "Tracked",
+    "WindowSettings",
+    "run",
+    "step",
+]

@@ -14,7 +14,7 @@ from monochord.metrics.calibration import (
 )
 from monochord.metrics.classification import accuracy, balanced_accuracy, confusion
 from monochord.metrics.events import detection_delays, false_alarms, stretches
-from monochord.metrics.ranking import area_interval, area_under_curve
+from monochord.metrics.ranking import Groups, area_interval, area_under_curve
 from monochord.metrics.regression import known, mean_absolute_error, mean_error, pearson_r, rms_error, within
 from monochord.metrics.scores import (
     DECISION,
@@ -31,6 +31,7 @@ __all__ = [
     "DECISION",
     "LIMITS",
     "DetectionScore",
+    "Groups",
     "RegressionScore",
     "accuracy",
     "area_interval",

@@ -4,11 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from monochord.core.errors import InputError
-from monochord.core.types import Floats
-from monochord.dsp.noise import pink
-from monochord.evaluation.sliding import (
+from studies._sliding import (
     FEATURES,
     Sliding,
     feature_values,
@@ -17,6 +13,10 @@ from monochord.evaluation.sliding import (
     separations,
     windows_of,
 )
+
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.dsp.noise import pink
 from monochord.physics.materials import load_material
 from monochord.physics.strings import load_string
 from monochord.physics.twin import Ebow, Sensor

@@ -18,10 +18,7 @@ from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Block, Floats, Prediction, Signal, StreamHealth, Truth
 from monochord.core.units import Samples, Seconds
-from monochord.live.filter import FilterSettings, FilterState, Tracked, step
-from monochord.live.loop import LiveStream
-from monochord.live.settings import LiveRun
-from monochord.live.switches import SwitchSettings
+from monochord.live import FilterSettings, FilterState, LiveRun, LiveStream, SwitchSettings, Tracked, step
 from monochord.metrics import detection_delays, false_alarms, stretches
 
 PARTS = 5

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies._onsets import PARTS, Recorded, WithNoise, errors, onsets, record
 
 from monochord.capture.sources import SOURCES
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Floats, Prediction, Truth
-from monochord.evaluation.following import PARTS, Recorded, WithNoise, errors, onsets, record
 from monochord.live import LiveRun
 from monochord.live.filter import FilterSettings
 from monochord.live.tracks import TrackSettings

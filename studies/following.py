@@ -1,4 +1,8 @@
-"""How soon touch and slip are decided, window by window and followed over time."""
+"""How soon touch and slip are decided, window by window and followed over time.
+
+Makes `docs/figures/following.png` and `docs/results/following.json` in some ten minutes on two cores:
+``python -m studies.following --out docs/figures/following.png --json docs/results/following.json``.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,8 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from studies._command import draw
+from studies._onsets import Onsets, Recorded, WithNoise, errors, onsets, record
 
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source
@@ -16,13 +22,11 @@ from monochord.core.config import to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
-from monochord.dsp.music import loop
-from monochord.evaluation.following import Onsets, Recorded, WithNoise, errors, onsets, record
-from monochord.evaluation.noise import motor
-from monochord.figures import _style
+from monochord.dsp import loop
+from monochord.evaluation import motor
+from monochord.figures import style
 from monochord.figures.base import Measured
-from monochord.live.filter import FilterSettings
-from monochord.live.settings import MODEL, LiveRun
+from monochord.live import MODEL, FilterSettings, LiveRun
 from monochord.perception.estimators import ESTIMATORS
 
 if TYPE_CHECKING:
@@ -114,20 +118,20 @@ class Following(Measured):
 
     def draw(self) -> Canvas:
         """Run all sources through the model and draw the curves."""
-        page = _style.canvas(110.0)
+        page = style.canvas(110.0)
         panels = page.subplot_mosaic([["A", "B"], ["C", "D"]])
         where = "sessions" if self.sessions else "simulated, plausible world"
         for letters, name in (("AC", NAMES[0]), ("BD", NAMES[1])):
             delay, alarms = (panels[letter] for letter in letters)
-            _style.dress(delay, letters[0], f"onset of {name} ({where})", "", "delay (ms)")
-            _style.dress(alarms, letters[1], "", "threshold", "false alarms / minute")
+            style.dress(delay, letters[0], f"onset of {name} ({where})", "", "delay (ms)")
+            style.dress(alarms, letters[1], "", "threshold", "false alarms / minute")
             for noise in self.noises:
                 for way, line in (("followed", "-"), ("windows", "--")):
                     self._draw_curve(delay, alarms, noise, name, way, line)
             for panel in (delay, alarms):
                 panel.set_xlim(0.0, 1.0)
                 panel.set_ylim(bottom=0.0)
-        _style.key(page, panels["A"])
+        style.key(page, panels["A"])
         return page
 
     def _draw_curve(self, delay: Axes, alarms: Axes, noise: str, name: str, way: str, line: str) -> None:
@@ -191,3 +195,7 @@ def _in_noise(source: Source, noise: str, ratio: float) -> Source:
     )
     level = math.sqrt(float(np.median(powers)) / float(np.mean(np.square(sound, dtype=float))))
     return WithNoise(source=source, sound=sound, gain=level * 10.0 ** (-ratio / 20.0))
+
+
+if __name__ == "__main__":
+    draw(Following)

@@ -1,4 +1,8 @@
-"""How well sliding is detected by its speed, and the stick and slip behind it, both simulated."""
+"""How well sliding is detected by its speed, and the stick and slip behind it, both simulated.
+
+Makes `docs/figures/twin_slip.png` in some five minutes on two cores:
+``python -m studies.slip --out docs/figures/twin_slip.png``.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +10,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from studies._command import draw
+from studies._sliding import RATE, Separation, Sliding, separations
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
-from monochord.evaluation.sliding import RATE, Separation, Sliding, separations
-from monochord.figures import _style
+from monochord.figures import style
 from monochord.figures.base import Measured
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
@@ -24,7 +29,7 @@ if TYPE_CHECKING:
 MARKS = "os^v"
 MEAN: Seconds = 0.002
 STATES = ("none", "stick", "creep", "slide")
-SHADES = ("#FFFFFF", "#C9DDEB", "#7FB2D3", _style.SEGMENTS[0])
+SHADES = ("#FFFFFF", "#C9DDEB", "#7FB2D3", style.SEGMENTS[0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,32 +103,32 @@ class Slip(Measured):
 
     def draw(self) -> Canvas:
         """Simulate all touches and draw the curve beside the slow drag."""
-        page = _style.canvas(92.0)
+        page = style.canvas(92.0)
         panels = page.subplot_mosaic([["A", "B"], ["A", "C"], ["A", "D"]], height_ratios=[0.55, 1.0, 1.0])
         title = f"simulated, {self.material.replace('_', ' ')}, {self.lowest:g} to {self.highest:g} N"
-        _style.dress(panels["A"], "A", title, "sliding speed (mm/s)", "area under the curve")
+        style.dress(panels["A"], "A", title, "sliding speed (mm/s)", "area under the curve")
         _draw_areas(panels["A"], self._areas(None), "-", "")
         _draw_areas(panels["A"], self._areas(self.noise), "--", f", noise of {self.noise:g} dB")
         _dress_areas(panels["A"], self.speeds)
         quiet, ringing = self.dragged(drivers=False), self.dragged(drivers=True)
         slow = f"simulated, {1e3 * self.speed:g} mm/s across, {self.force:g} N"
-        _style.dress(panels["B"], "B", slow, "", "")
-        _style.dress(panels["C"], "C", "", "", "place aside (\N{MICRO SIGN}m)")
-        _style.dress(panels["D"], "D", "", "time (ms)", "friction (N)")
+        style.dress(panels["B"], "B", slow, "", "")
+        style.dress(panels["C"], "C", "", "", "place aside (\N{MICRO SIGN}m)")
+        style.dress(panels["D"], "D", "", "time (ms)", "friction (N)")
         _draw_states(panels["B"], quiet)
         time, size = 1e3 * quiet.time, round(MEAN * RATE)
         mean = np.convolve(ringing.force, np.full(size, 1.0 / size), mode="same")
-        panels["C"].plot(time, 1e6 * quiet.object, color=_style.PALE, lw=1.0, label="object")
+        panels["C"].plot(time, 1e6 * quiet.object, color=style.PALE, lw=1.0, label="object")
         for dragged, force, colour, label in (
-            (quiet, quiet.force, _style.SEGMENTS[0], "string, drivers off"),
-            (ringing, mean, _style.SEGMENTS[1], "string, drivers on"),
+            (quiet, quiet.force, style.SEGMENTS[0], "string, drivers off"),
+            (ringing, mean, style.SEGMENTS[1], "string, drivers on"),
         ):
             panels["C"].plot(time, 1e6 * dragged.string, color=colour, lw=0.8, label=label)
             panels["D"].plot(time[size:-size], force[size:-size], color=colour, lw=0.8)
         top = 1e6 * max(quiet.string.max(), ringing.string.max())
         panels["C"].set_ylim(0.0, 1.25 * top)
         panels["C"].legend(
-            fontsize=_style.TICK, frameon=False, loc="lower right", ncols=3, labelcolor=_style.INK,
+            fontsize=style.TICK, frameon=False, loc="lower right", ncols=3, labelcolor=style.INK,
             handlelength=1.2, columnspacing=1.0,
         )  # fmt: skip
         for name in "BC":
@@ -163,7 +168,7 @@ class Slip(Measured):
 def _draw_areas(axes: Axes, areas: list[Separation], line: str, where: str) -> None:
     for number, feature in enumerate(dict.fromkeys(one.feature for one in areas)):
         own = [one for one in areas if one.feature == feature]
-        speeds, colour = [1e3 * one.speed for one in own], _style.SEGMENTS[number % 2]
+        speeds, colour = [1e3 * one.speed for one in own], style.SEGMENTS[number % 2]
         axes.fill_between(
             speeds, [one.low for one in own], [one.high for one in own], color=colour, alpha=0.14, lw=0.0
         )
@@ -174,13 +179,13 @@ def _draw_areas(axes: Axes, areas: list[Separation], line: str, where: str) -> N
 
 
 def _dress_areas(axes: Axes, speeds: tuple[MetresPerSecond, ...]) -> None:
-    axes.axhline(0.5, color=_style.PALE, lw=0.8, ls=":", label="chance")
+    axes.axhline(0.5, color=style.PALE, lw=0.8, ls=":", label="chance")
     axes.set_xscale("log")
     ticks = sorted(1e3 * speed for speed in speeds)
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     axes.set_ylim(0.2, 1.02)
-    axes.legend(fontsize=_style.TICK, frameon=False, loc="lower right", labelcolor=_style.INK)
+    axes.legend(fontsize=style.TICK, frameon=False, loc="lower right", labelcolor=style.INK)
 
 
 def _draw_states(axes: Axes, dragged: Drag) -> None:
@@ -195,9 +200,13 @@ def _draw_states(axes: Axes, dragged: Drag) -> None:
     )  # fmt: skip
     legend = axes.legend(
         handles=[Patch(color=SHADES[state], label=STATES[state]) for state in (1, 2, 3)],
-        fontsize=_style.TICK, frameon=False, ncols=3, loc="upper right", bbox_to_anchor=(1.0, -0.02),
-        labelcolor=_style.INK, handlelength=1.0, columnspacing=1.0,
+        fontsize=style.TICK, frameon=False, ncols=3, loc="upper right", bbox_to_anchor=(1.0, -0.02),
+        labelcolor=style.INK, handlelength=1.0, columnspacing=1.0,
     )  # fmt: skip
     legend.set_in_layout(False)  # it fits between the panels
     axes.set_yticks([0.5, 1.5], ["state", "slip"])
     axes.tick_params(length=0.0)
+
+
+if __name__ == "__main__":
+    draw(Slip)

@@ -17,8 +17,8 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, MetresPerSecond, Newtons, Seconds
-from monochord.dsp.noise import pink
-from monochord.metrics.ranking import Groups, area_interval, area_under_curve
+from monochord.dsp import pink
+from monochord.metrics import Groups, area_interval, area_under_curve
 from monochord.physics.materials import Material
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Scene, Sensor, advance, begin, hold
