@@ -163,6 +163,7 @@ REFUSED = {
     "bench model --set sec=1": "option 'sec'",
     "bench realstrings": "python -m studies.real_strings",
     "bench twin": "python -m studies.twin_speed",
+    "figure slip": "python -m studies.slip",
     "weights get yamnt": "did you mean 'yamnet'",
     "list sorces": "did you mean 'sources'",
     "list sources jakc": "source 'jakc': allowed is",

@@ -25,6 +25,7 @@ from typing import Any, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
+from monochord.cli._moved import refuse_moved
 from monochord.cli._output import echo
 from monochord.core.errors import DeviceError, InputError, MonochordError, did_you_mean
 
@@ -40,8 +41,6 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 }
 """Commands as the help shows them; a command that is in no group comes last."""
 UNGROUPED = "More commands"
-MOVED = {"ablate": "studies.ablation", "transfer": "studies.unseen_builds"}
-"""Former commands, and the studies of the repository that they are now."""
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 RERAISE_AFTER = 0.02
 """Seconds until an interruption that got lost in a callback is raised once more."""
@@ -59,9 +58,7 @@ class _Commands(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         names = self.list_commands(ctx)
-        if cmd_name in MOVED:
-            remedy = f"it is a study now: python -m {MOVED[cmd_name]}, in the repository"
-            raise InputError(f"command '{cmd_name}'", ", ".join(names), remedy)
+        refuse_moved("command", cmd_name, names)
         if cmd_name not in names:
             raise InputError(f"command '{cmd_name}'", ", ".join(names), did_you_mean(cmd_name, names))
         return getattr(import_module(f"{__name__}.{cmd_name}"), cmd_name)

@@ -11,22 +11,11 @@ import numpy as np
 
 from monochord.benchmarks import BENCHMARKS
 from monochord.benchmarks.base import Row
+from monochord.cli._moved import refuse_moved
 from monochord.cli._options import completes, set_option
 from monochord.cli._output import echo
 from monochord.core.config import override
 from monochord.core.errors import InputError, MonochordError
-
-MOVED = {
-    "bound": "pitch_bound",
-    "encoders": "encoder_speed",
-    "far_form": "far_form",
-    "fdtd": "fdtd",
-    "features": "feature_speed",
-    "interference": "interference",
-    "realstrings": "real_strings",
-    "twin": "twin_speed",
-}
-"""Former benchmarks, and the studies of the repository that they are now."""
 
 
 @click.command()
@@ -37,9 +26,7 @@ def bench(name: str | None, as_json: bool, assignments: tuple[str, ...]) -> None
     """Run the benchmark NAME, or all of them, and print each figure with its baseline."""
     if assignments and not name:
         raise InputError(f"--set {assignments[0]} for all benchmarks", "one NAME with --set")
-    if name in MOVED:
-        remedy = f"it is a study now: python -m studies.{MOVED[name]}, in the repository"
-        raise InputError(f"benchmark '{name}'", ", ".join(BENCHMARKS.names()), remedy)
+    refuse_moved("benchmark", name, BENCHMARKS.names())
     # Whatever is refused is refused before anything is measured.
     chosen = {
         each: BENCHMARKS.build(each, override({}, assignments), where="")

@@ -8,6 +8,7 @@ import click
 
 from monochord import evaluation
 from monochord.cli._drawings import drawings
+from monochord.cli._moved import refuse_moved
 from monochord.cli._options import completes, refuse_without, set_option
 from monochord.cli._output import echo, progress_bar
 from monochord.core.config import override
@@ -95,8 +96,7 @@ def evaluate(
         refuse_without("--split or --part beside --sessions", "all of the sessions", "split", "part")
     if rows is None:
         refuse_without("--feature without --rows", "beside --rows, whose name it is", "feature")
-    if suite == "hardware":
-        raise InputError("--suite hardware", SUITE, "it is a study now: python -m studies.hardware_suite")
+    refuse_moved("suite", suite, [SUITE])
     if suite not in (None, SUITE):
         given = f"--suite {suite}" if suite else "--suite without a name"
         raise InputError(given, SUITE, "write --suite noise for every kind of noise")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from monochord.cli._moved import refuse_moved
 from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
 from monochord.core.config import override, to_tree
@@ -32,6 +33,7 @@ def figure(
     name: str, *, out: Path | None, model: str | None, assignments: tuple[str, ...], as_json: bool
 ) -> None:
     """Draw the figure NAME into a file; 'monochord list figures' shows the names."""
+    refuse_moved("figure", name, FIGURES.names())
     require_matplotlib()
     path = out or Path(f"{name}.png")
     refuse_unwritable(path, SUFFIXES)

@@ -1,0 +1,37 @@
+"""Names of version 0.1 that are studies of the repository now: each says where it went."""
+
+from collections.abc import Iterable, Mapping
+
+from monochord.core.errors import InputError
+
+MOVED: Mapping[str, Mapping[str, str]] = {
+    "command": {"ablate": "ablation", "transfer": "unseen_builds"},
+    "suite": {"hardware": "hardware_suite"},
+    "benchmark": {
+        "bound": "pitch_bound",
+        "encoders": "encoder_speed",
+        "far_form": "far_form",
+        "fdtd": "fdtd",
+        "features": "feature_speed",
+        "interference": "interference",
+        "realstrings": "real_strings",
+        "twin": "twin_speed",
+    },
+    "figure": {
+        "builds": "unseen_builds",
+        "following": "following",
+        "hardware": "hardware_suite",
+        "realstrings": "interference",
+        "slip": "slip",
+        "strings": "strings_cost",
+    },
+}
+"""The study that each name is now, by the kind of name."""
+
+
+def refuse_moved(kind: str, name: str | None, known: Iterable[str]) -> None:
+    """Raise `InputError`, which says where it went, for a name that is a study now."""
+    study = MOVED[kind].get(name or "")
+    if study:
+        remedy = f"it is a study now: python -m studies.{study}, in the repository"
+        raise InputError(f"{kind} '{name}'", ", ".join(known), remedy)
