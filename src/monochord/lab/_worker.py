@@ -1,8 +1,9 @@
-"""A worker process, before and around its jobs. Dask loads this module into its workers by name."""
+"""A worker process, before and around its jobs."""
 
 import os
 import pickle
 import signal
+import sys
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -14,9 +15,8 @@ from monochord.core.interruption import interruption
 
 MAX_DEATHS = 3
 """Number of workers that may die during one job before the job is given up."""
-BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-ONE_THREAD = {"NUMBA_NUM_THREADS": "1"}
-"""Environment of a worker for libraries that read it late: one thread each, since every core has a worker."""
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Environment of a worker: one thread each, since every core has a worker."""
 
 
 def pack(work: Any, job: Any) -> bytes:
@@ -38,12 +38,11 @@ def unreadable(error: BaseException) -> str:
     return f"a worker cannot read its job ({error}): install the same code there"
 
 
-def dask_setup(worker: Any) -> None:  # noqa: ARG001
-    """Prepare a dask worker, which calls this as it starts.
+def prepare() -> None:
+    """Prepare a worker as it starts.
 
     Control-C is left to the parent, which ends its workers; a worker ends with its parent, however that ends.
     """
-    os.environ.update(ONE_THREAD)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     if parent is not None:
@@ -75,11 +74,27 @@ def shielded() -> Generator[None]:
 
 @contextmanager
 def one_thread_each() -> Generator[None]:
-    """Have workers that start inside run linear algebra on one thread; restore the environment after."""
+    """Have workers that start inside run on one thread; restore the environment after."""
     before = dict(os.environ)
-    os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))
+    os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
         yield
     finally:
         os.environ.clear()
         os.environ.update(before)
+
+
+@contextmanager
+def without_main() -> Generator[None]:
+    """Keep workers that start inside from running the program's own script again, as `spawn` has them do.
+
+    Jobs and their functions are of modules that can be imported, so that a script needs no guard.
+    """
+    main = sys.modules["__main__"]
+    hidden = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}
+    main.__dict__.update({"__spec__": None})
+    main.__dict__.pop("__file__", None)
+    try:
+        yield
+    finally:
+        main.__dict__.update(hidden)

@@ -1,19 +1,29 @@
 """Independent jobs in this process, in several, or on a dask cluster; a worker that dies loses no job."""
 
 import logging
+import multiprocessing
 import os
 import socket
 import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, TypeVar
 
 from monochord.core.errors import DeviceError, InputError, MissingLibraryError
-from monochord.core.ownership import scratch_folder
 from monochord.core.units import Seconds
-from monochord.lab._worker import MAX_DEATHS, ONE_THREAD, call, one_thread_each, pack, shielded, unreadable
+from monochord.lab._worker import (
+    MAX_DEATHS,
+    call,
+    one_thread_each,
+    pack,
+    prepare,
+    shielded,
+    unreadable,
+    without_main,
+)
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -26,11 +36,11 @@ def run_all(
 ) -> Generator[tuple[Job, Result]]:
     """Run every job and yield it with its result, in the order in which they finish.
 
-    A single job, or a single worker, runs in this process, and so do all jobs where dask is not installed.
-    Several workers are processes of this machine, a dask cluster of one thread each; with an address the jobs
-    run on that cluster. A job whose worker dies runs again on another: it may be started twice, so a job that
-    writes should write to a temporary file and rename it. Each job is yielded exactly once. The first error
-    of a job ends the others and is raised here unchanged; closing the iterator ends them too.
+    A single job, or a single worker, runs in this process. Several workers are processes of this machine, of
+    one thread each; with an address the jobs run on a dask cluster. A job whose worker dies runs again on
+    another: it may be started twice, so a job that writes should write to a temporary file and rename it.
+    Each job is yielded exactly once. The first error of a job ends the others and is raised here unchanged;
+    closing the iterator ends them too.
 
     Parameters
     ----------
@@ -51,8 +61,8 @@ def run_all(
     Raises
     ------
     InputError
-        If `workers` is below 1, if dask is needed and not installed, or if nothing answers at the address;
-        or from a job.
+        If `workers` is below 1, if a cluster is named and dask is not installed, or if nothing answers at its
+        address; or from a job.
     DeviceError
         If a job's worker died three times, or the cluster went away.
 
@@ -64,20 +74,14 @@ def run_all(
     if cluster:
         _require_dask(f"Cluster {cluster}")
         return _on_cluster(jobs, work, cluster)
-    if workers is not None and workers > 1 and len(jobs) > 1:
-        _require_dask(f"Work by {workers} workers")
     number = min(workers or len(os.sched_getaffinity(0)), len(jobs))
-    if number <= 1 or not _has_dask():
+    if number <= 1:
         return ((job, work(job)) for job in jobs)
     return _on_this_machine(jobs, work, number)
 
 
-def _has_dask() -> bool:
-    return find_spec("distributed") is not None
-
-
 def _require_dask(task: str) -> None:
-    if not _has_dask():
+    if find_spec("distributed") is None:
         raise MissingLibraryError(task, "dask >= 2025.1", "cluster")
 
 
@@ -119,65 +123,49 @@ def _client(address: str) -> Any:
 def _on_this_machine(
     jobs: Sequence[Job], work: Callable[[Job], Result], workers: int
 ) -> Generator[tuple[Job, Result]]:
-    """Run the jobs in that many processes of this machine, which listen on the loopback interface alone."""
-    import dask.config  # noqa: PLC0415
-    from distributed import Client  # noqa: PLC0415
-
-    settings = {
-        "distributed.nanny.environ": ONE_THREAD,
-        "distributed.scheduler.allowed-failures": MAX_DEATHS - 1,
-    }
-    with (
-        _quiet(),
-        one_thread_each(),
-        dask.config.set(settings),
-        scratch_folder() as scratch,
-        ExitStack() as stack,
-    ):
-        try:
-            with shielded():
-                cluster = stack.enter_context(_local_cluster(workers, scratch))
-                client = stack.enter_context(Client(cluster, set_as_default=False))
-                stack.callback(_whole_again, client, workers)
-            yield from _results(client, jobs, work)
-        finally:
-            with shielded():
-                stack.close()
+    """Run the jobs in that many processes of this machine; those that a dead worker lost run again."""
+    left = dict(enumerate(jobs))
+    for _ in range(MAX_DEATHS):
+        with suppress(BrokenProcessPool), _pool(left, work, workers) as futures:
+            for future in as_completed(futures):
+                result = future.result()
+                number = futures[future]
+                yield left.pop(number), result
+            return
+    raise DeviceError(f"a job ended its worker {MAX_DEATHS} times: see what it needs")
 
 
-def _whole_again(client: Any, workers: int) -> None:
-    """Wait for a worker that was killed and is being started again, since a cluster cannot end it so."""
-    with suppress(TimeoutError):
-        client.wait_for_workers(workers, timeout=ANSWER_TIMEOUT)
-
-
-def _local_cluster(workers: int, scratch: Path) -> Any:
-    from distributed import LocalCluster  # noqa: PLC0415
-
-    return LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        processes=True,
-        host="127.0.0.1",
-        # No dashboard; the scheduler's health server takes any port, or two clusters would collide.
-        dashboard_address=None,  # pyright: ignore[reportArgumentType]
-        scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
-        silence_logs=logging.CRITICAL,
-        memory_limit=0,  # no limit on a job's memory
-        local_directory=str(scratch),
-        preload=["monochord.lab._worker"],
-    )
+@contextmanager
+def _pool(
+    jobs: Mapping[int, Job], work: Callable[[Job], Result], workers: int
+) -> Generator[dict[Future[Result], int]]:
+    """Yield the futures of jobs, by which each has its number, and end the processes afterwards."""
+    number = min(workers, len(jobs))
+    pool = ProcessPoolExecutor(number, multiprocessing.get_context("spawn"), initializer=prepare)
+    try:
+        with shielded(), one_thread_each(), without_main():
+            futures = {pool.submit(call, pack(work, job)): number for number, job in jobs.items()}
+        yield futures
+    finally:
+        with shielded():
+            processes = list((pool._processes or {}).values())  # noqa: SLF001  (no other way to end one)
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in processes:
+                process.kill()
+            for process in processes:
+                process.join()
 
 
 def _results(client: Any, jobs: Sequence[Job], work: Callable[[Job], Result]) -> Iterator[tuple[Job, Result]]:
-    from distributed import KilledWorker, as_completed  # noqa: PLC0415
+    from distributed import KilledWorker  # noqa: PLC0415
+    from distributed import as_completed as finished  # noqa: PLC0415
     from distributed.client import FutureCancelledError  # noqa: PLC0415
 
     futures: dict[Any, int] = {
         client.submit(call, pack(work, job), pure=False): number for number, job in enumerate(jobs)
     }
     try:
-        for future in as_completed(list(futures), loop=client.loop):
+        for future in finished(list(futures), loop=client.loop):
             result = future.result()
             yield jobs[futures.pop(future)], result
     except KilledWorker as error:
