@@ -2,7 +2,6 @@
 
 import tracemalloc
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from tests.sessions.made import make as make_session
 
 from monochord.core.errors import InputError
 from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
-from monochord.lab.workers import run_all
 from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
 from monochord.physics.strings import load_string
 from monochord.sessions import TUNING, read_session
@@ -193,7 +191,7 @@ def test_several_processes_give_the_same_bytes(write: Write, tmp_path: Path) -> 
     files[2].write_bytes(b"no session")
     options = BuildOptions(skip=True)
     one = build_dataset(files, tmp_path / "one", options)
-    two = build_dataset(files, tmp_path / "two", options, run=partial(run_all, workers=2))
+    two = build_dataset(files, tmp_path / "two", options, workers=2)
     assert list(one.manifest.refused) == ["broken"]
     assert len(one.manifest.parts) == 4
     assert contents(one.path) == contents(two.path)

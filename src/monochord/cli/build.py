@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from monochord.datasets.build import (
 from monochord.datasets.kinds import KINDS, table_of
 from monochord.datasets.split import PARTS, Split, refuse_impossible, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
-from monochord.lab.workers import run_all
 from monochord.perception.tuning.sessions import estimate_tension
 from monochord.sessions import Description, read_session
 
@@ -72,6 +70,7 @@ MANY = 16
     metavar="N",
     help="Worker processes.  [default: one a core for many sessions]",
 )
+@click.option("--cluster", default="", metavar="ADDRESS", help="Address of a running dask scheduler.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def build(
     sessions: tuple[str, ...],
@@ -87,6 +86,7 @@ def build(
     sensor: str | None,
     skip: bool,
     workers: int | None,
+    cluster: str,
     as_json: bool,
 ) -> None:
     """Build a dataset of SESSIONS: files, folders or patterns.
@@ -104,8 +104,10 @@ def build(
         window=window, hop=hop, labels=labels or "", force=force, skip=skip, sensor=sensor or ""
     )
     with progress_bar() as progress:
-        run = partial(run_all, workers=workers or (1 if len(files) < MANY else None))
-        dataset = build_dataset(files, out, options, progress, estimate_tension, run)
+        number = workers or (1 if len(files) < MANY else None)
+        dataset = build_dataset(
+            files, out, options, progress, estimate_tension, workers=number, cluster=cluster
+        )
     for line in dataset.manifest.refused.values():
         echo(f"left out: {line}", err=True)
     by = by or _default_split(len(dataset.manifest.parts))

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from monochord.core import labels as label_rules
 from monochord.core.errors import InputError
-from monochord.core.jobs import Run, one_by_one
 from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
 from monochord.core.types import Audio, StringParams
 from monochord.core.units import Newtons, Samples, Seconds
+from monochord.core.workers import run_all
 from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
 from monochord.datasets.manifest import TABLE, Manifest, Part, audio_name, file_checksum
@@ -151,7 +151,9 @@ def build_dataset(
     options: BuildOptions = DEFAULT_OPTIONS,
     progress: Progress = lambda *_: None,
     listen: Listen = recorded_tension,
-    run: Run[Job, Taken] = one_by_one,
+    *,
+    workers: int | None = 1,
+    cluster: str = "",
 ) -> Dataset:
     """Return the dataset that sessions make, written to the new folder `out`; `store` tells what is in it.
 
@@ -172,8 +174,8 @@ def build_dataset(
         Called before each session, and at the end.
     listen
         Gives the tension of a session's string from its sound, its string and the tension that was recorded.
-    run
-        Spreads the sessions over processes.
+    workers, cluster
+        Processes, None for one a core, or a cluster: see `monochord.core.workers.run_all`.
 
     Raises
     ------
@@ -204,7 +206,7 @@ def build_dataset(
         taken: dict[str, Taken] = {}
         progress(names[0], 0, len(files))
         form: tuple[int, int] | None = None
-        for job, each in run(jobs, take):
+        for job, each in run_all(jobs, take, workers=workers, cluster=cluster):
             if not options.skip:
                 form = _form_of(job.name, each, form)
             taken[job.name] = each

@@ -1,11 +1,11 @@
 """The laboratory: what stands in for people, robots and instruments, so that real devices can be tried."""
 
+from monochord.core.workers import run_all
 from monochord.lab.collection import collect
 from monochord.lab.deviation import NONE, Deviation
 from monochord.lab.offline import make
 from monochord.lab.plan import Assignment, Group, Plan, assignments
 from monochord.lab.plans import load_plan, plan_names
-from monochord.lab.workers import run_all
 
 __all__ = [
     "NONE",

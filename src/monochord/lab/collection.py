@@ -9,9 +9,9 @@ from pathlib import Path
 
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.ownership import sole_use
+from monochord.core.workers import run_all
 from monochord.lab.offline import CollectedSession, make
 from monochord.lab.plan import Assignment, Plan, assignments
-from monochord.lab.workers import run_all
 
 _log = logging.getLogger("monochord")
 
@@ -57,7 +57,7 @@ def collect(
     folder
         Where; it is created if missing. Workers on other machines must see it under the same name.
     workers, cluster
-        As in `monochord.lab.workers.run_all`.
+        As in `monochord.core.workers.run_all`.
 
     Raises
     ------

@@ -15,9 +15,9 @@ import psutil
 import pytest
 from tests.waiting import wait_for
 
+from monochord.core import workers
 from monochord.core.errors import DeviceError, InputError
-from monochord.lab import workers
-from monochord.lab.workers import run_all
+from monochord.core.workers import run_all
 
 JOBS = """
     import os
@@ -158,7 +158,8 @@ def test_a_script_needs_no_guard(folder: Path, tmp_path: Path) -> None:
     script = tmp_path / "unguarded.py"
     script.write_text(
         f"import sys\nsys.path.insert(0, {str(folder)!r})\nimport worker_jobs\n"
-        "from monochord.lab import run_all\nprint(len(list(run_all(range(4), worker_jobs.noise, workers=2))))\n"
+        "from monochord.core.workers import run_all\n"
+        "print(len(list(run_all(range(4), worker_jobs.noise, workers=2))))\n"
     )
     done = subprocess.run(
         [sys.executable, str(script)], capture_output=True, text=True, check=False, timeout=60
@@ -221,7 +222,9 @@ def test_a_cluster_by_its_address_does_the_same(job: GetJob, scheduler: str, tmp
 @pytest.mark.slow
 @pytest.mark.parametrize("scheduler", ["another"], indirect=True)
 def test_a_cluster_with_other_code_is_one_line(job: GetJob, scheduler: str) -> None:
-    with pytest.raises(DeviceError, match=r"^a worker cannot read its job \(No module named 'monochord\.lab"):
+    with pytest.raises(
+        DeviceError, match=r"^a worker cannot read its job \(No module named 'monochord\.core"
+    ):
         list(run_all([1, 2], job("noise"), cluster=scheduler))
 
 
@@ -233,7 +236,7 @@ def test_the_workers_end_with_the_program(folder: Path, tmp_path: Path, end: int
         import sys
         sys.path.insert(0, {str(folder)!r})
         import worker_jobs
-        from monochord.lab import workers
+        from monochord.core import workers
         if __name__ == "__main__":
             list(workers.run_all([{str(tmp_path)!r}] * 4, worker_jobs.asleep, workers=2))
         """)

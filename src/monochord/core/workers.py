@@ -12,9 +12,7 @@ from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from typing import Any, TypeVar
 
-from monochord.core.errors import DeviceError, InputError, MissingLibraryError
-from monochord.core.units import Seconds
-from monochord.lab._worker import (
+from monochord.core._worker import (
     MAX_DEATHS,
     call,
     one_thread_each,
@@ -24,6 +22,8 @@ from monochord.lab._worker import (
     unreadable,
     without_main,
 )
+from monochord.core.errors import DeviceError, InputError, MissingLibraryError
+from monochord.core.units import Seconds
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
