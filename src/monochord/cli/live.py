@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from monochord.cli._options import (
+    allow_host_option,
     amount,
     calibrated,
     completes,
@@ -35,6 +36,8 @@ from monochord.live.sinks.base import Listener, Moment, Sink, Writer
 from monochord.perception.model.bundled import bundled_names
 from monochord.physics.sensors import sensor_names
 
+PAGE = "web"
+"""The sink of which --allow-host is an option."""
 LINES = "jsonl"
 """The sink that --json stands for."""
 
@@ -61,6 +64,7 @@ LINES = "jsonl"
     help="Where predictions go; repeatable.  [default: terminal]",
     **completes(SINKS.names),
 )
+@allow_host_option
 @click.option("--seconds", type=amount, metavar="S", help="How much of the stream to process.")
 @click.option("--real-time", is_flag=True, help="Run before other programs, with real-time priority.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object a window.")
@@ -123,6 +127,11 @@ def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tre
         tree["real_time"] = True
     configured = table(tree, "sinks") if "sinks" in tree else None
     tree["sinks"] = _sinks(configured, options["sinks"], as_json=options["as_json"])
+    if options["allow_host"]:
+        if PAGE not in tree["sinks"]:
+            given = " ".join(f"--allow-host {name}" for name in options["allow_host"])
+            raise InputError(f"{given} without a page", "it beside --sink web", "name the sink")
+        tree["sinks"][PAGE] = {**table(tree["sinks"], PAGE), "allow_host": [*options["allow_host"]]}
     return tree
 
 
