@@ -91,6 +91,8 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     options["sensor"], strings = _sensors(options["sensors"])
     model, opened = model_and_input(inputs)
     tree = _tree(model, opened, options)
+    if options["allow_host"]:
+        _allow(tree["sinks"], [*options["allow_host"]])
     tree |= {"strings": strings} if strings else {}
     tree = override(tree, options["assignments"])
     tree = calibrated(tree, options["calibrate"])
@@ -127,11 +129,6 @@ def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tre
         tree["real_time"] = True
     configured = table(tree, "sinks") if "sinks" in tree else None
     tree["sinks"] = _sinks(configured, options["sinks"], as_json=options["as_json"])
-    if options["allow_host"]:
-        if PAGE not in tree["sinks"]:
-            given = " ".join(f"--allow-host {name}" for name in options["allow_host"])
-            raise InputError(f"{given} without a page", "it beside --sink web", "name the sink")
-        tree["sinks"][PAGE] = {**table(tree["sinks"], PAGE), "allow_host": [*options["allow_host"]]}
     return tree
 
 
@@ -150,6 +147,14 @@ def _sinks(configured: Tree | None, named: tuple[str, ...], *, as_json: bool) ->
     if sinks or configured is not None:
         return sinks or known
     return {"terminal": {}}
+
+
+def _allow(sinks: Tree, names: list[str]) -> None:
+    """Lay other names of the page into the table of its sink."""
+    if PAGE not in sinks:
+        given = " ".join(f"--allow-host {name}" for name in names)
+        raise InputError(f"{given} without a page", f"it beside --sink {PAGE}", "name the sink")
+    sinks[PAGE] = {**table(sinks, PAGE), "allow_host": names}
 
 
 class _SavedSettings(Listener):

@@ -204,6 +204,7 @@ class Guard:
         attempts, is_told = Attempts(self.knows_token), False
 
         async def guarded(scope: Scope, receive: Receive, send: Send) -> None:
+            """Answer a request, or refuse it."""
             nonlocal is_told
             request = HTTPConnection(scope)
             if refusal := self._refusal(request.headers):

@@ -122,6 +122,7 @@ class Connections:
         """Return an application that answers as `app`; a connection is not waiting meanwhile."""
 
         async def served(scope: Scope, receive: Receive, send: Send) -> None:
+            """Answer a request."""
             connection: Connection = scope["state"]["connection"]
             self._forget(connection)
             connection.is_let_in = False
