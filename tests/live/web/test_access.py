@@ -120,6 +120,7 @@ def test_wrong_tokens_are_slowed_down_and_lock_nobody_out() -> None:
         assert set(answers) == {401}
 
 
+@pytest.mark.slow
 def test_so_many_tokens_at_once_that_they_would_wait_for_long_are_refused() -> None:
     with running(token=TOKEN) as (server, _):
         answers = list[int]()
