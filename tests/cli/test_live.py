@@ -221,6 +221,20 @@ def test_settings_come_from_the_file_then_the_options_then_set(take: Take, tmp_p
     assert common([json.loads(line) for line in again]) == before
 
 
+def test_other_names_of_the_page_are_a_setting_of_it(
+    take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved = tmp_path / "saved.toml"
+    page = ["--sink", "web=0", "--allow-host", "lab", "--allow-host", "proxy:8443"]
+    assert run(["live", str(take(0.2)), *STRING, *page, "--save-config", str(saved)]) == 0
+    assert "?token=" in capsys.readouterr().out
+    resolved = tomllib.loads(saved.read_text(encoding="utf-8"))
+    assert resolved["sinks"]["web"]["allow_host"] == ["lab", "proxy:8443"]
+    assert run(["live", "--config", str(saved), "--allow-host", "other", "--save-config", str(saved)]) == 0
+    resolved = tomllib.loads(saved.read_text(encoding="utf-8"))
+    assert resolved["sinks"]["web"]["allow_host"] == ["other"]
+
+
 def test_a_recording_replaces_the_source_of_the_configuration(
     take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

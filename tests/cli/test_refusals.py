@@ -71,7 +71,11 @@ REFUSED = {
     "locate {session} --allow-truncated": "allow_truncated",
     "locate {session} --calibrate {session}:0.1": "calibration",
     "locate {session} --string prototype": "string 'prototype'",
+    f"live {{one}} {STRING} --allow-host lab": "--sink web",
+    f"live {{one}} {STRING} --sink web=0 --allow-host lab --allow-host lab/page": "NAME or NAME:PORT",
     # demo
+    "demo --json --allow-host lab": "--allow-host beside --json",
+    "demo --no-browser --allow-host https://lab": "NAME or NAME:PORT",
     "demo --estimator modle": "did you mean 'model'",
     "demo --material wod": "did you mean 'wood'",
     "demo --seconds 0": "--seconds",

@@ -84,6 +84,17 @@ def set_option(listing: str) -> Callable[[F], F]:
     )
 
 
+def allow_host_option(command: F) -> F:
+    """Add ``--allow-host``: the other names by which browsers call the page."""
+    return click.option(
+        "--allow-host",
+        multiple=True,
+        metavar="NAME[:PORT]",
+        help="Another name by which browsers call the page: a full DNS name, that of a proxy, or that of the "
+        "machine that a container runs on; repeatable.",
+    )(command)
+
+
 def source_options(command: F) -> F:
     """Add what names a source and sets it up."""
     for option in (

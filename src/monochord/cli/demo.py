@@ -13,7 +13,7 @@ from typing import Any, get_args
 import click
 
 from monochord.capture.sources import SOURCES
-from monochord.cli._options import amount, completes
+from monochord.cli._options import allow_host_option, amount, completes, refuse_without
 from monochord.cli._output import echo
 from monochord.core.errors import DeviceError, InputError, did_you_mean
 from monochord.core.interruption import interruption
@@ -77,6 +77,7 @@ UNSEEN: Mapping[str, Any] = {
     "--jack", is_flag=True, help="Through a JACK server; one with the dummy driver is started if none runs."
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="PORT", help="Port of the page.")
+@allow_host_option
 @click.option("--no-browser", is_flag=True, help="Open no browser; the page is served all the same.")
 @click.option("--json", "as_json", is_flag=True, help="Print only the result, as one JSON object.")
 def demo(sensor: str, **options: Any) -> None:
@@ -106,7 +107,13 @@ def demo(sensor: str, **options: Any) -> None:
     source, estimator = _twin(sensor, options), _estimator(name)
     quiet, score = options["as_json"], Scorer()
     seconds = options["seconds"] or (UNWATCHED if quiet else math.inf)
-    page = {"at": str(options["port"]), "browser": not options["no_browser"]}
+    if quiet:
+        refuse_without("--allow-host beside --json", "it where the page is served", "allow_host")
+    page = {
+        "at": str(options["port"]),
+        "browser": not options["no_browser"],
+        "allow_host": [*options["allow_host"]],
+    }
     sinks = {} if quiet else {"web": page, "terminal": {}}
     setup = LiveSettings.read(
         {"source": source, "estimator": estimator, "sinks": sinks, "seconds": seconds}

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from monochord.cli._options import (
+    allow_host_option,
     amount,
     calibrated,
     completes,
@@ -35,6 +36,8 @@ from monochord.live.sinks.base import Listener, Moment, Sink, Writer
 from monochord.perception.model.bundled import bundled_names
 from monochord.physics.sensors import sensor_names
 
+PAGE = "web"
+"""The sink of which --allow-host is an option."""
 LINES = "jsonl"
 """The sink that --json stands for."""
 
@@ -61,6 +64,7 @@ LINES = "jsonl"
     help="Where predictions go; repeatable.  [default: terminal]",
     **completes(SINKS.names),
 )
+@allow_host_option
 @click.option("--seconds", type=amount, metavar="S", help="How much of the stream to process.")
 @click.option("--real-time", is_flag=True, help="Run before other programs, with real-time priority.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object a window.")
@@ -87,6 +91,8 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     options["sensor"], strings = _sensors(options["sensors"])
     model, opened = model_and_input(inputs)
     tree = _tree(model, opened, options)
+    if options["allow_host"]:
+        _allow(tree["sinks"], [*options["allow_host"]])
     tree |= {"strings": strings} if strings else {}
     tree = override(tree, options["assignments"])
     tree = calibrated(tree, options["calibrate"])
@@ -141,6 +147,14 @@ def _sinks(configured: Tree | None, named: tuple[str, ...], *, as_json: bool) ->
     if sinks or configured is not None:
         return sinks or known
     return {"terminal": {}}
+
+
+def _allow(sinks: Tree, names: list[str]) -> None:
+    """Lay other names of the page into the table of its sink."""
+    if PAGE not in sinks:
+        given = " ".join(f"--allow-host {name}" for name in names)
+        raise InputError(f"{given} without a page", f"it beside --sink {PAGE}", "name the sink")
+    sinks[PAGE] = {**table(sinks, PAGE), "allow_host": names}
 
 
 class _SavedSettings(Listener):

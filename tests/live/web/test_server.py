@@ -211,7 +211,7 @@ def test_where_a_token_is_needed_none_or_a_wrong_one_is_refused() -> None:
         with pytest.raises(InvalidStatus), live(server):
             pass
         answer = get(server, f"/?token={TOKEN}")
-        assert (answer.status, answer.getheader("location")) == (303, "/")
+        assert (answer.status, answer.getheader("location")) == (303, "./")
         cookie = answer.getheader("set-cookie") or ""
         assert "HttpOnly" in cookie
         assert "SameSite=Strict" in cookie

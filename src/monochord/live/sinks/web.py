@@ -53,6 +53,9 @@ class Web(Sink):
         Whether to print the address on standard error, which leaves standard output to data.
     string
         Of several strings, the one that a page shows until another is chosen there; empty for the first.
+    allow_host
+        Other names by which browsers call the page, such as a full DNS name, or that of a proxy or of a
+        container's host: a list, each NAME or NAME:PORT. An address must carry a token then, too.
     model
         The trained model that a calibration adapts: by default the one that answers, if any does.
     """
@@ -64,6 +67,7 @@ class Web(Sink):
     browser: bool = False
     stderr: bool = False
     string: str = ""
+    allow_host: tuple[str, ...] = ()
     model: str = ""
 
     def off_standard_output(self) -> "Web":
@@ -117,8 +121,9 @@ class Web(Sink):
             raise InputError(f"address '{self.at}'", "HOST:PORT, or PORT of this machine")
         host = host.strip("[]") or "127.0.0.1"
         address = host if ":" in host else resolved(host, RESOLVING)
-        token = self.token or ("" if is_loopback(address) else secrets.token_urlsafe(16))
-        return Server(address, int(port), token, first=self.string)
+        is_alone = is_loopback(address) and not self.allow_host
+        token = self.token or ("" if is_alone else secrets.token_urlsafe(16))
+        return Server(address, int(port), token, first=self.string, names=self.allow_host)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,26 +5,44 @@ which the server is called must be this machine's (a name of somebody else's tha
 DNS rebinding), the page that opens a WebSocket must be our own, and beyond this machine a token is needed.
 """
 
+import asyncio
 import hmac
 import ipaddress
+import re
+import secrets
 import socket
-from collections.abc import Awaitable, Callable, MutableMapping
-from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
+import sys
+import time
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import quote, unquote, urlsplit
+
+from monochord.core.errors import InputError
+from monochord.core.units import Seconds
 
 Scope: TypeAlias = MutableMapping[str, Any]
 Receive: TypeAlias = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send: TypeAlias = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
+Headers: TypeAlias = list[tuple[bytes, bytes]]
 
 COOKIE = "monochord"
+"""Name of the cookie that programs send; a browser's ends with the port."""
+FREE = 10
+"""Wrong tokens of an address that cost it nothing."""
+INTERVAL: Seconds = 0.1
+"""Time from one token of an address to the next, once it was wrong more often."""
+MAX_ATTEMPTS = 64
+"""Requests that wait until their token is looked at."""
+MAX_SOURCES = 1024
+"""Addresses that are remembered; more are forgotten once they have waited."""
+NAME = re.compile(r"[a-z0-9][a-z0-9_-]*(\.[a-z0-9][a-z0-9_-]*)*")
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-HEADERS = [
+HEADERS: Headers = [
     (b"content-security-policy", POLICY.encode()),
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
@@ -47,28 +65,117 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
+def page_name(text: str) -> str:
+    """Return a name by which the page is called, NAME or NAME:PORT, as a browser writes it.
+
+    Raises
+    ------
+    InputError
+        If it is neither the name nor the address of a host.
+
+    >>> page_name("Lab.Example.org."), page_name("lab:8443"), page_name("lab:443")
+    ('lab.example.org', 'lab:8443', 'lab')
+    """
+    name, port = "", None
+    try:
+        parts = urlsplit(f"//[{text}]" if _is_address(text) and ":" in text else f"//{text}")
+        if parts.netloc in (text, f"[{text}]") and "@" not in text:
+            name, port = (parts.hostname or "").rstrip("."), parts.port
+            name = f"[{name}]" if ":" in name else name.encode("idna").decode()
+    except ValueError:
+        pass  # the name is empty
+    if not (NAME.fullmatch(name) or _is_address(name.strip("[]"))):
+        remedy = "write --allow-host lab.example.org"
+        raise InputError(f"name '{text}' of the page", "NAME or NAME:PORT", remedy)
+    return name if port in (None, 80, 443) else f"{name}:{port}"
+
+
+@dataclass(slots=True)
+class _Source:
+    """What an address has tried: when its wrong tokens are made up for, and whose turn it is."""
+
+    due: Seconds = 0.0
+    turn: asyncio.Lock = field(default_factory=asyncio.Lock)
+
+    @property
+    def pause(self) -> Seconds:
+        return max(0.0, self.due - FREE * INTERVAL - time.monotonic())
+
+
+class Attempts:
+    """Looks at tokens, and slows down who tries many.
+
+    The first `FREE` wrong ones of an address cost it nothing. From then on its tokens, right or wrong, are
+    looked at in the order in which they came, one every `INTERVAL`. Other addresses wait for nothing.
+
+    Parameters
+    ----------
+    is_right
+        Whether a text is the token.
+    """
+
+    def __init__(self, is_right: Callable[[str], bool]) -> None:
+        self._is_right = is_right
+        self._sources: dict[str, _Source] = {}
+        self._waiting = 0
+
+    async def right(self, address: str, text: str, gone: Callable[[], bool] = lambda: False) -> bool | None:
+        """Return whether a text is the token, False where its sender is gone, and None where too many wait.
+
+        >>> asyncio.run(Attempts("mine".__eq__).right("192.168.1.5", "yours"))
+        False
+        """
+        source = self._source(_network(address))
+        if self._waiting >= MAX_ATTEMPTS and (source.turn.locked() or source.pause):
+            return None
+        self._waiting += 1
+        try:
+            async with source.turn:
+                await asyncio.sleep(source.pause)
+                if gone():
+                    return False
+                right = self._is_right(text)
+                source.due = source.due if right else max(source.due, time.monotonic()) + INTERVAL
+                return right
+        finally:
+            self._waiting -= 1
+
+    def _source(self, name: str) -> _Source:
+        if len(self._sources) >= MAX_SOURCES:
+            now, sources = time.monotonic(), self._sources
+            self._sources = {
+                name: each for name, each in sources.items() if each.due > now or each.turn.locked()
+            }
+        return self._sources.setdefault(name, _Source())
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guard:
     """What is let through to the page: see the module.
 
-    `host` is the address that is listened at, and `token` what a caller must know, nothing where it is empty.
-    A link with ``?token=...`` is answered with a cookie and without the token in the address.
+    `host` and `port` are what is listened at, `names` are other names by which the page is called, as
+    `page_name` returns them, and `token` is what a caller must know, nothing where it is empty. A link with
+    ``?token=...`` is answered with a cookie and without the token in the address. The cookie also holds
+    `key`, which nobody can guess: who was let in once never waits behind those who try tokens.
     """
 
     host: str
+    port: int = 0
     token: str = ""
+    names: tuple[str, ...] = ()
+    key: str = field(default_factory=secrets.token_urlsafe)
 
     def known_host(self, header: str) -> bool:
         """Return whether a Host header names this machine; any port, as a tunnel may end at another.
 
-        >>> guard = Guard(host="127.0.0.1")
-        >>> guard.known_host("localhost:9000"), guard.known_host("evil.org")
-        (True, False)
+        >>> guard = Guard(host="127.0.0.1", names=("lab.example.org",))
+        >>> [guard.known_host(header) for header in ("localhost:9000", "lab.example.org", "evil.org")]
+        [True, True, False]
         """
         name = _name(header)
         if name is None:
             return False
-        if is_loopback(name) or name == self.host:
+        if is_loopback(name) or name == self.host or name in map(_name, self.names):
             return True
         if is_loopback(self.host):
             return False
@@ -83,7 +190,8 @@ class Guard:
         >>> Guard(host="127.0.0.1").same_origin("http://localhost:2", "localhost:1")
         False
         """
-        return origin is None or origin.lower() in (f"http://{host}".lower(), f"https://{host}".lower())
+        own = {f"{scheme}://{name}".lower() for scheme in ("http", "https") for name in (host, *self.names)}
+        return origin is None or origin.lower() in own
 
     def knows_token(self, text: str) -> bool:
         """Return whether a text is the token, in a time that does not depend on where it differs."""
@@ -91,35 +199,78 @@ class Guard:
 
     def around(self, app: App) -> App:
         """Return an application that answers what is let through by `app`, and else refuses."""
+        from starlette.requests import HTTPConnection  # noqa: PLC0415  (loads a web server)
+
+        attempts, is_told = Attempts(self.knows_token), False
 
         async def guarded(scope: Scope, receive: Receive, send: Send) -> None:
-            if scope["type"] not in ("http", "websocket"):
-                await app(scope, receive, send)
+            """Answer a request, or refuse it."""
+            nonlocal is_told
+            request = HTTPConnection(scope)
+            if refusal := self._refusal(request.headers):
+                status, sentence = refusal
+                if status == 403 and not is_told:  # a browser keeps to itself why a WebSocket is refused
+                    is_told = True
+                    sys.stderr.write(f"page: {sentence}\n")
+                await _refuse(scope, send, status, sentence)
                 return
-            headers = {name.lower(): value.decode("latin-1") for name, value in scope["headers"]}
-            host = headers.get(b"host", "")
-            given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
-            right = self.knows_token(_cookie(headers.get(b"cookie", "")))
-            if not self.known_host(host):
-                await _refuse(scope, send, 421, "This server is called by another name.")
-            elif not self.same_origin(headers.get(b"origin"), host):
-                await _refuse(scope, send, 403, "The page of another server may not use this one.")
-            elif self.token and given and self.knows_token(given) and scope["type"] == "http":
-                await _answer(send, 303, b"", [(b"location", b"/"), (b"set-cookie", self._cookie())])
-            elif not right:
-                await _refuse(scope, send, 401, "Open the address with its token, as it was printed.")
+            link = request.query_params.get("token", "") if scope["type"] == "http" else ""
+            name = self._cookie_name(request.headers.get("host", ""))
+            text, _, key = (request.cookies.get(name) or request.cookies.get(COOKIE, "")).partition(":")
+            is_known = not self.token or hmac.compare_digest(key.encode(), self.key.encode())
+            right: bool | None = is_known
+            if not is_known and (given := link or unquote(text)):
+                address = (scope["client"] or [""])[0]
+                right = await attempts.right(address, given, lambda: scope["state"]["connection"].gone)
+            if not right:
+                await _refuse(scope, send, *(WAIT if right is None else UNKNOWN))
+                return
+            scope["state"]["connection"].is_let_in = True
+            # Without a path it is for this page's folder, whatever that is called before a proxy.
+            cookie = f"{name}={quote(self.token, safe='')}:{self.key}; HttpOnly; SameSite=Strict".encode()
+            if self.token and link and scope["path"] == "/":
+                await _answer(send, 303, b"", [(b"location", b"./"), (b"set-cookie", cookie)])
+            elif is_known or scope["path"] not in ("/", "/live"):
+                await app(scope, receive, _with_headers(send, HEADERS))
             else:
-                await app(scope, receive, _with_headers(send))
+                await app(scope, receive, _with_headers(send, [*HEADERS, (b"set-cookie", cookie)]))
 
         return guarded
 
-    def _cookie(self) -> bytes:
-        return f"{COOKIE}={self.token}; HttpOnly; SameSite=Strict; Path=/".encode("latin-1")
+    def _refusal(self, headers: Mapping[str, str]) -> tuple[int, str] | None:
+        """Return status and reason where a request's names are refused, None where they are known."""
+        host, origin = headers.get("host", ""), headers.get("origin")
+        for name in (host, headers.get("x-forwarded-host", host).partition(",")[0].strip()):
+            if not self.known_host(name):
+                return 421, f"This server is called by another name. {_advice(_name(name) or '')}"
+        if not self.same_origin(origin, host):
+            name = (origin or "").partition("://")[2]
+            return 403, f"The page of another server may not use this one. {_advice(name)}"
+        return None
+
+    def _cookie_name(self, host: str) -> str:
+        """Return the cookie's name: a host's cookies are those of all its ports, with a page at each."""
+        try:
+            port = urlsplit(f"//{host}").port
+        except ValueError:
+            port = None
+        return f"{COOKIE}_{port or self.port}"
+
+
+UNKNOWN = (401, "Open the address with its token, as it was printed.")
+WAIT = (429, "Too many wrong tokens came from your address. Try again in some seconds.")
+
+
+def _advice(name: str) -> str:
+    try:
+        return f"If it is yours, start Monochord with --allow-host {page_name(name)}."
+    except InputError:
+        return "If it is yours, start Monochord with --allow-host NAME."
 
 
 def _name(header: str) -> str | None:
     try:
-        return urlsplit(f"//{header}").hostname
+        return (urlsplit(f"//{header}").hostname or "").rstrip(".")
     except ValueError:
         return None
 
@@ -132,18 +283,21 @@ def _is_address(name: str) -> bool:
     return True
 
 
-def _cookie(header: str) -> str:
+def _network(address: str) -> str:
+    """Return the address of who tries tokens, of IPv6 the network, in which one machine has any address."""
     try:
-        morsel = SimpleCookie(header).get(COOKIE)
-    except CookieError:
-        return ""
-    return "" if morsel is None else morsel.value
+        ip = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    if isinstance(ip, ipaddress.IPv6Address) and not ip.ipv4_mapped:
+        return str(ipaddress.ip_network((ip, 64), strict=False))
+    return str(ip)
 
 
-def _with_headers(send: Send) -> Send:
+def _with_headers(send: Send, more: Headers) -> Send:
     async def sending(message: MutableMapping[str, Any]) -> None:
-        if message["type"] == "http.response.start":
-            message = {**message, "headers": [*message.get("headers", []), *HEADERS]}
+        if message["type"] in ("http.response.start", "websocket.accept"):
+            message = {**message, "headers": [*message.get("headers", []), *more]}
         await send(message)
 
     return sending
@@ -153,11 +307,12 @@ async def _refuse(scope: Scope, send: Send, status: int, sentence: str) -> None:
     if scope["type"] == "websocket":
         await send({"type": "websocket.close", "code": 1008, "reason": sentence})
         return
-    await _answer(send, status, f"{sentence}\n".encode(), [(b"content-type", b"text/plain; charset=utf-8")])
+    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
+    await _answer(send, status, f"{sentence}\n".encode(), headers)
 
 
-async def _answer(send: Send, status: int, body: bytes, headers: list[tuple[bytes, bytes]]) -> None:
+async def _answer(send: Send, status: int, body: bytes, headers: Headers) -> None:
     length = (b"content-length", str(len(body)).encode())
     start = {"type": "http.response.start", "status": status, "headers": [*headers, length]}
-    await _with_headers(send)(start)
+    await _with_headers(send, HEADERS)(start)
     await send({"type": "http.response.body", "body": body})

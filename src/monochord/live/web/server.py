@@ -14,13 +14,14 @@ import threading
 import time
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
+from urllib.parse import quote
 
 import uvicorn
 from starlette.applications import Starlette
@@ -36,7 +37,8 @@ from monochord.core.types import Signal
 from monochord.core.units import Metres, Seconds
 from monochord.live.sinks.base import Moment, Writer
 from monochord.live.web import messages
-from monochord.live.web.access import Guard
+from monochord.live.web.access import Guard, page_name
+from monochord.live.web.connections import Connections, share_of_descriptors
 from monochord.live.web.guided import Bench
 
 PORTS = range(8420, 8440)
@@ -49,6 +51,9 @@ SPECTRUM_RATE = 15.0
 HISTORY: Seconds = 30.0
 """How much of the past a page that is opened, or opened again, gets."""
 MAX_CLIENTS = 256
+"""Pages that are open at once; fewer where this process may open fewer than four files for each."""
+BACKLOG = 4096
+"""Connections that wait in the system until they are taken, in the order in which they came."""
 MAX_MESSAGE = 1024
 """Bytes of a client's message."""
 MIN_PAUSE: Seconds = 0.004
@@ -87,11 +92,15 @@ class Server:
         What a caller must know; nothing where it is empty.
     first
         Of several strings, the one that a page shows until it asks for another; empty for the first shown.
+    names
+        Other names by which the page is called, each NAME or NAME:PORT.
 
     Raises
     ------
     DeviceError
         If the address is taken or is not this machine's.
+    InputError
+        If a name is none of a host.
     """
 
     def __init__(
@@ -101,11 +110,15 @@ class Server:
         token: str = "",  # nosec B107
         *,
         first: str = "",
+        names: Sequence[str] = (),
     ) -> None:
-        self._host, self._guard = host, Guard(host=host, token=token)
-        self._socket = _bound(host, port)
+        names = tuple(map(page_name, names))
+        self._host, self._socket = host, _bound(host, port)
         self.port: int
         bound, self.port = self._socket.getsockname()[:2]
+        self._guard = Guard(host=host, port=self.port, token=token, names=names)
+        self._connections = Connections(self._socket, self._protocol)
+        self._max_clients = share_of_descriptors(4, MAX_CLIENTS)
         self._everywhere = ipaddress.ip_address(bound).is_unspecified
         self._stage = _Stage(first=first)
         files_ = {path: _file(name) for path, name in PAGE.items()}
@@ -116,10 +129,10 @@ class Server:
             ]
         )
         config = uvicorn.Config(
-            self._guard.around(app),  # pyright: ignore[reportArgumentType]
+            self._connections.around(self._guard.around(app)),  # pyright: ignore[reportArgumentType]
             http="h11", ws="websockets-sansio", loop="asyncio", lifespan="off", log_config=None,
             access_log=False, server_header=False, proxy_headers=False, ws_max_size=MAX_MESSAGE,
-            ws_max_queue=4, ws_per_message_deflate=False, limit_concurrency=2 * MAX_CLIENTS,
+            ws_max_queue=4, ws_per_message_deflate=False, limit_concurrency=2 * self._max_clients,
             timeout_graceful_shutdown=1,
         )  # fmt: skip
         # What a client sent that is no HTTP is none of the terminal's, where the live view is drawn.
@@ -144,19 +157,24 @@ class Server:
     @property
     def address(self) -> str:
         """The page's address in a browser, with its token where it has one."""
-        host = socket.gethostname() if self._everywhere else self._host
+        host, token = socket.gethostname() if self._everywhere else self._host, self._guard.token
         host = f"[{host}]" if ":" in host else host
-        return f"http://{host}:{self.port}/" + (f"?token={self._guard.token}" if self._guard.token else "")
+        return f"http://{host}:{self.port}/" + (f"?token={quote(token, safe='')}" if token else "")
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """How many clients there are and were, messages they were sent, and messages of theirs ignored."""
-        stage = self._stage
+        """How many clients there are and were, and messages that they were sent, and that were ignored.
+
+        Also how many connections were closed because no request came, and how often the system gave none.
+        """
+        stage, connections = self._stage, self._connections
         return {
             "clients": len(stage.clients),
             "served": stage.served,
             "sent": stage.sent,
             "ignored": stage.ignored,
+            "closed": connections.closed,
+            "errors": connections.errors,
         }
 
     @contextmanager
@@ -187,18 +205,26 @@ class Server:
     async def _serve(self) -> None:
         stage = self._stage
         stage.loop = asyncio.get_running_loop()
-        pace = asyncio.create_task(stage.keep_pace())
+        pace, taking = map(asyncio.create_task, (stage.keep_pace(), self._connections.take()))
         stage.loop.call_soon(self._ready.set)
         try:
-            await self._server.serve(sockets=[self._socket])
+            await self._server.serve(sockets=[])  # they are taken here, where their number is bounded
         finally:
-            pace.cancel()
-            with suppress(asyncio.CancelledError):
-                await pace
+            for task in (pace, taking):
+                task.cancel()
+            await asyncio.gather(pace, taking, return_exceptions=True)
+
+    def _protocol(self, state: dict[str, Any]) -> asyncio.Protocol:
+        """Return uvicorn's protocol of a connection."""
+        config = self._server.config
+        if not config.loaded:
+            config.load()
+        make: Any = config.http_protocol_class
+        return make(config=config, server_state=self._server.server_state, app_state=state)
 
     async def _live(self, socket_: WebSocket) -> None:
         stage = self._stage
-        if len(stage.clients) >= MAX_CLIENTS:
+        if len(stage.clients) >= self._max_clients:
             await socket_.close(1013, "as many pages are open as may be")
             return
         await socket_.accept()
@@ -414,7 +440,7 @@ def _bound(host: str, port: int) -> socket.socket:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             sock.bind((host, number))
-            sock.listen(128)  # from now on no other process can have it
+            sock.listen(BACKLOG)  # from now on no other process can have it
         except OSError as error:
             sock.close()
             reason = error

@@ -19,8 +19,7 @@ export class Connection {
   }
 
   open() {
-    const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    const socket = new WebSocket(new URL("live", location.href).href.replace(/^http/, "ws")); // in the page's folder
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     socket.onopen = () => this.listeners.state("waiting", "waiting for the first sound");

@@ -1,0 +1,179 @@
+"""The connections to the page: those that ask nothing are few, have a deadline, and keep nobody out.
+
+A connection waits for a request from when it is taken, and again after each answer. One that waits too long
+is closed, however slowly it drips; where too many wait, a new one takes the place of the one that has waited
+longest. A browser sends its request at once, and so gets its answer whoever else is connected. The WebSocket
+of an open page is no part of this: it is one request, which is answered for as long as it lasts.
+"""
+
+import asyncio
+import resource
+import socket
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, TypeAlias
+
+from monochord.core.units import Seconds
+from monochord.live.web.access import App, Receive, Scope, Send
+
+MAX_WAITING = 64
+"""Connections that wait for their request at once."""
+DEADLINE: Seconds = 10.0
+"""How long a connection may take until its request is complete."""
+MIN_AGE: Seconds = 0.1
+"""How long a connection keeps its place at least, which bounds the work that a flood of them makes."""
+ANSWER: Seconds = 30.0
+"""How long an answer may take until it is read, but for a WebSocket."""
+REFUSAL: Seconds = 0.004
+"""How long no connection is taken for each request that is refused, so that they cost a bounded share."""
+RETRY: Seconds = 0.2
+"""Pause where the system gives no connection out."""
+
+Protocol: TypeAlias = Callable[[dict[str, Any]], asyncio.BaseProtocol]
+
+
+def share_of_descriptors(part: int, most: int) -> int:
+    """Return one part in `part` of the files that this process may open, or `most` where that is less.
+
+    >>> share_of_descriptors(1, 2)
+    2
+    """
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return most if limit == resource.RLIM_INFINITY else max(1, min(most, limit // part))
+
+
+@dataclass(eq=False, slots=True)
+class Connection:
+    """A connection, which an application finds in the state of its scope.
+
+    The application sets `is_let_in` where it does not refuse the request.
+    """
+
+    transport: asyncio.Transport | None = None
+    is_let_in: bool = False
+    since: Seconds = 0.0
+    deadline: asyncio.TimerHandle | None = None
+
+    @property
+    def gone(self) -> bool:
+        """Whether it is closed, by whichever side."""
+        return self.transport is not None and self.transport.is_closing()
+
+    @property
+    def done(self) -> bool:
+        """Whether it is closed and nothing is left to be sent."""
+        return self.gone and not self.sends
+
+    @property
+    def sends(self) -> bool:
+        """Whether some of an answer is still to be sent."""
+        return self.transport is not None and self.transport.get_write_buffer_size() > 0
+
+
+@dataclass(eq=False)
+class Connections:
+    """Takes connections from a listening socket and hands them to protocols; see the module.
+
+    Parameters
+    ----------
+    listening
+        The socket.
+    protocol
+        Makes the protocol of a connection from the state of its scopes.
+    """
+
+    listening: socket.socket
+    protocol: Protocol
+    closed: int = field(default=0, init=False)
+    """How many were closed because their request did not come in time."""
+    errors: int = field(default=0, init=False)
+    """How often the system gave no connection out."""
+
+    def __post_init__(self) -> None:
+        self._waiting: dict[Connection, None] = {}  # the one that waits longest first
+        self._resume: Seconds = 0.0
+        self._most = share_of_descriptors(16, MAX_WAITING)
+
+    async def take(self) -> None:
+        """Take connections until cancelled."""
+        loop = asyncio.get_running_loop()
+        self.listening.setblocking(False)
+        while True:
+            await asyncio.sleep(self._resume - loop.time())
+            try:
+                sock, _ = await loop.sock_accept(self.listening)
+            except OSError as error:
+                self._refused(error)
+                await asyncio.sleep(RETRY)
+                continue
+            await self._make_room()
+            connection = Connection()
+            self._wait(connection)
+            make = partial(self.protocol, {"connection": connection})
+            try:
+                connection.transport, _ = await loop.connect_accepted_socket(make, sock)
+            except OSError:  # it went away
+                sock.close()
+                self._forget(connection)
+
+    def around(self, app: App) -> App:
+        """Return an application that answers as `app`; a connection is not waiting meanwhile."""
+
+        async def served(scope: Scope, receive: Receive, send: Send) -> None:
+            """Answer a request."""
+            connection: Connection = scope["state"]["connection"]
+            self._forget(connection)
+            connection.is_let_in = False
+            if scope["type"] == "http":  # else it lasts as long as the page is open
+                self._close_later(connection, ANSWER)
+            try:
+                await app(scope, receive, send)
+            finally:
+                self._wait(connection)
+                if not connection.is_let_in:
+                    self._resume = max(self._resume, connection.since) + REFUSAL
+
+        return served
+
+    def _wait(self, connection: Connection) -> None:
+        self._forget(connection)
+        connection.since = asyncio.get_running_loop().time()
+        self._close_later(connection, DEADLINE)
+        self._waiting[connection] = None
+
+    def _forget(self, connection: Connection) -> None:
+        self._waiting.pop(connection, None)
+        if connection.deadline:
+            connection.deadline.cancel()
+
+    def _close_later(self, connection: Connection, seconds: Seconds) -> None:
+        connection.deadline = asyncio.get_running_loop().call_later(seconds, self._close, connection)
+
+    def _close(self, connection: Connection) -> None:
+        self._forget(connection)
+        if connection.transport and not connection.done:
+            self.closed += 1
+            connection.transport.abort()
+
+    async def _make_room(self) -> None:
+        loop = asyncio.get_running_loop()
+        while len(self._waiting) >= self._most:
+            if ended := next((each for each in self._waiting if each.done), None):
+                self._forget(ended)
+                continue
+            oldest = next((each for each in self._waiting if not each.sends), None)
+            age = loop.time() - oldest.since if oldest else 0.0
+            if oldest and age >= MIN_AGE:
+                self._close(oldest)
+            else:
+                await asyncio.sleep(MIN_AGE - age)
+
+    def _refused(self, error: OSError) -> None:
+        """Say once that the system gives no connection out, and give it back those that ask nothing."""
+        if not self.errors:
+            sys.stderr.write(f"page: new connections are not taken for the time being: {error.strerror}\n")
+        self.errors += 1
+        for connection in [*self._waiting]:
+            self._close(connection)
