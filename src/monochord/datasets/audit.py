@@ -101,7 +101,7 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
       all sessions.
     - **held out**: a session that the split holds out, by its object or its name, is not in the test alone.
     - **same checksum**: two sessions of the same bytes, or of the same samples, in different parts.
-    - **near duplicate**: two sessions with the same sound, shifted, scaled or with noise added; see
+    - **near duplicate**: two sessions with the same sound, cut or with other channels; see
       `monochord.datasets.duplicates` for what it detects and what it does not.
 
     A touch that is on both sides of a cut in time is no leak, but noted. Every byte of the dataset is
