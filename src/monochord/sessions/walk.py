@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless
+from monochord.core.files import refuse_endless, similar_name
 from monochord.sessions import _packing as packing
 
 if TYPE_CHECKING:
@@ -96,7 +96,8 @@ def mapped(path: Path) -> memoryview:
                 memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else memoryview(b"")
             )
     except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a session (.mcap)", "check its name") from error
+        remedy = similar_name(path) or "check its name"
+        raise InputError(f"file {path} ({error.strerror})", "a session (.mcap)", remedy) from error
     if bytes(view[: len(MAGIC)]) != MAGIC and not _end(view, len(MAGIC)):
         raise InputError(f"file {path} (not MCAP)", "a session (.mcap)", "record or import one")
     return view
