@@ -119,18 +119,10 @@ def _refuse_other_rates(sessions: Sequence[Path], sample_rate: int) -> None:
     for path in sessions:
         if (rate := read_session(path).description.sample_rate) != sample_rate:
             out = path.with_name(f"{path.stem}_{sample_rate}.mcap")
-            words = [
-                "monochord",
-                "sessions",
-                "resample",
-                str(path),
-                "--rate",
-                str(sample_rate),
-                "--out",
-                str(out),
-            ]
+            words = shlex.join([str(path), "--rate", str(sample_rate), "--out", str(out)])
             allowed = f"{sample_rate} Hz, as the model was trained"
-            raise InputError(f"session {path} at {rate} Hz", allowed, f"resample it: {shlex.join(words)}")
+            remedy = f"resample it: monochord sessions resample {words}"
+            raise InputError(f"session {path} at {rate} Hz", allowed, remedy)
 
 
 def _range_of(sessions: Sequence[Path]) -> tuple[Metres, Metres] | None:
