@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
+from monochord.cli._drawings import note_missing_figures
 from monochord.cli._output import echo, progress_bar
 from monochord.core.errors import InputError, MissingLibraryError
 from monochord.evaluation.evaluate import RESULTS
@@ -96,6 +97,7 @@ def test_on_hardware(
         keep_summary(rows, outcome.rows, hardware_page)
     if out is not None:
         _write(out, outcome)
+        note_missing_figures()
     if as_json:
         echo(json.dumps({"sensor": sensor, "rows": outcome.rows, "notes": outcome.notes}, allow_nan=False))
     else:

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from monochord.cli._drawings import drawings
+from monochord.cli._drawings import drawings, note_missing_figures
 from monochord.cli._hardware import HardwareRun, hardware_options, test_on_hardware
 from monochord.cli._options import completes, refuse_without, set_option
 from monochord.cli._output import echo, progress_bar
@@ -129,10 +129,12 @@ def evaluate(
         outcome = evaluation.evaluate(settings, music=music, progress=progress)
     if out is not None:
         evaluation.write(out, outcome, drawings)
+        note_missing_figures()
     card = outcome.card
     if rows is not None:
         keep_rows(rows, paper_rows(card, feature or outcome.label, settings.part))
-    echo(*([json.dumps(card.tree(), allow_nan=False)] if as_json else _lines(card)))
+    written = [] if out is None else [f"report: {out / evaluation.PAGE}"]
+    echo(*([json.dumps(card.tree(), allow_nan=False)] if as_json else [*_lines(card), *written]))
 
 
 def music() -> Any:
