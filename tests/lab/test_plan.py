@@ -1,10 +1,12 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from tests.lab.tiny import session, tiny
 
-from monochord.core.config import from_tree, to_tree
+from monochord.core import presets
+from monochord.core.config import from_tree, load_toml, to_tree
 from monochord.core.errors import InputError
 from monochord.figures.following import Following
 from monochord.lab.deviation import Deviation
@@ -345,3 +347,17 @@ def test_with_a_first_build_each_session_is_of_a_build_of_its_own() -> None:
 def test_an_unknown_plan_is_refused() -> None:
     with pytest.raises(InputError, match="did you mean 'small'"):
         load_plan("smal")
+
+
+def test_a_plan_that_is_another_one_again_reads_each_file_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+
+    def counted(path: Path) -> dict[str, Any]:
+        read.append(path.stem)
+        return load_toml(path)
+
+    monkeypatch.setattr(presets, "load_toml", counted)
+    load_plan("sealed_7")
+    plans = [name for name in read if name.startswith("sealed")]
+    assert plans == [f"sealed_{number}" for number in range(7, 1, -1)] + ["sealed"]
+    assert len(read) < 200

@@ -36,9 +36,8 @@ class Again:
     days: int = 0
     materials: dict[str, str] = field(default_factory=dict[str, str])
 
-    def groups(self) -> tuple[Group, ...]:
+    def groups(self, groups: Sequence[Group]) -> tuple[Group, ...]:
         """Return the groups of the other plan as they are here."""
-        groups = load_plan(self.plan).groups
         objects = {group.material for group in groups}
         for material in self.materials:
             if material not in objects:
@@ -69,9 +68,10 @@ def _read(tree: dict[str, Any], where: str) -> Plan:
     """Return a plan by its table; raises `InputError` if it cannot be used."""
     if "again" in tree:
         again = from_tree(Again, tree["again"], f"{where}, again")
-        groups = [to_tree(group) for group in again.groups()]
+        other = load_plan(again.plan)
+        groups = [to_tree(group) for group in again.groups(other.groups)]
         own = {key: value for key, value in tree.items() if key != "again"}
-        tree = {**to_tree(load_plan(again.plan)), **own, "groups": [*groups, *tree.get("groups", [])]}
+        tree = {**to_tree(other), **own, "groups": [*groups, *tree.get("groups", [])]}
     return from_tree(Plan, tree, where)
 
 
