@@ -16,7 +16,8 @@ NAMES = ("libjack.so.0", "libjack.so", "libjack.dylib", "/opt/homebrew/lib/libja
 AUDIO = b"32 bit float mono audio"
 START_JACK = (
     "start JACK (Debian: apt install jackd2): jackd -R -d alsa -d hw:USB -r 44100 -p 128 (hw:USB is a"
-    " Scarlett on USB, 'arecord -l' lists other cards); where PipeWire runs, put pw-jack before the command instead"
+    " Scarlett on USB, 'arecord -l' lists other cards); where PipeWire runs, put pw-jack before the command"
+    " instead"
 )
 """What to do where there is no JACK, or no server of it runs: the one hint, wherever JACK is missed."""
 NO_START_SERVER, SERVER_NAME = 0x01, 0x04  # jack_options_t
