@@ -296,6 +296,15 @@ def test_what_cannot_be_is_refused_as_it_was_typed(
     assert line in refusal(capsys, *words.split())
 
 
+def test_a_sensor_that_the_model_cannot_know_is_refused_before_anything_is_compiled(tmp_path: Path) -> None:
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "monochord", "demo", "long"]
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert ran.returncode == 2
+    assert ran.stderr.count("\n") == 1
+    assert not [*tmp_path.rglob("*.nb[ic]")]
+
+
 @pytest.mark.parametrize(
     ("words", "meant"),
     [
