@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,19 @@ from monochord.cli import run
 
 def test_it_prints_a_line_for_each_thing(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["doctor"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    *lines, verdict = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("ok       Python ")
     assert any(line.split()[1] == "JACK" for line in lines)
+    needs = [line.split()[0] for line in lines if line.split()[0] in {"warn", "missing"}]
+    assert [line.split()[0] for line in lines].count("->") == len(needs)
+    assert verdict.startswith("Simulations and recordings work") or (not needs and "there" in verdict)
+
+
+def test_each_line_is_a_sentence_that_a_newcomer_reads(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["doctor", "--json"]) == 0
+    for check in json.loads(capsys.readouterr().out)["checks"]:
+        words = re.findall("[a-z]{2,}", check["detail"].lower())
+        assert len(words) >= 3, check  # what was tested, and not a number or a file's name alone
 
 
 def test_it_tells_where_the_recordings_are(
@@ -20,10 +31,10 @@ def test_it_tells_where_the_recordings_are(
 ) -> None:
     monkeypatch.setenv("MONOCHORD_REALSTRINGS", str(tmp_path))
     assert run(["doctor"]) == 0
-    assert "MONOCHORD_REALSTRINGS" in capsys.readouterr().out.splitlines()[-1]
+    assert "MONOCHORD_REALSTRINGS" in capsys.readouterr().out.splitlines()[-2]
     (tmp_path / "manifest.csv").write_text("file\n", encoding="ascii")
     assert run(["doctor"]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].endswith(f"0 in {tmp_path}")
+    assert capsys.readouterr().out.splitlines()[-2].endswith(f"0 sounds of strings in {tmp_path}")
 
 
 def test_json_is_one_object(capsys: pytest.CaptureFixture[str]) -> None:

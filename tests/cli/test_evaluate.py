@@ -15,6 +15,7 @@ from monochord.core.types import Estimates
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
 from monochord.evaluation.results import read_results
+from monochord.figures import base
 from monochord.live import LiveRun
 from monochord.live import run as live
 from monochord.live.settings import WindowSettings
@@ -33,6 +34,19 @@ def test_sessions_are_evaluated_whole(small: Path, capsys: pytest.CaptureFixture
     cells = lines[2].split()
     assert cells[:3] == ["plastic", "clean", "closed"]
     assert float(cells[cells.index("mm") - 1]) < 1.0
+
+
+def test_without_matplotlib_the_report_has_no_figures_and_a_note_says_how_to_have_them(
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(base, "find_spec", lambda _: None)
+    out = tmp_path / "out"
+    assert run(["evaluate", "--sessions", str(small / "hold_000.mcap"), *PHYSICS, "--out", str(out)]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.startswith("note: no figures: ")
+    assert captured.err.endswith(" -m pip install 'matplotlib>=3.9'\n")
+    assert captured.out.splitlines()[-1] == f"report: {out / 'report.html'}"
+    assert 'class="drawing"' not in (out / "report.html").read_text()
 
 
 def test_a_dataset_is_evaluated_clean_and_in_noise_beside_baselines(

@@ -286,9 +286,10 @@ def test_a_trained_model_locates_too(take: Take, capsys: pytest.CaptureFixture[s
     [
         ("live demmo prototype --source twin", "model demmo (not there): allowed is a folder that monochord"),
         ("locate demmo take.wav", "did you mean 'demo'"),
-        ("live run", "'run' (no such file)"),
+        ("live run", "'run' (no such file or folder)"),
+        ("live run", "monochord train --out run makes a model"),
         ("live dmeo", "did you mean 'demo'?"),
-        ("live demo nosuch", "'nosuch' (no such file)"),
+        ("live demo nosuch", "'nosuch' (no such file or folder)"),
         ("live twin", "--source twin"),
         ("demo long", "monochord demo long --estimator closed_form"),
         ("live demo demo", "inputs demo, demo: allowed is one MODEL at most"),
@@ -307,6 +308,41 @@ def test_what_cannot_be_is_refused_as_it_was_typed(
     words: str, line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert line in refusal(capsys, *words.split())
+
+
+def test_a_sensor_that_the_model_cannot_know_is_refused_before_anything_is_compiled(tmp_path: Path) -> None:
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "monochord", "demo", "long"]
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert ran.returncode == 2
+    assert ran.stderr.count("\n") == 1
+    assert not [*tmp_path.rglob("*.nb[ic]")]
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("live rnu", "'run'"),
+        ("evaluate rnu --sessions a.mcap", "'run'"),
+        ("live demo silnce.wav", "'silence.wav'"),
+        ("locate silnce.wav --length 0.65 --open-frequency 110", "'silence.wav'"),
+        ("live demo sub/tkae.mcap", "'sub/take.mcap'"),
+        ("sessions show sub/tkae.mcap", "'sub/take.mcap'"),
+    ],
+)
+def test_a_typo_suggests_what_is_there(
+    words: str,
+    meant: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for folder in ("run", "sub"):
+        (tmp_path / folder).mkdir()
+    for file in ("silence.wav", "silnc.txt", "sub/take.mcap"):
+        (tmp_path / file).touch()
+    monkeypatch.chdir(tmp_path)
+    assert refusal(capsys, *words.split()).endswith(f"did you mean {meant}?")
 
 
 def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -48,6 +48,18 @@ def test_it_records_and_says_what(tmp_path: Path, sound: Path, capsys: pytest.Ca
     assert check(out).sound
 
 
+def test_silence_is_told_meanwhile_at_the_end_and_by_the_check(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sound, out = tmp_path / "silence.wav", tmp_path / "take.mcap"
+    soundfile.write(sound, np.zeros((2 * 44100, 2)), 44100)
+    assert run(words(out, sound, "--set", "source.speed=4")) == 0
+    captured = capsys.readouterr()
+    assert run(["sessions", "check", str(out)]) == 0
+    for text in (captured.err, captured.out, capsys.readouterr().out):
+        assert all(word in text for word in ("silence", "driver", "gain", "input"))
+
+
 def test_an_instrument_is_opened_where_it_is_and_set_by_its_name(
     tmp_path: Path, sound: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -54,6 +54,17 @@ def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return captured.err
 
 
+@pytest.mark.parametrize("level", [0.0, 1e-5, 1e-2])
+def test_silence_and_noise_name_what_to_look_at(
+    level: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sound = level * np.random.default_rng(0).standard_normal((44100, 2))
+    soundfile.write(tmp_path / "take.wav", sound, 44100, subtype="FLOAT")
+    line = refusal(capsys, "tune", str(tmp_path / "take.wav"), "--sensor", "prototype")
+    assert all(word in line for word in ("driver", "gain", "input", "monochord list devices"))
+    assert "let go" not in line
+
+
 def test_it_prints_and_writes_the_sensor(
     take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -33,6 +33,9 @@ class Target(ABC):
     def run(self, folder: Path) -> None:
         """Read the input, which lies in `folder`."""
 
+    def warm(self) -> None:  # noqa: B027  (most have nothing to make ready)
+        """Make ready what the first case would wait for, such as a server and its compiled kernels."""
+
     def fit(self, edited: Input) -> Input:
         """Return an edited input with what guards it from edits, such as a checksum, made right again."""
         return edited

@@ -1,5 +1,6 @@
 """Starts the processes that feed targets, and sees to it that none hangs: what they die of is a finding."""
 
+import math
 import multiprocessing
 import os
 import re
@@ -17,8 +18,8 @@ from tempfile import TemporaryDirectory
 from tests.fuzz.base import Input, load_target, taken_from
 from tests.fuzz.worker import LIMIT, Verdict, Work, drawn, run
 
-START = 60.0
-"""Seconds that a process may take to begin."""
+START = 120.0
+"""Seconds by the clock, beside those of a case, that a process may take to begin: it may compile kernels."""
 SPAWN = multiprocessing.get_context("spawn")
 ROOT = str(Path(__file__).parents[2])
 
@@ -93,7 +94,7 @@ def _of_one_process(
     with TemporaryDirectory() as place:
         trace, beat = (
             Path(place, "trace"),
-            SPAWN.Array("d", [float(work.first), time.monotonic() + START, 0.0, 0.0]),
+            SPAWN.Array("d", [float(work.first), time.monotonic() + START, 0.0, math.inf]),
         )
         here, there = SPAWN.Pipe(duplex=False)
         process = SPAWN.Process(target=run, args=(work, beat, trace, there), daemon=True)

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.fuzz import driver
 from tests.fuzz.base import TARGETS, Input, pack, target_names, unpack
 from tests.fuzz.driver import fuzz, seeds_of, shrunk, verdicts
 from tests.fuzz.worker import Work
@@ -78,6 +79,25 @@ def test_the_command_ends_with_1_where_something_failed_and_tells_how_to_repeat_
     again = subprocess.run([*command, "--repeat", str(file)], capture_output=True, text=True, check=False)
     assert again.returncode == 1
     assert "KeyError: 'planted'" in again.stdout
+
+
+def test_what_a_target_makes_ready_counts_for_no_case(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    slow = """
+    def warm(self):
+        end = time.process_time() + 2.0
+        while time.process_time() < end:
+            pass
+        self.ready = True
+
+    def run(self, folder):
+        assert self.ready
+"""
+    head, _, _ = (planted / "planted.py").read_text(encoding="utf-8").partition("    def run")
+    (planted / "planted.py").write_text(f"import time\n{head}{slow}", encoding="utf-8")
+    monkeypatch.setattr(driver, "LIMIT", 1.0)
+    ((_, verdict, _),) = verdicts(Work(folder=planted, name="planted", given=({"a.txt": b""},)))
+    assert verdict.kind == "accepted"
+    assert verdict.seconds < 1.0
 
 
 def test_what_is_packed_is_unpacked(tmp_path: Path) -> None:

@@ -68,8 +68,8 @@ def run(work: Work, beat: Any, trace: Path, pipe: Connection) -> None:
     """Feed the target; send (case, verdict, input where it failed) for each case.
 
     `beat` holds the case, since when it runs, 0.0 between cases, when the first began, and the seconds of a
-    processor before this case. On SIGUSR1, or
-    where the process dies of itself, the stack goes to `trace`.
+    processor before this case, without end before the first. On SIGUSR1, or where the process dies of itself,
+    the stack goes to `trace`.
     """
     home = trace.parent / f"home-{os.getpid()}"
     home.mkdir()
@@ -81,6 +81,7 @@ def run(work: Work, beat: Any, trace: Path, pipe: Connection) -> None:
             os.dup2(null.fileno(), number)
         warnings.simplefilter("ignore")
         target = load_target(work.folder, work.name)
+        target.warm()
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
         beat[2] = time.monotonic()

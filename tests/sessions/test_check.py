@@ -1,8 +1,10 @@
 from pathlib import Path
 
-from tests.sessions.made import RATE, as_killed, make
+import numpy as np
+import pytest
+from tests.sessions.made import EPOCH, RATE, as_killed, block, description, make
 
-from monochord.sessions import check, read_session
+from monochord.sessions import SessionClock, SessionWriter, check, read_session
 
 
 def test_a_whole_session_has_no_faults_and_tells_what_is_missing(tmp_path: Path) -> None:
@@ -15,6 +17,23 @@ def test_a_whole_session_has_no_faults_and_tells_what_is_missing(tmp_path: Path)
         "oven: 3 readings with a fault",
     )
     assert report.messages["/labels"] == 200
+
+
+@pytest.mark.parametrize("seconds", [0.4, 3.5])
+def test_a_microphone_that_picked_up_nothing_is_a_remark_of_what_to_look_at(
+    tmp_path: Path, seconds: float
+) -> None:
+    path, frames = tmp_path / "a.mcap", round(seconds * RATE)
+    sound = 0.1 * np.random.default_rng(0).standard_normal((2, frames)).astype(np.float32)
+    sound[1] *= 1e-4
+    with SessionWriter(path, description(feeds=()), SessionClock(epoch_ns=EPOCH, origin=100.0)) as writer:
+        writer.audio(block(0, sound, start=0))
+        if seconds > 1.0:  # lost frames are read as zeros, and are no silence
+            writer.audio(block(1, 1e4 * sound, start=2 * frames, dropped=frames))
+    *_, silence = check(path).remarks
+    assert f"microphone 2 for {min(3.0, seconds):.1f} s" in silence
+    assert all(word in silence for word in ("microphone 2", "driver", "gain", "input"))
+    assert "microphone 1" not in silence
 
 
 def test_a_flipped_bit_is_detected(tmp_path: Path) -> None:

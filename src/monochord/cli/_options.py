@@ -13,6 +13,7 @@ from click.shell_completion import CompletionItem
 from monochord.capture.sources import SOURCES
 from monochord.core.config import Tree, table
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.files import similar_name
 from monochord.core.registry import Registry
 from monochord.core.units import Metres
 from monochord.live import LiveRun, LiveSettings, Summary
@@ -253,9 +254,12 @@ def _refuse_nothing(opened: str, models: Iterable[str]) -> None:
     names = list(models)
     kinds = [f"a model ({', '.join(names)}, or a folder that monochord train made)"] if names else []
     kinds += ["a recording (.wav, .flac, .mcap)", "or ports such as system:capture_1"]
-    what = "a folder without a model" if is_folder and names else "a folder" if is_folder else "no such file"
+    what = "a folder" if is_folder else "no such file or folder"
+    what += " without a model" if is_folder and names else ""
     source = opened.replace("-", "_")
-    remedy = f"--source {source}" if source in SOURCES.names() else did_you_mean(opened, names)
+    remedy = f"--source {source}" if source in SOURCES.names() else similar_name(opened, names)
+    if names and not is_folder and not remedy:
+        remedy = f"monochord train --out {opened} makes a model"
     raise InputError(f"'{opened}' ({what})", ", ".join(kinds), remedy)
 
 

@@ -5,7 +5,7 @@ import json
 
 import click
 
-from monochord.capture.jack.machine import MISSING, OK, WARN, Check, checks
+from monochord.capture.jack.machine import MISSING, OK, Check, checks
 from monochord.cli._output import echo
 from monochord.evaluation import recordings
 
@@ -24,12 +24,26 @@ def doctor(*, as_json: bool) -> int:
             echo(f"{MARKS[check.state]}  {check.name:<18}  {check.detail}")
             if check.remedy:
                 echo(f"{'':<9}{'':<20}-> {check.remedy}")
-    return int(any(check.required and check.state == MISSING for check in results))
+        echo(_verdict(results))
+    return int(not _usable(results))
+
+
+def _usable(results: list[Check]) -> bool:
+    return not any(check.required and check.state == MISSING for check in results)
+
+
+def _verdict(results: list[Check]) -> str:
+    """Return what all lines come to."""
+    if not _usable(results):
+        return "Monochord does not work here until what is missing has been installed."
+    if any(check.state != OK for check in results):
+        return "Simulations and recordings work; live sound needs what -> says."
+    return "All that Monochord uses is there, live sound included."
 
 
 def _recordings() -> Check:
     name, folder = "real recordings", recordings.folder()
     if folder is None:
-        remedy = "only studies and the noise suite need them; name their folder in MONOCHORD_REALSTRINGS"
-        return Check(name=name, state=WARN, detail="none", remedy=remedy)
-    return Check(name=name, state=OK, detail=f"{len(recordings.takes())} in {folder}")
+        detail = "none; evaluate --noise and studies read them, from the folder MONOCHORD_REALSTRINGS"
+        return Check(name=name, state=OK, detail=detail)
+    return Check(name=name, state=OK, detail=f"{len(recordings.takes())} sounds of strings in {folder}")

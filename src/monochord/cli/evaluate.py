@@ -7,13 +7,13 @@ from typing import Any
 import click
 
 from monochord import evaluation
-from monochord.cli._drawings import drawings
+from monochord.cli._drawings import drawings, note_missing_figures
 from monochord.cli._moved import refuse_moved
 from monochord.cli._options import completes, refuse_without, set_option
 from monochord.cli._output import echo, progress_bar
 from monochord.core.config import override
 from monochord.core.errors import InputError
-from monochord.evaluation.evaluate import refuse_unwritable
+from monochord.evaluation.evaluate import PAGE, refuse_unwritable
 from monochord.evaluation.paper import keep_rows, paper_rows
 from monochord.evaluation.scorecard import Scorecard, ScoreTable
 from monochord.evaluation.scores import Detection, Regression
@@ -115,10 +115,12 @@ def evaluate(
         outcome = evaluation.evaluate(settings, progress=progress)
     if out is not None:
         evaluation.write(out, outcome, drawings)
+        note_missing_figures()
     card = outcome.card
     if rows is not None:
         keep_rows(rows, paper_rows(card, feature or outcome.label, settings.part))
-    echo(*([json.dumps(card.tree(), allow_nan=False)] if as_json else _lines(card)))
+    written = [] if out is None else [f"report: {out / PAGE}"]
+    echo(*([json.dumps(card.tree(), allow_nan=False)] if as_json else [*_lines(card), *written]))
 
 
 def _lines(card: Scorecard) -> list[str]:

@@ -1,4 +1,4 @@
-"""The command `sessions`: check, show, repair, export and import recordings, and list their touches."""
+"""The command `sessions`: recordings checked, shown, repaired, exchanged, resampled; their touches listed."""
 
 import dataclasses
 import json
@@ -11,6 +11,7 @@ import click
 
 from monochord.capture.recording.from_files import from_files
 from monochord.capture.recording.settings import of_sensor
+from monochord.capture.sources.base import MAX_RATE, MIN_RATE
 from monochord.cli._options import radius, refuse_unwritable, sensor_option, set_option
 from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
@@ -27,10 +28,12 @@ from monochord.sessions import recover as recover_session
 from monochord.sessions.alignment import Lateness, align
 from monochord.sessions.exports import EXPORTS, form_of
 from monochord.sessions.exports.base import new_folder
+from monochord.sessions.resample import resample as resample_session
 
 LABEL_WIDTH = 12
 MAX_KINDS = 8
 FILE = click.Path(path_type=Path)
+USUAL_RATE = 44100
 OVERVIEW = "session"  # the figure that shows one
 some_files = click.argument("files", type=FILE, nargs=-1, required=True, metavar="FILES...")
 json_lines = click.option("--json", "as_json", is_flag=True, help="Print one JSON object a file.")
@@ -39,7 +42,7 @@ json_object = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 @click.group()
 def sessions() -> None:
-    """Check, show, repair, export and import sessions."""
+    """Check, show, repair, export, import and resample sessions."""
 
 
 @sessions.command()
@@ -194,6 +197,30 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
         elif "string" in described:
             described["string"] = to_tree(load_string(str(described["string"])).string)
         from_files(what, labels, out, described=described)
+    facts = facts_of(read_session(out))
+    echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
+
+
+@sessions.command()
+@click.argument("file", type=FILE)
+@click.option(
+    "--rate",
+    type=click.IntRange(MIN_RATE, MAX_RATE),
+    default=USUAL_RATE,
+    show_default=True,
+    metavar="HZ",
+    help="The new sample rate.",
+)
+@click.option("--out", type=FILE, required=True, metavar="FILE.mcap", help="The new session.")
+@json_object
+def resample(file: Path, *, rate: int, out: Path, as_json: bool) -> None:
+    """Give the sound of the session FILE another sample rate; all else stays.
+
+    A model reads sound of the rate that it was trained at. Sound of less than that has nothing at its upper
+    end, which a model may take for another sensor's: record at the model's rate where you can.
+    """
+    refuse_unwritable(out, (".mcap",))
+    resample_session(read_session(file), out, rate)
     facts = facts_of(read_session(out))
     echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
 

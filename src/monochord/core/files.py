@@ -3,11 +3,13 @@
 import os
 import re
 import stat
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager, suppress
+from difflib import get_close_matches
 from pathlib import Path
 
 from monochord.core.errors import InputError
+from monochord.core.printable import printable
 
 MAX_NAME = 100
 """Characters of a file's name that the one beside it repeats."""
@@ -30,6 +32,30 @@ def refuse_endless(path: Path) -> None:
         return
     if kind:
         raise InputError(f"file {path} ({kind})", "a file on a disk", "save it first")
+
+
+def similar_name(path: Path | str, names: Iterable[str] = ()) -> str:
+    """Return ``did you mean 'x'?`` where something of a similar name is there, or an empty string.
+
+    Parameters
+    ----------
+    path
+        What was asked for, and is not there.
+    names
+        What else may be meant, beside what lies in the same folder and has the same suffix.
+
+    >>> similar_name("dmeo", ["demo"])
+    "did you mean 'demo'?"
+    """
+    path = Path(path)
+    meant = {name: name for name in names}
+    with suppress(OSError, ValueError):  # of a folder that cannot be read, and of a name that none can have
+        if path.exists():
+            return ""
+        beside = [entry for entry in path.parent.iterdir() if entry.suffix == path.suffix]
+        meant = {entry.stem: printable(str(entry)) for entry in beside} | meant
+    close = get_close_matches(path.stem, meant, n=1, cutoff=0.6)
+    return f"did you mean '{meant[close[0]]}'?" if close else ""
 
 
 def without_index(rows: Sequence[Sequence[str]]) -> list[list[str]]:

@@ -269,9 +269,10 @@ class Plan:
         names = [group.name for group in self.groups]
         if not names or len(set(names)) < len(names):
             raise InputError(f"groups {', '.join(names) or 'none'}", "one or more, with different names")
+        for material in dict.fromkeys(group.material for group in self.groups):
+            if material not in DRAWN:
+                load_material(material)
         for group in self.groups:
-            if group.material not in DRAWN:
-                load_material(group.material)
             if group.music not in ("", "synthetic") and not Path(group.music).is_file():
                 raise InputError(f"group {group.name}: music '{group.music}'", "synthetic, or a sound file")
             if group.like and self.group(group.like).like:

@@ -16,14 +16,13 @@ import numpy as np
 
 from monochord.core.clock import MIN_CLOCK_STEP
 from monochord.core.errors import InputError
+from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import OUTSIDE_RANGE, Estimates, StreamHealth, Window
 from monochord.core.units import Seconds
 from monochord.live.filter import CONTACT, FilterState
 from monochord.perception.estimators.base import Condition
 
 Level: TypeAlias = Literal["info", "warning", "error"]
-SILENCE = 2.0e-5
-"""Root mean square of a channel that picks up nothing at all: twice the rounding noise of 16 bit."""
 QUIETER = 1.0e-3
 """Ratio of the channels' levels from which the quieter one is dead: 60 dB. The string reaches both ends."""
 CLIPPED_PEAK, CLIPPED_SHARE = 0.98, 2.0e-3
@@ -423,11 +422,11 @@ def _level_findings(window: Window) -> Mapping[str, Finding]:
     level, peak, extreme, hum = measured.T
     if not np.isfinite(level).all():
         return {"not_numbers": NOT_NUMBERS}
-    if level.max() < SILENCE:
+    if level.max() < SILENT_LEVEL:
         return {"silence": SILENT}
     findings = dict[str, Finding]()
     for channel in range(min(len(level), 2)):
-        if len(level) == 2 and level[channel] < max(QUIETER * level.max(), SILENCE):
+        if len(level) == 2 and level[channel] < max(QUIETER * level.max(), SILENT_LEVEL):
             findings[f"microphone_{channel + 1}_dead"] = DEAD[channel]
     if ((peak >= CLIPPED_PEAK) & (extreme >= CLIPPED_SHARE)).any():
         findings["clipping"] = CLIPPING

@@ -8,12 +8,14 @@ from typing import Any
 
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
+from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.types import StringParams
 from monochord.core.units import Hertz, Seconds
 from monochord.core.windows import windows
 from monochord.live.listen import source_of
 from monochord.live.settings import WindowSettings
 from monochord.perception.tuning import Tuner, TunerState, Tuning
+from monochord.perception.tuning.tuner import NOT_DRIVEN
 from monochord.physics.sensors import (
     SensorTuning,
     designs_with,
@@ -33,6 +35,8 @@ KEEP = 1000
 """Most windows that a tuning is taken from."""
 STIFFNESS_DEVIATIONS = 4.0
 """Standard errors by which stiffness differs from the design's on a wire that is another."""
+RING = "let go of it, or touch and release it while it is listened to, so that its partials ring"
+"""What to do where the string is heard, and not its pitch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,11 +205,9 @@ def tuned(
             given = f"{name} (shorter than a window)"
             raise InputError(given, f"{window.length:g} s or more", "use a shorter --window")
     if state.tuning is None or reason:
-        raise InputError(
-            f"{', '.join(names)}: {reason}",
-            f"sound of an untouched, driven string of the sensor {design}",
-            "let go of it, or touch and release it while it is listened to, so that its partials ring",
-        )
+        remedy = SILENCE_REMEDY if reason.endswith(("silence", NOT_DRIVEN)) else RING
+        allowed = f"sound of an untouched, driven string of the sensor {design}"
+        raise InputError(f"{', '.join(names)}: {reason}", allowed, remedy)
     return SensorAsTuned(
         design=design,
         sensor=load_sensor(design),

@@ -90,15 +90,10 @@ class _Group:
         """Take a record that stands where an index should; one of no chunk that is known is passed over."""
         if self._chunk is None:
             return record.opcode == walk.MESSAGE_INDEX
-        if self.full or not (record.opcode in (walk.MESSAGE_INDEX, walk.DAMAGED) or self._is_next(record)):
+        if self.full or record.opcode not in (walk.MESSAGE_INDEX, walk.DAMAGED):
             return False
         self._end = record.end
         return True
-
-    def _is_next(self, record: walk.Record) -> bool:
-        """Return whether a record is the next index but for its opcode, which is a message's."""
-        due = self._bytes[self._end - self._start :][: record.end - record.offset]
-        return record.opcode == walk.LOOSE and due[1:] == bytes(record.body[1:])
 
     def close(self, view: memoryview, contents: Contents, *, last: bool = False) -> None:
         """Enter the result into `contents`; where the file ends here, the index belongs behind."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.errors import InputError
+from monochord.core.silence import SILENCE_REMEDY, is_silent
 from monochord.core.units import Seconds
 from monochord.sessions import walk
 from monochord.sessions._contents import UNREADABLE, Contents
@@ -17,6 +18,7 @@ from monochord.sessions.bounds import json_object
 from monochord.sessions.description import Description
 from monochord.sessions.file import being_written
 from monochord.sessions.reader import SessionReader, read_session
+from monochord.sessions.tracks import AudioTrack
 
 DISTURBANCES = (
     "clock_step",
@@ -180,6 +182,7 @@ def _remarks(session: SessionReader) -> list[str]:
     if lost:
         gaps = len(audio.gaps)
         remarks.append(f"{lost} frames lost in {gaps} gap{'s' if gaps > 1 else ''}")
+    remarks += _silence(audio)
     for stream in session.streams:
         track = session.readings(stream)
         if not len(track.time):
@@ -191,3 +194,21 @@ def _remarks(session: SessionReader) -> list[str]:
     kinds = [event.kind for event in session.events]
     remarks += [f"{kinds.count(kind)} x {kind}" for kind in DISTURBANCES if kind in kinds]
     return remarks
+
+
+def _silence(audio: AudioTrack) -> list[str]:
+    """Return a remark where a microphone was silent for a second, or for all of a shorter session."""
+    channels, count = audio.samples.shape
+    size = min(audio.sample_rate, count)
+    starts = range(0, count - size + 1, size) if count else ()
+    silent = [0] * channels
+    for start in starts:
+        quiet = [is_silent(channel[start : start + size]) for channel in audio.samples]
+        if any(quiet) and not any(first < start + size and start < stop for first, stop in audio.gaps):
+            silent = [before + now for before, now in zip(silent, quiet, strict=True)]
+    texts = [
+        f"microphone {k + 1} for {pieces * size / audio.sample_rate:.1f} s"
+        for k, pieces in enumerate(silent)
+        if pieces
+    ]
+    return [f"silence: {', '.join(texts)} ({SILENCE_REMEDY})"] if texts else []

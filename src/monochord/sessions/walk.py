@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless
+from monochord.core.files import refuse_endless, similar_name
 from monochord.sessions import _packing as packing
 
 if TYPE_CHECKING:
@@ -96,7 +96,8 @@ def mapped(path: Path) -> memoryview:
                 memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else memoryview(b"")
             )
     except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a session (.mcap)", "check its name") from error
+        remedy = similar_name(path) or "check its name"
+        raise InputError(f"file {path} ({error.strerror})", "a session (.mcap)", remedy) from error
     if bytes(view[: len(MAGIC)]) != MAGIC and not _end(view, len(MAGIC)):
         raise InputError(f"file {path} (not MCAP)", "a session (.mcap)", "record or import one")
     return view
@@ -110,10 +111,14 @@ def records(view: memoryview) -> Iterator[Record]:
     damaged. Schemas, channels and messages that follow each other outside chunks are one record of opcode
     `LOOSE`. What comes after the data section is not searched: it is made anew from what comes before.
     """
-    offset, heads = len(MAGIC), _HEADS
+    offset, heads, before = len(MAGIC), _HEADS, HEADER
     while offset < len(view):
         if end := _end_of_loose(view, offset):
-            record, heads = Record(LOOSE, offset, end, view[offset:end]), _LOOSE_HEADS
+            body = view[offset + _HEAD.size : end]
+            if before in (CHUNK, MESSAGE_INDEX) and index_fits(body):  # an index but for its opcode
+                record = Record(MESSAGE_INDEX, offset, end, body)
+            else:
+                record, heads = Record(LOOSE, offset, end, view[offset:end]), _LOOSE_HEADS
         elif end := _end(view, offset):
             record = Record(view[offset], offset, end, view[offset + _HEAD.size : end])
         else:
@@ -125,6 +130,7 @@ def records(view: memoryview) -> Iterator[Record]:
                 record = Record(DAMAGED, offset, end, view[offset:end])
             else:
                 return
+        before = record.opcode
         yield record
         if record.opcode == DATA_END:
             yield from _summary(view, end)

@@ -10,7 +10,7 @@ pytestmark = pytest.mark.jack
 
 
 def test_without_a_server_there_is_one_line_and_no_other(capfd: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(DeviceError, match="JACK server 'nobody': not running; start one"):
+    with pytest.raises(DeviceError, match="JACK server 'nobody': not running; start JACK"):
         JackClient("test", "nobody")
     assert capfd.readouterr() == ("", "")
 

@@ -69,7 +69,7 @@ def levels_block(*channels: list[float]) -> Block:
 
 
 def test_each_microphone_has_its_level() -> None:
-    levels = Levels(channels=2)
+    levels = Levels(channels=2, sample_rate=RATE)
     levels.add(levels_block([0.3, -0.3], [0.0, 0.4]))
     levels.add(levels_block([0.3, -0.3], [-0.4, 0.0]))
     first, second = levels.look(0.0)
@@ -80,7 +80,7 @@ def test_each_microphone_has_its_level() -> None:
 
 
 def test_a_peak_is_held_for_a_while_and_the_highest_for_ever() -> None:
-    levels = Levels(channels=1)
+    levels = Levels(channels=1, sample_rate=RATE)
     levels.add(levels_block([0.8]))
     levels.look(0.0)
     levels.add(levels_block([-0.2]))
@@ -92,7 +92,7 @@ def test_a_peak_is_held_for_a_while_and_the_highest_for_ever() -> None:
 
 
 def test_clipped_samples_are_counted_and_shown_for_a_while() -> None:
-    levels = Levels(channels=2)
+    levels = Levels(channels=2, sample_rate=RATE)
     levels.add(levels_block([32767 / 32768, 0.9, -1.0], [0.99, 0.0, -0.99]))  # 16 bits at full scale
     first, second = levels.look(0.0)
     assert (first.clipped, second.clipped) == (2, 0)
@@ -102,9 +102,24 @@ def test_clipped_samples_are_counted_and_shown_for_a_while() -> None:
     assert levels.look(1.1 * PEAK_HOLD)[0].clipped == 2
 
 
+@pytest.mark.parametrize("pieces", [1, 30])
+def test_silence_is_timed_up_to_now_whatever_the_blocks(pieces: int) -> None:
+    faint = 1e-2 + 1e-5 * np.random.default_rng(0).standard_normal(3 * RATE)  # a constant is no sound
+    tone = 0.1 * np.sin(0.1 * np.arange(3 * RATE))
+    tone[RATE:] = 0.0
+    levels = Levels(channels=2, sample_rate=RATE)
+    for part in np.array_split(np.stack((faint, tone)).astype(np.float32), pieces, axis=1):
+        levels.add(Block(samples=part, start=0))
+        levels.look(0.0)
+    first, second = levels.look(0.0)
+    assert (first.quiet, second.quiet) == pytest.approx((3.0, 2.0), abs=0.11)
+    levels.add(Block(samples=np.full((2, 441), np.nan, np.float32), start=0))
+    assert [level.quiet for level in levels.look(0.0)] == [0.0, 0.0]
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_what_is_no_number_is_counted_and_left_out_of_the_level(bad: float) -> None:
-    levels = Levels(channels=1)
+    levels = Levels(channels=1, sample_rate=RATE)
     levels.add(levels_block([bad, 0.5, -0.5, bad]))
     (level,) = levels.look(0.0)
     assert level.not_numbers == 2
@@ -114,7 +129,7 @@ def test_what_is_no_number_is_counted_and_left_out_of_the_level(bad: float) -> N
 
 
 def test_a_look_without_audio_returns_the_last() -> None:
-    levels = Levels(channels=1)
+    levels = Levels(channels=1, sample_rate=RATE)
     assert levels.look(0.0)[0].rms == 0.0
     levels.add(levels_block([0.5]))
     assert levels.look(0.1) == levels.look(0.2)

@@ -102,6 +102,17 @@ def test_clipped_samples_and_nan_are_stored_and_reported(make_job: Any, tmp_path
     assert dict(summary.flags) == {"clipping": 1, "nan": 1}
 
 
+def test_silence_is_flagged_and_the_recording_goes_on(make_job: Any, tmp_path: Path) -> None:
+    samples = np.zeros((2 * RATE, 2), np.float32)
+    samples[:, 0] = 0.1 * np.sin(0.1 * np.arange(2 * RATE))
+    soundfile.write(tmp_path / "dead.wav", samples, RATE, subtype="FLOAT")
+    summary, session = recorded(make_job(tmp_path / "dead.wav", source={"speed": 20.0, "repeat": 1}))
+    assert kinds(session) == ["silence", "stop"]
+    assert dict(summary.flags) == {"silence": 1}
+    assert any("gain" in line for line in summary.lines())
+    assert any("microphone 2" in remark for remark in check(session.path).remarks)
+
+
 def test_a_force_sensor_that_falls_silent_is_flagged_and_the_rest_goes_on(make_job: Any, force: Any) -> None:
     device, instrument = force(silence=(0.2, 1.0))
     device.begin_at(time.monotonic())

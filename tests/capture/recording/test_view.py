@@ -74,6 +74,13 @@ def test_its_meters_fit(columns: int) -> None:
     assert "CLIP" in lines[2]
 
 
+def test_silence_is_shown_by_its_microphone() -> None:
+    silent = replace(NOW, levels=(NOW.levels[0], Level(quiet=2.0)))
+    assert "silence, microphone 2" in plain_line(silent)
+    assert "silence" not in plain_line(NOW)
+    assert "silence" in text(silent)
+
+
 def bar(level: Level) -> str:
     (line,) = [line for line in text(replace(NOW, levels=(level,))).splitlines() if "mic 1" in line]
     return line[9 : 9 + 66]

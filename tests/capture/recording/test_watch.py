@@ -51,6 +51,23 @@ def test_a_gap_is_reported_with_its_frames() -> None:
     assert "44100 frames lost in 1 gap" in notice.text
 
 
+def test_a_microphone_that_picks_up_nothing_is_reported_until_it_does() -> None:
+    watch = Watch(600.0)
+
+    def look(time: float, *quiet: float) -> list[Notice]:
+        return watch.look(at(time, levels=tuple(Level(quiet=each) for each in quiet)))
+
+    assert not look(0.9, 0.9, 0.9)
+    (both,) = look(1.0, 1.0, 1.0)
+    assert (both.kind, both.data) == ("silence", {"stream": "audio", "microphones": "1, 2"})
+    assert all(word in both.text for word in ("microphone 1, 2", "driver", "gain", "input"))
+    assert not look(1.1, 1.1, 1.1)
+    (one,) = look(1.2, 0.0, 1.2)
+    assert (one.kind, one.data["microphones"]) == ("sound", "1")
+    (again,) = look(2.5, 1.3, 2.5)
+    assert (again.kind, again.data["microphones"]) == ("silence", "1")
+
+
 def test_events_of_one_kind_are_a_second_apart_and_none_is_forgotten() -> None:
     watch = Watch(600.0)
     looks = [watch.look(at(0.1 * k, gaps=k, dropped=64 * k)) for k in range(1, 26)]

@@ -27,7 +27,7 @@ def test_without_a_server_there_is_one_line_at_once(capfd: pytest.CaptureFixture
     with pytest.raises(DeviceError) as caught, Jack(server="nobody").open():
         pass
     line = str(caught.value)
-    assert line.startswith(("JACK server 'nobody': not running; start one", "JACK library"))
+    assert line.startswith(("JACK server 'nobody': not running; start JACK", "JACK library"))
     assert time.monotonic() - began < 10.0
     assert capfd.readouterr() == ("", "")
 

@@ -32,6 +32,10 @@ class Fuzz(Target):
     def __init__(self) -> None:
         self._page = cache(Page)
 
+    def warm(self) -> None:
+        for token in TOKENS.values():
+            self._page(token).check()
+
     def seeds(self, folder: Path) -> Iterator[Input]:
         for name in TOKENS:
             for request in REQUESTS:

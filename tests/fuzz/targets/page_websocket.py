@@ -1,6 +1,7 @@
 """WebSocket messages and frames to the server of the page: JSON edited before it is framed, and raw bytes."""
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from tests.fuzz.base import Input, Target
@@ -53,7 +54,10 @@ class Fuzz(Target):
     """A connection that is upgraded first, then sent what the input holds, and closed."""
 
     def __init__(self) -> None:
-        self._page: Page | None = None
+        self._page = cache(Page)
+
+    def warm(self) -> None:
+        self._page().check()
 
     def seeds(self, folder: Path) -> Iterator[Input]:
         for messages in (ASKED, ASKED[5:7], ASKED[7:], *((message,) for message in ASKED)):
@@ -68,7 +72,7 @@ class Fuzz(Target):
         frames = [_framed(each) for each in parts.get("messages.packets", [])]
         raw = b"".join(parts.get("frames.packets", []))[:MAX_BYTES]
         sent = [*frames, raw, Frame(Opcode.CLOSE, b"\x03\xe8").serialize(mask=True)]
-        page = self._page = self._page or Page()
+        page = self._page()
         answer = page.answer(UPGRADE, sent)
         assert answer.startswith(b"HTTP/1.1 101"), "not upgraded"
         page.check()

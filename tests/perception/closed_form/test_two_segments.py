@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import OUTSIDE_RANGE, Audio, Contact, Estimates, Floats, Signal, Window
 from monochord.perception.closed_form.two_segments import UNITS, TwoSegments
-from monochord.perception.closed_form.usable import CLIPPED_SHARE, SILENCE, why_unusable
+from monochord.perception.closed_form.usable import CLIPPED_SHARE, why_unusable
 from monochord.perception.features import FEATURES
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency, segment_frequencies
@@ -126,8 +127,8 @@ class TestUsable:
 
     def test_silence_is_judged_about_the_mean_and_by_the_louder_channel(self) -> None:
         unit = TONE / TONE.std()
-        assert why_unusable(window(0.5 + 0.9 * SILENCE * np.sign(TONE))) == "silence"
-        assert why_unusable(window(0.5 + 1.5 * SILENCE * unit)) == ""
+        assert why_unusable(window(0.5 + 0.9 * SILENT_LEVEL * np.sign(TONE))) == "silence"
+        assert why_unusable(window(0.5 + 1.5 * SILENT_LEVEL * unit)) == ""
         assert why_unusable(window(np.stack((np.zeros(SIZE), TONE[1])))) == ""
 
     @pytest.mark.parametrize("top", [1.0, 0.4])

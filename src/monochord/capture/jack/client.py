@@ -48,7 +48,7 @@ class JackClient:
                 raise DeviceError("JACK server: went away, and clients of this program have not left it yet")
             self.handle = self._open(name, server)
             if not self.handle:
-                raise DeviceError(f"JACK server '{self._server}': not running; {libjack.START_SERVER}")
+                raise DeviceError(f"JACK server '{self._server}': not running; {libjack.START_JACK}")
             _clients.add(self)
 
     def _open(self, name: str, server: str) -> int:

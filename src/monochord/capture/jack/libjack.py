@@ -14,11 +14,12 @@ from monochord.core.printable import printable
 
 NAMES = ("libjack.so.0", "libjack.so", "libjack.dylib", "/opt/homebrew/lib/libjack.dylib")
 AUDIO = b"32 bit float mono audio"
-START_SERVER = (
-    "start one: jackd -R -d alsa -d hw:USB -r 44100 -p 128 (USB is a Scarlett; 'arecord -l' names other"
-    " cards), or with PipeWire put pw-jack before the command"
+START_JACK = (
+    "start JACK (Debian: apt install jackd2): jackd -R -d alsa -d hw:USB -r 44100 -p 128 (hw:USB is a"
+    " Scarlett on USB, 'arecord -l' lists other cards); where PipeWire runs, put pw-jack before the command"
+    " instead"
 )
-"""What to do where no JACK server runs."""
+"""What to do where there is no JACK, or no server of it runs: the one hint, wherever JACK is missed."""
 NO_START_SERVER, SERVER_NAME = 0x01, 0x04  # jack_options_t
 IS_INPUT, IS_OUTPUT, IS_PHYSICAL = 0x1, 0x2, 0x4  # enum JackPortFlags
 CAPTURE_LATENCY = 0  # jack_latency_callback_mode_t
@@ -87,7 +88,7 @@ def path() -> str:
         except OSError:
             continue
         return name
-    raise DeviceError("JACK library libjack: not found; install JACK 2 (Debian: apt install jackd2)")
+    raise DeviceError(f"JACK library libjack: not found; {START_JACK}")
 
 
 @cache

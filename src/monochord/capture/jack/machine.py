@@ -11,7 +11,7 @@ from pathlib import Path
 
 import monochord
 from monochord.capture.jack.client import JackClient
-from monochord.capture.jack.libjack import START_SERVER
+from monochord.capture.jack.libjack import START_JACK
 from monochord.capture.jack.libjack import path as jack_library
 from monochord.core.errors import DeviceError
 
@@ -45,7 +45,7 @@ def python() -> Check:
     return Check(
         name="Python",
         state=OK if recent else MISSING,
-        detail=version,
+        detail=f"version {version}; 3.11 or later is needed",
         remedy="" if recent else "install Python 3.11 or later",
         required=True,
     )
@@ -58,7 +58,7 @@ def compile_cache() -> Check:
     return Check(
         name="compile cache",
         state=OK if writable else WARN,
-        detail=f"{folder}{'' if writable else ' (not writable)'}",
+        detail=f"compiled kernels {'are kept' if writable else 'cannot be kept'} in {folder}",
         remedy="" if writable else "set NUMBA_CACHE_DIR to a folder of yours, or each start compiles anew",
     )
 
@@ -66,33 +66,35 @@ def compile_cache() -> Check:
 def sound_files() -> Check:
     """Look for libsndfile, which reads recordings."""
     try:
-        import soundfile  # noqa: PLC0415
+        pass
     except OSError:
         remedy = "pip install --force-reinstall soundfile, or apt install libsndfile1"
-        return Check(name="libsndfile", state=MISSING, detail="none", remedy=remedy, required=True)
-    return Check(name="libsndfile", state=OK, detail=soundfile.__libsndfile_version__, required=True)
+        detail = "libsndfile, which reads them, is not installed"
+        return Check(name="sound files", state=MISSING, detail=detail, remedy=remedy, required=True)
+    return Check(name="sound files", state=OK, detail="WAV and FLAC can be read", required=True)
 
 
 def jack() -> Check:
     """Look for JACK and its server."""
+    remedy = f"for live sound {START_JACK}"
     try:
-        library = jack_library()
+        jack_library()
     except DeviceError:
-        return Check(name="JACK", state=MISSING, detail="no libjack", remedy="apt install jackd2")
+        return Check(name="JACK", state=MISSING, detail="it is not installed", remedy=remedy)
     try:
         client = JackClient("monochord-doctor")
     except DeviceError:
-        remedy = f"to capture live, {START_SERVER}"
-        return Check(name="JACK", state=WARN, detail=f"{library}, no server running", remedy=remedy)
+        detail = "installed, but no server runs"
+        return Check(name="JACK", state=WARN, detail=detail, remedy=remedy)
     try:
         rate, period, urgent = client.sample_rate, client.period, client.realtime
     finally:
         client.close()
-    server = f"{library}, server at {rate} Hz, {period} frames a period ({1e3 * period / rate:.1f} ms)"
+    server = f"a server runs at {rate} Hz, with periods of {1e3 * period / rate:.1f} ms"
     if not urgent:
         remedy = "start it with -R, or it will lose frames under load"
-        return Check(name="JACK", state=WARN, detail=f"{server}, not real-time", remedy=remedy)
-    return Check(name="JACK", state=OK, detail=f"{server}, real-time")
+        return Check(name="JACK", state=WARN, detail=f"{server}, not in real time", remedy=remedy)
+    return Check(name="JACK", state=OK, detail=f"{server}, in real time")
 
 
 def port_audio() -> Check:
@@ -101,12 +103,13 @@ def port_audio() -> Check:
         import sounddevice  # noqa: PLC0415
     except OSError:
         remedy = "for sound cards without JACK: apt install libportaudio2"
-        return Check(name="PortAudio", state=MISSING, detail="none", remedy=remedy)
+        detail = "PortAudio, which opens them, is not installed"
+        return Check(name="sound cards", state=MISSING, detail=detail, remedy=remedy)
     inputs = [card["name"] for card in sounddevice.query_devices() if card["max_input_channels"] > 0]
     if not inputs:
-        remedy = "for live input plug in a sound card"
-        return Check(name="PortAudio", state=WARN, detail="no input device", remedy=remedy)
-    return Check(name="PortAudio", state=OK, detail=", ".join(inputs))
+        remedy = "for live sound plug in a sound card with two inputs"
+        return Check(name="sound cards", state=WARN, detail="none with an input is plugged in", remedy=remedy)
+    return Check(name="sound cards", state=OK, detail=f"these have inputs: {', '.join(inputs)}")
 
 
 def priority() -> Check:
@@ -126,7 +129,7 @@ def priority() -> Check:
     return Check(
         name="real-time priority",
         state=OK if granted else WARN,
-        detail="granted" if granted else "refused",
+        detail=f"live threads {'may' if granted else 'may not'} have it",
         remedy="" if granted else f"put '@audio - rtprio 95' {LIMITS}",
     )
 
@@ -141,7 +144,7 @@ def memory() -> Check:
     return Check(
         name="locked memory",
         state=WARN if refused else OK,
-        detail=f"{LOCKED_MEMORY >> 20} MB {'refused' if refused else 'granted'}",
+        detail=f"live threads {'may not' if refused else 'may'} keep their memory from being swapped out",
         remedy=f"put '@audio - memlock unlimited' {LIMITS}" if refused else "",
     )
 
@@ -151,7 +154,8 @@ def governor() -> Check:
     try:
         governor = GOVERNOR.read_text(encoding="ascii").strip()
     except OSError:
-        return Check(name="processor pace", state=OK, detail="not reported by this machine")
+        return Check(name="processor pace", state=OK, detail="this machine does not report it")
     slow = governor not in {"performance", "schedutil"}
     remedy = "for steady latency: cpupower frequency-set -g performance" if slow else ""
-    return Check(name="processor pace", state=WARN if slow else OK, detail=governor, remedy=remedy)
+    detail = f"the governor '{governor}' {'slows an idle processor down' if slow else 'keeps it steady'}"
+    return Check(name="processor pace", state=WARN if slow else OK, detail=detail, remedy=remedy)

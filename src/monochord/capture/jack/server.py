@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from monochord.capture.jack.client import JackClient
+from monochord.capture.jack.libjack import START_JACK
 from monochord.core.errors import DeviceError
 from monochord.core.units import Samples, Seconds
 
@@ -49,7 +50,7 @@ class JackServer:
         """Start it, and return once clients can connect; raises `DeviceError` where it does not start."""
         jackd = shutil.which("jackd")
         if not jackd:
-            raise DeviceError("jackd: not found; install JACK 2 (Debian: apt install jackd2)")
+            raise DeviceError(f"jackd: not found; {START_JACK}")
         pace = ["-S", "-R" if self.real_time else "-r"]
         options = ["-n", self.name, *pace, "-d", "dummy", "-r", str(self.rate), "-p", str(self.period)]
         quiet = subprocess.DEVNULL

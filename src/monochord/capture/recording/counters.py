@@ -12,6 +12,7 @@ from monochord.capture.instruments.base import Connection
 from monochord.capture.recording.disk import Space, space
 from monochord.capture.recording.pumps import Polled, Pumps
 from monochord.capture.sources.base import Stream
+from monochord.core.silence import is_silent
 from monochord.core.types import Block, Feed, InstrumentHealth, Readings, StreamHealth
 from monochord.core.units import Samples, Seconds
 
@@ -25,6 +26,10 @@ SILENCE_UNKNOWN_RATE: Seconds = 2.0
 """The same for an instrument whose rate is unknown."""
 OVERDUE_READINGS, OVERDUE_BLOCKS = 5, 4
 """A slow instrument, or audio in large blocks, is silent when so many of them are overdue."""
+MIN_QUIET: Seconds = 1.0
+"""Time for which a microphone picks up nothing at all before that is reported."""
+QUIET_PIECE: Seconds = 0.1
+"""Length of the pieces of sound that are silence or not."""
 RATE_INTERVAL: Seconds = 1.0
 """Time over which the rate of an instrument is counted."""
 TIMING_INTERVAL: Seconds = 1.0
@@ -40,7 +45,8 @@ class Level:
     """The level of one microphone over the latest audio, as shares of full scale.
 
     `peak_hold` is the highest peak of the last 1.5 s and `highest` that of the whole recording. `clipped` and
-    `not_numbers` count samples since the begin; `clipping` is true if some clipped in the last 1.5 s.
+    `not_numbers` count samples since the begin; `clipping` is true if some clipped in the last 1.5 s. `quiet`
+    is how long it has been picking up nothing at all, up to now.
     """
 
     rms: float = 0.0
@@ -50,19 +56,25 @@ class Level:
     clipped: Samples = 0
     not_numbers: Samples = 0
     clipping: bool = False
+    quiet: Seconds = 0.0
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether it has been picking up nothing for so long that a person is told."""
+        return self.quiet >= MIN_QUIET
 
 
 class Levels:
     """Measures the level of blocks, all blocks since the last `look` together.
 
-    >>> levels = Levels(channels=1)
+    >>> levels = Levels(channels=1, sample_rate=44100)
     >>> levels.add(Block(samples=np.array([[0.5, -1.0]], np.float32), start=0))
     >>> levels.look(0.0)[0].clipped
     1
     """
 
-    def __init__(self, channels: int) -> None:
-        self._meters = [_Meter() for _ in range(channels)]
+    def __init__(self, channels: int, sample_rate: int) -> None:
+        self._meters = [_Meter(sample_rate) for _ in range(channels)]
         self._blocks: list[Block] = []
 
     def add(self, block: Block) -> None:
@@ -80,12 +92,17 @@ class Levels:
 
 
 class _Meter:
-    def __init__(self) -> None:
+    def __init__(self, sample_rate: int) -> None:
+        self._rate = sample_rate
+        self._quiet: Samples = 0
         self._rms = self._peak = self._peak_hold = self._highest = 0.0
         self._hold_until = self._clipping_until = -np.inf
         self._clipped = self._not_numbers = 0
 
     def measure(self, channel: np.ndarray, now: Seconds) -> None:
+        pieces = max(1, round(channel.size / (QUIET_PIECE * self._rate)))
+        for piece in np.array_split(channel, pieces):
+            self._quiet = self._quiet + piece.size if is_silent(piece) else 0
         with np.errstate(all="ignore"):
             peak = float(max(channel.max(initial=0.0), -channel.min(initial=0.0)))
         if not np.isfinite(peak):
@@ -109,6 +126,7 @@ class _Meter:
             clipped=self._clipped,
             not_numbers=self._not_numbers,
             clipping=now < self._clipping_until,
+            quiet=self._quiet / self._rate,
         )
 
 
@@ -253,7 +271,7 @@ class RecordingCounters:
         self._stream, self._connections = stream, connections
         self._folder, self._reserve = folder, reserve
         self._rate = stream.signal.sample_rate
-        self._levels = Levels(stream.signal.channels)
+        self._levels = Levels(stream.signal.channels, self._rate)
         self._timing = TimingCheck(self._rate)
         self._feeds = {name: FeedCounter(name, open_.feed, self.begin) for name, open_ in connections.items()}
         self._frames = self._dropped = self._gaps = self._end = 0

@@ -13,7 +13,7 @@ from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Stream
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless, without_index
+from monochord.core.files import refuse_endless, similar_name, without_index
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Seconds
 from monochord.physics.known_touches import why_impossible
@@ -219,7 +219,8 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
                 (number, line) for number, line in enumerate(reader, start=1) if any(map(str.strip, line))
             ]
     except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", allowed, "check its name") from error
+        remedy = similar_name(path) or "check its name"
+        raise InputError(f"file {path} ({error.strerror})", allowed, remedy) from error
     except (csv.Error, UnicodeDecodeError) as error:
         raise InputError(f"file {path} ({error})", allowed) from error
     if not lines:

@@ -26,7 +26,7 @@ WRITE_INTERVAL: Seconds = 0.1
 """Time between writes: what a kill may lose."""
 CLOCK_INTERVAL: Seconds = 1.0
 """Time between stored clock offsets."""
-HARMLESS = ("stop", "back")
+HARMLESS = ("stop", "back", "sound")
 """Kinds of events that are no flags."""
 STOP_TIMEOUT: Seconds = 5.0
 """Time that the threads may take to end."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.capture.recording.counters import FeedNow, Progress
+from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.units import Samples, Seconds, decibels
 
 
@@ -115,6 +116,7 @@ class RecordingSummary:
             f"audio  {_counts(audio)}  peak {peaks} dBFS",
             *(_feed_line(name, feed) for name, feed in self.instruments.items()),
             f"flags  {flags}",
+            *([f"silence: {SILENCE_REMEDY}"] if "silence" in self.flags else []),
         ]
 
     def tree(self) -> dict[str, Any]:

@@ -126,6 +126,8 @@ def plain_line(now: Progress) -> str:
         for feed in now.feeds
     )
     silent = f", silent for {now.silent:.1f} s" if now.silent else ""
+    quiet = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.is_silent)
+    silent += f", silence, microphone {quiet}" if quiet else ""
     return (
         f"{now.elapsed:8.1f} s  peak {peaks} dBFS, clipped {clipped}, gaps {now.gaps}, dropped {now.dropped}"
         f"{silent}{feeds}; {1e-6 * now.space.size:.1f} MB, space for {duration(now.space.left)}"
@@ -161,7 +163,10 @@ def _meter(number: int, level: Level, columns: int) -> Text:
             line.append("▏", WARN if level.clipping else "bold white")
         else:
             line.append(cell if cell != " " else "·", GOOD if cell != " " else DIM)
-    line.append(f" {decibels(level.rms):6.1f} dBFS" if level.rms > 0.0 else "  silence   ", LABEL)
+    if level.is_silent or level.rms == 0.0:
+        line.append("  silence   ", WARN if level.is_silent else LABEL)
+    else:
+        line.append(f" {decibels(level.rms):6.1f} dBFS", LABEL)
     if level.clipping:
         return line.append("  CLIP", WARN)
     if level.not_numbers:

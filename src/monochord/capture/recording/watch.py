@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from monochord.capture.recording.counters import FeedNow, Progress
 from monochord.core.clock import MIN_CLOCK_STEP
+from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.units import Seconds
 
 EVENT_INTERVAL: Seconds = 1.0
@@ -31,6 +32,7 @@ class Watch:
         self._totals: dict[tuple[str, str], float] = {}
         self._next: dict[tuple[str, str], Seconds] = {}
         self._silent: dict[str, Seconds] = {}
+        self._quiet: set[int] = set()
         self._offsets: Mapping[str, Seconds] = {}
         self._disk_low = self._implausible = False
 
@@ -79,6 +81,7 @@ class Watch:
         if shift := rise("uncounted", now.time_shift):
             text = f"audio: its times shifted by {shift:+.3f} s against its frames, without counted losses"
             yield _about("audio", now.time, "uncounted", text, seconds=shift)
+        yield from self._sound(now)
         clipped = sum(level.clipped for level in now.levels)
         if count := rise("clipping", clipped):
             microphones = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.clipping)
@@ -87,6 +90,19 @@ class Watch:
         if count := rise("nan", sum(level.not_numbers for level in now.levels)):
             text = f"audio: {count:.0f} samples that are not numbers"
             yield _about("audio", now.time, "nan", text, samples=count)
+
+    def _sound(self, now: Progress) -> Iterator[Notice]:
+        """Yield a notice where a microphone falls silent, and where it picks up sound again."""
+        before, self._quiet = self._quiet, {k + 1 for k, level in enumerate(now.levels) if level.is_silent}
+        for kind, numbers, more in (
+            ("silence", self._quiet - before, f"; {SILENCE_REMEDY}"),
+            ("sound", before - self._quiet, ""),
+        ):
+            if numbers:
+                microphones = ", ".join(map(str, sorted(numbers)))
+                text = f"audio: {kind}, microphone {microphones}{more}"
+                data = {"stream": "audio", "microphones": microphones}
+                yield Notice(time=now.time, kind=kind, text=text, data=data)
 
     def _feed(self, feed: FeedNow, time: Seconds, *, last: bool) -> Iterator[Notice | None]:
         name, health = feed.name, feed.health

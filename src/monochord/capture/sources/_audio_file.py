@@ -10,7 +10,7 @@ import soundfile
 
 from monochord.capture.sources.base import refuse_other_rates
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless
+from monochord.core.files import refuse_endless, similar_name
 
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
 MAX_CHANNELS = 2
@@ -32,7 +32,8 @@ def open_audio(path: Path, *, allow_truncated: bool, most: int = MAX_CHANNELS) -
         raise InputError(f"folder {path}", "a wav or flac file", "name one of its files")
     refuse_endless(path)
     if not path.exists():
-        raise InputError(f"file {path} (not there)", "an existing wav or flac file", "check its name")
+        remedy = similar_name(path) or "check its name"
+        raise InputError(f"file {path} (not there)", "an existing wav or flac file", remedy)
     if not path.stat().st_size:
         raise InputError(f"file {path} (empty)", "a wav or flac file with sound in it")
     file = _open(path, allow_truncated=allow_truncated)

@@ -58,7 +58,7 @@ class SessionSource(Source):
         channels, what = session.description.channels, f"session {self.path}"
         if channels > MAX_CHANNELS:
             raise InputError(f"{what} with {channels} channels", "1 or 2", "export it, keep the pickups'")
-        refuse_other_rates(session.description.sample_rate, what, "export it, and resample that")
+        refuse_other_rates(session.description.sample_rate, what, "resample it: monochord sessions resample")
         if not session.audio.samples.shape[1]:
             raise InputError(f"{what} (0 frames of audio)", "1 frame or more")
         stream = _SessionStream(session, self)

@@ -5,10 +5,9 @@ import math
 import numpy as np
 
 from monochord.core.kernels import kernel
+from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import Audio, Window
 
-SILENCE = 2.0e-5
-"""Root mean square below which a window is silence: twice the rounding noise of 16 bit."""
 CLIPPED_SHARE = 0.1
 """Share of samples at the very top and bottom values from which a window is too clipped to trust."""
 
@@ -25,7 +24,7 @@ def why_unusable(window: Window) -> str:
     deviation, extreme = _measured(window.samples)
     if not math.isfinite(deviation):
         return "samples that are not numbers"
-    if deviation < SILENCE:
+    if deviation < SILENT_LEVEL:
         return "silence"
     if extreme > CLIPPED_SHARE:
         return "clipped"

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from monochord.core.config import from_tree, load_json, to_tree
-from monochord.core.errors import InputError, did_you_mean
-from monochord.core.files import refuse_endless, replacing
+from monochord.core.errors import InputError
+from monochord.core.files import refuse_endless, replacing, similar_name
 from monochord.core.ownership import part_folder
 from monochord.core.types import Audio
 from monochord.perception.model.bundled import bundled_folder, bundled_names
@@ -98,7 +98,7 @@ def load(path: Path | str) -> Model:
         names = bundled_names()
         given = f"model {path} ({f'there is no {TEXT} in it' if Path(path).exists() else 'not there'})"
         allowed = f"a folder that monochord train made, or {', '.join(names)}"
-        raise InputError(given, allowed, did_you_mean(str(path), names))
+        raise InputError(given, allowed, similar_name(path, names))
     definition = _definition(folder / TEXT)
     file = folder / WEIGHTS
     refuse_endless(file)

@@ -1,6 +1,7 @@
 """A model adapted to one build by sessions of known touches: what ``monochord calibrate`` does."""
 
 import dataclasses
+import shlex
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -89,8 +90,9 @@ def calibrated(
     trained = given.definition
     rate = trained.sample_rate
     options = BuildOptions(window=trained.window / rate, hop=trained.hop / rate, labels=labels, force=force)
+    files = find_sessions(sessions)
+    _refuse_other_rates(files, rate)
     with tempfile.TemporaryDirectory() as folder:
-        files = find_sessions(sessions)
         dataset = build_dataset(
             files,
             Path(folder) / "dataset",
@@ -110,6 +112,17 @@ def calibrated(
             )
     result = dataclasses.replace(result, sensing_range=span, outside=outside)
     return result if out is None else dataclasses.replace(result, model=save(result.model, out))
+
+
+def _refuse_other_rates(sessions: Sequence[Path], sample_rate: int) -> None:
+    """Raise `InputError` for a session of another rate than the model's, with the command that mends it."""
+    for path in sessions:
+        if (rate := read_session(path).description.sample_rate) != sample_rate:
+            out = path.with_name(f"{path.stem}_{sample_rate}.mcap")
+            words = shlex.join([str(path), "--rate", str(sample_rate), "--out", str(out)])
+            allowed = f"{sample_rate} Hz, as the model was trained"
+            remedy = f"resample it: monochord sessions resample {words}"
+            raise InputError(f"session {path} at {rate} Hz", allowed, remedy)
 
 
 def _range_of(sessions: Sequence[Path]) -> tuple[Metres, Metres] | None:

@@ -50,6 +50,8 @@ MIN_WINDOWS = 3
 STIFFNESS_STD = (0.5, 2.0e-5)
 """Standard deviation of B about the design's: this share of it, and that much more."""
 TIME_TOLERANCE: Seconds = 1e-6
+NOT_DRIVEN = "nothing drives the string"
+"""How a reason ends where there is sound, and no line in it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -264,7 +266,7 @@ class Tuner:
 
     def _why_undecided(self, reading: TuningReading, lasting: Floats) -> str:
         if not len(lasting) or lasting[:, PRESENCE].max() < 0.5:
-            return "no line lasts: nothing drives the string"
+            return f"no line lasts: {NOT_DRIVEN}"
         reach = f"{100.0 * RANGE:.0f} % of {self.nominal:.1f} Hz"
         if not reading.frequency:
             strongest = lasting[0, LAST_FREQUENCY]
@@ -291,7 +293,7 @@ def _is_near(reading: TuningReading) -> bool:
 def _why_no_partials(lines: Floats) -> tuple[str, int]:
     """Return why lines are not those of an untouched string, and which microphone is dead."""
     if not len(lines):
-        return "no line stands out: nothing drives the string", 0
+        return f"no line stands out: {NOT_DRIVEN}", 0
     power = lines[:, [POWER_1, POWER_2]]
     share = power.sum(axis=0) / power.sum()
     dead = int(np.argmin(share)) + 1 if share.min() < DEAD_SHARE else 0

@@ -1,9 +1,9 @@
 """Sessions in other forms: one file a form, found by its name."""
 
 from monochord.core.registry import Registry
-from monochord.sessions.exports._contents import form_of
+from monochord.sessions.exports._contents import Stretch, form_of, tables, write_back
 from monochord.sessions.exports.base import Export
 
 EXPORTS: Registry[Export] = Registry("monochord.sessions.exports", Export)
 
-__all__ = ["EXPORTS", "form_of"]
+__all__ = ["EXPORTS", "Stretch", "form_of", "tables", "write_back"]

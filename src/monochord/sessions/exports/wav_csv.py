@@ -12,7 +12,7 @@ import numpy as np
 import soundfile
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless, sound_written, without_index
+from monochord.core.files import refuse_endless, similar_name, sound_written, without_index
 from monochord.core.types import Audio
 from monochord.core.units import Samples
 from monochord.sessions import SessionReader
@@ -192,7 +192,8 @@ def read_csv(path: Path, kinds: Mapping[str, type]) -> Columns:
         with path.open(encoding="utf-8", newline="") as file:
             names, *rows = without_index([*csv.reader(file, strict=True)] or [[]])
     except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a CSV file", "check its name") from error
+        remedy = similar_name(path) or "check its name"
+        raise InputError(f"file {path} ({error.strerror})", "a CSV file", remedy) from error
     except (csv.Error, UnicodeDecodeError) as error:
         raise InputError(f"file {path} ({error})", "CSV in UTF-8") from error
     if len(set(names)) < len(names):

@@ -1,0 +1,76 @@
+"""A session at another sample rate: a model reads sound of the rate that it was trained at alone."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from monochord.core.errors import InputError
+from monochord.core.types import Audio
+from monochord.core.units import Seconds
+from monochord.sessions.exports import Stretch, tables, write_back
+from monochord.sessions.reader import SessionReader
+from monochord.sessions.tracks import AudioTrack
+
+BLOCK: Seconds = 0.1
+
+
+def resample(session: SessionReader, path: Path, sample_rate: int) -> None:
+    """Write a session whose sound has another sample rate; everything else, and every time, stays.
+
+    The sound between two gaps is resampled in one piece, linear phase, by soxr's "HQ". Above half of the
+    lower rate nothing is left, or nothing is there.
+
+    Parameters
+    ----------
+    session
+        What was recorded.
+    path
+        The new session, ``NAME.mcap``; an error leaves none.
+    sample_rate
+        The new rate, in Hz.
+
+    Raises
+    ------
+    InputError
+        If the session has that rate, the rate is not above zero, or the file exists.
+
+    Examples
+    --------
+    ``resample(read_session(Path("take.mcap")), Path("take_44100.mcap"), 44100)``
+    """
+    given = f"session {session.path} at {session.description.sample_rate} Hz"
+    if sample_rate < 1:
+        raise InputError(f"{given}, to {sample_rate} Hz", "1 Hz or more")
+    if sample_rate == session.description.sample_rate:
+        raise InputError(f"{given} already", "another rate", "use it as it is")
+    more = {**session.description.more, "resampled": f"from {session.description.sample_rate} Hz"}
+    description = replace(session.description, sample_rate=sample_rate, more=more)
+    write_back(path, description, session.clock, _stretches(session.audio, sample_rate), tables(session))
+
+
+def _stretches(audio: AudioTrack, rate: int) -> Iterator[Stretch]:
+    """Yield the sound at a rate, each frame at the time that it has in the track."""
+    ratio, reached, size = rate / audio.sample_rate, 0, round(BLOCK * rate)
+    ends = (*(first for first, _ in audio.gaps), audio.samples.shape[1])
+    begins = (0, *(stop for _, stop in audio.gaps))
+    for begin, end in zip(begins, ends, strict=True):
+        start, stop = round(begin * ratio), round(end * ratio)
+        samples = _resampled(audio.samples[:, begin:end], audio.sample_rate, rate)[:, : stop - start]
+        for at in range(0, samples.shape[1], size):
+            yield Stretch(
+                start=start + at,
+                dropped=start - reached if not at else 0,
+                time=float(audio.time((start + at) / ratio)),
+                timed=bool(len(audio.anchor_frame)),
+                device_frame=-1,
+                samples=np.ascontiguousarray(samples[:, at : at + size]),
+            )
+        reached = start + samples.shape[1]
+
+
+def _resampled(samples: Audio, old: int, new: int) -> Audio:
+    import soxr  # noqa: PLC0415
+
+    return np.asarray(soxr.resample(samples.T, old, new, quality="HQ"), np.float32).T
