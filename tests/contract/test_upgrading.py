@@ -1,0 +1,186 @@
+"""What version 0.1 wrote, and what was written for it, is taken by the code as it is now.
+
+``tests/fixtures/v0_1`` says how it was made. A version that takes some of it no more refuses it in one line:
+its test then expects that line.
+"""
+
+import hashlib
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import monochord as mc
+from monochord import cli
+from monochord.core.config import load_toml
+from monochord.lab.plan import assignments
+from monochord.lab.plans import load_plan
+from monochord.live import LiveSettings
+from monochord.perception.training.settings import TrainingSettings
+from monochord.physics.sensors import load_sensor, sensor_design, sensor_tuning
+from monochord.sessions.check import check
+
+V0_1 = Path(__file__).parents[1] / "fixtures" / "v0_1"
+PLACE, FORCE = 0.08, 1.2
+"""The touch of `touches.mcap` in m and N, from 0.9 to 1.7 s; its labels are of 1.05 to 1.65 s."""
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of all of it, where the program runs."""
+    folder = tmp_path / "home"
+    shutil.copytree(V0_1, folder)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.fixture
+def tally(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The package of a third party, installed as pip does it."""
+    site = tmp_path / "site"
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-index"]
+    command = [*pip, "--no-deps", "--no-build-isolation", "--target", str(site), str(home / "tally")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    monkeypatch.syspath_prepend(site)
+    yield
+    sys.modules.pop("monochord_tally", None)
+
+
+def test_a_recorded_session_is_read() -> None:
+    session = mc.read_session(V0_1 / "recorded.mcap")
+    audio, about = session.audio, session.description
+    assert (session.complete, session.damaged, session.streams) == (True, 0, ("wrench", "arm"))
+    assert (audio.samples.shape, audio.samples.dtype, audio.sample_rate) == ((2, 8379), np.float32, 16000)
+    sound = hashlib.sha256(audio.samples.tobytes()).hexdigest()
+    assert sound == "d92741aba9084ca550811dbcf8e1891de6d2f05233ea779931cc4f1073b2fe4d"
+    wrench, arm = session.readings("wrench"), session.readings("arm")
+    assert wrench.values.shape == (273, 6)
+    np.testing.assert_allclose(wrench.column("fz")[:3], [1.368757, 1.364484, 1.360155], atol=1e-9)
+    assert wrench.sequence.tolist() == list(range(1, 274))
+    assert wrench.time[[0, -1]] == pytest.approx([0.508706, 1.053283], abs=1e-5)
+    assert arm.values.shape == (25, 7)
+    np.testing.assert_allclose(arm.values[0], [0.1, 0.0, 0.002, 0.0, 0.0, 0.0, 1.0], atol=1e-9)
+    assert [(event.kind, event.text) for event in session.events] == [("stop", "the time is over")]
+    assert set(session.clocks.offsets) == {"monotonic_raw", "realtime"}
+    assert (about.name, about.object, about.simulated) == ("recorded", "a rod", True)
+    assert about.string is not None
+    assert (about.string.length, about.string.tension) == (0.2, 65.0)
+    assert about.versions["monochord"] == "0.1.0"
+
+
+@pytest.mark.parametrize("name", ["recorded", "touches"])
+def test_a_session_is_whole_and_as_it_was_written(name: str) -> None:
+    report = check(V0_1 / f"{name}.mcap")
+    assert (report.faults, report.remarks) == ((), ())
+    assert (
+        report.content_checksum
+        == {
+            "recorded": "c6c96a35d4ced71f5036582743d89be90e668a76dacb394b62ed054ca1b61bc1",
+            "touches": "830e4343363456b82b12896a789244e443ac8a206e6907d5f70ab109edcd06b3",
+        }[name]
+    )
+
+
+def test_a_session_with_labels_is_read() -> None:
+    session = mc.read_session(V0_1 / "touches.mcap")
+    labels, about = session.labels, session.description
+    assert session.audio.samples.shape == (2, 30429)
+    touched = labels.columns["contact"] == 1.0
+    assert labels.time[touched][[0, -1]] == pytest.approx([1.05, 1.65], abs=0.02)
+    assert np.unique(labels.columns["position"][touched]).tolist() == [PLACE]
+    assert np.unique(labels.columns["force"][touched]).tolist() == [FORCE]
+    assert np.isnan(labels.columns["force"][~touched]).all()
+    assert (about.object, about.material, about.notes) == ("a rod", "plastic", "one touch")
+    assert about.string is not None
+    assert about.string.tension == pytest.approx(64.9057088, abs=1e-6)
+
+
+def test_a_sensor_as_tuned_is_read() -> None:
+    file = str(V0_1 / "sensor.toml")
+    sensor, tuning = load_sensor(file), sensor_tuning(file)
+    assert sensor_design(file) == "prototype"
+    assert (sensor.string.length, sensor.range) == (0.2, (0.05, 0.15))
+    assert sensor.string.tension == pytest.approx(64.9057088, abs=1e-6)
+    assert tuning is not None
+    assert tuning.open_frequency == pytest.approx(1009.83186, abs=1e-4)
+    assert tuning.open_frequency_std == pytest.approx(1.95315, abs=1e-4)
+    assert (tuning.partials, tuning.microphones) == ((2, 1, 7, 6), (1, 2))
+
+
+def test_a_calibrated_model_estimates_as_it_did() -> None:
+    model = mc.load(V0_1 / "model")
+    heads = model.definition.heads
+    assert sorted(heads) == ["contact", "force", "position", "slip"]
+    correction = heads["force"].correction
+    assert correction is not None
+    assert (correction.touches, correction.variables) == (8, ("ratio place", "ratio open - open"))
+    updates = list(mc.listen(V0_1 / "touches.mcap", model=V0_1 / "model"))
+    assert len(updates) == 181
+    held = [each for each in updates if 1.1 <= each.time <= 1.5]
+    means = {name: np.mean([each[name].value for each in held]) for name in ("contact", "position", "force")}
+    assert means["contact"] == pytest.approx(0.994, abs=0.01)
+    assert means["position"] == pytest.approx(PLACE, abs=5e-4)
+    assert means["force"] == pytest.approx(FORCE, abs=0.1)
+    untouched = [each for each in updates if 0.3 <= each.time <= 0.7]
+    assert max(each["contact"].value for each in untouched) < 0.1
+    assert not any(each["force"].valid for each in untouched)
+
+
+def test_a_configuration_of_live_runs_with_a_sink_of_a_third_party(
+    home: Path, tally: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["live", "--config", "live.toml"]) == 0, capsys.readouterr().err
+    assert "windows 181" in capsys.readouterr().out
+    *windows, end = (json.loads(line) for line in Path("windows.jsonl").read_text().splitlines())
+    assert len(windows) == 181
+    assert end.pop("counts") == {"windows": 181, "contact_begins": 1, "contact_ends": 1, "settling": 10}
+    assert end.pop("tension") == pytest.approx(64.9057088, abs=1e-6)
+    assert end == {"rate": 16000, "channels": 2, "model": "model"}
+    held: dict[str, Any] = next(each for each in windows if each["start"] == 20640)
+    assert (held["time"], held["frames"], held["duration"], held["gap"]) == (1.29, 1600, 0.1, False)
+    assert held["decided"] == {"contact": True, "slip": False}
+    assert held["truth"] == pytest.approx(
+        {"contact": 1.0, "transition": 0.0, "position": PLACE, "force": FORCE, "force_std": 0.0}
+    )
+    value, std, unit, why_not = held["estimates"]["position"]
+    assert (value, unit, why_not) == (pytest.approx(0.08026, abs=2e-4), "m", "")
+    assert std == pytest.approx(5.3e-4, rel=0.2)
+    assert held["tracked"]["force"][0] == pytest.approx(1.2036, abs=0.05)
+    (begins,) = [event for each in windows for event in each["events"] if event[0] == "contact_begins"]
+    assert begins[1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_settings_of_live_mean_what_they_did(home: Path) -> None:
+    tree = load_toml(home / "live.toml")
+    settings = LiveSettings.read(tree)
+    assert settings.source == {
+        "name": "session", "path": "touches.mcap", "block": 512, "speed": 0.0, "aligned": True,
+    }  # fmt: skip
+    assert (settings.window.length, settings.window.hop) == (0.1, 0.01)
+    assert (settings.filter.contact.dwell, settings.filter.slip.on) == (0.03, 0.15)
+    assert (settings.health.appear, settings.health.clear) == (1.0, 1.0)
+
+
+def test_settings_of_a_training_mean_what_they_did() -> None:
+    settings = TrainingSettings.read(load_toml(V0_1 / "train.toml"))
+    assert (settings.sensor, settings.seed, settings.feature["name"]) == ("prototype", 3, "fft_harmonic")
+    assert {name: task.hidden for name, task in settings.tasks().items()} == {
+        "contact": (), "slip": (), "position": (16,), "force": (16,),
+    }  # fmt: skip
+    assert (settings.noise.kinds, settings.noise.ratios) == (("white", "hum"), (10.0, 30.0))
+    assert settings.corrections == {"force": ("ratio place", "ratio open - open")}
+    assert (settings.optimiser.rate, settings.optimiser.epochs) == (3e-3, 30)
+
+
+def test_a_plan_means_what_it_did() -> None:
+    plan = load_plan(str(V0_1 / "plan.toml"))
+    assert (plan.sample_rate, plan.force_rate, plan.label_rate) == (16000, 500.0, 200.0)
+    names = [session.name for session in assignments(plan)]
+    assert names == [f"hold_{n:03}" for n in range(3)] + [f"slide_{n:03}" for n in range(5)]
