@@ -18,7 +18,7 @@ from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Win
 from monochord.core.windows import windows
 from monochord.figures import FIGURES
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
@@ -132,7 +132,7 @@ def test_sink(load: Load, tmp_path: Path) -> None:
     load("src/monochord/live/sinks/touches.py")
     file = tmp_path / "touches.txt"
     here, away = Estimate(value=0.2, std=0.001, unit="m"), Estimate.abstain("m", "silence")
-    with SINKS.build("touches", {"path": str(file)}).open(SIGNAL) as writer:
+    with SINKS.build("touches", {"path": str(file)}).open(Run(signal=SIGNAL)) as writer:
         for index, estimate in enumerate([away, here, here, away, here]):
             prediction = Prediction(start=0, time=0.5 * index, estimates={"position": estimate})
             health = StreamHealth()

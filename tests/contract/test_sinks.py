@@ -15,7 +15,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
 from monochord.live.delivery import Delivery
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 
 STRING = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
 TONE = (0.3 * np.sin(np.arange(4410) * 0.1)).astype(np.float32)
@@ -72,7 +72,7 @@ def test_it_takes_every_moment(
     name: str, string: StringParams | None, channels: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     signal = Signal(sample_rate=44100, channels=channels, string=string)
-    with SINKS.build(name).open(signal) as writer:
+    with SINKS.build(name).open(Run(signal=signal)) as writer:
         cases = itertools.product(SAMPLES.values(), ESTIMATES.values(), TRUTHS)
         for k, (samples, estimates, truth) in enumerate(cases):
             writer.write(moment(441 * k, np.tile(samples, (channels, 1)), estimates, truth))
@@ -83,9 +83,8 @@ def test_it_takes_every_moment(
 def test_it_takes_the_moments_of_several_strings(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     signal = Signal(sample_rate=44100, channels=2, string=STRING)
     strings = {"left": signal, "right": signal}
-    with Delivery(
-        [SINKS.build(name)], dataclasses.replace(signal, channels=4), paced=False, strings=strings
-    ) as delivery:
+    run = Run(signal=dataclasses.replace(signal, channels=4), strings=strings)
+    with Delivery([SINKS.build(name)], run, paced=False) as delivery:
         for k in range(4):
             for string in strings:
                 own = moment(441 * k, np.tile(TONE, (2, 1)), ESTIMATES["both sides"], {})
@@ -99,7 +98,7 @@ def test_it_takes_the_moments_of_several_strings(name: str, capsys: pytest.Captu
 def test_writing_is_quick(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """The median write takes less than a tenth of a hop of 10 ms: the loop has an estimate to make."""
     spans: list[float] = []
-    with SINKS.build(name).open(Signal(sample_rate=44100, channels=2)) as writer:
+    with SINKS.build(name).open(Run(signal=Signal(sample_rate=44100, channels=2))) as writer:
         for k in range(200):
             given = moment(441 * k, np.stack([TONE, TONE]), ESTIMATES["both sides"], TRUTHS[2])
             begin = time.perf_counter()
@@ -113,7 +112,7 @@ def test_it_opens_again_and_leaves_no_thread(name: str, capsys: pytest.CaptureFi
     before = threading.active_count()
     sink = SINKS.build(name)
     for _ in range(3):
-        with sink.open(Signal(sample_rate=44100, channels=1)) as writer:
+        with sink.open(Run(signal=Signal(sample_rate=44100, channels=1))) as writer:
             writer.write(moment(0, TONE[None], ESTIMATES["both sides"], {}))
     assert threading.active_count() == before
 
@@ -121,7 +120,7 @@ def test_it_opens_again_and_leaves_no_thread(name: str, capsys: pytest.CaptureFi
 @pytest.mark.parametrize("name", SINKS.names())
 def test_it_does_not_change_what_it_is_handed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     given = moment(0, TONE[None].copy(), dict(ESTIMATES["both sides"]), dict(TRUTHS[2]))
-    with SINKS.build(name).open(Signal(sample_rate=44100, channels=1)) as writer:
+    with SINKS.build(name).open(Run(signal=Signal(sample_rate=44100, channels=1))) as writer:
         writer.write(given)
     np.testing.assert_array_equal(given.window.samples, TONE[None])
     assert given.prediction.estimates == ESTIMATES["both sides"]
@@ -134,5 +133,5 @@ def test_a_file_sink_that_cannot_write_says_so() -> None:
     for name in path_sinks:
         sink = SINKS.build(name, {"path": "/no/such/folder/file"})
         signal = Signal(sample_rate=44100, channels=1)
-        with pytest.raises(InputError, match="/no/such/folder/file"), sink.open(signal):
+        with pytest.raises(InputError, match="/no/such/folder/file"), sink.open(Run(signal=signal)):
             pass

@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -133,28 +132,28 @@ def test_a_calibrated_model_estimates_as_it_did() -> None:
     assert not any(each["force"].valid for each in untouched)
 
 
-def test_a_configuration_of_live_runs_with_a_sink_of_a_third_party(
+def test_a_sink_of_a_third_party_is_refused_in_one_line(
     home: Path, tally: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.run(["live", "--config", "live.toml"]) == 0, capsys.readouterr().err
-    assert "windows 181" in capsys.readouterr().out
-    *windows, end = (json.loads(line) for line in Path("windows.jsonl").read_text().splitlines())
-    assert len(windows) == 181
-    assert end.pop("counts") == {"windows": 181, "contact_begins": 1, "contact_ends": 1, "settling": 10}
-    assert end.pop("tension") == pytest.approx(64.9057088, abs=1e-6)
-    assert end == {"rate": 16000, "channels": 2, "model": "model"}
-    held: dict[str, Any] = next(each for each in windows if each["start"] == 20640)
-    assert (held["time"], held["frames"], held["duration"], held["gap"]) == (1.29, 1600, 0.1, False)
-    assert held["decided"] == {"contact": True, "slip": False}
-    assert held["truth"] == pytest.approx(
-        {"contact": 1.0, "transition": 0.0, "position": PLACE, "force": FORCE, "force_std": 0.0}
+    assert cli.run(["live", "--config", "live.toml"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "sink 'monochord_tally' of Monochord 0.1" in line
+    assert "docs/how-to/upgrade.md" in line
+
+
+def test_a_configuration_of_live_runs(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = (
+        Path("live.toml").read_text().split("[sinks.tally]")[0] + '[sinks.jsonl]\npath = "windows.jsonl"\n'
     )
-    value, std, unit, why_not = held["estimates"]["position"]
-    assert (value, unit, why_not) == (pytest.approx(0.08026, abs=2e-4), "m", "")
-    assert std == pytest.approx(5.3e-4, rel=0.2)
-    assert held["tracked"]["force"][0] == pytest.approx(1.2036, abs=0.05)
-    (begins,) = [event for each in windows for event in each["events"] if event[0] == "contact_begins"]
-    assert begins[1] == pytest.approx(1.0, abs=0.05)
+    Path("live.toml").write_text(settings)
+    assert cli.run(["live", "--config", "live.toml"]) == 0, capsys.readouterr().err
+    windows = [json.loads(line) for line in Path("windows.jsonl").read_text().splitlines()]
+    assert len(windows) == 181
+    held = next(each for each in windows if each["start"] == 20640)
+    assert held["decided"] == {"contact": True, "slip": False}
+    position = held["estimates"]["position"]
+    assert position["value"] == pytest.approx(0.08026, abs=2e-4)
+    assert position["std"] == pytest.approx(5.3e-4, rel=0.2)
 
 
 def test_settings_of_live_mean_what_they_did(home: Path) -> None:

@@ -15,7 +15,7 @@ from monochord.core.types import Prediction, Signal, StreamHealth, Window
 from monochord.live import delivery
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import BACKLOG, NEWEST, Listener, Moment, NotDeliveredError, Sink, Writer
+from monochord.live.sinks.base import BACKLOG, NEWEST, Listener, Moment, NotDeliveredError, Run, Sink, Writer
 
 SIGNAL = Signal(sample_rate=44100, channels=2)
 WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
@@ -40,8 +40,8 @@ class Keep(Sink, Writer):
         return self._fills
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:
-        assert signal is SIGNAL
+    def open(self, run: Run) -> Generator[Writer]:
+        assert run.signal is SIGNAL
         self.opened += 1
         yield self
         self.closed += 1
@@ -73,7 +73,7 @@ def fail_at(count: int, error: Exception) -> Callable[[int], None]:
 
 def play(sinks: list[Sink], *, paced: bool) -> None:
     """Hand over moments until something is raised."""
-    with Delivery(sinks, SIGNAL, paced=paced) as delivering:
+    with Delivery(sinks, Run(signal=SIGNAL), paced=paced) as delivering:
         for number in range(100_000):
             delivering.hand_over(moment(number))
             time.sleep(1e-4)
@@ -81,7 +81,7 @@ def play(sinks: list[Sink], *, paced: bool) -> None:
 
 def test_every_sink_gets_all_in_order_in_a_thread_of_its_own() -> None:
     keeps = [Keep(), Keep(), Keep()]
-    with Delivery(keeps, SIGNAL, paced=True) as delivering:
+    with Delivery(keeps, Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(200):
             delivering.hand_over(moment(number))
     assert [keep.numbers for keep in keeps] == [list(range(200))] * 3
@@ -103,7 +103,7 @@ def test_a_slow_sink_delays_nobody_and_what_it_misses_is_counted(kind: type[Keep
     go = threading.Event()
     slow, quick = kind(lambda _: go.wait(60.0)), Keep()
     total = BACKLOG + 100
-    with Delivery([slow, quick], SIGNAL, paced=True) as delivering:
+    with Delivery([slow, quick], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(total):
             delivering.hand_over(moment(number))
             while len(quick.numbers) <= number:  # it, too, may be left behind by a loop without a pace
@@ -124,7 +124,10 @@ def test_a_sink_that_fails_is_reported_and_closed_and_the_others_go_on(
     caplog: pytest.LogCaptureFixture, *, paced: bool
 ) -> None:
     bad, good = Keep(fail_at(3, OSError(28, "No space left on device"))), Keep()
-    with caplog.at_level(logging.WARNING), Delivery([bad, good], SIGNAL, paced=paced) as delivering:
+    with (
+        caplog.at_level(logging.WARNING),
+        Delivery([bad, good], Run(signal=SIGNAL), paced=paced) as delivering,
+    ):
         for number in range(50):
             delivering.hand_over(moment(number))
     assert (bad.numbers, bad.closed) == ([0, 1, 2], 1)
@@ -143,7 +146,7 @@ def test_the_other_sinks_are_told_of_one_that_is_closed() -> None:
 
     notes: list[list[tuple[str, str, float]]] = []
     full = Keep(fail_at(1, OSError(28, "No space left on device")))
-    with Delivery([full, Notes()], SIGNAL, paced=False) as delivering:
+    with Delivery([full, Notes()], Run(signal=SIGNAL), paced=False) as delivering:
         for number in range(5):
             delivering.hand_over(moment(number))
     told = ("test_delivery_closed", "Output test_delivery is closed: No space left on device.", 0.02)
@@ -174,15 +177,18 @@ def test_the_run_ends_where_the_reader_of_standard_output_left(
 def test_a_sink_may_fail_as_it_is_closed(*, paced: bool) -> None:
     class Full(Keep):
         @contextmanager
-        def open(self, signal: Signal) -> Generator[Writer]:
+        def open(self, run: Run) -> Generator[Writer]:
             yield self
             raise OSError(28, "full")
 
     good = Keep()
-    with Delivery([Full(), good], SIGNAL, paced=paced) as delivering:
+    with Delivery([Full(), good], Run(signal=SIGNAL), paced=paced) as delivering:
         delivering.hand_over(moment(0))
     assert [each.failure for each in delivering.delivered] == ["full", ""]
-    with pytest.raises(OSError, match="full"), Delivery([Full()], SIGNAL, paced=paced) as delivering:
+    with (
+        pytest.raises(OSError, match="full"),
+        Delivery([Full()], Run(signal=SIGNAL), paced=paced) as delivering,
+    ):
         delivering.hand_over(moment(0))
 
 
@@ -190,7 +196,7 @@ def test_a_sink_that_hangs_does_not_keep_the_run_from_ending(monkeypatch: pytest
     monkeypatch.setattr(delivery, "CLOSING", 0.2)
     never, good = threading.Event(), Keep()
     begin = time.monotonic()
-    with Delivery([Keep(lambda _: never.wait(60.0)), good], SIGNAL, paced=True) as delivering:
+    with Delivery([Keep(lambda _: never.wait(60.0)), good], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(5):
             delivering.hand_over(moment(number))
     assert time.monotonic() - begin < 30.0
@@ -203,7 +209,7 @@ def test_a_sink_that_hangs_does_not_keep_the_run_from_ending(monkeypatch: pytest
 
 def test_a_window_that_a_sink_cannot_deliver_is_counted_and_it_goes_on() -> None:
     keep = Keep(fail_at(2, NotDeliveredError()))
-    with Delivery([keep], SIGNAL, paced=True) as delivering:
+    with Delivery([keep], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(5):
             delivering.hand_over(moment(number))
     assert keep.numbers == [0, 1, 3, 4]
@@ -217,7 +223,7 @@ def test_what_robots_act_on_is_the_newest_and_files_have_all() -> None:
 
 def test_without_a_pace_the_loop_waits_and_nothing_is_lost() -> None:
     slow = Keep(lambda _: time.sleep(1e-4))
-    with Delivery([slow], SIGNAL, paced=False) as delivering:
+    with Delivery([slow], Run(signal=SIGNAL), paced=False) as delivering:
         for number in range(2 * BACKLOG):
             delivering.hand_over(moment(number))
     assert slow.numbers == list(range(2 * BACKLOG))
@@ -236,12 +242,15 @@ def test_a_listener_is_called_in_the_loop_and_what_it_raises_passes_through(*, p
 def test_a_sink_that_cannot_be_opened_closes_the_others() -> None:
     class Absent(Keep):
         @contextmanager
-        def open(self, signal: Signal) -> Generator[Writer]:
+        def open(self, run: Run) -> Generator[Writer]:
             raise OSError(2, "not there")
             yield self
 
     before, first, usual = threading.active_count(), Keep(), sys.getswitchinterval()
-    with pytest.raises(OSError, match="not there"), Delivery([first, Absent()], SIGNAL, paced=True):
+    with (
+        pytest.raises(OSError, match="not there"),
+        Delivery([first, Absent()], Run(signal=SIGNAL), paced=True),
+    ):
         pass
     assert first.closed == 1
     assert threading.active_count() == before
@@ -251,7 +260,7 @@ def test_a_sink_that_cannot_be_opened_closes_the_others() -> None:
 @pytest.mark.real_time
 def test_handing_a_moment_to_five_sinks_costs_less_than_thirty_microseconds() -> None:
     spans: list[float] = []
-    with Delivery([Keep() for _ in range(5)], SIGNAL, paced=True) as delivering:
+    with Delivery([Keep() for _ in range(5)], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(500):
             given = moment(number)
             time.sleep(1e-3)

@@ -22,7 +22,7 @@ from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, Strea
 from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.filter import FilterSettings
 from monochord.live.loop import opened
-from monochord.live.sinks.base import Listener, Moment, Sink, Writer
+from monochord.live.sinks.base import Listener, Moment, Run, Sink, Writer
 from monochord.live.tracks import TrackSettings
 from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.physics.sensors import load_sensor
@@ -99,7 +99,7 @@ class Keep(Sink, Writer):
         self.then = then
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:
+    def open(self, run: Run) -> Generator[Writer]:
         try:
             yield self
         finally:

@@ -6,7 +6,7 @@ import pytest
 
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 from monochord.live import Scorer
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 
 WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
 UNITS = {"position": "m", "force": "N"}
@@ -33,7 +33,7 @@ def moment(
 def test_settled_windows_with_a_touch_count() -> None:
     score = Scorer()
     touch = {"contact": 1.0, "position": 0.2, "settled": 1.0}
-    with score.open(Signal(sample_rate=44100, channels=2)) as writer:
+    with score.open(Run(signal=Signal(sample_rate=44100, channels=2))) as writer:
         for position in (0.201, 0.197, 0.2, 0.21):
             writer.write(moment({"position": (position, 0.0)}, touch))
         writer.write(moment({"position": None}, touch))

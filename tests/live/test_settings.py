@@ -39,13 +39,6 @@ def test_a_tree_becomes_plug_ins() -> None:
     assert session.seconds == math.inf
 
 
-def test_a_sink_that_draws_to_scale_takes_the_estimators_length() -> None:
-    lengths = [getattr(sink, "length", None) for sink in LiveSettings.read(TREE).build().sinks]
-    assert lengths == [None, 0.65]
-    own = {**TREE, "sinks": {"terminal": {"length": 0.3}}}
-    assert getattr(LiveSettings.read(own).build().sinks[0], "length", None) == 0.3
-
-
 def test_the_resolved_tree_is_complete_and_means_the_same(tmp_path: Path) -> None:
     settings = LiveSettings.read(TREE)
     saved = tmp_path / "run.toml"

@@ -28,11 +28,10 @@ from monochord.cli._output import echo
 from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
-from monochord.core.types import Signal
 from monochord.live import LiveSettings, run
 from monochord.live.settings import NAME
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Listener, Moment, Sink, Writer
+from monochord.live.sinks.base import Listener, Moment, Run, Sink, Writer
 from monochord.perception.model.bundled import bundled_names
 from monochord.physics.sensors import sensor_names
 
@@ -164,7 +163,7 @@ class _SavedSettings(Listener):
         self._path, self._text = path, text
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+    def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         try:
             with replacing(self._path) as part:
                 part.write_text(self._text, encoding="utf-8")

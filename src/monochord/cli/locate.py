@@ -27,9 +27,8 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
-from monochord.core.types import Signal
 from monochord.live import LiveSettings, run
-from monochord.live.sinks.base import Listener, Moment, Writer
+from monochord.live.sinks.base import Listener, Moment, Run, Writer
 from monochord.perception.model.bundled import bundled_names
 
 CONTACT = "contact"
@@ -89,7 +88,8 @@ class _Table(Listener):
         self._two_channels, self._one_note = False, 0
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:
+    def open(self, run: Run) -> Generator[Writer]:
+        signal = run.signal
         self._two_channels = signal.channels == 2
         if signal.channels == 1:
             self._origin, self._stopped = "the nut", True

@@ -1,22 +1,22 @@
 """Hands moments to sinks, so that none of them delays the live loop or another sink."""
 
+import inspect
 import logging
 import queue
 import sys
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from types import MappingProxyType, TracebackType
+from types import TracebackType
 from typing import Self
 
-from monochord.core.errors import DeviceError, MonochordError
+from monochord.core.errors import DeviceError, InputError, MonochordError
 from monochord.core.printable import printable
-from monochord.core.types import Signal
 from monochord.core.units import Seconds
 from monochord.live.health import Note
-from monochord.live.sinks.base import Listener, Moment, NotDeliveredError, Sink
+from monochord.live.sinks.base import Listener, Moment, NotDeliveredError, Run, Sink
 
 CLOSING: Seconds = 5.0
 """How long sinks may take, together, to write what waits for them at the end of a run."""
@@ -27,7 +27,6 @@ Python's own 5 ms is half a hop."""
 
 ALL = ""
 """In place of a string's name, of a sink that takes the moments of all strings."""
-NO_STRINGS: Mapping[str, Signal] = MappingProxyType({})
 
 _log = logging.getLogger("monochord")
 
@@ -70,33 +69,25 @@ class Delivery:
     ----------
     sinks
         Sinks in the order in which they are opened.
-    signal
-        What the source says of its audio.
+    run
+        What they are opened for. Of several strings, a sink that is one for each
+        (`Sink.is_for_each_string`) takes the moments of that one; others take all.
     paced
         Whether a clock paces the source.
-    strings
-        The signal of each of several strings by its name. A sink that is one for each string
-        (`Sink.for_string`) takes the moments of that one; others take all.
 
     Examples
     --------
+    >>> from monochord.core.types import Signal
     >>> from monochord.live.sinks import SINKS
-    >>> signal = Signal(sample_rate=44100, channels=2)
-    >>> with Delivery([SINKS.build("udp")], signal, paced=True) as delivery:
+    >>> run = Run(signal=Signal(sample_rate=44100, channels=2))
+    >>> with Delivery([SINKS.build("udp")], run, paced=True) as delivery:
     ...     pass
     >>> delivery.delivered
     (Delivered(sink='udp', written=0, left_out=0, failure=''),)
     """
 
-    def __init__(
-        self,
-        sinks: Iterable[Sink],
-        signal: Signal,
-        *,
-        paced: bool,
-        strings: Mapping[str, Signal] = NO_STRINGS,
-    ) -> None:
-        self._sinks, self._signal, self._paced, self._strings = tuple(sinks), signal, paced, strings
+    def __init__(self, sinks: Iterable[Sink], run: Run, *, paced: bool) -> None:
+        self._sinks, self._run, self._paced = tuple(sinks), run, paced
         self._outlets: list[_Outlet] = []
         self._dispatcher: _Dispatcher | None = None
         self._usual_interval = sys.getswitchinterval()
@@ -142,12 +133,13 @@ class Delivery:
 
     def _open(self, sink: Sink) -> None:
         kind = _Called if isinstance(sink, Listener) else _Queued if self._paced else _Guarded
-        own = {name: each for name in self._strings if (each := sink.for_string(name)) is not sink}
-        for name, each in own.items():
-            self._outlets.append(kind(each, self._strings[name], string=name))
-        if not own:
-            sink = sink.for_strings(self._strings) if self._strings else sink
-            self._outlets.append(kind(sink, self._signal, strings=max(len(self._strings), 1)))
+        taken = any(each.fills_standard_output for each in self._sinks) and not sink.fills_standard_output
+        run = replace(self._run, is_output_taken=taken)
+        if sink.is_for_each_string and run.strings:
+            own = [replace(run, signal=each, string=name, strings={}) for name, each in run.strings.items()]
+        else:
+            own = [run]
+        self._outlets += [kind(sink, each) for each in own]
 
     def _close(self) -> None:
         deadline = time.monotonic() + CLOSING
@@ -169,17 +161,25 @@ class Delivery:
             raise error
 
 
-class _Outlet:
-    """An open sink, of one string by its name or of all `strings` of them."""
+def _refuse_former(sink: Sink, name: str) -> None:
+    """Raise `InputError` for a sink of version 0.1, which is opened for a signal."""
+    if "signal" in inspect.signature(sink.open).parameters:
+        remedy = "docs/how-to/upgrade.md says how: its `signal` is `run.signal`"
+        raise InputError(f"sink '{name}' of Monochord 0.1", "one with open(self, run)", remedy)
 
-    def __init__(self, sink: Sink, signal: Signal, *, string: str = ALL, strings: int = 1) -> None:  # noqa: ARG002
+
+class _Outlet:
+    """An open sink, of one string by its name or of all of them."""
+
+    def __init__(self, sink: Sink, run: Run) -> None:
         kind = type(sink).__module__.rpartition(".")[2]
-        self.name, self.string = f"{kind} {string}" if string else kind, string
+        self.name, self.string = f"{kind} {run.string}" if run.string else kind, run.string or ALL
         self.error: Exception | None = None
         self._reads_standard_output = sink.fills_standard_output
         self._given = self._written = 0
         self._closed_at: Seconds | None = None
-        self._context = sink.open(signal)
+        _refuse_former(sink, kind)
+        self._context = sink.open(run)
         self._writer = self._context.__enter__()
 
     @property
@@ -266,9 +266,9 @@ class _Guarded(_Outlet):
 class _Queued(_Outlet):
     """A sink with a thread of its own behind a queue."""
 
-    def __init__(self, sink: Sink, signal: Signal, *, string: str = ALL, strings: int = 1) -> None:
-        super().__init__(sink, signal, string=string)
-        self._backlog = sink.backlog * strings
+    def __init__(self, sink: Sink, run: Run) -> None:
+        super().__init__(sink, run)
+        self._backlog = sink.backlog * max(len(run.strings), 1)
         self._waiting: queue.SimpleQueue[Moment | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name=f"sink-{self.name}", daemon=True)
         self._thread.start()

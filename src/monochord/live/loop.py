@@ -23,7 +23,7 @@ from monochord.live import events, health
 from monochord.live import filter as time_filter
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.settings import LiveRun, channels_of
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 from monochord.live.summary import Meter, Summary
 from monochord.perception.estimators.base import Watching
 from monochord.physics.sensors import load_sensor, with_sensor
@@ -71,11 +71,14 @@ def run(setup: LiveRun) -> Summary:
             stream = stack.enter_context(setup.source.open())
         stack.enter_context(stop.ending(stream.close))
         live = LiveStream(setup, stream)
-        sinks = setup.sinks
-        if (controls := stream.controls) is not None:
-            sinks = tuple(sink.for_controls(controls) for sink in sinks)
-        strings = {each.name: each.signal for each in live.strings if each.name}
-        delivering = Delivery(sinks, live.signal, paced=stream.paced, strings=strings)
+        opened_for = Run(
+            signal=live.signal,
+            strings={each.name: each.signal for each in live.strings if each.name},
+            length=setup.estimator.string_length,
+            model=setup.estimator.model,
+            controls=stream.controls,
+        )
+        delivering = Delivery(setup.sinks, opened_for, paced=stream.paced)
         with delivering as delivery, _heap_set_aside():
             if setup.real_time:
                 prioritise(FIRST)  # of its own threads, too

@@ -172,12 +172,6 @@ class LiveSettings:
         """Build every plug-in; raises `InputError` for an unknown name or option."""
         estimator = _build(ESTIMATORS, self.estimator)
         sinks = [SINKS.build(name, options, where=f"sinks.{name}") for name, options in self.sinks.items()]
-        if estimator.string_length:
-            sinks = [sink.for_length(estimator.string_length) for sink in sinks]
-        if estimator.model:
-            sinks = [sink.for_model(estimator.model) for sink in sinks]
-        if any(sink.fills_standard_output for sink in sinks):
-            sinks = [sink if sink.fills_standard_output else sink.off_standard_output() for sink in sinks]
         return LiveRun(
             source=self._source(),
             estimator=estimator,

@@ -14,7 +14,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 from monochord.live.events import Event
 from monochord.live.health import Note
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 from monochord.live.sinks.csv import Csv
 
 SIGNAL = Signal(sample_rate=44100, channels=2)
@@ -33,7 +33,7 @@ def moment(estimates: Mapping[str, Estimate], truth: Mapping[str, float] | None 
 
 
 def rows(path: Path, *moments: Moment) -> list[dict[str, str]]:
-    with Csv(path=str(path)).open(SIGNAL) as writer:
+    with Csv(path=str(path)).open(Run(signal=SIGNAL)) as writer:
         for each in moments:
             writer.write(each)
     with path.open(encoding="utf-8", newline="") as file:
@@ -118,5 +118,8 @@ def test_a_kill_loses_less_than_a_second(recording: Path, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("place", ["/no/such/folder/out.csv", "/"])
 def test_a_place_that_cannot_be_written_is_refused(place: str) -> None:
-    with pytest.raises(InputError, match="allowed is a path that can"), Csv(path=place).open(SIGNAL):
+    with (
+        pytest.raises(InputError, match="allowed is a path that can"),
+        Csv(path=place).open(Run(signal=SIGNAL)),
+    ):
         pass

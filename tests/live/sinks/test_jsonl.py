@@ -10,7 +10,7 @@ import pytest
 
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 from monochord.live.health import Note
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 from monochord.live.sinks.jsonl import Jsonl
 from monochord.perception.estimators.base import Condition
 
@@ -31,7 +31,7 @@ def moment(estimates: Mapping[str, Estimate], truth: Mapping[str, float] | None 
 
 
 def lines(path: Path, *moments: Moment, everything: bool = True) -> list[dict[str, Any]]:
-    with Jsonl(path=str(path), everything=everything).open(SIGNAL) as writer:
+    with Jsonl(path=str(path), everything=everything).open(Run(signal=SIGNAL)) as writer:
         for each in moments:
             writer.write(each)
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
@@ -110,6 +110,6 @@ def test_numbers_survive_exactly(tmp_path: Path) -> None:
 
 
 def test_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
-    with Jsonl().open(SIGNAL) as writer:
+    with Jsonl().open(Run(signal=SIGNAL)) as writer:
         writer.write(moment({"position": POSITION}))
         assert json.loads(capsys.readouterr().out)["position"] == 0.2275

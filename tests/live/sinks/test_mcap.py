@@ -17,7 +17,7 @@ from monochord.core.types import Block, Estimate, Prediction, Signal, StreamHeal
 from monochord.core.windows import windows
 from monochord.live.events import Event
 from monochord.live.health import Note
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 from monochord.live.sinks.mcap import Mcap
 from monochord.sessions import SessionReader, check, read_session
 from monochord.sessions.exports.foxglove import Foxglove
@@ -49,7 +49,7 @@ def moments(blocks: list[Block], began: float | None) -> list[Moment]:
 
 
 def written(path: Path, given: list[Moment]) -> SessionReader:
-    with Mcap(path=str(path)).open(SIGNAL) as writer:
+    with Mcap(path=str(path)).open(Run(signal=SIGNAL)) as writer:
         for each in given:
             writer.write(each)
     assert check(path).sound
@@ -174,6 +174,6 @@ def test_it_is_exported_for_foxglove_with_a_field_for_each_estimate(tmp_path: Pa
 def test_a_file_that_exists_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_text("mine")
     sink = Mcap(path=str(tmp_path / "a.mcap"))
-    with pytest.raises(InputError, match=r"\(exists\)"), sink.open(SIGNAL):
+    with pytest.raises(InputError, match=r"\(exists\)"), sink.open(Run(signal=SIGNAL)):
         pass
     assert (tmp_path / "a.mcap").read_text() == "mine"

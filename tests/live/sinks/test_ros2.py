@@ -22,7 +22,7 @@ from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Win
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 from monochord.live.sinks.ros2 import TOPICS, Ros2
 from monochord.sessions.codec import decode
 
@@ -57,7 +57,7 @@ def published(*moments: Moment, **options: Any) -> dict[str, list[Any]]:
     """Return the messages by topic that a subscriber takes of these moments."""
     sink = Ros2(domain=DOMAIN, namespace="/lab/left", **options)
     received: dict[str, list[Any]] = {topic: [] for topic in (*TOPICS, "diagnostics")}
-    with Participant(domain=DOMAIN) as here, sink.open(SIGNAL) as writer:
+    with Participant(domain=DOMAIN) as here, sink.open(Run(signal=SIGNAL)) as writer:
         readers = [
             here.reader(f"/lab/left/{topic}", kind, lambda message, _, to=received[topic]: to.append(message))
             for topic, kind in TOPICS.items()
@@ -163,7 +163,7 @@ with Participant(domain=int(sys.argv[1])) as here:
 @pytest.mark.parametrize("fate", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_subscriber_that_stalls_or_dies_delays_nothing(fate: signal.Signals) -> None:
     spans: list[float] = []
-    with Ros2(domain=DOMAIN).open(SIGNAL) as writer:
+    with Ros2(domain=DOMAIN).open(Run(signal=SIGNAL)) as writer:
         command = [sys.executable, "-c", SUBSCRIBE, str(DOMAIN)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout
@@ -192,5 +192,5 @@ def test_an_option_that_cannot_be_used_is_refused(
     options: dict[str, Any], error: type[Exception], line: str
 ) -> None:
     sink = SINKS.build("ros2", {"domain": DOMAIN, **options})
-    with pytest.raises(error, match=line), sink.open(SIGNAL):
+    with pytest.raises(error, match=line), sink.open(Run(signal=SIGNAL)):
         pass

@@ -24,7 +24,7 @@ from monochord.live import health
 from monochord.live.events import Event
 from monochord.live.health import Finding, Note
 from monochord.live.sinks import _notes, _view
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 from monochord.live.sinks.terminal import Terminal
 
 SIGNAL = Signal(sample_rate=44100, channels=2)
@@ -33,12 +33,12 @@ PROGRAM = """
     import numpy as np
     from monochord.live.events import Event
     from monochord.live.health import Note
-    from monochord.live.sinks.base import Moment
+    from monochord.live.sinks.base import Moment, Run
     from monochord.live.sinks.terminal import Terminal
     from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 
     tone = (0.3 * np.sin(np.arange(4410) * 0.1)).astype(np.float32)
-    with Terminal(length=0.65).open(Signal(sample_rate=44100, channels=2)) as writer:
+    with Terminal(length=0.65).open(Run(signal=Signal(sample_rate=44100, channels=2))) as writer:
         for k in range(40):
             estimates = {
                 "frequency": Estimate(value=695.0, std=0.1, unit="Hz"),
@@ -184,7 +184,7 @@ def moment(k: int, *, valid: bool = True) -> Moment:
 
 
 def test_without_a_terminal_one_line_a_second_and_the_last(capsys: pytest.CaptureFixture[str]) -> None:
-    with Terminal().open(SIGNAL) as writer:
+    with Terminal().open(Run(signal=SIGNAL)) as writer:
         for k in range(100):
             writer.write(moment(k, valid=k < 50))
     first, last = capsys.readouterr().out.splitlines()
@@ -234,14 +234,14 @@ def test_what_the_touch_does_in_truth_stands_below_it(
 
 
 def test_a_plain_line_tells_the_truth_too(capsys: pytest.CaptureFixture[str]) -> None:
-    with Terminal(plain=True).open(SIGNAL) as writer:
+    with Terminal(plain=True).open(Run(signal=SIGNAL)) as writer:
         writer.write(seen(contact=1.0, position=0.3, force=0.5, slip=1.0, slip_velocity=0.01, settled=0.0))
     line = capsys.readouterr().out
     assert "; truth position 300.0 mm, force 0.50 N, slides 10.0 mm/s, settling; level" in line
 
 
 def test_standard_error_on_request(capsys: pytest.CaptureFixture[str]) -> None:
-    with Terminal(stderr=True).open(SIGNAL) as writer:
+    with Terminal(stderr=True).open(Run(signal=SIGNAL)) as writer:
         writer.write(moment(0))
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -328,7 +328,7 @@ def test_a_long_reason_takes_the_place_of_its_track(truth: dict[str, float]) -> 
 
 
 def test_no_certainty_is_made_of_a_probability(capsys: pytest.CaptureFixture[str]) -> None:
-    with Terminal(plain=True).open(SIGNAL) as writer:
+    with Terminal(plain=True).open(Run(signal=SIGNAL)) as writer:
         writer.write(learned(contact=(0.99996, 0.006), slip=(0.4, 0.5), force="too unsure"))
     line = capsys.readouterr().out
     assert "touched (99.9 %), no force (too unsure), rests (60 %)" in line
@@ -475,7 +475,7 @@ def test_a_log_has_a_line_where_a_note_begins_and_one_where_it_ends(
 ) -> None:
     lost = Finding(level="warning", sentence="Sound was lost: 1 gap.", remedy="Close others.")
     more = dataclasses.replace(lost, sentence="Sound was lost: 2 gaps.")
-    with Terminal(plain=True).open(SIGNAL) as writer:
+    with Terminal(plain=True).open(Run(signal=SIGNAL)) as writer:
         for k, notes in enumerate(
             (
                 (),
@@ -505,7 +505,7 @@ def test_a_note_that_becomes_worse_is_news_and_strings_are_told_apart(
 ) -> None:
     mild = note(Finding(level="info", sentence="It sounds higher.", remedy="Tune."), key="detuned")
     bad = note(Finding(level="error", sentence="It sounds far off.", remedy="Tune."), key="detuned")
-    with Terminal(plain=True).open(SIGNAL) as writer:
+    with Terminal(plain=True).open(Run(signal=SIGNAL)) as writer:
         for worse in (mild, bad):
             for string, notes in (("left", (worse,)), ("right", ())):
                 writer.write(noted(*notes, string=string))
@@ -520,7 +520,7 @@ def test_a_log_has_events_in_its_line_however_many_there_are(capsys: pytest.Capt
     def event(k: int, name: str = "contact") -> Event:
         return Event(name=name, on=k % 2 == 0, time=k / 10, delay=0.03, confidence=0.978)
 
-    with Terminal(plain=True).open(SIGNAL) as writer:
+    with Terminal(plain=True).open(Run(signal=SIGNAL)) as writer:
         writer.write(noted(events=(event(0), event(2, "slip"))))
         for k in range(1, 20):
             writer.write(noted(events=(event(k),)))

@@ -11,7 +11,7 @@ from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Win
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks._record import unix_nanoseconds
-from monochord.live.sinks.base import Moment, NotDeliveredError
+from monochord.live.sinks.base import Moment, NotDeliveredError, Run
 from monochord.live.sinks.jsonl import Jsonl
 from monochord.live.sinks.udp import Udp
 
@@ -48,8 +48,8 @@ def test_a_receiver_gets_what_jsonl_writes_with_a_count_and_a_stamp(
         receiver.settimeout(10.0)
         to = f"localhost:{receiver.getsockname()[1]}"
         with (
-            Udp(to=to, everything=everything).open(SIGNAL) as writer,
-            Jsonl(everything=everything).open(SIGNAL) as lines,
+            Udp(to=to, everything=everything).open(Run(signal=SIGNAL)) as writer,
+            Jsonl(everything=everything).open(Run(signal=SIGNAL)) as lines,
         ):
             for _ in range(3):
                 writer.write(moment())
@@ -74,7 +74,7 @@ def test_the_stamp_is_the_converters_time_or_else_when_the_sound_was_at_hand() -
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(10.0)
-        with Udp(to=str(receiver.getsockname()[1])).open(SIGNAL) as writer:
+        with Udp(to=str(receiver.getsockname()[1])).open(Run(signal=SIGNAL)) as writer:
             writer.write(moment(adc_time=now - 1000.1, at_hand=now - 10.0))
             writer.write(moment(at_hand=now - 10.0))
         stamps = [json.loads(receiver.recv(65536))["stamp"] for _ in range(2)]
@@ -93,23 +93,26 @@ def test_nobody_need_receive() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as once:
         once.bind(("127.0.0.1", 0))
         port = once.getsockname()[1]
-    with Udp(to=str(port)).open(SIGNAL) as writer:
+    with Udp(to=str(port)).open(Run(signal=SIGNAL)) as writer:
         for _ in range(10):
             writer.write(moment())
 
 
 def test_a_datagram_that_the_system_does_not_send_is_no_fault_of_the_sink() -> None:
     # Broadcasts need an option of the socket: the system refuses this one.
-    with Udp(to="255.255.255.255:9880").open(SIGNAL) as writer, pytest.raises(NotDeliveredError):
+    with Udp(to="255.255.255.255:9880").open(Run(signal=SIGNAL)) as writer, pytest.raises(NotDeliveredError):
         writer.write(moment())
 
 
 @pytest.mark.parametrize("to", ["", "localhost", "localhost:", "localhost:0", "localhost:65536", "9880:x"])
 def test_what_is_no_address_is_refused(to: str) -> None:
-    with pytest.raises(InputError, match="allowed is HOST:PORT"), Udp(to=to).open(SIGNAL):
+    with pytest.raises(InputError, match="allowed is HOST:PORT"), Udp(to=to).open(Run(signal=SIGNAL)):
         pass
 
 
 def test_an_unknown_host_is_refused() -> None:
-    with pytest.raises(DeviceError, match=r"host 'nobody\.invalid'"), Udp(to="nobody.invalid:1").open(SIGNAL):
+    with (
+        pytest.raises(DeviceError, match=r"host 'nobody\.invalid'"),
+        Udp(to="nobody.invalid:1").open(Run(signal=SIGNAL)),
+    ):
         pass

@@ -28,6 +28,7 @@ from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Moment, Writer
+from monochord.live.sinks.base import Run as SinkRun
 from monochord.live.web import messages
 from monochord.live.web.server import MAX_CLIENTS, MAX_MESSAGE, PAGE, RATE, Server
 from monochord.perception.estimators.base import Condition
@@ -235,7 +236,10 @@ def test_beyond_this_machine_there_is_always_a_token(capsys: pytest.CaptureFixtu
 def test_an_address_that_is_taken_or_none_is_refused() -> None:
     with Server(port=free()) as server, pytest.raises(DeviceError, match="in use"):
         Server(port=server.port)
-    with pytest.raises(InputError, match="'seven'"), SINKS.build("web", {"at": "seven"}).open(SIGNAL):
+    with (
+        pytest.raises(InputError, match="'seven'"),
+        SINKS.build("web", {"at": "seven"}).open(SinkRun(signal=SIGNAL)),
+    ):
         pass
 
 
@@ -394,7 +398,7 @@ def test_a_page_chooses_among_strings_for_itself() -> None:
 def test_the_sink_shows_every_string_of_a_run(capsys: pytest.CaptureFixture[str]) -> None:
     sink = SINKS.build("web", {"string": "ring"})
     strings = {"thumb": SIGNAL, "ring": replace(SIGNAL, channels=1)}
-    with Delivery([sink], SIGNAL, paced=True, strings=strings) as delivery:
+    with Delivery([sink], SinkRun(signal=SIGNAL, strings=strings), paced=True) as delivery:
         (port,) = re.findall(r"127.0.0.1:(\d+)/", capsys.readouterr().out)
         with connect(f"ws://127.0.0.1:{port}/live", open_timeout=30, close_timeout=0.5) as client:
             assert messages_of(client, "hello")[0]["channels"] == 1

@@ -1,7 +1,7 @@
-"""The contract of a sink: frozen options, opened into a writer of predictions.
+"""The contract of a sink: frozen options, opened for a run into a writer of predictions.
 
 What the live loop must know of a sink beforehand, the sink declares: whether its output is data on standard
-output, and how it is changed for a string of known length or for data beside it. Nobody looks at its fields.
+output, and whether each of several strings has one of its own. Nobody looks at its fields.
 """
 
 from abc import ABC, abstractmethod
@@ -23,6 +23,7 @@ NEWEST = 10
 """Windows that wait for a sink whose reader acts on the newest: 0.1 s, as many as ROS 2 keeps of a topic."""
 NOTHING_TRACKED: Mapping[str, Estimate] = MappingProxyType({})
 NOTHING_DECIDED: Mapping[str, bool] = MappingProxyType({})
+NO_STRINGS: Mapping[str, Signal] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +57,27 @@ class Moment:
     string: str = ""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """The run that a sink is opened for.
+
+    `signal` is what the source says of its audio, with the string; of several strings, that of the first or
+    of the sink's own. `string` is the name of the string that the sink is for, empty for one alone or for all
+    of `strings`, whose signals these are by name. `length` is that of the string, in m, where the estimator
+    was given one, and `model` the folder or name of a trained model that answers, empty for none. `controls`
+    are there where the string can be touched. `is_output_taken` says that standard output carries the data of
+    another sink.
+    """
+
+    signal: Signal
+    string: str = ""
+    strings: Mapping[str, Signal] = field(default_factory=lambda: NO_STRINGS)
+    length: Metres | None = None
+    model: str = ""
+    controls: Controls | None = None
+    is_output_taken: bool = False
+
+
 class NotDeliveredError(Exception):
     """Raised by a writer that could not deliver a window; the window is counted, and the sink goes on."""
 
@@ -76,8 +98,8 @@ class Sink(ABC):
     """Options of a sink, as a frozen keyword-only dataclass."""
 
     @abstractmethod
-    def open(self, signal: Signal) -> AbstractContextManager[Writer]:
-        """Open the sink for a signal; leaving the context, perhaps in another thread, closes it."""
+    def open(self, run: Run) -> AbstractContextManager[Writer]:
+        """Open the sink for a run; leaving the context, perhaps in another thread, closes it."""
 
     @contextmanager
     def ahead(self) -> Generator["Sink"]:
@@ -94,29 +116,10 @@ class Sink(ABC):
         """Whether its output is data on standard output, beside which nothing else may be printed there."""
         return False
 
-    def off_standard_output(self) -> "Sink":
-        """Return this sink for a run whose standard output carries another sink's data."""
-        return self
-
-    def for_length(self, length: Metres) -> "Sink":  # noqa: ARG002
-        """Return this sink for a string whose length the estimator was given."""
-        return self
-
-    def for_string(self, name: str) -> "Sink":  # noqa: ARG002
-        """Return this sink for one of several strings; one that returns itself takes those of all."""
-        return self
-
-    def for_strings(self, strings: Mapping[str, Signal]) -> "Sink":  # noqa: ARG002
-        """Return this sink for several strings, whose signals these are by their names."""
-        return self
-
-    def for_model(self, model: str) -> "Sink":  # noqa: ARG002
-        """Return this sink for a run in which a trained model, of this folder or name, answers."""
-        return self
-
-    def for_controls(self, controls: Controls) -> "Sink":  # noqa: ARG002
-        """Return this sink for a source whose string can be touched through it."""
-        return self
+    @property
+    def is_for_each_string(self) -> bool:
+        """Whether each of several strings has one of its own; otherwise one takes the moments of all."""
+        return False
 
 
 class Listener(Sink, Writer):
@@ -126,6 +129,6 @@ class Listener(Sink, Writer):
     """
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+    def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Return itself: there is nothing to open."""
         yield self

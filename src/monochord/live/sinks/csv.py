@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from monochord.core.errors import InputError
-from monochord.core.types import Signal
 from monochord.live.sinks._record import NANO, record, unix_nanoseconds
-from monochord.live.sinks.base import Moment, Sink, Writer
+from monochord.live.sinks.base import Moment, Run, Sink, Writer
 
 TRUE = ("true_contact", "true_slip", "true_position", "true_force")
 """What a simulated source knows, not all of it in every window."""
@@ -42,7 +41,7 @@ class Csv(Sink):
     path: str = "live.csv"
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+    def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Open the file; raises `InputError` where it cannot be written."""
         try:
             file = Path(self.path).open("w", encoding="utf-8", newline="", buffering=1)  # noqa: SIM115

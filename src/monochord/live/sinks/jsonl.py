@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TextIO
 
 from monochord.core.errors import InputError
-from monochord.core.types import Signal
 from monochord.live.sinks._record import record
-from monochord.live.sinks.base import Moment, Sink, Writer
+from monochord.live.sinks.base import Moment, Run, Sink, Writer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +43,7 @@ class Jsonl(Sink):
         return self.path == "-"
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+    def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Open the file; raises `InputError` where it cannot be written."""
         if self.path == "-":
             with _standard_output() as file:

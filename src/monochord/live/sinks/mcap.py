@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from monochord.core.dated import dated_path
 from monochord.core.types import Audio, Block, Feed, Flags, Readings, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.live.sinks._record import record
-from monochord.live.sinks.base import Moment, Sink, Writer
+from monochord.live.sinks.base import Moment, Run, Sink, Writer
 from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter
 
 WRITE_INTERVAL: Seconds = 0.25
@@ -53,21 +53,23 @@ class Mcap(Sink):
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     sink = Mcap(path=folder + "/take.mcap")
-    ...     with sink.open(Signal(sample_rate=44100, channels=2)):
+    ...     with sink.open(Run(signal=Signal(sample_rate=44100, channels=2))):
     ...         pass
     """
 
     path: str = ""
 
-    def for_string(self, name: str) -> "Mcap":
-        """Record the string into a file of its own."""
-        path = Path(self.path) if self.path else dated_path("live", ".mcap")
-        return replace(self, path=str(path.with_stem(f"{path.stem}_{name}")))
+    @property
+    def is_for_each_string(self) -> bool:
+        """Each string is recorded into a file of its own."""
+        return True
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:
+    def open(self, run: Run) -> Generator[Writer]:
         """Create the file; raises `InputError` where it exists or cannot be made."""
-        session = _Session(Path(self.path) if self.path else dated_path("live", ".mcap"), signal)
+        path = Path(self.path) if self.path else dated_path("live", ".mcap")
+        path = path.with_stem(f"{path.stem}_{run.string}") if run.string else path
+        session = _Session(path, run.signal)
         try:
             yield session
         finally:

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from monochord.core.types import Estimate, Signal
+from monochord.core.types import Estimate
 from monochord.core.units import Seconds
 from monochord.live.events import Event
 from monochord.live.sinks._record import NANO, unix_nanoseconds
-from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Sink, Writer
+from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Run, Sink, Writer
 
 if TYPE_CHECKING:
     from monochord.capture.dds.participant import Participant
@@ -68,7 +68,8 @@ class Ros2(Sink):
 
     Examples
     --------
-    >>> with Ros2(namespace="/left_string").open(Signal(sample_rate=44100, channels=2)):
+    >>> from monochord.core.types import Signal
+    >>> with Ros2(namespace="/left_string").open(Run(signal=Signal(sample_rate=44100, channels=2))):
     ...     pass
     """
 
@@ -83,17 +84,21 @@ class Ros2(Sink):
         """0.1 s of windows: who controls a robot wants the newest, and not all."""
         return NEWEST
 
-    def for_string(self, name: str) -> "Ros2":
-        """Publish below the string's name."""
-        return replace(self, namespace=f"{self.namespace.rstrip('/')}/{name}", frame=f"{name}_{self.frame}")
+    @property
+    def is_for_each_string(self) -> bool:
+        """Each string has topics below its name, and a frame of its own."""
+        return True
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+    def open(self, run: Run) -> Generator[Writer]:
         """Join the domain; raises `InputError` without the library, `DeviceError` without the network."""
         from monochord.capture.dds.participant import Participant  # noqa: PLC0415
 
+        place, own = self.namespace.rstrip("/"), self
+        if run.string:
+            own = replace(self, namespace=f"{place}/{run.string}", frame=f"{run.string}_{self.frame}")
         with Participant(domain=self.domain, interface=self.interface) as participant:
-            yield _Topics(self, participant)
+            yield _Topics(own, participant)
 
 
 class _Topics(Writer):

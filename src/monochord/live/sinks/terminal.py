@@ -4,7 +4,7 @@ import sys
 import time
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from rich.console import Console
 from rich.text import Text
@@ -17,7 +17,7 @@ from monochord.core.units import Metres, Seconds
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import _notes, _view
-from monochord.live.sinks.base import Moment, Sink, Writer
+from monochord.live.sinks.base import Moment, Run, Sink, Writer
 
 DEFAULT_LENGTH: Metres = 0.65  # to draw a string of unknown length
 
@@ -51,26 +51,20 @@ class Terminal(Sink):
     plain: bool = False
     stderr: bool = False
 
-    def off_standard_output(self) -> "Terminal":
-        """Draw on standard error."""
-        return replace(self, stderr=True)
-
-    def for_length(self, length: Metres) -> "Terminal":
-        """Draw a string of this length, unless the options name one."""
-        return self if self.length else replace(self, length=length)
-
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:
+    def open(self, run: Run) -> Generator[Writer]:
         """Take over the terminal's lower part; the last picture stays."""
-        console = Console(file=sys.stderr if self.stderr else sys.stdout, highlight=False)
+        to_stderr = self.stderr or run.is_output_taken
+        console = Console(file=sys.stderr if to_stderr else sys.stdout, highlight=False)
         if self.plain or not can_draw(console):
             lines = _Lines(console)
             yield lines
             lines.close()
             return
-        length = self.length or (signal.string.length if signal.string else DEFAULT_LENGTH)
+        signal, given = run.signal, self.length or run.length
+        length = given or (signal.string.length if signal.string else DEFAULT_LENGTH)
         # A length of one's own is that of a stopped string; a sensor's string ends at its pickups.
-        stopped = self.length or signal.channels == 1
+        stopped = given or signal.channels == 1
         ends = ("nut", "bridge") if stopped else ("pickup 1", "pickup 2")
         with Screen(console) as screen:
             picture = _Picture(console, screen, signal, length, ends, self.interval)

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 from monochord.capture.address import is_port, resolved
 from monochord.core.errors import InputError
-from monochord.core.types import Signal
 from monochord.core.units import Seconds
 from monochord.live.sinks._record import NANO, record, unix_nanoseconds
-from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Sink, Writer
+from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Run, Sink, Writer
 
 RESOLVING: Seconds = 5.0
 """How long the receiver's name may take to be found, before the first window."""
@@ -36,9 +35,11 @@ class Udp(Sink):
 
     Examples
     --------
+    >>> from monochord.core.types import Signal
     >>> with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
     ...     receiver.bind(("127.0.0.1", 0))
-    ...     with Udp(to=str(receiver.getsockname()[1])).open(Signal(sample_rate=44100, channels=2)):
+    ...     run = Run(signal=Signal(sample_rate=44100, channels=2))
+    ...     with Udp(to=str(receiver.getsockname()[1])).open(run):
     ...         pass
     """
 
@@ -51,7 +52,7 @@ class Udp(Sink):
         return NEWEST
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:  # noqa: ARG002
+    def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Find the receiver; raises `InputError` for no address, `DeviceError` for an unknown host."""
         host, _, port = self.to.rpartition(":")
         if not is_port(port):

@@ -6,16 +6,14 @@ import sys
 import webbrowser
 from collections.abc import Generator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from monochord.capture.address import is_port, resolved
-from monochord.capture.sources.base import Controls
 from monochord.core.errors import InputError
-from monochord.core.types import Signal
 from monochord.core.units import Metres
-from monochord.live.sinks.base import Moment, Sink, Writer
+from monochord.live.sinks.base import Moment, Run, Sink, Writer
 from monochord.live.sinks.terminal import DEFAULT_LENGTH
 from monochord.live.web.access import is_loopback
 
@@ -70,45 +68,25 @@ class Web(Sink):
     allow_host: tuple[str, ...] = ()
     model: str = ""
 
-    def off_standard_output(self) -> "Web":
-        """Print the address on standard error."""
-        return replace(self, stderr=True)
-
-    def for_length(self, length: Metres) -> "Web":
-        """Draw a string of this length, unless the options name one."""
-        return self if self.length else replace(self, length=length)
-
-    def for_model(self, model: str) -> "Web":
-        """Let the page calibrate the model."""
-        return self if self.model else replace(self, model=model)
-
-    def for_strings(self, strings: Mapping[str, Signal]) -> Sink:
-        """Let the page choose among strings."""
-        return _Page(options=self, strings=strings)
-
-    def for_controls(self, controls: Controls) -> Sink:
-        """Let the page touch the string."""
-        return _Page(options=self, controls=controls)
-
     @contextmanager
     def ahead(self) -> Generator[Sink]:
         """Serve the page and print its address; raises `DeviceError` for an address that is taken."""
-        with self.served() as server:
+        with self.served(to_stderr=self.stderr) as server:
             yield _Page(options=self, server=server)
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:
+    def open(self, run: Run) -> Generator[Writer]:
         """Serve the page, print its address and show the run."""
-        with _Page(options=self).open(signal) as writer:
+        with _Page(options=self).open(run) as writer:
             yield writer
 
     @contextmanager
-    def served(self) -> Generator["Server"]:
+    def served(self, *, to_stderr: bool) -> Generator["Server"]:
         """Run the server, whose address is printed."""
         with self._server() as server:
             opened = self.browser and _has_display() and webbrowser.open(server.address)
             hint = "" if opened or not self.browser else "  (open it in a browser)"
-            file = sys.stderr if self.stderr else sys.stdout
+            file = sys.stderr if to_stderr else sys.stdout
             file.write(f"page: {server.address}{hint}\n")
             file.flush()
             yield server
@@ -132,32 +110,26 @@ class _Page(Sink):
 
     options: Web
     server: "Server | None" = None
-    controls: Controls | None = None
-    strings: Mapping[str, Signal] | None = None
-
-    def for_controls(self, controls: Controls) -> Sink:
-        return replace(self, controls=controls)
-
-    def for_strings(self, strings: Mapping[str, Signal]) -> Sink:
-        return replace(self, strings=strings)
 
     @contextmanager
-    def open(self, signal: Signal) -> Generator[Writer]:
+    def open(self, run: Run) -> Generator[Writer]:
         options = self.options
+        length = options.length or run.length
         with ExitStack() as stack:
-            server = self.server or stack.enter_context(options.served())
+            served = options.served(to_stderr=options.stderr or run.is_output_taken)
+            server = self.server or stack.enter_context(served)
             views = {
                 name: stack.enter_context(
                     server.show(
                         own,
-                        options.length or (own.string.length if own.string else DEFAULT_LENGTH),
-                        self.controls,
+                        length or (own.string.length if own.string else DEFAULT_LENGTH),
+                        run.controls,
                         string=name,
                         folder=Path(options.folder),
-                        model=options.model,
+                        model=options.model or run.model,
                     )
                 )
-                for name, own in (self.strings or {"": signal}).items()
+                for name, own in (run.strings or {"": run.signal}).items()
             }
             yield _Views(views)
 

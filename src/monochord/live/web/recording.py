@@ -7,7 +7,7 @@ from monochord.core.types import Signal
 from monochord.core.units import Samples, Seconds
 from monochord.live.delivery import Delivery, reason
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Moment, Run
 
 
 class Recording:
@@ -40,7 +40,7 @@ class Recording:
         self.seconds: Seconds = 0.0
         self.failure = ""
         self._first: Samples | None = None
-        self._delivery = Delivery([SINKS.build("mcap", {"path": str(path)})], signal, paced=True)
+        self._delivery = Delivery([SINKS.build("mcap", {"path": str(path)})], Run(signal=signal), paced=True)
         self._delivery.__enter__()
 
     def take(self, moment: Moment) -> None:
