@@ -7,6 +7,7 @@ import pytest
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.perception.model import Definition, Model
+from monochord.perception.model.definition import Calibration
 
 
 def test_the_shapes_follow_from_columns_and_layers(drawn: Model) -> None:
@@ -58,3 +59,9 @@ def test_a_head_may_see_some_columns_only(drawn: Model) -> None:
 def test_columns_that_are_not_there_are_refused(drawn: Model) -> None:
     with pytest.raises(InputError, match="columns 'pitch' for the head 'force': allowed is those of bands"):
         with_columns(drawn, "pitch").shapes()
+
+
+@pytest.mark.parametrize("name", ["windows", "touches", "sessions"])
+def test_a_calibration_of_less_than_nothing_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match=f"^-1 {name} of a calibration: allowed is 0 or more"):
+        from_tree(Calibration, {name: -1})

@@ -73,6 +73,11 @@ class Calibration:
     sessions: int = 0
     measured: dict[str, float] = field(default_factory=dict[str, float])
 
+    def __post_init__(self) -> None:
+        for name in ("windows", "touches", "sessions"):
+            if getattr(self, name) < 0:
+                raise InputError(f"{getattr(self, name)} {name} of a calibration", "0 or more")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectionRecord:
