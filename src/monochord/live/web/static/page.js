@@ -3,6 +3,7 @@
 import { History } from "./history.js";
 import { facts, showEvents, showNotes, showNumbers, showPitch, showStream, speak } from "./numbers.js";
 import { Spectra } from "./spectrum.js";
+import { brief, explain, explainRun, foldSections, keep, kept } from "./sections.js";
 import { Connection, span } from "./state.js";
 import { StringView } from "./string.js";
 import { Strings } from "./strings.js";
@@ -10,6 +11,8 @@ import { Tasks } from "./tasks.js";
 import { Hand, showSettings } from "./touch.js";
 
 const element = (id) => document.getElementById(id);
+foldSections();
+explain();
 const view = new StringView(element("string"));
 const spectra = new Spectra(element("spectra"));
 const history_ = new History(element("history"));
@@ -62,7 +65,12 @@ const connection = new Connection({
   spectrum(message) { spectra.take(message); },
 });
 
-function send(message) { connection.send(message); }
+// A touch that cannot be sent is seen: the string does not bend. Of anything else the page says it.
+function send(message) {
+  const sent = connection.send(message);
+  if (!sent && message.do !== "touch" && message.do !== "release") tasks.say("Not done: the page is not connected. Try again once it is.");
+  return sent;
+}
 const hand = new Hand(view, send), tasks = new Tasks(send);
 const strings = new Strings(element("strings"), (name) => send({ do: "show", string: name }));
 
@@ -70,12 +78,11 @@ const strings = new Strings(element("strings"), (name) => send({ do: "show", str
 function showSensor({ range, drivers }) {
   element("legend-range").hidden = !range;
   element("legend-drivers").hidden = !drivers.length;
-  element("where").textContent = range
-    ? `Press the string: position is estimated from ${span(range)}, elsewhere contact alone.` : "Press the string.";
+  element("where").textContent = range ? `Position is estimated from ${span(range)}, elsewhere contact alone.` : "";
 }
 
 function simulated(is) {
-  if (run) run.simulated = is;
+  if (run) explainRun(Object.assign(run, { simulated: is }));
   element("simulated").hidden = element("legend-truth").hidden = !is;
   if (is && history_.plots.length) history_.build(colour);
 }
@@ -138,6 +145,7 @@ function latency(latencies) {
     if (k % 8 === 0) c.fillText(`${edge(k)} ms`, Math.min(Math.max((k + 1) * bar, 22), width - 26), base + 15);
   });
   const ms = (value) => (value === null ? "–" : `${value.toFixed(2)} ms`);
+  brief("latency", `median ${ms(latencies.p50)}`);
   facts("latency-facts", [["median", ms(latencies.p50)], ["95 %", ms(latencies.p95)], ["99 %", ms(latencies.p99)], ["longest", ms(latencies.longest)]]);
   canvas.setAttribute("aria-label", `Histogram of ${latencies.count} latencies: median ${ms(latencies.p50)}, 99 % below ${ms(latencies.p99)}`);
 }
@@ -155,13 +163,13 @@ function recolour() {
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const root = document.documentElement;
-try { const kept = localStorage.getItem("theme"); if (kept) root.dataset.theme = kept; } catch { /* no storage */ }
+if (kept("theme")) root.dataset.theme = kept("theme");
 recolour();
 dark.addEventListener("change", recolour);
 element("theme").addEventListener("click", () => {
   const now = root.dataset.theme ?? (dark.matches ? "dark" : "light");
   root.dataset.theme = now === "dark" ? "light" : "dark";
-  try { localStorage.setItem("theme", root.dataset.theme); } catch { /* no storage */ }
+  keep("theme", root.dataset.theme);
   recolour();
 });
 

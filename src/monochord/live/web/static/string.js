@@ -4,6 +4,9 @@ import { decision, estimate, millimetres, reason, touched } from "./state.js";
 
 const STILL = matchMedia("(prefers-reduced-motion: reduce)");
 
+// What is said of a touch without a place. While it begins and ends, the newest window may have no contact.
+function withheld(why) { return why === "no contact" ? "touched" : `touched; ${why || "position not estimated"}`; }
+
 export class StringView {
   constructor(canvas) {
     this.canvas = canvas;
@@ -64,7 +67,7 @@ export class StringView {
     const is = touched(moment), position = estimate(moment, "position"), force = estimate(moment, "force");
     s.presence += ((is && position ? 1 : 0) - s.presence) * quick;
     s.withheld += ((is && !position ? 1 : 0) - s.withheld) * slow;
-    if (is && !position) this.withheld = `touched; ${reason(moment, "position") || "position not estimated"}`;
+    if (is && !position) this.withheld = withheld(reason(moment, "position"));
     if (is && position) {
       const goal = position.value / run.length;
       s.x = s.presence < 0.3 ? goal : s.x + (goal - s.x) * quick;
