@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from tests.e2e.browser import Page, chromium, opened
-from tests.e2e.test_web import READY, String, demonstration
+from tests.e2e.test_web import READY, String, choose, demonstration
 from tests.live.web.test_server import SIGNAL, Keep, moment
 
 from monochord.core.types import OUTSIDE_RANGE, Estimate, Signal
@@ -94,7 +94,7 @@ def telling_page(signal: Signal, controls: Keep | None, folder: Path) -> Generat
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Page, list[Moment]]]:
-    signal = with_sensor(SIGNAL, SENSOR)
+    signal = replace(with_sensor(SIGNAL, SENSOR), sensing_range=(0.3, 1.0))
     with telling_page(signal, Keep(), tmp_path_factory.mktemp("told")) as both:
         yield both
 
@@ -127,6 +127,18 @@ TEXTS = """(() => {
     }
     return found;})()"""
 """Each line of visible text with its rectangle, and that of the box in which it belongs."""
+DRAWN = """new Promise((done) => {
+    const { view } = monochord, c = view.context, found = [];
+    view.text = (words, x, y, colour, align, weight = 400) => {
+        c.font = `${weight} 13px system-ui, sans-serif`;
+        const { width } = c.measureText(words), box = [0, 0, view.width, view.height];
+        const left = x - { left: 0, center: width / 2, right: width }[align];
+        const place = { left, top: y - 10, right: left + width, bottom: y + 3 };
+        if (c.globalAlpha > 0.5) found.push({ text: words, box, ...place });
+        Object.getPrototypeOf(view).text.call(view, words, x, y, colour, align, weight);
+    };
+    requestAnimationFrame(() => requestAnimationFrame(() => { delete view.text; done(found); }));})"""
+"""The words of the drawing as of `TEXTS`, once two frames were drawn; those that fade are none."""
 CUT = """[...document.querySelectorAll('header *, main *')].filter((each) => each.checkVisibility()
     && !each.closest('.unseen, svg, select, .uplot, canvas') && getComputedStyle(each).clipPath === 'none'
     && each.clientWidth > 1 && each.scrollWidth > each.clientWidth + 1
@@ -189,6 +201,12 @@ def test_no_text_overlaps_another_or_is_cut(
         assert outside(texts) == [], name
         assert page.ask(CUT) == [], name
         assert page.ask("document.documentElement.scrollWidth") == size[0]
+        page.ask("new Promise((done) => setTimeout(done, 900))")  # what fades, has
+        words = page.ask(DRAWN)
+        drawn = words[: len({each["text"] for each in words})]  # of one frame
+        assert len(drawn) > 6
+        assert overlaps(drawn) == [], name
+        assert outside(drawn) == [], name
         heights.add(round(page.ask("document.getElementById('string').getBoundingClientRect().top")))
     assert max(heights) - min(heights) <= 1  # nothing moves under a finger
 
@@ -264,6 +282,7 @@ def test_a_link_explains_the_page(page: Page, tmp_path: Path) -> None:
         server.show(SIGNAL, 0.2, None, folder=tmp_path) as writer,
         opened(f"{server.address}#about") as other,
     ):
+        other.wait("window.monochord?.run ? 1 : 0")
         writer.write(replace(moment(1), truth={}))
         other.wait(READY)
         assert other.ask(is_open)
@@ -279,10 +298,9 @@ PLOT = "monochord.history.plots[2]"
 @pytest.mark.real_time
 def test_the_history_shows_the_error_of_position_and_gaps(page: Page) -> None:
     page.size(1200, 900)
-    string = String(page)
-    page.ask("document.querySelector('select[name=touches]').value = 'by hand'")
-    page.ask("document.querySelector('select[name=touches]').dispatchEvent(new Event('change'))")
+    choose(page, "touches", "by hand")
     for share in (0.4, 0.1):  # 80 mm, and 20 mm, where the sensor tells no place
+        string = String(page)
         string.mouse("mousePressed", share)
         page.wait(f"Math.abs(monochord.moment.truth.position - {0.2 * share}) < 1e-3")
         page.wait("monochord.moment.decided.contact")
@@ -303,7 +321,6 @@ def test_the_history_shows_the_error_of_position_and_gaps(page: Page) -> None:
             assert upper[k] - value[k] == pytest.approx(2e3 * std, rel=0.5)
             assert upper[k] - value[k] == pytest.approx(value[k] - lower[k])
             check_drawn(page, k, upper[k], value[k])
-        page.ask("document.getElementById('string').scrollIntoView({block: 'nearest'})")
         string.mouse("mouseReleased", share)
         page.wait("monochord.moment.truth.contact === 0 && monochord.moment.decided.contact === false")
 

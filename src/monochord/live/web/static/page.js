@@ -16,7 +16,8 @@ explain();
 const view = new StringView(element("string"));
 const spectra = new Spectra(element("spectra"));
 const history_ = new History(element("history"));
-let run = null, moment = null, fresh = false, colour = colours(), timing = null, before = 0, historyDue = 0;
+let run = null, moment = null, fresh = false, colour = colours(), timing = null;
+let before = 0, pace = 16, historyDue = 0, spectraDue = 0, spectraDrawn = 0; // ms; pace: from frame to frame, averaged
 // Animation frames; moments that came, that were shown, and that a newer one replaced before the next frame.
 const counts = { frames: 0, received: 0, drawn: 0, replaced: 0 };
 
@@ -83,18 +84,23 @@ function showSensor({ range, drivers }) {
 
 function simulated(is) {
   if (run) explainRun(Object.assign(run, { simulated: is }));
+  document.body.dataset.simulated = String(is);
   element("simulated").hidden = element("legend-truth").hidden = !is;
   if (is && history_.plots.length) history_.build(colour);
 }
 
 function frame(now) {
-  const passed = Math.min((now - before) / 1000, 0.1);
+  pace += 0.05 * (Math.min(now - before, 100) - pace);
   before = now;
   counts.frames += 1;
   hand.tell(now);
   if (run) {
     if (visible.has("string")) view.draw(run, moment, now, colour);
-    if (visible.has("spectra")) spectra.draw(moment, passed, colour);
+    if (now > spectraDue && visible.has("spectra")) { // where frames take long, the string goes first
+      spectra.draw(moment, Math.min((now - spectraDrawn) / 1000, 0.1), colour);
+      spectraDrawn = now;
+      spectraDue = now + 4 * (pace - 18);
+    }
     if (fresh && moment) {
       fresh = false;
       counts.drawn += 1;
@@ -111,7 +117,7 @@ function frame(now) {
       if (!view.canvas.classList.contains("touchable")) view.canvas.setAttribute("aria-label", `The string: ${element("spoken").textContent}`);
     }
     if (now > historyDue && visible.has("history")) {
-      historyDue = now + 60;
+      historyDue = now + Math.max(60, 8 * (pace - 10));
       history_.draw();
     }
     if (timing) {
