@@ -91,7 +91,7 @@ export class History {
         { stroke: colour.muted, grid, ticks, font, size: 42, splits: chance ? [0, 1] : undefined, space: 28,
           values: chance ? () => ["no", "yes"] : undefined },
       ],
-      padding: [6, 8, last ? 0 : 6, 0],
+      padding: [6, 14, last ? 0 : 6, 0],
       hooks: plot.range === places && this.run.range ? { drawClear: [(of) => this.shade(of, colour)] } : {},
     };
   }
@@ -115,6 +115,7 @@ export class History {
   draw() {
     if (!this.changed || !this.plots.length) return;
     this.changed = false;
+    if (this.plots[0].width !== this.place.clientWidth) this.resize(); // they may have been built while folded
     const last = this.rows.length ? this.rows[this.rows.length - 1][0] : 0;
     this.plots.forEach((plot, k) => {
       plot.batch(() => {

@@ -138,9 +138,10 @@ export class StringView {
     c.fillStyle = colour.range;
     c.fillRect(left, 0, right - left, y);
     for (const x of [left, right]) this.line([[x, 0], [x, y]], colour.muted, 1, [2, 4]);
-    const [inner, outer, side] = right - left > 125 ? ["left", "right", 6] : ["right", "left", -6]; // of a narrow one, beside it
-    this.text(`${millimetres(low)} mm`, left + side, y - 7, colour.ink, inner);
-    this.text(`${millimetres(high)} mm`, right - side, y - 7, colour.ink, outer);
+    const words = [low, high].map((end) => `${millimetres(end)} mm`), [first, last] = words.map((each) => this.wide(each));
+    const within = right - left > first + last + 24; // else beside it
+    this.text(words[0], within ? left + 6 : Math.max(left - 6 - first, 0), y - 7, colour.ink, "left");
+    this.text(words[1], within ? right - 6 : Math.min(right + 6 + last, this.width), y - 7, colour.ink, "right");
     if (right - left > 260) this.text("sensing range", (left + right) / 2, y - 7, colour.muted, "center");
   }
 
