@@ -122,7 +122,7 @@ def opened(address: str) -> Generator[Page]:
         with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet) as process:
             try:
                 with connect(
-                    _page_of(Path(folder), process), max_size=None, open_timeout=PATIENCE
+                    _page_of(Path(folder), process), max_size=None, open_timeout=PATIENCE, ping_interval=None
                 ) as devtools:
                     page = Page(devtools)
                     page.call("Page.navigate", url=address)

@@ -461,6 +461,8 @@ def test_where_contact_is_not_known_it_is_not_called_untouched(
 
 def test_every_choice_fits_its_menu_on_a_phone(page: Page) -> None:
     page.size(360, 740, scale=2.0, mobile=True)
+    page.wait("!document.querySelector('[data-section=controls]').open")
+    page.ask("document.querySelector('[data-section=controls]').open = true")
     clipped = page.ask("""[...document.querySelectorAll('select')].flatMap((select) => {
         const style = getComputedStyle(select), arrow = 24;
         const c = document.createElement('canvas').getContext('2d');

@@ -13,7 +13,8 @@ from monochord.core.types import Signal
 from monochord.live.loop import opened
 from monochord.live.settings import LiveSettings
 from monochord.live.sinks.base import Moment
-from monochord.live.web.guided import Bench, Calibration
+from monochord.live.web.guided import MAX_WAITING, Bench
+from monochord.live.web.steps import Calibration
 from monochord.perception.model import load
 from monochord.physics.sensors import load_sensor, with_sensor
 
@@ -46,7 +47,7 @@ def bench(tmp_path: Path) -> Bench:
 
 def begun(bench: Bench) -> None:
     deadline = time.monotonic() + 30.0
-    while "guided" not in bench.state():
+    while "share" not in bench.state().get("guided", {}):
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
@@ -146,6 +147,14 @@ def test_a_touch_that_cannot_be_is_not_taken_and_the_page_says_why(bench: Bench)
     assert bench.hold(0.1, 12.0)
     assert bench.state()["guided"]["says"] != asked
     bench.close()
+
+
+def test_more_than_can_be_written_is_refused_and_said(bench: Bench, tmp_path: Path) -> None:
+    asked = [bench.record(on=number % 2 == 0) for number in range(20 * MAX_WAITING)]
+    assert not all(asked)
+    assert "press it again" in bench.state()["answer"].lower()
+    bench.close()
+    assert len([*tmp_path.glob("*.mcap")]) <= sum(asked)
 
 
 def test_a_step_is_cancelled(bench: Bench, tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ PAGE = {
         f"/static/{name}": name
         for name in (
             "page.css", "page.js", "state.js", "string.js", "spectrum.js", "history.js", "numbers.js",
-            "touch.js", "tasks.js", "strings.js", "icon.svg", "uplot/uPlot.iife.min.js",
+            "touch.js", "tasks.js", "strings.js", "sections.js", "icon.svg", "uplot/uPlot.iife.min.js",
             "uplot/uPlot.min.css",
         )
     },

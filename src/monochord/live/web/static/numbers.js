@@ -1,5 +1,6 @@
 // Estimates, truth and counters in words and numbers.
 
+import { brief } from "./sections.js";
 import { decision, estimate, isOutside, reason, touched } from "./state.js";
 
 const element = (id) => document.getElementById(id);
@@ -116,6 +117,7 @@ export function facts(id, pairs) {
 
 export function showStream(moment) {
   const { health, server } = moment;
+  brief("stream", `${health.dropped} lost, ${health.skipped} skipped`);
   facts("stream-facts", [
     ["time", `${moment.time.toFixed(1)} s`],
     ["skipped", `${health.skipped}`],

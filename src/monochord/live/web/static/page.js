@@ -3,6 +3,7 @@
 import { History } from "./history.js";
 import { facts, showEvents, showNotes, showNumbers, showPitch, showStream, speak } from "./numbers.js";
 import { Spectra } from "./spectrum.js";
+import { brief, explain, explainRun, foldSections, keep, kept } from "./sections.js";
 import { Connection, span } from "./state.js";
 import { StringView } from "./string.js";
 import { Strings } from "./strings.js";
@@ -10,10 +11,13 @@ import { Tasks } from "./tasks.js";
 import { Hand, showSettings } from "./touch.js";
 
 const element = (id) => document.getElementById(id);
+foldSections();
+explain();
 const view = new StringView(element("string"));
 const spectra = new Spectra(element("spectra"));
 const history_ = new History(element("history"));
-let run = null, moment = null, fresh = false, colour = colours(), timing = null, before = 0, historyDue = 0;
+let run = null, moment = null, fresh = false, colour = colours(), timing = null;
+let before = 0, pace = 16, historyDue = 0, spectraDue = 0, spectraDrawn = 0; // ms; pace: from frame to frame, averaged
 // Animation frames; moments that came, that were shown, and that a newer one replaced before the next frame.
 const counts = { frames: 0, received: 0, drawn: 0, replaced: 0 };
 
@@ -62,7 +66,12 @@ const connection = new Connection({
   spectrum(message) { spectra.take(message); },
 });
 
-function send(message) { connection.send(message); }
+// A touch that cannot be sent is seen: the string does not bend. Of anything else the page says it.
+function send(message) {
+  const sent = connection.send(message);
+  if (!sent && message.do !== "touch" && message.do !== "release") tasks.say("Not done: the page is not connected. Try again once it is.");
+  return sent;
+}
 const hand = new Hand(view, send), tasks = new Tasks(send);
 const strings = new Strings(element("strings"), (name) => send({ do: "show", string: name }));
 
@@ -70,24 +79,28 @@ const strings = new Strings(element("strings"), (name) => send({ do: "show", str
 function showSensor({ range, drivers }) {
   element("legend-range").hidden = !range;
   element("legend-drivers").hidden = !drivers.length;
-  element("where").textContent = range
-    ? `Press the string: position is estimated from ${span(range)}, elsewhere contact alone.` : "Press the string.";
+  element("where").textContent = range ? `Position is estimated from ${span(range)}, elsewhere contact alone.` : "";
 }
 
 function simulated(is) {
-  if (run) run.simulated = is;
+  if (run) explainRun(Object.assign(run, { simulated: is }));
+  document.body.dataset.simulated = String(is);
   element("simulated").hidden = element("legend-truth").hidden = !is;
   if (is && history_.plots.length) history_.build(colour);
 }
 
 function frame(now) {
-  const passed = Math.min((now - before) / 1000, 0.1);
+  pace += 0.05 * (Math.min(now - before, 100) - pace);
   before = now;
   counts.frames += 1;
   hand.tell(now);
   if (run) {
     if (visible.has("string")) view.draw(run, moment, now, colour);
-    if (visible.has("spectra")) spectra.draw(moment, passed, colour);
+    if (now > spectraDue && visible.has("spectra")) { // where frames take long, the string goes first
+      spectra.draw(moment, Math.min((now - spectraDrawn) / 1000, 0.1), colour);
+      spectraDrawn = now;
+      spectraDue = now + 4 * (pace - 18);
+    }
     if (fresh && moment) {
       fresh = false;
       counts.drawn += 1;
@@ -104,7 +117,7 @@ function frame(now) {
       if (!view.canvas.classList.contains("touchable")) view.canvas.setAttribute("aria-label", `The string: ${element("spoken").textContent}`);
     }
     if (now > historyDue && visible.has("history")) {
-      historyDue = now + 60;
+      historyDue = now + Math.max(60, 8 * (pace - 10));
       history_.draw();
     }
     if (timing) {
@@ -138,6 +151,7 @@ function latency(latencies) {
     if (k % 8 === 0) c.fillText(`${edge(k)} ms`, Math.min(Math.max((k + 1) * bar, 22), width - 26), base + 15);
   });
   const ms = (value) => (value === null ? "–" : `${value.toFixed(2)} ms`);
+  brief("latency", `median ${ms(latencies.p50)}`);
   facts("latency-facts", [["median", ms(latencies.p50)], ["95 %", ms(latencies.p95)], ["99 %", ms(latencies.p99)], ["longest", ms(latencies.longest)]]);
   canvas.setAttribute("aria-label", `Histogram of ${latencies.count} latencies: median ${ms(latencies.p50)}, 99 % below ${ms(latencies.p99)}`);
 }
@@ -155,13 +169,13 @@ function recolour() {
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const root = document.documentElement;
-try { const kept = localStorage.getItem("theme"); if (kept) root.dataset.theme = kept; } catch { /* no storage */ }
+if (kept("theme")) root.dataset.theme = kept("theme");
 recolour();
 dark.addEventListener("change", recolour);
 element("theme").addEventListener("click", () => {
   const now = root.dataset.theme ?? (dark.matches ? "dark" : "light");
   root.dataset.theme = now === "dark" ? "light" : "dark";
-  try { localStorage.setItem("theme", root.dataset.theme); } catch { /* no storage */ }
+  keep("theme", root.dataset.theme);
   recolour();
 });
 

@@ -45,10 +45,12 @@ export class Connection {
     }
   }
 
+  // Returns whether it is sent. A touch is left out where others wait: the next one says more.
   send(message) {
-    if (this.socket.readyState === WebSocket.OPEN && this.socket.bufferedAmount < 4096) {
-      this.socket.send(JSON.stringify(message));
-    }
+    const { readyState, bufferedAmount } = this.socket;
+    if (readyState !== WebSocket.OPEN || (message.do === "touch" && bufferedAmount > 4096)) return false;
+    this.socket.send(JSON.stringify(message));
+    return true;
   }
 }
 

@@ -4,6 +4,9 @@ import { decision, estimate, millimetres, reason, touched } from "./state.js";
 
 const STILL = matchMedia("(prefers-reduced-motion: reduce)");
 
+// What is said of a touch without a place. While it begins and ends, the newest window may have no contact.
+function withheld(why) { return why === "no contact" ? "touched" : `touched; ${why || "position not estimated"}`; }
+
 export class StringView {
   constructor(canvas) {
     this.canvas = canvas;
@@ -64,7 +67,7 @@ export class StringView {
     const is = touched(moment), position = estimate(moment, "position"), force = estimate(moment, "force");
     s.presence += ((is && position ? 1 : 0) - s.presence) * quick;
     s.withheld += ((is && !position ? 1 : 0) - s.withheld) * slow;
-    if (is && !position) this.withheld = `touched; ${reason(moment, "position") || "position not estimated"}`;
+    if (is && !position) this.withheld = withheld(reason(moment, "position"));
     if (is && position) {
       const goal = position.value / run.length;
       s.x = s.presence < 0.3 ? goal : s.x + (goal - s.x) * quick;
@@ -135,8 +138,10 @@ export class StringView {
     c.fillStyle = colour.range;
     c.fillRect(left, 0, right - left, y);
     for (const x of [left, right]) this.line([[x, 0], [x, y]], colour.muted, 1, [2, 4]);
-    this.text(`${millimetres(low)} mm`, left + 6, y - 7, colour.ink, "left");
-    this.text(`${millimetres(high)} mm`, right - 6, y - 7, colour.ink, "right");
+    const words = [low, high].map((end) => `${millimetres(end)} mm`), [first, last] = words.map((each) => this.wide(each));
+    const within = right - left > first + last + 24; // else beside it
+    this.text(words[0], within ? left + 6 : Math.max(left - 6 - first, 0), y - 7, colour.ink, "left");
+    this.text(words[1], within ? right - 6 : Math.min(right + 6 + last, this.width), y - 7, colour.ink, "right");
     if (right - left > 260) this.text("sensing range", (left + right) / 2, y - 7, colour.muted, "center");
   }
 
@@ -175,7 +180,8 @@ export class StringView {
   // A touch whose place is not told is said, and drawn nowhere.
   unplaced(colour) {
     this.context.globalAlpha = this.shown.withheld;
-    this.text(this.withheld, this.width / 2, 24, colour.estimate, "center", 600);
+    const lines = this.wide(this.withheld, 600) < this.width - 8 ? [this.withheld] : this.withheld.split("; ");
+    lines.forEach((line, k) => this.text(line, this.width / 2, (lines.length > 1 ? 16 : 24) + 17 * k, colour.estimate, "center", 600));
     this.context.globalAlpha = 1;
   }
 
@@ -220,7 +226,8 @@ export class StringView {
     const first = this.trail[0];
     const moved = at - first[0];
     const words = Math.abs(moved) < 3 ? "slips" : moved > 0 ? "slides →" : "← slides";
-    this.text(words, at, Math.max(tip - 72, 22), colour.estimate, "center", 600);
+    const half = 0.5 * this.wide(words, 600), x = Math.min(Math.max(at, half), this.width - half);
+    this.text(words, x, Math.min(Math.max(tip - 72, 22), this.rest - 40), colour.estimate, "center", 600); // above the pickups' names
   }
 
   truth(run, moment, colour) {
@@ -258,13 +265,19 @@ export class StringView {
     this.line([[this.pad, y], [width - this.pad, y]], colour.line, 1);
     if (!run) return;
     const whole = 1e3 * run.length;
-    const step = [5, 10, 20, 25, 50, 100, 200, 500].find((s) => (width - 2 * this.pad) * s / whole > 54) ?? 1000;
+    const label = this.wide(`${whole.toFixed(0)} mm`) + 4;
+    const step = [5, 10, 20, 25, 50, 100, 200, 500].find((s) => (width - 2 * this.pad) * s / whole > label) ?? 1000;
     for (let mm = 0; mm <= whole + 1e-6; mm += step) {
       const x = this.pixel(mm / 1e3, run.length);
       this.line([[x, y], [x, y + 6]], colour.line, 1);
       const last = mm > 0 && mm + step > whole + 1e-6;
       this.text(last ? `${mm} mm` : `${mm}`, last ? Math.min(x + 16, width - 2) : x, y + 20, colour.muted, last ? "right" : "center");
     }
+  }
+
+  wide(words, weight = 400) {
+    this.context.font = `${weight} 13px system-ui, sans-serif`;
+    return this.context.measureText(words).width;
   }
 
   text(words, x, y, colour, align, weight = 400) {

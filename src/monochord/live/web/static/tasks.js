@@ -1,5 +1,6 @@
 // A recording, and tuning and calibration step by step. The server says what is to be done; it names all files.
 
+import { brief } from "./sections.js";
 import { span } from "./state.js";
 
 const element = (id) => document.getElementById(id);
@@ -8,13 +9,14 @@ export class Tasks {
   constructor(send) {
     this.send = send;
     this.key = "";
-    element("record").addEventListener("click", () => send({ do: "record", on: !this.tasks?.recording }));
+    this.wished = { on: false, until: 0 }; // what Record was pressed for, until that is so or refused
+    element("record").addEventListener("click", () => this.record(!this.recording));
     element("tune").addEventListener("click", () => this.begin({ do: "tune" }));
     element("calibrate").addEventListener("click", () => this.begin({ do: "calibrate", touches: this.number("count") }));
-    element("cancel").addEventListener("click", () => send({ do: "cancel" }));
+    element("cancel").addEventListener("click", () => this.ask({ do: "cancel" }));
     element("typed").addEventListener("submit", (event) => {
       event.preventDefault();
-      send({ do: "hold", position: this.number("known-position") / 1e3, force: this.number("known-force") });
+      this.ask({ do: "hold", position: this.number("known-position") / 1e3, force: this.number("known-force") });
     });
   }
 
@@ -29,23 +31,46 @@ export class Tasks {
 
   number(id) { return Number(element(id).value); }
 
-  // A simulated string that is touched by itself would never be let go of.
+  // What is said of a command that does not take effect.
+  say(text) { put("answer", text); }
+
+  ask(message) {
+    this.say("");
+    this.key = ""; // what the server says of it is shown, be it as before
+    return this.send(message);
+  }
+
+  get recording() { return performance.now() < this.wished.until ? this.wished.on : Boolean(this.tasks?.recording); }
+
+  record(on) {
+    if (this.ask({ do: "record", on })) this.wished = { on, until: performance.now() + 1000 };
+    this.button();
+  }
+
+  button() {
+    const button = element("record"), pressed = String(this.recording);
+    put("record", this.recording ? "Stop recording" : "Record");
+    if (button.getAttribute("aria-pressed") !== pressed) button.setAttribute("aria-pressed", pressed);
+  }
+
+  // A simulated string that is touched by itself would never be let go of. The step is shown below the string.
   begin(message) {
     if (this.settings?.some(({ name }) => name === "touches")) this.send({ do: "change", name: "touches", value: "by hand" });
-    this.send(message);
+    const string = element("string-section");
+    if (this.ask(message) && string.getBoundingClientRect().top < 0) string.scrollIntoView();
   }
 
   show({ tasks, settings }) {
     this.settings = settings;
-    const key = JSON.stringify(tasks);
+    const key = JSON.stringify(tasks), { recording, guided, lines, saved, calibrates, answer } = tasks, done = lines.length > 0;
+    if (answer || Boolean(recording) === this.wished.on) this.wished.until = 0;
+    this.tasks = tasks;
+    this.button();
     if (key === this.key) return;
     this.key = key;
-    this.tasks = tasks;
-    const { recording, guided, lines, saved, calibrates } = tasks, done = lines.length > 0;
-    const record = element("record"), words = recording ? "Stop recording" : "Record";
-    if (record.textContent !== words) record.textContent = words;
-    record.setAttribute("aria-pressed", String(Boolean(recording)));
-    put("recorded", recording ? `${recording.seconds.toFixed(1)} s into ${recording.path}` : saved);
+    this.say(answer);
+    put("recorded", recording ? `${recording.seconds.toFixed(1)} s into ${recording.path || "a new file"}` : saved);
+    brief("tasks", recording ? `recording, ${recording.seconds.toFixed(1)} s` : "");
     element("tune").disabled = element("calibrate").disabled = element("count").disabled = Boolean(guided);
     element("calibrating").hidden = !calibrates;
     element("guided").hidden = !guided && !done;
@@ -59,12 +84,12 @@ export class Tasks {
     put("says", `${name === "tuning" ? "Tune" : "Calibrate"}: ${touch}${says}`);
     element("share").hidden = share === undefined;
     element("share").value = share ?? 0;
-    element("cancel").hidden = share === undefined;
     element("cancel").textContent = "Cancel";
     element("lines").textContent = "";
     const asks = Boolean(typed && position !== undefined);
     if (asks && element("typed").hidden) this.proposed = null;
     element("typed").hidden = !asks;
+    element("typed").lastElementChild.disabled = share > 0; // this touch is being recorded
     if (asks && this.proposed !== count) { // the values are a proposal; a person types the true ones
       this.proposed = count;
       element("known-position").value = (1e3 * position).toFixed(0);
@@ -76,7 +101,6 @@ export class Tasks {
   result(lines) {
     put("says", "Result");
     element("share").hidden = element("typed").hidden = true;
-    element("cancel").hidden = false;
     element("cancel").textContent = "Close";
     put("lines", lines.join("\n"));
   }

@@ -1,5 +1,7 @@
 // A hand on the drawn string: mouse, finger, pen or keys become touches of the simulated one.
 
+import { brief } from "./sections.js";
+
 const element = (id) => document.getElementById(id);
 const USUAL = 1.0; // N, with which a press begins
 const PER_PIXEL = 0.012; // N
@@ -151,9 +153,10 @@ export class Hand {
   }
 }
 
-// The settings of the source as menus.
+// The settings of the source as menus, and those that are not as usual in a line.
 export function showSettings(settings, send) {
-  const place = element("settings");
+  const place = element("settings"), usual = ["none", "as built"];
+  brief("controls", settings.map(({ value }) => value.replaceAll("_", " ")).filter((value) => !usual.includes(value)).join(", "));
   for (const { name, choices, value } of settings) {
     let select = place.querySelector(`select[name="${name}"]`);
     if (!select) {

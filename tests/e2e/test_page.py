@@ -1,0 +1,384 @@
+"""The page's look in a real Chromium: nothing overlaps or is cut, sections fold, history shows errors."""
+
+import json
+import threading
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.e2e.browser import Page, chromium, opened
+from tests.e2e.test_web import READY, String, choose, demonstration
+from tests.live.web.test_server import SIGNAL, Keep, moment
+
+from monochord.core.types import OUTSIDE_RANGE, Estimate, Signal
+from monochord.live.health import Note
+from monochord.live.sinks.base import Moment
+from monochord.live.web.server import Server
+from monochord.physics.sensors import load_sensor, with_sensor
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(600),
+    pytest.mark.skipif(chromium() is None, reason="Chromium is not installed (Debian: apt install chromium)"),
+]
+SIZES = ((844, 390), (360, 740), (390, 844), (768, 1024), (1280, 800), (1920, 1080))
+PHONE = (390, 844)
+SENSOR = load_sensor("prototype")
+LONG = {
+    "position": Estimate(value=1.23456, std=0.12345, unit="m"),
+    "force": Estimate(value=12.345, std=10.234, unit="N"),
+}
+TRUTH = {"contact": 1.0, "slip": 1.0, "position": 1.23456, "force": 12.345}
+SLIP = Estimate(value=0.99, std=0.01, unit="")
+REASONS = (OUTSIDE_RANGE, "the string's tension does not tell force", "something very soft seems to touch")
+NOTES = tuple(
+    Note(
+        key=f"{level}{k}",
+        level=level,
+        sentence="The sound of a new touch is still settling, and the string is 123 cents above its pitch.",
+        remedy="Leave it untouched for a second. If that does not help, tune it nearer to its known pitch.",
+        since=0.0,
+    )
+    for k, level in enumerate(("error", "warning"))
+)
+
+
+def abstained(why_not: str) -> dict[str, Estimate]:
+    units = {"position": "m", "force": "N", "slip": ""}
+    return {name: Estimate.abstain(unit, why_not) for name, unit in units.items()}
+
+
+CASES = {"long": {**LONG, "slip": SLIP}, **{why_not: abstained(why_not) for why_not in REASONS}}
+
+
+def telling(estimates: dict[str, Estimate]) -> Moment:
+    """Return a moment of a touch with these estimates, and the longest that may stand beside them."""
+    plain = moment(1)
+    contact = Estimate(value=0.999, std=0.001, unit="")
+    prediction = replace(plain.prediction, estimates={"contact": contact, **estimates})
+    return replace(plain, prediction=prediction, truth=TRUTH, notes=NOTES, tracked={})
+
+
+@contextmanager
+def telling_page(signal: Signal, controls: Keep | None, folder: Path) -> Generator[tuple[Page, list[Moment]]]:
+    """Give a page that is shown a moment again and again, and the list in which that stands alone."""
+    ended, now = threading.Event(), [telling(CASES["long"])]
+
+    def write(writer: Any) -> None:
+        for number in range(10**6):
+            window = replace(now[0].window, start=441 * number)
+            prediction = replace(now[0].prediction, time=number / 50)
+            writer.write(replace(now[0], window=window, prediction=prediction))
+            if ended.wait(0.02):
+                return
+
+    with (
+        Server(port=0) as server,
+        server.show(signal, 1.3, controls, folder=folder, model="demo") as writer,
+        opened(server.address) as page,
+    ):
+        thread = threading.Thread(target=write, args=(writer,))
+        thread.start()
+        try:
+            page.wait(READY)
+            yield page, now
+            assert page.complaints == []
+        finally:
+            ended.set()
+            thread.join()
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Page, list[Moment]]]:
+    signal = replace(with_sensor(SIGNAL, SENSOR), sensing_range=(0.3, 1.0))
+    with telling_page(signal, Keep(), tmp_path_factory.mktemp("told")) as both:
+        yield both
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with demonstration(tmp_path_factory.mktemp("page")) as started, opened(started.address) as page:
+        page.size(1200, 900)
+        page.wait(READY)
+        yield page
+        assert page.complaints == []
+
+
+TEXTS = """(() => {
+    const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
+    const clipped = (each) => each.closest('.unseen, .skip') || getComputedStyle(each).clipPath !== 'none';
+    for (let node; (node = walker.nextNode());) {
+        const parent = node.parentElement;
+        if (!node.textContent.trim() || !parent.checkVisibility() || clipped(parent)) continue;
+        if (parent.closest('select, script, noscript, .uplot')) continue;
+        const range = document.createRange();
+        range.selectNodeContents(node);
+        for (const { left, top, right, bottom } of range.getClientRects()) {
+            if (right - left < 1 || bottom - top < 1) continue;
+            const outer = parent.closest('.reading, .note, summary, header, .card, dialog');
+            const box = outer?.getBoundingClientRect();
+            found.push({ text: node.textContent, left, top, right, bottom,
+                box: box && [box.left, box.top, box.right, box.bottom] });
+        }
+    }
+    return found;})()"""
+"""Each line of visible text with its rectangle, and that of the box in which it belongs."""
+DRAWN = """new Promise((done) => {
+    const { view } = monochord, c = view.context, found = [];
+    view.text = (words, x, y, colour, align, weight = 400) => {
+        c.font = `${weight} 13px system-ui, sans-serif`;
+        const { width } = c.measureText(words), box = [0, 0, view.width, view.height];
+        const left = x - { left: 0, center: width / 2, right: width }[align];
+        const place = { left, top: y - 10, right: left + width, bottom: y + 3 };
+        if (c.globalAlpha > 0.5) found.push({ text: words, box, ...place });
+        Object.getPrototypeOf(view).text.call(view, words, x, y, colour, align, weight);
+    };
+    requestAnimationFrame(() => requestAnimationFrame(() => { delete view.text; done(found); }));})"""
+"""The words of the drawing as of `TEXTS`, once two frames were drawn; those that fade are none."""
+CUT = """[...document.querySelectorAll('header *, main *')].filter((each) => each.checkVisibility()
+    && !each.closest('.unseen, svg, select, .uplot, canvas') && getComputedStyle(each).clipPath === 'none'
+    && each.clientWidth > 1 && each.scrollWidth > each.clientWidth + 1
+    && getComputedStyle(each).display !== 'inline').map((each) => each.outerHTML.slice(0, 90))"""
+"""Elements that are wider inside than they are shown."""
+
+
+def overlaps(texts: Sequence[dict[str, Any]]) -> list[tuple[str, str]]:
+    """Return the pairs of texts of which one covers more than a pixel of the other, in both directions."""
+    pairs: list[tuple[str, str]] = []
+    for k, one in enumerate(texts):
+        for other in texts[k + 1 :]:
+            wide = min(one["right"], other["right"]) - max(one["left"], other["left"])
+            high = min(one["bottom"], other["bottom"]) - max(one["top"], other["top"])
+            if wide > 1.0 and high > 3.0:  # lines of text reach a little into each other
+                pairs.append((one["text"], other["text"]))
+    return pairs
+
+
+def outside(texts: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the texts that leave their box."""
+    return [
+        each["text"]
+        for each in texts
+        if (box := each["box"])
+        and not (box[0] - 1 <= each["left"] and each["right"] <= box[2] + 1 and each["bottom"] <= box[3] + 2)
+    ]
+
+
+def sized(page: Page, size: tuple[int, int]) -> None:
+    page.size(*size, mobile=min(size) < 700)
+    page.ask("scrollTo(0, 0)")
+    page.ask("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))")
+
+
+def press(page: Page, name: str, number: int, text: str = "") -> None:
+    for kind in ("keyDown", "keyUp"):
+        more = {"windowsVirtualKeyCode": number, "text": text}
+        page.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, **more)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", SIZES)
+def test_no_text_overlaps_another_or_is_cut(
+    told: tuple[Page, list[Moment]], size: tuple[int, int], scheme: str
+) -> None:
+    page, now = told
+    sized(page, size)
+    page.scheme(scheme)
+    heights = set[float]()
+    for name, estimates in CASES.items():
+        now[0] = telling(estimates)
+        page.wait(f"document.getElementById('reading-position').textContent.includes({json.dumps(name)})"
+                  if name != "long" else
+                  "document.getElementById('reading-position').textContent.includes('123.5 mm')")  # fmt: skip
+        sized(page, size)
+        texts = page.ask(TEXTS)
+        assert len(texts) > 20
+        assert overlaps(texts) == [], name
+        assert outside(texts) == [], name
+        assert page.ask(CUT) == [], name
+        assert page.ask("document.documentElement.scrollWidth") == size[0]
+        page.ask("new Promise((done) => setTimeout(done, 900))")  # what fades, has
+        words = page.ask(DRAWN)
+        drawn = words[: len({each["text"] for each in words})]  # of one frame
+        assert len(drawn) > 6
+        assert overlaps(drawn) == [], name
+        assert outside(drawn) == [], name
+        heights.add(round(page.ask("document.getElementById('string').getBoundingClientRect().top")))
+    assert max(heights) - min(heights) <= 1  # nothing moves under a finger
+
+
+@pytest.mark.parametrize("size", [PHONE, (844, 390)])
+def test_what_matters_is_on_a_phones_first_screen(
+    told: tuple[Page, list[Moment]], size: tuple[int, int]
+) -> None:
+    page, now = told
+    now[0] = telling(CASES["long"])
+    sized(page, size)
+    bottom = lambda name: page.ask(f"document.getElementById('{name}').getBoundingClientRect().bottom")  # noqa: E731
+    for name in ("reading-slip", "string", "hint"):
+        assert bottom(name) <= size[1], name
+    if size == PHONE:
+        assert bottom("notes") <= size[1]
+        assert (
+            page.ask("document.documentElement.scrollHeight") < 1300
+        )  # pixels, with two notes of five lines
+    open_ = "[...document.querySelectorAll('details')].map((each) => each.open)"
+    assert not any(page.ask(open_))
+    sized(page, (1280, 800))
+    assert all(page.ask(open_))
+
+
+def test_a_section_stays_as_a_person_left_it(told: tuple[Page, list[Moment]]) -> None:
+    page, _ = told
+    open_ = "document.querySelector('[data-section=history]').open"
+    for size, left in ((PHONE, True), ((1280, 800), False)):
+        sized(page, size)
+        before = page.ask(open_)
+        if before is not left:
+            page.ask("document.querySelector('[data-section=history] summary').click()")
+        page.call("Page.reload")
+        time.sleep(0.5)
+        page.wait(READY)
+        assert page.ask(open_) is left
+        assert page.ask("document.querySelectorAll('#history .uplot').length") == 4
+    page.ask("localStorage.clear()")
+
+
+def test_history_that_is_built_while_folded_fills_its_place(told: tuple[Page, list[Moment]]) -> None:
+    page, _ = told
+    sized(page, (1280, 800))
+    summary = "document.querySelector('[data-section=history] summary')"
+    page.ask(f"{summary}.click()")
+    for scheme in ("dark", "light"):
+        page.scheme(scheme)
+        page.ask("new Promise((done) => requestAnimationFrame(() => done(0)))")
+    page.ask(f"{summary}.click()")
+    page.ask(f"{summary}.scrollIntoView()")
+    page.wait("monochord.history.plots[0].width === document.getElementById('history').clientWidth", 10.0)
+    page.ask("localStorage.clear()")
+
+
+def test_sections_are_opened_with_the_keyboard(told: tuple[Page, list[Moment]]) -> None:
+    page, _ = told
+    sized(page, PHONE)
+    page.ask("document.querySelector('[data-section=tasks] summary').focus()")
+    press(page, "Enter", 13, "\r")
+    page.wait("document.querySelector('[data-section=tasks]').open", 10.0)
+    names = [node["name"] for node in page.accessible() if node["role"] == "button"]
+    assert "Record" in names
+    page.ask("localStorage.clear()")
+
+
+def test_a_link_explains_the_page(page: Page, tmp_path: Path) -> None:
+    is_open, words = "document.getElementById('about').open", "document.getElementById('about').innerText"
+    requests = len(page.requests)
+    assert not page.ask(is_open)
+    named = [node["role"] for node in page.accessible() if node["name"] == "What is this?"]
+    assert "link" in named
+    page.ask("document.getElementById('what').focus()")
+    page.ask("document.getElementById('what').click()")
+    assert page.ask(is_open)
+    told = page.ask(words)
+    for word in ("string of 200 mm", "What you see is simulated", "docs/how-to/page.md", "standard error"):
+        assert word in told
+    assert "not simulated" not in told
+    assert any(node["role"] == "dialog" and node["name"] == "What is this?" for node in page.accessible())
+    press(page, "Escape", 27)
+    page.wait(f"!{is_open}", 5.0)
+    assert page.ask("document.activeElement.id") == "what"
+    assert len(page.requests) == requests
+    with (
+        Server(port=0) as server,
+        server.show(SIGNAL, 0.2, None, folder=tmp_path) as writer,
+        opened(f"{server.address}#about") as other,
+    ):
+        other.wait("window.monochord?.run ? 1 : 0")
+        writer.write(replace(moment(1), truth={}))
+        other.wait(READY)
+        assert other.ask(is_open)
+        told = other.ask(words)
+        assert "not simulated" in told
+        assert "Press the drawn string" not in told
+
+
+PLOT = "monochord.history.plots[2]"
+"""The history of position."""
+
+
+@pytest.mark.real_time
+def test_the_history_shows_the_error_of_position_and_gaps(page: Page) -> None:
+    page.size(1200, 900)
+    choose(page, "touches", "by hand")
+    for share in (0.4, 0.1):  # 80 mm, and 20 mm, where the sensor tells no place
+        string = String(page)
+        string.mouse("mousePressed", share)
+        page.wait(f"Math.abs(monochord.moment.truth.position - {0.2 * share}) < 1e-3")
+        page.wait("monochord.moment.decided.contact")
+        time.sleep(1.5)
+        begin = page.ask("monochord.moment.time")
+        time.sleep(0.5)
+        page.ask("document.getElementById('history').scrollIntoView({block: 'center'})")
+        time.sleep(0.3)
+        time_, upper, lower, value, _ = page.ask(f"{PLOT}.data")
+        rows = [k for k, each in enumerate(time_) if each > begin]
+        assert len(rows) > 2
+        if share == 0.1:
+            assert all(column[k] is None for k in rows for column in (upper, lower, value))
+        else:
+            k = rows[-1]
+            std = page.ask(f"monochord.history.rows.find((row) => row[0] === {time_[k]})[4]")
+            assert value[k] == pytest.approx(80.0, abs=3.0)
+            assert upper[k] - value[k] == pytest.approx(2e3 * std)
+            assert upper[k] - value[k] == pytest.approx(value[k] - lower[k])
+            check_drawn(page, k, upper[k], value[k])
+        string.mouse("mouseReleased", share)
+        page.wait("monochord.moment.truth.contact === 0 && monochord.moment.decided.contact === false")
+
+
+def check_drawn(page: Page, row: int, upper: float, value: float) -> None:
+    """Check that half-way to the band's edge there is another colour than beyond it."""
+    colours = page.ask(f"""(() => {{
+        const of = {PLOT}, x = Math.round(of.valToPos(of.data[0][{row}] - 0.2, 'x', true));
+        const at = (mm) => [...of.ctx.getImageData(x, Math.round(of.valToPos(mm, 'y', true)), 1, 1).data];
+        return [{(upper + value) / 2}, {upper + 2.0}].map(at)}})()""")
+    assert colours[0] != colours[1]
+
+
+def test_the_axis_of_position_follows_what_is_drawn(page: Page) -> None:
+    drawn = f"""(value, std, truth) => {{
+        const {{ history }} = monochord, kept = history.rows;
+        history.rows = kept.map((row) => row.with(3, value).with(4, std).with(9, truth));
+        history.changed = true;
+        history.draw();
+        history.rows = kept;
+        history.changed = true;
+        return [{PLOT}.scales.y.min, {PLOT}.scales.y.max]}}"""
+    empty, (low, high) = (page.ask(f"({drawn})({row})") for row in ("null, null, null", "0.1, 3e-4, null"))
+    assert empty == [1e3 * end for end in SENSOR.range]
+    assert low < 100.0 < high
+    assert 20.0 <= high - low <= 40.0
+
+
+@pytest.mark.real_time
+def test_record_pressed_twice_records_and_stops(page: Page) -> None:
+    press = "document.getElementById('record').click()"
+    words = "document.getElementById('record').textContent"
+    page.ask(press)
+    assert page.ask(words) == "Stop recording"  # at once
+    page.ask(press)
+    assert page.ask(words) == "Record"
+    page.wait("monochord.moment.tasks.saved.includes('recorded:') && !monochord.moment.tasks.recording", 10.0)
+
+
+def test_a_command_that_cannot_be_sent_is_said(tmp_path: Path) -> None:
+    with demonstration(tmp_path) as started, opened(started.address) as page:
+        page.wait(READY)
+        started.kill()
+        page.wait("document.getElementById('connection').dataset.state === 'lost'")
+        page.ask("document.getElementById('record').click()")
+        assert "not connected" in page.ask("document.getElementById('answer').textContent")
+        assert page.ask("document.getElementById('record').textContent") == "Record"

@@ -1,0 +1,181 @@
+"""Commands of a page that follow each other at once, or come while a result is computed: none is lost."""
+
+import itertools
+import json
+import threading
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.live.web.test_server import free, live, messages_of
+from websockets.sync.client import ClientConnection
+
+from monochord.core.types import Signal
+from monochord.live.loop import opened
+from monochord.live.settings import LiveSettings
+from monochord.live.sinks.base import Moment, Writer
+from monochord.live.web.server import Server
+from monochord.physics.sensors import load_sensor, with_sensor
+from monochord.sessions import read_session
+
+SENSOR = load_sensor("prototype")
+SIGNAL = with_sensor(Signal(sample_rate=44100, channels=2), SENSOR)
+TOUCHES = [
+    {"start": 2.5 + 2.0 * k, "position": 0.06 + 0.03 * k, "force": 0.5 + 0.4 * k, "seconds": 1.7}
+    for k in range(3)
+]
+PATIENCE = 60.0
+AT_ONCE = 1.0
+"""Seconds in which a command takes effect, on a busy machine."""
+
+CANCEL, TUNE = {"do": "cancel"}, {"do": "tune"}
+CALIBRATE = {"do": "calibrate", "touches": 3}
+RECORD, STOP = {"do": "record", "on": True}, {"do": "record", "on": False}
+
+
+@pytest.fixture(scope="module")
+def moments() -> tuple[Moment, ...]:
+    """Three touches of the twin as a run hands them over: untouched for 2.5 s before them."""
+    source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible", "build": 131}
+    estimator = {"name": "model", "path": "demo"}
+    tree = {"source": source, "estimator": estimator, "sinks": {}, "seconds": 9.0, "window": {"hop": 0.05}}
+    with opened(LiveSettings.read(tree).build()) as run:
+        return tuple(run)
+
+
+@contextmanager
+def shown(moments: Sequence[Moment], folder: Path, pause: float = 0.005) -> Generator[ClientConnection]:
+    """Run a server that shows these moments over and over, usually ten times as fast, and connect to it."""
+    ended = threading.Event()
+
+    def play(writer: Writer) -> None:
+        frames = moments[-1].window.start + moments[-1].window.samples.shape[1]
+        for turn in itertools.count():
+            for moment in moments:
+                window = replace(moment.window, start=moment.window.start + turn * frames)
+                writer.write(replace(moment, window=window))
+                if ended.wait(pause):
+                    return
+
+    with (
+        Server(port=free()) as server,
+        server.show(SIGNAL, SENSOR.string.length, None, folder=folder, model="demo") as writer,
+    ):
+        player = threading.Thread(target=play, args=(writer,))
+        player.start()
+        try:
+            with live(server) as client:
+                yield client
+        finally:
+            ended.set()
+            player.join()
+
+
+def tasks_once(client: ClientConnection, condition: Callable[[Any], Any], patience: float = PATIENCE) -> Any:
+    """Return what the page shows of its tasks once something is so."""
+    deadline = time.monotonic() + patience
+    while not condition(tasks := messages_of(client, "moment")[0]["tasks"]):
+        assert time.monotonic() < deadline, tasks
+    return tasks
+
+
+def send(client: ClientConnection, *commands: dict[str, Any]) -> None:
+    for command in commands:
+        client.send(json.dumps(command))
+
+
+def guided(tasks: Any) -> Any:
+    return tasks.get("guided", {}).get("name")
+
+
+def computes(tasks: Any) -> bool:
+    return "Computing" in tasks.get("guided", {}).get("says", "")
+
+
+@pytest.mark.parametrize(
+    ("before", "commands", "then"),
+    [
+        pytest.param(CALIBRATE, [CANCEL, RECORD], (None, True), id="cancel-record"),
+        pytest.param(CALIBRATE, [CANCEL, TUNE], ("tuning", False), id="cancel-tune"),
+        pytest.param(None, [CALIBRATE, CANCEL], (None, False), id="calibrate-cancel"),
+        pytest.param(None, [CALIBRATE, CANCEL, TUNE, RECORD], ("tuning", True), id="all"),
+        pytest.param(None, [RECORD, STOP], (None, False), id="record-stop"),
+        pytest.param(None, [RECORD, CALIBRATE], ("calibration", True), id="record-calibrate"),
+        pytest.param(RECORD, [STOP, RECORD], (None, True), id="stop-record"),
+        pytest.param(RECORD, [STOP, TUNE], ("tuning", False), id="stop-tune"),
+    ],
+)
+def test_of_commands_that_follow_at_once_each_takes_effect(
+    moments: Sequence[Moment],
+    tmp_path: Path,
+    before: dict[str, Any] | None,
+    commands: list[dict[str, Any]],
+    then: tuple[str | None, bool],
+) -> None:
+    untouched = moments[:40]
+    for turn in range(3):
+        folder = tmp_path / str(turn)
+        folder.mkdir()
+        with shown(untouched, folder, 0.05) as client:
+            if before is not None:
+                send(client, before)
+                tasks_once(client, lambda tasks: "recording" in tasks or "share" in tasks.get("guided", {}))
+            send(client, *commands)
+            is_then = lambda tasks: (guided(tasks), "recording" in tasks) == then  # noqa: E731
+            tasks_once(client, is_then, AT_ONCE)
+            time.sleep(0.3)  # nothing comes after that
+            assert is_then(tasks_once(client, bool))
+        count = [*commands, before or {}].count(RECORD)
+        sessions = [*folder.glob("*.mcap")]
+        assert len(sessions) == count or (then == (None, False) and count == 1)
+        assert all(read_session(path).complete for path in sessions)
+
+
+def test_a_step_that_cannot_begin_says_why(moments: Sequence[Moment], tmp_path: Path) -> None:
+    with shown(moments[:40], tmp_path, 0.05) as client:
+        send(client, CALIBRATE, TUNE)
+        tasks = tasks_once(client, lambda tasks: tasks["answer"], AT_ONCE)
+        assert guided(tasks) == "calibration"
+        assert "Tune did not begin" in tasks["answer"]
+        assert "Cancel" in tasks["answer"]
+        send(client, CANCEL)
+        tasks = tasks_once(client, lambda tasks: not guided(tasks), AT_ONCE)
+        assert not tasks["answer"]
+
+
+@pytest.mark.slow
+def test_a_recording_begins_while_a_result_is_computed(moments: Sequence[Moment], tmp_path: Path) -> None:
+    with shown(moments, tmp_path) as client:
+        send(client, CALIBRATE)
+        tasks_once(client, computes)
+        send(client, RECORD)
+        tasks = tasks_once(
+            client, lambda tasks: tasks.get("recording", {}).get("seconds", 0.0) > 0.0, AT_ONCE
+        )
+        assert computes(tasks)
+        send(client, STOP)
+        tasks_once(client, lambda tasks: "recorded:" in tasks["saved"], AT_ONCE)
+        assert tasks_once(client, lambda tasks: tasks["lines"])["lines"][-1].startswith("Saved as")
+    (session,) = tmp_path.glob("*.mcap")
+    recorded = read_session(session)
+    assert recorded.complete
+    assert recorded.audio.gaps == ()
+
+
+@pytest.mark.slow
+def test_a_computation_is_cancelled_and_the_next_step_begins(
+    moments: Sequence[Moment], tmp_path: Path
+) -> None:
+    with shown(moments, tmp_path) as client:
+        send(client, CALIBRATE)
+        tasks_once(client, computes)
+        send(client, CANCEL, TUNE)
+        tasks = tasks_once(client, lambda tasks: guided(tasks) == "tuning", AT_ONCE)
+        assert not tasks["lines"]
+        tasks = tasks_once(client, lambda tasks: tasks["lines"])
+        assert "Written to" in tasks["lines"][-1] or "tune" in tasks["lines"][0], tasks
+    assert not [*tmp_path.glob("calibrated_*")]  # what was cancelled is not saved
