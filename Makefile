@@ -173,4 +173,4 @@ demo: $(DEMO_INSTALLED) ## A simulated sensor to touch: contact, position, force
 
 clean: ## Remove what these commands made, the virtual environment included
 	rm -rf $(VENV) $(ROS) docs/_build .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
-	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests studies -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -7,7 +7,8 @@ without the transformer):
     monochord build sessions --out dataset --split object
     python -m studies.ablation --dataset dataset --sessions sessions --rows docs/results/paper.json
 
-`features.toml` lists the variations. What a folder of `--out` already has is not trained again.
+`features.toml` lists the variations. Those of YAMNet need its package and its weights
+(`studies/monochord-yamnet/README.md`). What a folder of `--out` already has is not trained again.
 """
 
 import tomllib
@@ -108,10 +109,14 @@ def settings_of(variation: Variation, dataset: Path, split: Path, run: Path) -> 
         options = override({}, variation.estimator_set)
         return replace(common, estimator=variation.estimator, options=options, sensor=SENSOR)
     if not (run / "model").exists():
-        tree = tomllib.loads(config_path(variation.config).read_text(encoding="utf-8"))
-        tree |= {"dataset": str(dataset), "split": str(split), "sensor": SENSOR}
-        train(TrainingSettings.read(override(tree, variation.set)), run)
+        train(training_of(variation, dataset=str(dataset), split=str(split), sensor=SENSOR), run)
     return replace(common, model=str(run))
+
+
+def training_of(variation: Variation, **values: str) -> TrainingSettings:
+    """Return how a variation is trained, with values of its own: paths, and the sensor."""
+    tree = tomllib.loads(config_path(variation.config).read_text(encoding="utf-8"))
+    return TrainingSettings.read(override({**tree, **values}, variation.set))
 
 
 @click.command()
@@ -128,6 +133,9 @@ def ablation(
     for name in only:
         if name not in known:
             raise InputError(f"variation '{name}'", ", ".join(known), did_you_mean(name, known))
+    for name in only or known:  # a feature that is not installed is told now, not after hours
+        if not known[name].estimator:
+            training_of(known[name]).resolved()
     for name in only or known:
         print(f"{name} ...", flush=True)
         variation, home = known[name], out / name

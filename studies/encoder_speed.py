@@ -51,8 +51,8 @@ class Encoders(Benchmark):
     window
         Their length in s.
     variants
-        Which of log_mel, ast_torch, ast_onnx, ast_int8, ast_openvino, ast_cuda (a GPU) and yamnet; all, if
-        empty.
+        Which of log_mel, ast_torch, ast_onnx, ast_int8, ast_openvino, ast_cuda (a GPU) and yamnet, where its
+        package is installed; all, if empty.
     """
 
     windows: int = 100

@@ -92,7 +92,7 @@ def test_every_command_stands_in_one_group_with_a_summary(capsys: pytest.Capture
         ("monochord record x.mcap --sensor proto", ["prototype", "prototype_one_driver"]),
         ("monochord bench l", ["live"]),
         ("monochord list sou", ["sources"]),
-        ("monochord weights get y", ["yamnet"]),
+        ("monochord weights get a", ["ast"]),
     ],
 )
 def test_the_shell_completes_names(words: str, values: list[str]) -> None:

@@ -8,6 +8,7 @@ import soundfile
 
 from monochord.cli import run
 from monochord.core.types import Block
+from monochord.perception.features import FEATURES
 from monochord.physics.strings import load_string
 from monochord.sessions import Description, SessionClock, SessionWriter
 
@@ -168,7 +169,8 @@ REFUSED = {
     "bench realstrings": "python -m studies.real_strings",
     "bench twin": "python -m studies.twin_speed",
     "figure slip": "python -m studies.slip",
-    "weights get yamnt": "did you mean 'yamnet'",
+    "weights get atst": "did you mean 'ast'",
+    "weights export atst --out {out}.onnx": "did you mean 'ast'",
     "list sorces": "did you mean 'sources'",
     "list sources jakc": "source 'jakc': allowed is",
     "simulate appendix --out {out}.wav --at 0.7": "position",
@@ -200,6 +202,25 @@ def material(small: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
     soundfile.write(folder / "silence.wav", np.zeros(44100), 44100, subtype="FLOAT")
     files = {name: folder / f"{name}.wav" for name in ("one", "two", "silence")}
     return files | {"session": folder / "session.mcap", "folder": folder, "dataset": small / "dataset"}
+
+
+@pytest.mark.skipif("yamnet" in FEATURES.names(), reason="monochord-yamnet is installed")
+@pytest.mark.parametrize(
+    "line",
+    [
+        "train paper --dataset {dataset} --out {out} --set feature.name=yamnet",
+        "weights get yamnet",
+        "weights check yamnet",
+    ],
+)
+def test_what_is_a_package_of_its_own_is_told_where_it_is(
+    line: str, material: dict[str, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    given = {**material, "out": tmp_path / "out"}
+    assert run([word.format(**given) for word in line.split()]) == 2
+    error = capfd.readouterr().err
+    assert error.count("\n") == 1
+    assert error.endswith("pip install ./studies/monochord-yamnet, in the repository\n")
 
 
 @pytest.mark.parametrize("line", REFUSED)

@@ -81,10 +81,10 @@ def test_without_a_network_get_says_what_to_do(
 def test_check_of_what_is_not_there_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.delenv("MONOCHORD_YAMNET", raising=False)
+    monkeypatch.delenv("MONOCHORD_AST", raising=False)
     monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path))
-    assert run(["weights", "check", "yamnet"]) == 2
-    assert "'monochord weights get yamnet'" in one_line(capsys)
+    assert run(["weights", "check", "ast"]) == 2
+    assert "'monochord weights get ast'" in one_line(capsys)
 
 
 @pytest.mark.parametrize("damage", ["cut", "text"])
@@ -112,7 +112,6 @@ def test_export_writes_an_onnx_file_and_says_of_which_weights(
 @pytest.mark.parametrize(
     ("arguments", "match"),
     [
-        (["yamnet", "--out", "x.onnx"], "weights 'yamnet' as an ONNX file: allowed is ast"),
         (["ast", "--out", "x.onx"], "did you mean '.onnx'"),
         (["ast", "--out", "x.onnx", "--frames", "3"], "3 frames: allowed is 16 frames or more"),
     ],

@@ -107,9 +107,6 @@ WHO_CHECKS = {
     "perception.model.known": {"step": "itself"},
     "perception.model.network": {"outputs": "the kernel", "scaled": "itself"},
     "perception.model.rise": {"rises": "itself"},
-    "perception.training.mode_ranking": dict.fromkeys(
-        ("_example", "with_places", "_fill_in_places", "places_of"), "spectrum_of"
-    ),
     "perception.tuning.lines": {"window_lines": "spectrum_of", "lasting_lines": "window_lines"},
     "perception.tuning.tuner": {"_tuning": "window_lines"},
     "physics.split_string.stream": {"_ring_on": "SplitString"},

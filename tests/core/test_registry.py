@@ -111,3 +111,11 @@ def test_a_plug_in_that_fails_to_import_fails_loudly(bells: Registry[Bell], fold
 
 def test_a_registry_is_a_value() -> None:
     assert Registry("bellfoundry.bells", Bell) == Registry("bellfoundry.bells", Bell)
+
+
+def test_a_name_of_before_is_told_where_it_is_now(folder: Path) -> None:
+    base = import_module("bellfoundry.bells.base").Bell
+    bells: Registry[Bell] = Registry("bellfoundry.bells", base, {"great_gong": "it is in the tower"})
+    with pytest.raises(InputError, match=r"bell 'great-gong': allowed is hand_gong; it is in the tower$"):
+        bells.load("great-gong")
+    assert "great_gong" not in bells.names()

@@ -1,12 +1,11 @@
 """The paper's tables by feature: variations that can be trained, on windows that are split alike."""
 
 import json
-import tomllib
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from studies.ablation import ablation, split_like, variations
+from studies.ablation import ablation, split_like, training_of, variations
 from tests.conftest import LEARNABLE, sung
 
 from monochord.core.config import override
@@ -16,7 +15,7 @@ from monochord.datasets.build import BuildOptions, build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import Dataset
 from monochord.perception.estimators import ESTIMATORS
-from monochord.perception.training import TrainingSettings, config_path
+from monochord.perception.features import FEATURES
 from monochord.sessions import Description, SessionClock, SessionWriter
 
 
@@ -57,13 +56,24 @@ def test_a_split_that_cuts_sessions_or_lacks_one_is_refused(several: Dataset, da
         split_like(dataset, several, split_dataset(several))
 
 
+@pytest.mark.usefixtures("yamnet_package")
 @pytest.mark.parametrize("name", variations())
 def test_every_variation_names_settings_that_exist(name: str) -> None:
     variation = variations()[name]
     if variation.estimator:
         ESTIMATORS.build(variation.estimator, override({}, variation.estimator_set))
-    tree = tomllib.loads(config_path(variation.config).read_text())
-    TrainingSettings.read(override(tree, variation.set)).resolved()
+    training_of(variation).resolved()
+
+
+@pytest.mark.skipif("yamnet" in FEATURES.names(), reason="monochord-yamnet is installed")
+def test_a_package_that_is_not_installed_is_told_before_anything_is_trained(
+    several: Dataset, tmp_path: Path
+) -> None:
+    line = ["--dataset", str(several.path), "--sessions", "none", "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(ablation, line)
+    assert "pip install ./studies/monochord-yamnet" in str(result.exception)
+    assert not result.output
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.slow

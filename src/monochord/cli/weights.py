@@ -59,7 +59,7 @@ def check(name: str, *, path: str, as_json: bool) -> None:
     """Say which file holds the weights NAME, what its sum is, and whether it is what it should be.
 
     \b
-    monochord weights check yamnet
+    monochord weights check ast
     """  # noqa: D301
     known = load_known(name)
     file = find_weights(known, path)

@@ -14,7 +14,7 @@ import pkgutil
 import sys
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, distributions, entry_points
@@ -38,10 +38,13 @@ class Registry(Generic[T]):
         The folder as a dotted name: ``"monochord.capture.sources"``.
     base
         The abstract class that its plug-ins subclass.
+    moved
+        Names that are in another package now, each with the way to get it.
     """
 
     package: str
     base: type[T]
+    moved: Mapping[str, str] = field(default_factory=dict[str, str], compare=False)
 
     @property
     def folder(self) -> str:
@@ -69,7 +72,8 @@ class Registry(Generic[T]):
         """
         key, names = name.replace("-", "_"), self.names()
         if key not in names:
-            raise InputError(f"{self.kind} '{name}'", ", ".join(names), did_you_mean(key, names))
+            remedy = self.moved.get(key) or did_you_mean(key, names)
+            raise InputError(f"{self.kind} '{name}'", ", ".join(names), remedy)
         added = installed(self.folder).get(key, ())
         own = key in self._own_names()
         refuse_clash(self.kind, key, added, own=own)

@@ -4,8 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Floats
-from monochord.core.units import Hertz, Samples
+from monochord.core.shapes import batch
+from monochord.core.types import Audio, Floats, Signal
+from monochord.core.units import Hertz, Samples, Seconds
+from monochord.dsp.resample import Resampler
 
 MEL_RATE = 16000
 """Sample rate in Hz of what a log-mel spectrogram is made of."""
@@ -15,6 +17,8 @@ LOWEST: Hertz = 20.0
 PRE_EMPHASIS = 0.97
 FLOOR = float(np.finfo(np.float32).eps)
 """Least energy of a band, so that silence has a logarithm."""
+MAX_SAMPLE = 1.0e3
+"""Largest sample in full scale; larger ones are clipped to it."""
 
 
 def mel(frequency: Floats) -> Floats:
@@ -170,3 +174,30 @@ class LogMel:
         energy = self._filters @ np.ascontiguousarray(spectrum.real**2 + spectrum.imag**2)
         levels = np.log(np.maximum(energy, FLOOR)).T.astype(np.float32)
         return levels.reshape(*signal.shape[:-1], self.frames, -1)
+
+
+class MelSound:
+    """Windows of one length as sound at 16 kHz; `context` seconds at the start only settle the resampler."""
+
+    def __init__(self, signal: Signal, size: Samples, *, context: Seconds = 0.0) -> None:
+        if signal.sample_rate < MEL_RATE:
+            raise InputError(f"a sample rate of {signal.sample_rate} Hz", f"{MEL_RATE} Hz or more")
+        self.channels, self._size = signal.channels, size
+        frames = round(context * signal.sample_rate)
+        self._resampler = Resampler(
+            sample_rate=signal.sample_rate, new_rate=MEL_RATE, size=size, context=frames
+        )
+
+    @property
+    def length(self) -> Samples:
+        """Samples of a window at 16 kHz."""
+        return self._resampler.length
+
+    def check(self, windows: Audio) -> Audio:
+        """Return windows as float32; raise `InputError` for another form than (n, channels, size)."""
+        return batch(windows, self.channels, self._size)
+
+    def __call__(self, window: Audio) -> Audio:
+        """Return the sound (channels, length) of a window; samples that are not numbers are silence."""
+        sound = np.clip(np.nan_to_num(window, nan=0.0, posinf=0.0, neginf=0.0), -MAX_SAMPLE, MAX_SAMPLE)
+        return self._resampler(sound)

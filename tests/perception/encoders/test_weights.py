@@ -90,8 +90,7 @@ def serve(certificate: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]
 
 @pytest.fixture(autouse=True)
 def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name in ("MONOCHORD_AST", "MONOCHORD_YAMNET"):
-        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delenv("MONOCHORD_AST", raising=False)
     monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path / "weights"))
     return tmp_path / "weights"
 
@@ -107,8 +106,8 @@ def test_known_weights_have_address_source_and_licence(name: str) -> None:
 
 
 def test_a_mistyped_name_is_answered_with_it() -> None:
-    with pytest.raises(InputError, match=r"weights 'yamnte': allowed is ast, yamnet .*did you mean 'yamnet'"):
-        load_known("yamnte")
+    with pytest.raises(InputError, match=r"weights 'sat': allowed is ast.*did you mean 'ast'"):
+        load_known("sat")
 
 
 def test_the_path_comes_before_the_variable_and_the_folder(
@@ -175,7 +174,8 @@ def test_the_checksum_is_compared_with_the_known_and_the_pinned_one(tmp_path: Pa
 
 
 def served(url: str, **more: Any) -> KnownWeights:
-    return replace(load_known("yamnet"), url=url, **{"sha256": sha256(CONTENT).hexdigest(), **more})
+    known = replace(load_known("ast"), reader="", url=url)
+    return replace(known, **{"sha256": sha256(CONTENT).hexdigest(), **more})
 
 
 def test_a_download_is_complete_and_its_checksum_is_written(tmp_path: Path, serve: Serve) -> None:
@@ -202,7 +202,7 @@ def test_without_a_known_checksum_the_warning_has_the_actual_one(
     fetch(served(serve(CONTENT), sha256=""), tmp_path / "file", lambda *_: None)
     (line,) = caplog.messages
     assert f"not pinned: this file has {actual}" in line
-    assert f"monochord weights get yamnet --sha256 {actual}" in line
+    assert f"monochord weights get ast --sha256 {actual}" in line
 
 
 def refused(tmp_path: Path, weights: KnownWeights, kind: type[Exception], match: str) -> None:
@@ -224,7 +224,7 @@ READER = {"sha256": "", "reader": "monochord.perception.encoders.ast.network"}
             {"content": b"", "status": 404},
             {},
             DeviceError,
-            "answers 404 Not Found; .* MONOCHORD_YAM",
+            "answers 404 Not Found; .* MONOCHORD_AST",
         ),
         ({"content": CONTENT, "promised": len(CONTENT) + 7}, {}, DeviceError, "broke off 7 bytes|no answer"),
         ({"content": CONTENT}, {"max_bytes": CHUNK_BYTES}, InputError, f"allowed is {CHUNK_BYTES} bytes"),
@@ -300,4 +300,5 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path, serve: Serve) 
 
 
 def test_without_a_reader_the_title_describes_them(tmp_path: Path) -> None:
-    assert describe(load_known("yamnet"), tmp_path).startswith("YAMNet")
+    known = replace(load_known("ast"), reader="")
+    assert describe(known, tmp_path).startswith("Audio Spectrogram Transformer")

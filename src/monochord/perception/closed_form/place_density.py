@@ -5,8 +5,8 @@ with the stiffness taken out: partial n of a segment that is the share s of the 
 knows no hypotheses, and so may find a touch whose lines none of them explains. Its place is known to a cell,
 half a percent of the length; a right hypothesis is ten times as exact. So it is evidence in their ranking.
 
-`monochord.perception.training.place_density` trains it and writes `place_density.safetensors` beside this
-file; docs/design/0037-a-network-on-the-spectrum.md says what it is worth.
+`python -m studies.mode_networks` trains it and writes `place_density.safetensors` beside this file;
+docs/design/0037-a-network-on-the-spectrum.md says what it is worth.
 """
 
 from functools import cache

@@ -1,7 +1,7 @@
 """Which hypothesis is right: a small network, trained across builds, over their measures.
 
 The network gives each hypothesis of a window a score; a softmax over the window makes it a probability.
-`monochord.perception.training.mode_ranking` trains it and writes `mode_ranking.safetensors` beside this file.
+`python -m studies.mode_networks` trains it and writes `mode_ranking.safetensors` beside this file.
 """
 
 from functools import cache

@@ -1,5 +1,6 @@
 """From a dataset to a model: training, and adapting a model to known touches."""
 
+from monochord.perception.training._torch import torch_library
 from monochord.perception.training.adapt import REMEDY, Objects, adapt
 from monochord.perception.training.configs import config_path
 from monochord.perception.training.correct import Replayed
@@ -16,6 +17,7 @@ __all__ = [
     "config_path",
     "read_in_turn",
     "stream_of",
+    "torch_library",
     "touches_of",
     "train",
 ]

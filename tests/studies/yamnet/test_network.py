@@ -11,7 +11,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
-from monochord.perception.encoders.yamnet import (
+from monochord_yamnet.network import (
     Convolution,
     YamnetMel,
     YamnetWeights,
@@ -21,6 +21,7 @@ from monochord.perception.encoders.yamnet import (
     probabilities,
 )
 
+pytestmark = pytest.mark.usefixtures("yamnet_package")
 TIME = np.arange(15600) / 16000.0
 PATCHES = np.random.default_rng(7).normal(-3.0, 2.0, (2, 96, 64)).astype(np.float32)
 CHANNELS = (32, 64, 128, 128, 256, 256, *[512] * 6, 1024, 1024)
@@ -48,8 +49,8 @@ def random_weights() -> YamnetWeights:
     return YamnetWeights(convolutions=tuple(layers), kinds=kinds, kinds_bias=np.zeros(521, np.float32))
 
 
-@pytest.fixture(scope="module")
-def published() -> YamnetWeights:
+@pytest.fixture
+def published(yamnet_package: None) -> YamnetWeights:
     """The published weights, where they are on this machine."""
     try:
         return load_yamnet()

@@ -1,12 +1,13 @@
 """Trains the networks that read modes: of places, and of what a window's lines may be.
 
-The first is of `monochord.perception.closed_form.place_density`, the second of its `ranking`.
+Makes the networks of `monochord.perception.closed_form`, in some twenty minutes on two cores, from datasets
+that take half an hour:
 
     monochord collect studies/plans/modes.toml --out sessions
     monochord build sessions --split build --skip --out modes
     monochord collect studies/plans/modes_2.toml --out more-sessions
     monochord build more-sessions --split build --skip --out modes_2
-    python -m monochord.perception.training.mode_ranking modes modes_2 --judge builds
+    python -m studies.mode_networks modes modes_2 --judge builds
 
 It takes touched windows of the training part, lists the hypotheses of each, and raises the probability of
 those that put the touch where it is. Every window counts twice, once as it is and once with its ends swapped.
@@ -21,49 +22,51 @@ Windows of another kind are added: of every string that has a preset, clamped id
 sustained lines, their multiples, and hiss. They stand for sensors that sound cleaner than those in datasets.
 """
 
-import argparse
-import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
+import click
 import numpy as np
 from numpy.typing import NDArray
+from studies._command import main
+from studies._place_network import Cells, exported, probabilities_of, train_places
 
+from monochord.core.errors import InputError
 from monochord.core.types import Audio, Flags, Floats, Indices, StringParams
-from monochord.datasets.augment import Augmentation
-from monochord.datasets.split import Split
-from monochord.datasets.store import Dataset, open_dataset
-from monochord.dsp.noise import NOISES
-from monochord.perception.closed_form.hypotheses import (
+from monochord.datasets import Augmentation, Dataset, Split, open_dataset
+from monochord.dsp import NOISES
+from monochord.perception.closed_form import (
     COMMON_MEASURES,
+    MAX_DEVIATION,
     MAX_MODE_1,
     PLACE_MEASURES,
+    PLACES,
     POSITION,
     SEGMENT_MEASURES,
     TRAINED_RISE,
-    find_hypotheses,
-    measure_hypotheses,
-)
-from monochord.perception.closed_form.modes import most_probable
-from monochord.perception.closed_form.place_density import FILE as PLACES_FILE
-from monochord.perception.closed_form.place_density import (
-    UNIFORM,
     PlaceNetwork,
+    Ranking,
+    SpectrumAnalyser,
     cells_of,
     density,
+    find_hypotheses,
+    measure_hypotheses,
     measure_places,
+    most_probable,
+    probabilities,
+    prominences,
+    string_model,
 )
-from monochord.perception.closed_form.prominence import prominences
-from monochord.perception.closed_form.ranking import FILE, MAX_DEVIATION, Ranking, probabilities
-from monochord.perception.closed_form.spectrum import SpectrumAnalyser, string_model
-from monochord.perception.training._torch import torch_library
-from monochord.perception.training.place_density import Cells, exported, probabilities_of, train_places
+from monochord.perception.training import torch_library
 from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import open_frequency
 
+READ_FROM = Path("src/monochord/perception/closed_form")
+"""Where the package reads both networks from, in the repository."""
+RANKING_FILE, PLACES_FILE = "mode_ranking.safetensors", "place_density.safetensors"
 HIDDEN = (64, 32)
 EPOCHS, BATCH, RATE, DECAY = 8, 256, 3.0e-3, 0.1
 WINDOWS = 80
@@ -123,8 +126,13 @@ def examples_of(path: Path, part: Part, design: StringParams, *, clean: bool = F
 
 
 def joined(examples: Iterable[Example]) -> Examples:
-    """Return the examples of windows: measures, places, cells, the touch's place, and the build of each."""
+    """Return the examples of windows: measures, places, cells, the touch's place, and the build of each.
+
+    Raises `InputError` where there is none.
+    """
     parts = list(examples)
+    if not parts:
+        raise InputError("a part without a touched window of known position", "one or more", "collect more")
     count = [len(part[0]) for part in parts]
     return Examples(
         measures=np.concatenate([part[0] for part in parts]).astype(np.float32),
@@ -250,7 +258,7 @@ def both_ways(examples: Examples, network: Any, *, seed: int = 0) -> Audio:
     ways = [examples.measures.copy(), mirrored(examples.measures)]
     for way, measures in enumerate(ways):
         probability = probabilities_of(network, examples.cells, swapped=way == 1)
-        probability[unknown] = UNIFORM
+        probability[unknown] = 1.0 / len(PLACES)
         _fill_in_places(measures, examples, probability, swapped=way == 1)
     return np.concatenate(ways)
 
@@ -335,29 +343,39 @@ def write_network(network: Ranking | PlaceNetwork, file: Path) -> None:
     file.write_bytes(save({name: value.astype(np.float32) for name, value in network._asdict().items()}))
 
 
-def main() -> None:
-    """Train on the training parts of datasets, score on other builds, and write the network."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("datasets", nargs="+", type=Path, help="with the split that monochord build made")
-    parser.add_argument("--judge", nargs="*", type=Path, default=[], help="datasets that it is scored on")
-    parser.add_argument("--string", default="prototype")
-    parser.add_argument("--out", type=Path, default=FILE.parent, help="folder for both networks")
-    options = parser.parse_args()
-    design = load_string(options.string).string
-    train = [examples_of(path, "train", design) for path in options.datasets]
+@click.command()
+@click.argument("datasets", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--judge", multiple=True, type=click.Path(path_type=Path), help="Dataset to score on; repeatable."
+)
+@click.option("--string", default="prototype", show_default=True, help="That the builds are made from.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    default=READ_FROM,
+    show_default=True,
+    help="Folder for both networks.",
+)
+def mode_networks(*, datasets: tuple[Path, ...], judge: tuple[Path, ...], string: str, out: Path) -> None:
+    """Train on the training parts of DATASETS, score on other builds, and write both networks.
+
+    Each dataset has the split that monochord build made.
+    """
+    design = load_string(string).string
+    train = [examples_of(path, "train", design) for path in datasets]
     examples = together(*train, joined(pure_examples()))
     teaching = examples.build % 2 == 0
     seen = chosen(examples, teaching)
     witness = train_places(seen.cells, seen.truth, name="places of one half")
     judged = chosen(examples, ~teaching | (examples.build < 0))  # pure lines are no one's to know by heart
     ranking = train_ranking(judged, both_ways(judged, witness))
-    write_network(ranking, options.out / FILE.name)
+    write_network(ranking, out / RANKING_FILE)
     places = exported(train_places(examples.cells, examples.truth))
-    write_network(places, options.out / PLACES_FILE.name)
-    for path in options.datasets:
+    write_network(places, out / PLACES_FILE)
+    for path in datasets:
         validation = with_places(examples_of(path, "validation", design, clean=True), places)
         _report(f"{path}, validation", validation, ranking, design)
-    for path in options.judge:
+    for path in judge:
         both = [examples_of(path, part, design, clean=True) for part in ("train", "validation")]
         judged = with_places(together(*both), places)
         _report(f"{path}, training and validation", judged, ranking, design)
@@ -367,13 +385,14 @@ def _report(name: str, examples: Examples, ranking: Ranking, design: StringParam
     """Print how much is answered, and how well, by the least lead."""
     place, lead = places_of(examples, ranking)
     error = np.abs(place - examples.truth) * design.length * 1e3
-    sys.stdout.write(f"{name}: {len(error)} windows\n")
+    print(f"{name}: {len(error)} windows")
     for least in (-np.inf, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0):
         some = error[lead >= least]
-        within = " ".join(f"{limit} mm {np.mean(some < limit):.4f}" for limit in (5, 2, 1))
-        answered = f"lead from {least:g}: {len(some) / len(error):.3f} answered"
-        sys.stdout.write(f"  {answered}, within {within}, mean {some.mean():.2f} mm\n")
+        if some.size:
+            within = " ".join(f"{limit} mm {np.mean(some < limit):.4f}" for limit in (5, 2, 1))
+            answered = f"lead from {least:g}: {len(some) / len(error):.3f} answered"
+            print(f"  {answered}, within {within}, mean {some.mean():.2f} mm")
 
 
 if __name__ == "__main__":
-    main()
+    main(mode_networks)

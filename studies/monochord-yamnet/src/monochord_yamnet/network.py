@@ -5,8 +5,8 @@ in; they become float32 here, each scaled by its channel's scale, and run in Num
 
 The implementation is our own because the published graph cannot be used as it is: TensorFlow Lite fixes its
 input at 1 x 96 x 64, so that neither 100 frames nor two microphones fit, and it gives no inner layer without
-running all 27 (8.8 ms of CPU time against 5.4 ms to layer 9 here). docs/design/0018-encoders-of-others.md has
-the measurements.
+running all 27 (8.8 ms of CPU time against 5.4 ms to layer 9 here). Monochord's design note 18 has the
+measurements.
 
 References
 ----------
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples
-from monochord.dsp.mel import MEL_RATE, frame_indices, mel_filters
+from monochord.dsp import MEL_RATE, frame_indices, mel_filters
 from monochord.perception.encoders.weights import checked_sum, find_weights, load_known
 
 FRAME: Samples = 400
@@ -83,7 +83,7 @@ class YamnetMel:
     hop
         Samples from frame to frame: 160, as in training, or 16, which makes 100 frames of 0.1 s.
     centred
-        Frames as in `monochord.dsp.mel.frame_indices`.
+        Frames as in `monochord.dsp.frame_indices`.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def _clipped(values: Audio, bias: Audio) -> Audio:
 
 
 def load_yamnet(given: str = "") -> YamnetWeights:
-    """Return the network from the file `given`, or from where `encoders.weights` looks for it.
+    """Return the network from the file `given`, or from where `monochord weights` looks for it.
 
     Raises
     ------

@@ -8,8 +8,9 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
-from monochord.dsp.mel import MEL_RATE
-from monochord.perception.encoders.yamnet import (
+from monochord.dsp import MEL_RATE, MelSound
+from monochord.perception.features.base import Extractor, Feature
+from monochord_yamnet.network import (
     BANDS,
     LAYERS,
     LOG_OFFSET,
@@ -19,9 +20,9 @@ from monochord.perception.encoders.yamnet import (
     activations,
     load_yamnet,
 )
-from monochord.perception.features._mel import FINE_HOP, MelSound
-from monochord.perception.features.base import Extractor, Feature
 
+FINE_HOP: Samples = 16
+"""Samples from frame to frame that make 100 frames of a tenth of a second."""
 COARSE_HOP: Samples = 160
 """Samples from frame to frame in training."""
 
@@ -31,7 +32,7 @@ class Yamnet(Feature):
     """A layer of YAMNet, averaged over time alone, so that frequency is kept: a touch changes it.
 
     Each microphone's sound is resampled to 16 kHz and cut into frames of 25 ms for
-    `monochord.perception.encoders.yamnet`. With the defaults 8 bands x 256 channels of each of two
+    `monochord_yamnet.network`. With the defaults 8 bands x 256 channels of each of two
     microphones, 4096 columns.
 
     Ridge regression on 2000 windows of the twin, scored on sessions left out, had mean absolute errors of

@@ -1,14 +1,12 @@
 """What trains the reader of modes: of windows of pure lines both networks learn something in seconds."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-
-from monochord.core.types import Floats
-from monochord.perception.closed_form.hypotheses import MEASURES, PLACE_MEASURES
-from monochord.perception.closed_form.place_density import PLACES, SAME_PLACE, density, place_network
-from monochord.perception.closed_form.ranking import probabilities, read_ranking
-from monochord.perception.training import mode_ranking, place_density
-from monochord.perception.training.mode_ranking import (
+from studies._command import main
+from studies._place_network import Cells, exported, probabilities_of, train_places
+from studies.mode_networks import (
     Examples,
     both_ways,
     chosen,
@@ -19,7 +17,13 @@ from monochord.perception.training.mode_ranking import (
     with_places,
     write_network,
 )
-from monochord.perception.training.place_density import Cells, exported, probabilities_of, train_places
+
+from monochord.core.errors import InputError
+from monochord.core.types import Floats
+from monochord.perception.closed_form.hypotheses import MEASURES, PLACE_MEASURES
+from monochord.perception.closed_form.place_density import PLACES, SAME_PLACE, density, place_network
+from monochord.perception.closed_form.ranking import probabilities, read_ranking
+from studies import _place_network, mode_networks
 
 pytest.importorskip("torch")
 
@@ -27,7 +31,7 @@ pytest.importorskip("torch")
 @pytest.fixture(scope="module")
 def examples() -> Examples:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mode_ranking, "PURE_WINDOWS", 200)
+        patch.setattr(mode_networks, "PURE_WINDOWS", 200)
         return joined(pure_examples())
 
 
@@ -50,8 +54,8 @@ def test_mirroring_twice_changes_nothing(examples: Examples) -> None:
 def test_the_kernel_gives_what_the_trained_network_does(
     examples: Examples, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(place_density, "EPOCHS", 3)
-    monkeypatch.setattr(place_density, "BATCH", 16)
+    monkeypatch.setattr(_place_network, "EPOCHS", 3)
+    monkeypatch.setattr(_place_network, "BATCH", 16)
     network = train_places(examples.cells, examples.truth)
     losses = [float(line.rsplit(maxsplit=1)[1]) for line in capsys.readouterr().out.splitlines()]
     assert len(losses) == 3
@@ -70,8 +74,8 @@ def test_the_ranking_learns_to_trust_a_network_that_is_right(
         assert len(cells) == len(truth)
         return likelihood / likelihood.sum(axis=1, keepdims=True)
 
-    monkeypatch.setattr(mode_ranking, "probabilities_of", told)
-    monkeypatch.setattr(mode_ranking, "BATCH", 16)
+    monkeypatch.setattr(mode_networks, "probabilities_of", told)
+    monkeypatch.setattr(mode_networks, "BATCH", 16)
     measures = both_ways(examples, None)
     known = measures[: len(examples.measures), PLACE_MEASURES] > np.log(0.5)
     near = np.abs(examples.position - examples.truth[examples.window]) < SAME_PLACE + 0.003
@@ -99,3 +103,19 @@ def test_places_by_a_network_of_the_package_are_filled_in(examples: Examples) ->
     np.testing.assert_array_equal(filled.measures[:, :PLACE_MEASURES], examples.measures[:, :PLACE_MEASURES])
     assert filled.measures[:, PLACE_MEASURES:].max() <= 1e-6
     assert filled.measures[:, PLACE_MEASURES:].min() < -1.0
+
+
+def test_without_a_touch_or_a_dataset_it_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(InputError, match="a part without a touched window"):
+        joined([])
+    for words, said in ((["nowhere"], "nowhere"), (["."], "dataset"), ([".", "--out", "absent"], "--out")):
+        monkeypatch.setattr("sys.argv", ["mode_networks", *words])
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "src/monochord/perception/closed_form").mkdir(parents=True, exist_ok=True)
+        with pytest.raises(SystemExit) as left:
+            main(mode_networks.mode_networks)
+        error = capsys.readouterr().err
+        assert (left.value.code, error.count("\n")) == (2, 1)
+        assert said in error

@@ -5,11 +5,12 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
+from monochord.dsp import MelSound
 from monochord.dsp.resample import Resampler
-from monochord.perception.encoders.yamnet import Convolution, YamnetMel, YamnetWeights, activations
-from monochord.perception.features import FEATURES
-from monochord.perception.features._mel import MelSound
-from monochord.perception.features.yamnet import Yamnet, _LayerRows
+from monochord_yamnet.feature import Yamnet, _LayerRows
+from monochord_yamnet.network import Convolution, YamnetMel, YamnetWeights, activations
+
+pytestmark = pytest.mark.usefixtures("yamnet_package")
 
 TWO = Signal(sample_rate=44100, channels=2)
 SIZE = 4410
@@ -35,7 +36,7 @@ NETWORK = network(5)
 
 
 def rows(size: int = SIZE, signal: Signal = TWO, **options: object) -> _LayerRows:
-    return _LayerRows(FEATURES.build("yamnet", {"layer": 5, **options}), NETWORK, MelSound(signal, size))  # pyright: ignore[reportArgumentType]
+    return _LayerRows(Yamnet(**{"layer": 5, **options}), NETWORK, MelSound(signal, size))  # pyright: ignore[reportArgumentType]
 
 
 def sound(count: int, size: int = SIZE, channels: int = 2) -> Audio:

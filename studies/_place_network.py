@@ -1,18 +1,16 @@
-"""Trains the network of `monochord.perception.closed_form.place_density`: how probable each place is.
+"""The network of places in torch, and its training: how probable each place of a touch is by its spectra.
 
 It learns builds by heart: what it is shown is varied, so that what it learns holds on others. Microphones get
 another response, bands of the spectrum are left out, ends are swapped, and the own pitch is never exact.
-`monochord.perception.training.mode_ranking` calls it.
 """
 
-import sys
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.types import Audio, Floats
-from monochord.perception.closed_form.place_density import (
+from monochord.perception.closed_form import (
     CELLS,
     CHANNELS,
     DILATIONS,
@@ -20,7 +18,7 @@ from monochord.perception.closed_form.place_density import (
     STRIDES,
     PlaceNetwork,
 )
-from monochord.perception.training._torch import torch_library
+from monochord.perception.training import torch_library
 
 CHANNELS_OUT, TAPS, HIDDEN = (16, 24, 32, 40, 8), (9, 5, 5, 3, 1), 96
 """Outputs and taps of each convolution, and units of the layer after them."""
@@ -79,8 +77,7 @@ def train_places(cells: Cells, truth: Floats, *, seed: int = 0, name: str = "pla
             optimiser.step()
             schedule.step()
             total += loss.item() * len(batch)
-        sys.stdout.write(f"{name}: epoch {epoch + 1} of {EPOCHS}, loss {total / len(truth):.4f}\n")
-        sys.stdout.flush()
+        print(f"{name}: epoch {epoch + 1} of {EPOCHS}, loss {total / len(truth):.4f}", flush=True)
     return network.eval()
 
 
