@@ -147,7 +147,7 @@ class Model:
         trained = self.definition
         if signal.sample_rate != trained.sample_rate:
             given = f"sound at {signal.sample_rate} Hz for a model"
-            remedy = f"resample its sound to {trained.sample_rate} Hz, or record at that rate"
+            remedy = "record at that rate, or resample a session: monochord sessions resample"
             raise InputError(given, f"{trained.sample_rate} Hz, as it was trained", remedy)
         refuse_other_channels(signal.channels, trained.channels, "for a model")
         if trained.string and signal.string:
