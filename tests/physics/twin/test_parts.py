@@ -105,7 +105,7 @@ def test_statics_are_those_of_theory() -> None:
     assert kernel.cross_compliance(0.05, 0.08, 0.2, 65.0) == pytest.approx(0.05 * 0.12 / (65.0 * 0.2))
     assert kernel.interpolated(np.array([0.0, 1.0, 4.0]), 0.75) == pytest.approx(2.5)
     for force in (0.1, 1.0, 10.0):
-        rise = kernel.geometric_rise(0, force, 0.08, STRING.length, STRING.tension, stretch_stiffness(STRING))
+        rise = kernel.geometric_rise(force, 0.08, STRING.length, STRING.tension, stretch_stiffness(STRING))
         assert rise == pytest.approx(geometric_tension(STRING, 0.08, force) - STRING.tension, rel=1e-6)
     assert kernel.drifted(1.0, 0.5, 4.0, 65.0) == pytest.approx(3.0)
     assert kernel.drifted(-0.13, -0.567, 20.0, 5.15) == pytest.approx(-0.25 * 5.15)

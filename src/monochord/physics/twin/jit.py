@@ -54,19 +54,6 @@ def called(function: Function) -> Function:
     return COMPILE(fastmath=FAST, error_model="numpy", _nrt=False)(function)
 
 
-def exact(function: Function) -> Function:
-    """Compile a function that the kernel calls, in IEEE arithmetic: neither reordered nor fused.
-
-    `fastmath` is switched off by name, since numba passes a caller's options on to what it calls.
-
-    Examples
-    --------
-    >>> exact(lambda x: x + 1.0)(2.0)
-    3.0
-    """
-    return COMPILE(fastmath=False, error_model="numpy", _nrt=False)(function)
-
-
 def fingerprint(modules: Iterable[ModuleType]) -> int:
     """Return a number that changes with the text of any of the modules, below 2^62.
 

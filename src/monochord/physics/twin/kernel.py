@@ -23,7 +23,7 @@ import numpy as np
 
 from monochord.core.types import Floats
 from monochord.physics.twin import contact, electronics, friction, jit, mount, records, roughness, string
-from monochord.physics.twin.jit import called, exact, inlined
+from monochord.physics.twin.jit import called, inlined
 from monochord.physics.twin.records import (
     CONTACT_HOLD,
     CONTROL_PERIOD,
@@ -128,30 +128,12 @@ def drifted(start: float, rate: float, time: float, tension: float) -> float:
     return min(limit, max(-limit, start + rate * time))
 
 
-@exact
-def _cubic_parameter(
-    touch: int, force: float, position: float, length: float, tension: float, stretch: float
-) -> float:
-    """Return 3 k of the cubic k u^3 + u = 1, u = T0 / T, that the geometric law solves.
-
-    The first touch and the others multiply in different order: so a compiler once had it, and so sounds stay
-    what they were to the last bit.
-    """
-    square = force * force
-    load = square * (3.0 * position) if touch == 0 else square * 3.0 * position
-    pull = tension * length
-    return load * (length - position) * stretch / (pull * pull * (2.0 * tension))
-
-
 @called
-def geometric_rise(
-    touch: int, force: float, position: float, length: float, tension: float, stretch: float
-) -> float:
-    """Return the rise of tension in N by a static press; see `monochord.physics.theory.geometric_tension`.
-
-    `touch` is its number, see `_cubic_parameter`.
-    """
-    w = np.sqrt(_cubic_parameter(touch, force, position, length, tension, stretch))
+def geometric_rise(force: float, position: float, length: float, tension: float, stretch: float) -> float:
+    """Return the rise of tension in N by a static press; see `monochord.physics.theory.geometric_tension`."""
+    pull = tension * length
+    cubic = 3.0 * force * force * position * (length - position) * stretch / (pull * pull * (2.0 * tension))
+    w = np.sqrt(cubic)
     if w < 1e-9:
         return 0.0
     return tension * (w / (2.0 * np.sinh(np.arcsinh(1.5 * w) / 3.0)) - 1.0)
@@ -190,7 +172,7 @@ def _update_motion(sensor: Parameters, state: State, index: int) -> tuple[float,
             tension += constants.tension_per_force * now.force
         elif now.force > 0.0:
             tension += geometric_rise(
-                t, now.force, now.position, constants.length, constants.tension, constants.axial_stiffness
+                now.force, now.position, constants.length, constants.tension, constants.axial_stiffness
             )
     return tension, moves, moved
 
