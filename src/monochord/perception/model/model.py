@@ -45,13 +45,13 @@ class WindowReading(NamedTuple):
     """What a model makes of a window, before any estimate is stated.
 
     `state` is that after the window, and `outputs` those of the heads, empty where it cannot be used.
-    `why_not` is why to abstain, empty for no reason, and `lines` the place that its lines tell.
+    `why_not` is why to abstain, empty for no reason, and `by_lines` the place that its lines tell.
     """
 
     state: ModelState
     outputs: Mapping[str, Output]
     why_not: str
-    lines: PlaceByLines = NO_PLACE
+    by_lines: PlaceByLines = NO_PLACE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,7 +241,7 @@ class Model:
         if not estimates[name].valid:  # it is withheld, and may lie outside all the same
             head = self.definition.heads[name]
             place, std = quantity(reading.outputs[name], head, self.corrections.get(name))
-        return why_not_stated(place, std, reading.lines, self.places)
+        return why_not_stated(place, std, reading.by_lines, self.places)
 
     @staticmethod
     def _read(

@@ -26,8 +26,8 @@ NEAREST_END = 0.05
 def rises(row: Audio, reference: Audio, columns: tuple[int, ...]) -> Audio:
     """Return the inputs (..., `COUNT`) of rows of the feature (..., d), each with its reference (..., c).
 
-    They are asinh(r / `KNEE`) and sign(r) sqrt(|r| / g) of both rises r, and g = 4 x (L - x) / L^2. Without a
-    reference all are 0. `columns` are those of `COLUMNS`, and that of `REFERENCE`.
+    They are ``asinh(r / KNEE)`` and ``sign(r) sqrt(|r| / g)`` of both rises r, and g = 4 x (L - x) / L^2.
+    Without a reference all are 0. `columns` are those of `COLUMNS`, and that of `REFERENCE`.
 
     Examples
     --------
