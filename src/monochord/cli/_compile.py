@@ -20,7 +20,7 @@ def compile_kernels(parts: Sequence[str] = ("twin", "estimators")) -> None:
     """
     command = [sys.executable, "-m", "monochord.cli._compile"]
     running = [
-        subprocess.Popen(  # noqa: S603
+        subprocess.Popen(  # noqa: S603  (our own module)  # nosec B603
             [*command, part],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE if number else None,
