@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 README, TUTORIAL = ROOT / "README.md", ROOT / "docs" / "tutorial" / "first-sound.md"
 SETS_UP = ("make ", "sudo ", "pip install .")
 """Commands that set the machine up: what `newcomer` makes has that behind it."""
-LEFT_OUT = ("monochord demo", "monochord bench")
+LEFT_OUT = ("monochord demo", "monochord bench", "python -m studies.")
 """Mentioned within a sentence: `make demo` has shown the first, and the others need recordings."""
 INSTALL = "pip install "
 LEARNING_PATH = ("collect", "build", "train", "evaluate", "live")

@@ -20,5 +20,5 @@ def test_every_function_is_there() -> None:
 @pytest.mark.usefixtures("forgetful")
 def test_without_the_library_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(libjack, "NAMES", ("libjack-that-nobody-has.so.0",))
-    with pytest.raises(DeviceError, match="libjack: not found; install JACK 2"):
+    with pytest.raises(DeviceError, match="libjack: not found; start JACK"):
         libjack.path()
