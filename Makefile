@@ -12,6 +12,10 @@ DEMO_INSTALLED := $(VENV)/.installed-demo
 DOCS_INSTALLED := $(VENV)/.installed-docs
 ROS := .venv-ros
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+VERSIONS := constraints.txt
+INSTALL := $(PIP) install --no-compile --constraint $(VERSIONS)
+TORCH := torch==2.13.0
+EXTRAS := dev,ros,cluster,export,pandas,figures,train,encoders,openvino
 REPOSITORY_RULES := tests/contract/test_layout.py
 
 # Tests start hundreds of processes. Where bytecode may not be written, each one compiles numba, scipy and Monochord
@@ -19,7 +23,7 @@ REPOSITORY_RULES := tests/contract/test_layout.py
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help system browser install check types rules format test test-all fuzz bench ros docs demo clean
+.PHONY: help system browser install constraints check types rules format test test-all fuzz bench ros docs demo clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -34,60 +38,39 @@ $(BIN)/python:
 	@echo "making $(VENV)"; $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 # What is installed is not compiled to bytecode ahead: that takes as long again, for modules of which few are used.
-$(DEMO_INSTALLED): pyproject.toml | system $(BIN)/python
+$(DEMO_INSTALLED): pyproject.toml $(VERSIONS) | system $(BIN)/python
 	@echo "installing Monochord into $(VENV)"
-	@$(PIP) install --no-compile --editable .
+	@$(INSTALL) --editable .
 	@echo "compiling the kernels, once"
-	@$(BIN)/python -c "$$COMPILE_ESTIMATOR" >$(VENV)/compiling.log 2>&1 & estimator=$$!; \
-	  $(BIN)/python -c "$$COMPILE_TWIN" && wait $$estimator || { cat $(VENV)/compiling.log; exit 1; }
+	@$(BIN)/python -m monochord.cli._compile
 	@touch $@
 
-# The twin's kernels, of both worlds, and all others take about as long to compile: two processes, on two cores.
-# The first shows its bar on a terminal.
-define COMPILE_TWIN
-from monochord.physics.twin.virtual_sensor import VirtualSensor
-for world in ("plausible", "ideal"):
-    assert VirtualSensor("prototype", world=world).advance(0.01)[0].any()
-endef
-export COMPILE_TWIN
-
-# The prototype's open string, tuned and estimated as in the demonstration; then a string located as in the README.
-define COMPILE_ESTIMATOR
-from pathlib import Path
-from tempfile import TemporaryDirectory
-import numpy, soundfile
-from monochord.cli import run
-phase = 2 * numpy.pi * 1010.6 / 44100 * numpy.arange(66150)
-sound = sum(numpy.sin(n * phase + n) / n for n in range(1, 9)) / 9
-with TemporaryDirectory() as folder:
-    wav, tuned, table = (str(Path(folder, name)) for name in ("open.wav", "sensor.toml", "open.csv"))
-    soundfile.write(wav, numpy.stack([sound, sound], 1), 44100)
-    assert run(["tune", wav, "--sensor", "prototype", "--out", tuned]) == 0
-    assert run(["live", "demo", wav, "--sink", f"csv={table}"]) == 0
-    assert run(["simulate", "appendix", "--at", "0.2275", "--seconds", "0.5", "--out", wav]) == 0
-    assert run(["locate", wav, "--string", "appendix", "--json"]) == 0
-    assert run(["locate", wav, "--length", "0.65", "--open-frequency", "243.252", "--json"]) == 0
-endef
-export COMPILE_ESTIMATOR
-
-$(INSTALLED): pyproject.toml | $(DEMO_INSTALLED)
+$(INSTALLED): pyproject.toml $(VERSIONS) | $(DEMO_INSTALLED)
 	@echo "installing its development tools into $(VENV)"
-	@$(PIP) install --no-compile 'torch==2.13.0' # by itself: any other way of asking brings gigabytes for a graphics card
-	@$(PIP) install --no-compile --editable '.[dev,ros,cluster,export,pandas,figures,train,encoders,openvino]'
-	@$(BIN)/python -c "$$COMPILE_REST" >/dev/null
+	@$(INSTALL) '$(TORCH)' # by itself: any other way of asking brings gigabytes for a graphics card
+	@$(INSTALL) --editable '.[$(EXTRAS)]'
+	@$(BIN)/python -m monochord.cli._compile pitch
 	@touch $@
 
-define COMPILE_REST
-from studies.pitch_bound import Bound
-assert list(Bound(windows=1).run())
-endef
-export COMPILE_REST
-
-$(DOCS_INSTALLED): pyproject.toml | $(INSTALLED)
-	@$(PIP) install --no-compile --editable '.[docs]'
+$(DOCS_INSTALLED): pyproject.toml $(VERSIONS) | $(INSTALLED)
+	@$(INSTALL) --editable '.[docs]'
 	@touch $@
 
 install: system $(INSTALLED) ## Set everything up: Debian packages, .venv, Monochord itself
+
+constraints: | $(BIN)/python ## Renew constraints.txt: the newest versions that pyproject.toml allows; installs nothing
+	@$(PIP) install --dry-run --ignore-installed --report $(VENV)/versions.json '$(TORCH)' --editable '.[$(EXTRAS),docs]'
+	@$(BIN)/python -c "$$LIST_VERSIONS" $(VENV)/versions.json >$(VENV)/versions.txt
+	@mv $(VENV)/versions.txt $(VERSIONS)
+
+# Without PyTorch: it is installed by itself, and its version stands above.
+define LIST_VERSIONS
+import json, sys
+packages = [package["metadata"] for package in json.load(open(sys.argv[1], encoding="utf-8"))["install"]]
+names = {package["name"]: package["version"] for package in packages}
+print(*(f"{name}=={names[name]}" for name in sorted(names, key=str.lower) if name not in ("monochord", "torch")), sep="\n")
+endef
+export LIST_VERSIONS
 
 # Types take longer than all else together: the two run side by side, and both are told whatever comes of one.
 check: install ## Linter, format, types, layers, docstrings, security, repository rules

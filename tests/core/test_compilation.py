@@ -1,13 +1,19 @@
 """A compilation is shown, on a terminal, and only where there is one."""
 
+import gc
 import io
 import os
 import pty
 import subprocess
 import sys
 from contextlib import suppress
+from typing import Any
+
+import pytest
+from numba.core.errors import TypingError
 
 from monochord.core.compilation import Bar
+from monochord.core.kernels import kernel
 
 
 class Terminal(io.StringIO):
@@ -56,3 +62,38 @@ def test_any_program_on_a_terminal_shows_it_and_only_where_something_is_compiled
     assert "compiling, once, about" in first
     assert first.endswith("\r\x1b[K")
     assert "compiling" not in second
+
+
+def collections_while_compiling() -> int:
+    """How often Python looks for garbage while a function is compiled that calls another."""
+    one = kernel()(lambda x: x + 1.0)
+    two: Any = kernel()(lambda x: one(x) + one(2.0 * x))
+    counts: list[str] = []
+
+    def count(phase: str, info: dict[str, int]) -> None:
+        counts.append(phase)
+
+    gc.callbacks.append(count)
+    try:
+        two.compile("float64(float64)")
+    finally:
+        gc.callbacks.remove(count)
+    return counts.count("start")
+
+
+@pytest.mark.parametrize("on", [True, False])
+def test_no_garbage_is_looked_for_while_something_is_compiled(*, on: bool) -> None:
+    before = gc.isenabled()
+    try:
+        (gc.enable if on else gc.disable)()
+        assert collections_while_compiling() <= 1  # the one that is due at the end
+        assert gc.isenabled() == on
+    finally:
+        (gc.enable if before else gc.disable)()
+
+
+def test_a_compilation_that_fails_leaves_the_collector_on() -> None:
+    bad = kernel()(lambda x: x.nothing)
+    with pytest.raises(TypingError):
+        bad(1.0)
+    assert gc.isenabled()

@@ -6,6 +6,7 @@ import json
 import click
 
 from monochord.capture.jack.machine import MISSING, OK, WARN, Check, checks
+from monochord.cli._compile import compile_kernels
 from monochord.cli._output import echo
 from monochord.evaluation import recordings
 
@@ -13,9 +14,14 @@ MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
 
 
 @click.command()
+@click.option(
+    "--compile", "compiles", is_flag=True, help="First compile all kernels, so that no other command has to."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def doctor(*, as_json: bool) -> int:
+def doctor(*, compiles: bool, as_json: bool) -> int:
     """Check what live audio needs on this machine; fails only if a required part is missing."""
+    if compiles:
+        compile_kernels()
     results = [*checks(), _recordings()]
     if as_json:
         echo(json.dumps({"checks": [dataclasses.asdict(check) for check in results]}))

@@ -11,14 +11,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
-from numba import njit
-
-from monochord.core.kernels import kernel
+from monochord.core.kernels import COMPILE, kernel
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-COMPILE: Any = njit
-"""numba's stubs know neither all of its options nor that a function keeps its signature."""
 CACHED: Any = kernel
 """Compiles the kernel itself, which alone is kept on disk."""
 FAST = {"reassoc", "contract", "arcp", "nsz"}
@@ -40,7 +36,9 @@ def inlined(function: Function) -> Function:
     >>> inlined(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return COMPILE(fastmath=FAST, forceinline=True, error_model="numpy", _nrt=False)(function)
+    return COMPILE(fastmath=FAST, forceinline=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)(
+        function
+    )
 
 
 def called(function: Function) -> Function:
@@ -51,7 +49,7 @@ def called(function: Function) -> Function:
     >>> called(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return COMPILE(fastmath=FAST, error_model="numpy", _nrt=False)(function)
+    return COMPILE(fastmath=FAST, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)(function)
 
 
 def exact(function: Function) -> Function:
@@ -64,7 +62,7 @@ def exact(function: Function) -> Function:
     >>> exact(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return COMPILE(fastmath=False, error_model="numpy", _nrt=False)(function)
+    return COMPILE(fastmath=False, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)(function)
 
 
 def fingerprint(modules: Iterable[ModuleType]) -> int:
