@@ -39,8 +39,8 @@ REAL_TIME = (
     "capture/sources/test_soundcard.py", "e2e/faults", "e2e/test_jack.py", "e2e/test_live_jack.py",
     "e2e/test_live_model.py", "e2e/test_own_sensor.py", "e2e/test_record_jack.py", "e2e/test_ros.py",
     "e2e/test_soak.py",
-    "studies/test_encoder_speed.py", "studies/test_fdtd.py", "studies/test_feature_speed.py",
-    "studies/test_strings_cost.py", "studies/test_twin_speed.py",
+    "live/web/test_commands.py", "studies/test_encoder_speed.py", "studies/test_fdtd.py",
+    "studies/test_feature_speed.py", "studies/test_strings_cost.py", "studies/test_twin_speed.py",
     "lab/test_net_ft_device.py", "lab/test_player.py", "lab/test_pose_publisher.py", "lab/test_real_time.py",
 )  # fmt: skip
 """Files and folders whose tests compare with the clock or need every frame of a real JACK server.

@@ -55,7 +55,7 @@ def test_a_missing_library_is_installed_into_the_environment_that_misses_it(
     assert not any("torch" in command for command in others)
     assert installation("tensorboard").endswith("pip install tensorboard")
     makefile = Path(__file__).parents[2] / "Makefile"
-    assert f"'{TORCH}'" in makefile.read_text(encoding="utf-8")
+    assert f"TORCH := {TORCH}\n" in makefile.read_text(encoding="utf-8")
 
 
 words = st.text("abcdefghij_", min_size=3, max_size=10)
