@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimate, Estimates, Floats, Prediction
+from monochord.core.types import OUTSIDE_RANGE, Estimate, Estimates, Floats, Prediction
 from monochord.live.filter import FilterSettings, FilterState, Tracked, step
 from monochord.live.switches import SwitchSettings
 from monochord.live.tracks import ForceSettings, TrackSettings
@@ -138,6 +138,20 @@ def test_a_gap_is_bridged_with_growing_uncertainty_and_then_left() -> None:
     assert all(abs(each.value - 0.08) < 1e-3 for each in place[30:48])
     assert not place[-1].valid
     assert place[-1].why_not == "too uncertain"
+
+
+def test_a_single_estimate_is_not_carried_on() -> None:
+    place = tracked([touch(None)] * 10 + [touch(0.08)] + [touch(None)] * 20, "position")
+    assert [each.valid for each in place[10:]] == [True, True] + [False] * 19
+
+
+def test_what_leaves_the_sensing_range_has_no_place_at_once() -> None:
+    left = {name: Estimate.abstain(UNITS[name], OUTSIDE_RANGE) for name in ("slip", "position", "force")}
+    series = [touch(0.051)] * 30 + [{**touch(), **left}] * 5
+    for name in ("position", "force"):
+        said = tracked(series, name)
+        assert said[29].valid
+        assert [each.why_not for each in said[30:]] == [OUTSIDE_RANGE] * 5
 
 
 @pytest.mark.parametrize("speed", [0.005, 0.03])

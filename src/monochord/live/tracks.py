@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimate
+from monochord.core.types import OUTSIDE_RANGE, Estimate
 from monochord.core.units import Metres, Seconds
 from monochord.live.switches import TIME_TOLERANCE, refuse_time
 
@@ -55,7 +55,8 @@ class TrackSettings:
     believe
         For how long estimates must have contradicted an established track, net, for it to jump, in s.
     coast
-        For how long a track is predicted without any estimate, in s.
+        For how long an established track is predicted without any estimate, in s; one that has had support
+        for a shorter time than `believe`, for as much shorter.
     """
 
     offset: float = 0.9
@@ -146,9 +147,15 @@ class Track(NamedTuple):
 def track_after(
     before: Track | None, position: Estimate, span: Span, sliding: float, settings: TrackSettings
 ) -> Track | None:
-    """Return the track after a window, None for none, of a touch that slides with a probability."""
-    if before is not None and span.end - before.seen > settings.coast:
-        before = None
+    """Return the track after a window, None for none, of a touch that slides with a probability.
+
+    A touch that has left the sensing range leaves no track: what was learned inside it does not hold there.
+    """
+    if before is not None:
+        # What few estimates have supported is not carried on for long.
+        coast = settings.coast * (before.trust / settings.believe if settings.believe else 1.0)
+        is_over = position.why_not == OUTSIDE_RANGE or span.end - before.seen > coast + TIME_TOLERANCE
+        before = None if is_over else before
     variance = (max(position.std, MIN_STD) / span.share) ** 2
     if before is None:
         return _track_from(position.value, variance, span, settings) if position.valid else None
@@ -255,8 +262,8 @@ class Press(NamedTuple):
 def press_after(
     before: Press | None, force: Estimate, span: Span, settings: ForceSettings, *, slides: bool
 ) -> Press | None:
-    """Return the press after a window, None for none."""
-    if before is not None and span.end - before.seen > settings.coast:
+    """Return the press after a window, None for none and outside the sensing range."""
+    if force.why_not == OUTSIDE_RANGE or (before is not None and span.end - before.seen > settings.coast):
         before = None
     ratio = span.ratio
     if force.valid and (before is None or span.share < 1.0):  # while it begins, the newest window is the best

@@ -9,6 +9,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import OUTSIDE_RANGE, Estimate, Estimates, Window
 from monochord.perception.model import Model, ModelState, load
 from monochord.perception.model.model import WindowReading
+from monochord.perception.model.network import UNCERTAIN
 from monochord.perception.model.place import CONTRADICTED, NO_PLACE, PlaceByLines, why_not_stated
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
@@ -37,6 +38,17 @@ def test_lines_that_are_clear_outweigh_a_network(
     place: float, std: float, lines: PlaceByLines, expected: str
 ) -> None:
     assert why_not_stated(place, std, lines, RANGE) == expected
+
+
+@pytest.mark.parametrize("place", [0.0513, 0.1487])
+def test_a_place_whose_error_reaches_well_outside_is_not_stated(place: float) -> None:
+    model, estimates = load("demo"), dict[str, Estimate]()
+    for name, value in {"contact": 1.0, "position": place, "force": 1.0, "slip": 0.9}.items():
+        estimates[name] = Estimate(value=value, std=1.9e-3, unit="")
+    reading = WindowReading(ModelState(), {}, "")
+    assert model.withheld(reading, estimates) == (UNCERTAIN, {"position", "force"})
+    estimates["position"] = Estimate(value=place, std=3e-4, unit="m")
+    assert model.withheld(reading, estimates) == ("", set())
 
 
 def test_without_a_range_every_place_is_stated() -> None:

@@ -28,8 +28,15 @@ from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.known import Detector
-from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
-from monochord.perception.model.place import LEAD, NO_PLACE, PLACE, PlaceByLines, why_not_stated
+from monochord.perception.model.network import UNCERTAIN, Network, Output, estimates_of, probability, quantity
+from monochord.perception.model.place import (
+    LEAD,
+    NO_PLACE,
+    PLACE,
+    PlaceByLines,
+    may_be_outside,
+    why_not_stated,
+)
 from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.tuning.sessions import force_scale, refuse_other_length
 from monochord.physics.sensors import retuned
@@ -237,11 +244,14 @@ class Model:
         name, contact = self.definition.place, estimates.get(self.definition.gate)
         if name is None or contact is None or not (contact.valid and contact.value >= DECISION):
             return ""
-        place, std = estimates[name].value, estimates[name].std
-        if not estimates[name].valid:  # it is withheld, and may lie outside all the same
+        stated = estimates[name]
+        place, std = stated.value, stated.std
+        if not stated.valid:  # it is withheld, and may lie outside all the same
             head = self.definition.heads[name]
             place, std = quantity(reading.outputs[name], head, self.corrections.get(name))
-        return why_not_stated(place, std, reading.by_lines, self.places)
+        why_not = why_not_stated(place, std, reading.by_lines, self.places)
+        is_near_an_end = stated.valid and may_be_outside(place, std, self.places)
+        return why_not or (UNCERTAIN if is_near_an_end else "")
 
     @staticmethod
     def _read(

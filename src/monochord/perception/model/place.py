@@ -26,6 +26,8 @@ EDGE_DEVIATIONS = 2.0
 """Standard errors by which an estimate may lie beyond an end of the range, as that of a touch there does."""
 MAX_EDGE: Metres = 1e-3
 """Largest distance beyond the end that these may be."""
+MAX_REACH: Metres = 1.5e-3
+"""Largest distance beyond the end that a place so many standard errors from the stated one may be."""
 
 
 class PlaceByLines(NamedTuple):
@@ -67,6 +69,15 @@ def why_not_stated(
     if lines.lead < MIN_LEAD or abs(lines.place - place) <= max(MAX_DEVIATIONS * std, MIN_DISAGREEMENT):
         return ""
     return CONTRADICTED if _is_inside(lines.place, sensing_range, edge) else OUTSIDE_RANGE
+
+
+def may_be_outside(place: Metres, std: Metres, sensing_range: tuple[Metres, Metres] | None) -> bool:
+    """Return whether the error of a place inside the sensing range, in m, reaches well outside it.
+
+    >>> [may_be_outside(0.0513, std, (0.05, 0.15)) for std in (3e-4, 1.9e-3)]
+    [False, True]
+    """
+    return not _is_inside(place, sensing_range, MAX_REACH - EDGE_DEVIATIONS * std)
 
 
 def _is_inside(place: Metres, sensing_range: tuple[Metres, Metres] | None, edge: Metres) -> bool:
