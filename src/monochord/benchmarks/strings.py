@@ -12,9 +12,8 @@ from monochord.evaluation.strings import refuse_options, strings_cost
 class Strings(Benchmark):
     """Rate and processor time of a trained model on several simulated strings of one source.
 
-    The loop runs at the pace of real time; where it is late it skips to the newest window, so that all
-    strings get the same rate, below the one asked for. The cost of an estimate is compared with that of one
-    string alone in the same run.
+    The loop runs in real time. When it is late, it skips to the newest window, and all strings get the same,
+    lower rate. The processor time of an estimate is compared with that of a single string in the same run.
 
     Parameters
     ----------

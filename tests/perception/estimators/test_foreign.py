@@ -5,8 +5,12 @@ frame or hum. A string by finite differences has other drivers, losses, objects 
 """
 
 import csv
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -33,25 +37,51 @@ class Kept(Listener):
         self.moments.append(moment)
 
 
-@pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-3])
-def test_a_foreign_sensor_is_answered_and_not_taken_for_a_faulty_one(noise: float) -> None:
+NOISES = (0.0, 1e-4, 1e-3)
+
+
+@cache
+def steady(noise: float) -> list[Moment]:
+    """The moments of a foreign sensor that are no transitions."""
     options = {"preset": "prototype", "speed": 0.0, "seed": 3, "noise": noise}
     kept, model = Kept(), ModelEstimator(path=Path("demo"))
     source = SOURCES.build("split_string", options)
     run(LiveRun(source=source, estimator=model, sinks=(kept,), seconds=SECONDS))
-    steady = [m for m in kept.moments if m.truth.get("transition") == 0.0]
-    touched = [m for m in steady if m.truth["contact"] == 1.0]
+    return [m for m in kept.moments if m.truth.get("transition") == 0.0]
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_a_foreign_sensor_is_answered_and_not_taken_for_a_faulty_one(noise: float) -> None:
+    touched = [m for m in steady(noise) if m.truth["contact"] == 1.0]
     positions = [m.prediction.estimate("position") for m in touched]
     off = [abs(e.value - m.truth["position"]) for e, m in zip(positions, touched, strict=True) if e.valid]
     assert len(off) > 0.9 * len(touched)
     assert np.mean(off) < 1e-3
-    contact = [m.prediction.estimate("contact") for m in steady]
-    right = [
-        (e.value > 0.5) == bool(m.truth["contact"]) for e, m in zip(contact, steady, strict=True) if e.valid
-    ]
-    assert np.mean(right) > 0.9
-    if len(right) <= 0.9 * len(steady):
-        pytest.xfail("contact is withheld in 11 to 30 % of windows: docs/ROADMAP.md")
+
+
+UNTOUCHED = pytest.mark.xfail(
+    reason="untouched is told touched: docs/ROADMAP.md", raises=AssertionError, strict=True
+)
+WITHHELD = pytest.mark.xfail(
+    reason="withheld in 11, 15 and 30 %: docs/ROADMAP.md", raises=AssertionError, strict=True
+)
+
+
+@pytest.mark.parametrize("noise", [*(pytest.param(each, marks=UNTOUCHED) for each in NOISES[:2]), NOISES[2]])
+def test_contact_that_is_told_of_a_foreign_sensor_is_right(noise: float) -> None:
+    assert np.mean(right_contact(noise)) > 0.9
+
+
+@WITHHELD
+@pytest.mark.parametrize("noise", NOISES)
+def test_contact_is_told_of_a_foreign_sensor(noise: float) -> None:
+    assert len(right_contact(noise)) > 0.9 * len(steady(noise))
+
+
+def right_contact(noise: float) -> list[bool]:
+    """Whether contact is right, of each window in which it is told."""
+    contact = [(m.prediction.estimate("contact"), m) for m in steady(noise)]
+    return [(e.value > 0.5) == bool(m.truth["contact"]) for e, m in contact if e.valid]
 
 
 @dataclass(frozen=True)
@@ -86,30 +116,65 @@ def scored(model: Path, sensor: str, known: Take) -> Scored:
     )
 
 
-@pytest.mark.xfail(reason="ten touches teach too little, and leave 84 % answered: docs/ROADMAP.md")
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_ten_touches_teach_it_the_force_of_a_foreign_sensor(seed: int, tmp_path: Path) -> None:
+MISSED = {
+    (1, "it answers"),
+    (2, "half of the bias"),
+    (3, "force after"),
+    (3, "half of the bias"),
+}
+"""Seeds and promises that are missed: docs/ROADMAP.md."""
+
+
+class Taught(NamedTuple):
+    """What is estimated of the other touches, before ten of them are known and after."""
+
+    before: Scored
+    after: Scored
+
+
+PROMISES: dict[str, Callable[[Taught], bool]] = {
+    "places before": lambda it: np.abs(it.before.position).mean() < 1e-3,
+    "it answers": lambda it: it.after.answered > 0.9,
+    "places after": lambda it: np.abs(it.after.position).mean() < 1e-3,
+    "force before": lambda it: np.abs(it.before.force).mean() < 0.45,
+    "force after": lambda it: np.abs(it.after.force).mean() < min(0.25, np.abs(it.before.force).mean()),
+    "half of the bias": lambda it: abs(it.after.force.mean()) < 0.5 * abs(it.before.force.mean()),
+    "stated errors": lambda it: np.mean(np.abs(it.after.force) < 2.0 * it.after.force_std) > 0.85,
+}
+
+
+@cache
+def taught(seed: int) -> Taught:
+    with TemporaryDirectory() as name:
+        return _taught(seed, Path(name))
+
+
+def _taught(seed: int, folder: Path) -> Taught:
     whole, known = take(seed, touches=22), 10
     cut = whole.touches[known][0] - round(0.4 * RATE)
     rest = whole.part(cut, whole.sound.shape[1])
-    soundfile.write(tmp_path / "open.wav", whole.sound[:, :RATE].T, RATE, subtype="FLOAT")
-    soundfile.write(tmp_path / "touches.wav", whole.sound[:, :cut].T, RATE, subtype="FLOAT")
-    with (tmp_path / "touches.csv").open("w", newline="") as file:
+    soundfile.write(folder / "open.wav", whole.sound[:, :RATE].T, RATE, subtype="FLOAT")
+    soundfile.write(folder / "touches.wav", whole.sound[:, :cut].T, RATE, subtype="FLOAT")
+    with (folder / "touches.csv").open("w", newline="") as file:
         table = csv.writer(file)
         table.writerow(("begin", "end", "position", "force"))
         for first, last in whole.touches[:known]:
             middle, times = (first + last) // 2, (first / RATE + 0.04, last / RATE - 0.04)
             table.writerow((*times, round(whole.position[middle], 3), round(whole.force[middle], 2)))
-    sensor, session, mine = (str(tmp_path / name) for name in ("sensor.toml", "touches.mcap", "mine"))
-    sound, labels = str(tmp_path / "touches.wav"), str(tmp_path / "touches.csv")
-    assert monochord(["tune", str(tmp_path / "open.wav"), "--sensor", "prototype", "--out", sensor]) == 0
+    sensor, session, mine = (str(folder / name) for name in ("sensor.toml", "touches.mcap", "mine"))
+    sound, labels = str(folder / "touches.wav"), str(folder / "touches.csv")
+    assert monochord(["tune", str(folder / "open.wav"), "--sensor", "prototype", "--out", sensor]) == 0
     assert monochord(["sessions", "import", sound, labels, "--sensor", sensor, "--out", session]) == 0
     assert monochord(["calibrate", "demo", "--sessions", session, "--out", mine]) == 0
-    before, after = (scored(model, sensor, rest) for model in (Path("demo"), Path(mine)))
-    assert np.abs(before.position).mean() < 1e-3
-    assert after.answered > 0.9
-    assert np.abs(after.position).mean() < 1e-3
-    assert np.abs(before.force).mean() < 0.45
-    assert np.abs(after.force).mean() < min(0.25, np.abs(before.force).mean())
-    assert abs(after.force.mean()) < 0.5 * abs(before.force.mean())
-    assert np.mean(np.abs(after.force) < 2.0 * after.force_std) > 0.85
+    return Taught(*(scored(model, sensor, rest) for model in (Path("demo"), Path(mine))))
+
+
+@pytest.mark.parametrize("promise", PROMISES)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_ten_touches_teach_it_the_force_of_a_foreign_sensor(
+    seed: int, promise: str, request: pytest.FixtureRequest
+) -> None:
+    if (seed, promise) in MISSED:
+        missed = pytest.mark.xfail(reason="docs/ROADMAP.md", raises=AssertionError, strict=True)
+        request.applymarker(missed)
+    assert PROMISES[promise](taught(seed))

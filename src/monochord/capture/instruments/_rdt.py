@@ -230,5 +230,5 @@ def _number(
 
 
 def _quoted(text: str) -> str:
-    """Return the begin of what a device said in quotes, with whatever is not plain ASCII escaped."""
+    """Return the first characters of a device's answer, quoted, with everything but plain ASCII escaped."""
     return ascii(text[:QUOTED]) + ("..." if len(text) > QUOTED else "")

@@ -71,7 +71,7 @@ def encoded(name: str) -> bytes:
 
 
 def shown(name: str) -> str:
-    r"""Return a name as it is shown, and as a person can type it: what is no text is written in escapes.
+    r"""Return a name as a person reads and types it: bytes that are not text are written as escapes.
 
     >>> shown(decoded(b"St\xc3:out")), shown("USB Audio (hw:1,0):out")
     ('St\\xc3:out', 'USB Audio (hw:1,0):out')

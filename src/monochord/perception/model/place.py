@@ -26,8 +26,8 @@ EDGE_DEVIATIONS = 2.0
 """Standard errors by which an estimate may lie beyond an end of the range, as that of a touch there does."""
 MAX_EDGE: Metres = 1e-3
 """Largest distance beyond the end that these may be."""
-MAX_REACH: Metres = 1.5e-3
-"""Largest distance beyond the end that a place so many standard errors from the stated one may be."""
+REACH_DEVIATIONS, MAX_REACH = 4.0, 2e-3
+"""So many standard errors about a stated place may reach beyond an end by so many metres."""
 
 
 class PlaceByLines(NamedTuple):
@@ -77,7 +77,7 @@ def may_be_outside(place: Metres, std: Metres, sensing_range: tuple[Metres, Metr
     >>> [may_be_outside(0.0513, std, (0.05, 0.15)) for std in (3e-4, 1.9e-3)]
     [False, True]
     """
-    return not _is_inside(place, sensing_range, MAX_REACH - EDGE_DEVIATIONS * std)
+    return not _is_inside(place, sensing_range, MAX_REACH - REACH_DEVIATIONS * std)
 
 
 def _is_inside(place: Metres, sensing_range: tuple[Metres, Metres] | None, edge: Metres) -> bool:
