@@ -27,7 +27,7 @@ BUILD, DAY = 7077, 5
 NOMINAL = 1010.6
 """Open frequency of the design in Hz."""
 REST, HELD, APART = 4.0, 1.6, 1.0
-"""Seconds without a touch at the begin, of a touch, and between two."""
+"""Seconds without a touch at the start, of a touch, and between two."""
 MARGIN = 0.3
 """Time left out at either end of a touch: the object comes down and goes, in s."""
 

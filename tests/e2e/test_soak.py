@@ -32,7 +32,7 @@ SECONDS = float(os.environ.get("MONOCHORD_SOAK_SECONDS", "120"))
 KILLS = 5
 SEED = 20
 WARM = 0.4
-"""Share of the time, from the begin, that is left out when memory is looked at."""
+"""Share of the time, from the start, that is left out when memory is looked at."""
 PERIOD = 512
 BACK = 15.0
 """Seconds in which a recorder must be back once there is something to connect to."""
@@ -128,7 +128,7 @@ class Memory:
 
 
 def kill_times() -> list[float]:
-    """Return when the server is killed, in s after the begin: once at random in each sixth but the first."""
+    """Return when the server is killed, in s after the start: once at random in each sixth but the first."""
     random = Random(SEED)
     return [SECONDS * (number + random.uniform(-0.3, 0.3)) / (KILLS + 1) for number in range(1, KILLS + 1)]
 

@@ -149,7 +149,7 @@ def test_taps_at_one_end_give_the_offset_but_no_drift(tmp_path: Path) -> None:
 def test_too_few_taps_are_flagged(tmp_path: Path) -> None:
     truth = tapped(groups=(1.5, 5.0), taps=2, seconds=8.0)
     flags = align(recorded(tmp_path, truth)).flags
-    assert "audio notices 2 taps at the begin; 3 are needed" in flags
+    assert "audio notices 2 taps at the start; 3 are needed" in flags
     assert "audio notices 2 taps at the end; 3 are needed" in flags
 
 
@@ -162,7 +162,7 @@ def test_a_tap_that_only_the_force_notices_is_left_out(taps: int, tmp_path: Path
     offset = alignment.lateness["audio"].offsets[0]
     assert offset.taps == taps - 1
     assert offset.value == pytest.approx(0.05, abs=0.5e-3)
-    missing = [] if taps == 5 else ["audio notices 2 taps at the begin; 3 are needed"]
+    missing = [] if taps == 5 else ["audio notices 2 taps at the start; 3 are needed"]
     assert list(alignment.flags[:1]) == missing
 
 
@@ -181,7 +181,7 @@ def test_an_offset_beyond_the_limit_is_reported(tmp_path: Path) -> None:
     truth = replace(played(), late={"audio": (1.2, 1.2)})
     flags = align(recorded(tmp_path, truth)).flags
     assert flags == (
-        "audio is 1.20 s late at the begin; allowed is 1 s",
+        "audio is 1.20 s late at the start; allowed is 1 s",
         "audio is 1.20 s late at the end; allowed is 1 s",
     )
 
@@ -189,7 +189,7 @@ def test_an_offset_beyond_the_limit_is_reported(tmp_path: Path) -> None:
 def test_a_stream_without_taps_is_flagged(tmp_path: Path) -> None:
     truth = replace(played(), microphones=np.zeros((2, 12 * RATE), np.float32))
     alignment = align(recorded(tmp_path, truth))
-    assert alignment.flags[0] == "audio notices no taps within 1 s at the begin"
+    assert alignment.flags[0] == "audio notices no taps within 1 s at the start"
     assert alignment.correct("audio", np.ones(1)).tolist() == [1.0]
 
 

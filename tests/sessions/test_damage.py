@@ -120,7 +120,7 @@ def test_where_the_rest_tells_what_was_there_nothing_is_lost(short: Path, tmp_pa
     places = {
         "magic": 3,
         "profile": records[0].offset + 14,
-        "length of the begin": records[1].offset + 2,
+        "length of the start": records[1].offset + 2,
         "description": content.index(b'"sample_rate"') + 16,
         "plan": next(r for r in records if r.opcode == walk.ATTACHMENT).end - 10,
         "schema": first.offset + 200,

@@ -27,7 +27,7 @@ class Resampler:
     size
         Frames of a window, those of `context` included.
     context
-        How many of them, at the begin, are there for the filter alone and not in the result; 10 ms suffice. A
+        How many of them, at the start, are there for the filter alone and not in the result; 10 ms suffice. A
         whole number of the stretches after which both rates meet: 441 frames from 44.1 to 16 kHz.
 
     Raises

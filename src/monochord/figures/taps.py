@@ -35,7 +35,7 @@ NONE: Mapping[str, tuple[Seconds, Seconds]] = MappingProxyType({})
 SHOWN = {"audio": ("microphone 1", 1.0), "fz": ("force (N)", 1.0), "z": ("height (mm)", 1e3)}
 """Axis label of each row, and the factor from SI to its unit."""
 LATE = {"audio": (0.021, 0.0215), "pose": (0.048, 0.046)}
-"""How late the streams of the simulated session are, at the begin and at the end, in s."""
+"""How late the streams of the simulated session are, at the start and at the end, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,7 @@ class Taps(Measured):
     """Draw sound, force and height around the taps of `session`, as stamped and as corrected.
 
     `session` is a file; without one a small simulated session is made, whose streams are late by known times.
-    `end` shows the taps at the end instead of those at the begin. `tap` counts from 0 which of them, and
+    `end` shows the taps at the end instead of those at the start. `tap` counts from 0 which of them, and
     `before` and `after` are the seconds shown around it.
     """
 

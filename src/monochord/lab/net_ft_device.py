@@ -1,7 +1,7 @@
 """A simulated ATI Net F/T: it speaks real RDT over UDP and serves its settings over HTTP.
 
 As a process it plays a file that `write_script` wrote. It prints its ports as one line of JSON, reads each
-line of its standard input as the begin, in s of the monotonic clock, and ends when that input does::
+line of its standard input as the start, in s of the monotonic clock, and ends when that input does::
 
     python -m monochord.lab.net_ft_device FILE.npz
 """
@@ -56,11 +56,11 @@ class NetFtSettings:
     loss
         Probability that the network loses a record.
     fault_after
-        Time in s after the begin from which a status is latched, until the latch is reset; None for never.
+        Time in s after the start from which a status is latched, until the latch is reset; None for never.
     fault_status
         The latched status word.
     silence
-        Begin and end of a time without cable, in s after the begin: nothing is sent or received.
+        Begin and end of a time without cable, in s after the start: nothing is sent or received.
     restarts
         Whether the power fails with the cable: its counters then restart, and it waits for a request.
     first_record, first_sample
@@ -117,7 +117,7 @@ class RecordStream:
         self._rng = np.random.default_rng(settings.seed)
         self._origin = boot  # sample m is taken at origin + m / rate
         self._begin = np.inf
-        self._first = 1 << 62  # number of the sample at the begin
+        self._first = 1 << 62  # number of the sample at the start
         self._sample_base = 0
         self._bias = np.zeros(6, np.int64)
         self._reset = self._rebooted = False

@@ -30,7 +30,7 @@ DAY: Seconds = 86400.0
 MAX_DELAY: Seconds = 1.0
 """Largest delay of a stream: taps are matched up to so far apart."""
 SESSION_INTERVAL: Seconds = 120.0
-"""From the begin of one session of a day to that of the next; a session lasts about half of it."""
+"""From the start of one session of a day to that of the next; a session lasts about half of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Plays samples into a real JACK server, without a gap and from a known first frame.
 
 As a process it plays a file that `write_script` wrote. It prints its ports as one line of JSON, reads each
-line of its standard input as the begin, in s of the monotonic clock, and ends when that input does::
+line of its standard input as the start, in s of the monotonic clock, and ends when that input does::
 
     python -m monochord.lab.player FILE.npz
 """
@@ -29,7 +29,7 @@ from monochord.lab._script import follow_input, read_script, write_script
 __all__ = ["Player", "PlayerSettings", "serve", "write_script"]
 
 SCHEDULE_AHEAD: Seconds = 0.2
-"""Time before the begin at which the first frame is scheduled."""
+"""Time before the start at which the first frame is scheduled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

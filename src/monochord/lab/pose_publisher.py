@@ -1,7 +1,7 @@
 """Publishes a robot's pose in real time: over DDS as a ROS 2 node would, and as JSON datagrams.
 
 As a process it plays a file that `write_script` wrote, with the arrays ``poses`` and optionally ``wrenches``.
-It prints what it publishes as one line of JSON, reads each line of its standard input as the begin, in s of
+It prints what it publishes as one line of JSON, reads each line of its standard input as the start, in s of
 the monotonic clock, and ends when that input does::
 
     python -m monochord.lab.pose_publisher FILE.npz

@@ -37,7 +37,7 @@ from monochord.lab.render import Rendering, render
 from monochord.sessions import Description
 
 LEAD: Seconds = 1.0
-"""From the order to begin to the begin: the player schedules its first frame 0.2 s before."""
+"""From the order to begin to the start: the player schedules its first frame 0.2 s before."""
 TAIL: Seconds = 1.0
 """Time recorded after the last reading was due."""
 START_TIMEOUT: Seconds = 60.0

@@ -39,7 +39,7 @@ LABELS = ("contact", "position", "reaction", "slip", "across", "along")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedEvent:
-    """An event at a time in s: the begin of a phase, a tap, the drivers switched on or off."""
+    """An event at a time in s: the start of a phase, a tap, the drivers switched on or off."""
 
     time: Seconds
     kind: str

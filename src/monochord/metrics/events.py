@@ -49,7 +49,7 @@ def stretches(time: Floats, on: NDArray[np.bool_], hop: Seconds) -> Floats:
 
 
 def detection_delays(events: Floats, alarms: Floats, early: Seconds = 0.0) -> Floats:
-    """Return how long after the begin of each event its first alarm begins, (k,) in s; NaN where missed.
+    """Return how long after the start of each event its first alarm begins, (k,) in s; NaN where missed.
 
     Parameters
     ----------

@@ -117,7 +117,7 @@ def origin_of(view: memoryview, contents: Contents) -> float:
 
 
 def identity_of(view: memoryview, contents: Contents) -> tuple[str, SessionClock] | None:
-    """Return description and clock: as the message says, which a checksum guards, else as the begin says."""
+    """Return description and clock: as the message says, which a checksum guards, else as the start says."""
     if contents.text is not None:
         return contents.text, SessionClock(epoch_ns=contents.epoch_ns, origin=origin_of(view, contents))
     with suppress(ValueError, KeyError):

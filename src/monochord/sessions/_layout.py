@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 FORMAT = "1"
 BEGIN = "monochord"
-"""Name of the metadata at the begin."""
+"""Name of the metadata at the start."""
 END = "monochord.end"
 """Name of the metadata where a session was closed."""
 LIBRARY, PROFILE = "monochord", "ros2"

@@ -67,7 +67,7 @@ class Lateness:
 
     @property
     def drift(self) -> Seconds:
-        """By how much later the stream became from the begin to the end; NaN where it is not known."""
+        """By how much later the stream became from the start to the end; NaN where it is not known."""
         if not (self.times[1] > self.times[0] and all(offset.known for offset in self.offsets)):
             return math.nan
         return self.offsets[1].value - self.offsets[0].value
@@ -310,7 +310,7 @@ def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> 
             )
     if abs(late.drift) > drift:
         flags.append(
-            f"{stream} drifts by {1e3 * late.drift:+.2f} ms ({late.ppm:+.0f} ppm) from the begin to the end;"
+            f"{stream} drifts by {1e3 * late.drift:+.2f} ms ({late.ppm:+.0f} ppm) from the start to the end;"
             f" allowed is {1e3 * drift:.2f} ms"
         )
     return flags

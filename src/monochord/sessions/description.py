@@ -167,7 +167,7 @@ class SessionClock:
 
     `epoch_ns` is what the wall clock said when the monotonic clock said `origin`, the session's time zero.
     A clock beyond what a stamp holds is refused with `InputError`, and so is a time that is not finite, or
-    further from the begin than a session may be long.
+    further from the start than a session may be long.
 
     >>> clock = SessionClock(epoch_ns=10**18, origin=5.0)
     >>> int(clock.stamp(5.25)), float(clock.seconds(10**18 + 250_000_000))

@@ -106,7 +106,7 @@ class SessionReader:
         self._names = (dict(enumerate(self.topics, 1)) if ours else {}) | self._names
 
     def _described_again(self, origin: str, parts: list[walk.Record]) -> dict[str, str]:
-        """Return what the begin says, as the first message says it, which a checksum guards; else nothing."""
+        """Return what the start says, as the first message says it, which a checksum guards; else nothing."""
         try:
             float(origin)
         except ValueError:
@@ -224,13 +224,13 @@ class SessionReader:
             raise InputError(f"audio up to frame {stop}", f"{limit:.0f} frames, or {MAX_DURATION:g} s")
 
     def _refuse_stamps(self, stamps: Any) -> None:
-        """Refuse times that are further from the begin than a session may be long."""
+        """Refuse times that are further from the start than a session may be long."""
         begin, reach = self.clock.epoch_ns, round(MAX_DURATION * NANO)
         low, high = (int(stamps.min()), int(stamps.max())) if len(stamps) else (begin, begin)
         if low < begin - reach or high > begin + reach:
             far = (low if low < begin - reach else high) - begin
             raise InputError(
-                f"time {far / NANO:g} s from the begin", f"at most {MAX_DURATION:g} s either way"
+                f"time {far / NANO:g} s from the start", f"at most {MAX_DURATION:g} s either way"
             )
 
     @cached_property

@@ -42,7 +42,7 @@ class Recovery:
 def recover(path: Path) -> Recovery:
     """Repair a session in place; one that is whole is left as it is.
 
-    Sound records stay where they are, bit for bit. What follows from the rest (the begin, heads of
+    Sound records stay where they are, bit for bit. What follows from the rest (the start, heads of
     chunks, indices) is put right; what cannot becomes a record that every reader skips. Behind the last sound
     record come the index that every MCAP reader looks for and a note that the session was repaired. Little
     more than an ending is written, so a full disk hardly matters. All bytes that are changed or cut away, but

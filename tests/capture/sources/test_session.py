@@ -103,7 +103,7 @@ def test_a_session_that_was_cut_off_plays_as_far_as_it_goes(tmp_path: Path) -> N
 
 
 def labelled(path: Path, **columns: list[float]) -> SessionSource:
-    """A second of sound whose labels lie 0.1 s apart, from 0.05 s on; frame 0 is 0.25 s after the begin."""
+    """A second of sound whose labels lie 0.1 s apart, from 0.05 s on; frame 0 is 0.25 s after the start."""
     writer = write(
         path, [Block(samples=np.zeros((2, RATE), np.float32), start=0, adc_time=100.25)], close=False
     )

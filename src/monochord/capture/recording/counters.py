@@ -45,7 +45,7 @@ class Level:
     """The level of one microphone over the latest audio, as shares of full scale.
 
     `peak_hold` is the highest peak of the last 1.5 s and `highest` that of the whole recording. `clipped` and
-    `not_numbers` count samples since the begin; `clipping` is true if some clipped in the last 1.5 s. `quiet`
+    `not_numbers` count samples since the start; `clipping` is true if some clipped in the last 1.5 s. `quiet`
     is how long it has been picking up nothing at all, up to now.
     """
 
@@ -234,7 +234,7 @@ class TimingCheck:
 class Progress:
     """The state of a running recording.
 
-    `time` is the monotonic clock's and `elapsed` the time since the begin. `frames`, `dropped` and `gaps`
+    `time` is the monotonic clock's and `elapsed` the time since the start. `frames`, `dropped` and `gaps`
     count the blocks received; `silent` is the time without audio, 0 while the next block is not late.
     `levels` are the microphones', `feeds` the instruments'. `waiting` is the filled share of the queue of
     data not yet written, and `blocked` the time for which devices waited for space in it. `implausible_age`

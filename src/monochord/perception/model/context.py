@@ -6,7 +6,7 @@ with the probability that something touches it, and updates the state. Training,
 loop all use this fold.
 
 A window enters the reference when it is believed untouched, the string has had time to settle since the last
-touch, and no touch begins right after it, which the window may already contain the begin of. Times are those
+touch, and no touch begins right after it, which the window may already contain the start of. Times are those
 of the windows' starts, so that the same sound gives much the same reference at another hop.
 """
 

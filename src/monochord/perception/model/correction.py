@@ -33,7 +33,7 @@ from monochord.metrics import normal_coverage
 MAX_VARIABLE = 4.0
 """Largest size of a scaled variable; further out a polynomial would be a guess."""
 FIRST_VARIANCE = 0.05
-"""Prior variance of each weight at the begin of its estimation, in units of the scale squared."""
+"""Prior variance of each weight at the start of its estimation, in units of the scale squared."""
 ROUNDS = 60
 """Rounds of the estimation; more change the prior by less than its own uncertainty."""
 MIN_VARIANCE = 1e-8

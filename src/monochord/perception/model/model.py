@@ -169,7 +169,7 @@ class Model:
         Parameters
         ----------
         state
-            The state before the window; ``ModelState()`` at the begin. A window that does not begin after the
+            The state before the window; ``ModelState()`` at the start. A window that does not begin after the
             one before it is the first of another stream.
         window
             Of the length of the training.

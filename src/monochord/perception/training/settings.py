@@ -27,7 +27,7 @@ class ContextSettings:
     """The untouched reference: whether heads have it as an input, its feature, and how it is updated.
 
     The times and numbers are those of `model.definition.Reference`. `drop` is the share of
-    training windows that are shown without it, as at the begin of a stream.
+    training windows that are shown without it, as at the start of a stream.
     """
 
     on: bool = True
