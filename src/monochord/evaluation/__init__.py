@@ -2,8 +2,8 @@
 
 from monochord.evaluation.baselines import RIDGE, Baselines, features_of, fit_baselines
 from monochord.evaluation.evaluate import Evaluation, evaluate, write
-from monochord.evaluation.noise import Disturbance, motor, noise_suite, parse_noise
-from monochord.evaluation.paper import PaperRow, keep_rows, paper_page, paper_rows
+from monochord.evaluation.noise import motor
+from monochord.evaluation.paper import keep_rows, paper_rows
 from monochord.evaluation.recordings import (
     RATE,
     REMEDY,
@@ -11,7 +11,6 @@ from monochord.evaluation.recordings import (
     RealTake,
     folder,
     interference_recordings,
-    resampled,
     takes,
 )
 from monochord.evaluation.replay import Selection, replay, replay_together
@@ -52,11 +51,9 @@ __all__ = [
     "Baselines",
     "Candidate",
     "Detection",
-    "Disturbance",
     "Evaluation",
     "EvaluationData",
     "EvaluationSettings",
-    "PaperRow",
     "RealTake",
     "Regression",
     "Results",
@@ -76,10 +73,7 @@ __all__ = [
     "keep_rows",
     "load",
     "motor",
-    "noise_suite",
-    "paper_page",
     "paper_rows",
-    "parse_noise",
     "read_results",
     "refuse_options",
     "refuse_trained_on",
@@ -87,7 +81,6 @@ __all__ = [
     "regression_rows",
     "replay",
     "replay_together",
-    "resampled",
     "score_of",
     "scorecard",
     "select",
