@@ -292,7 +292,7 @@ def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> 
     drift = limits.drift if stream == AUDIO else limits.intervals * spacing
     std = limits.std if stream == AUDIO else limits.intervals * spacing
     ends = 2 if late.times[1] > late.times[0] else 1
-    for place, offset in zip(("begin", "end")[:ends], late.offsets[:ends], strict=True):
+    for place, offset in zip(("start", "end")[:ends], late.offsets[:ends], strict=True):
         if not offset.known:
             flags.append(f"{stream} notices no taps within {limits.offset:g} s at the {place}")
             continue

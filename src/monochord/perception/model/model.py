@@ -250,7 +250,7 @@ class Model:
             head = self.definition.heads[name]
             place, std = quantity(reading.outputs[name], head, self.corrections.get(name))
         why_not = why_not_stated(place, std, reading.by_lines, self.places)
-        is_near_an_end = stated.valid and may_be_outside(place, std, self.places)
+        is_near_an_end = stated.valid and may_be_outside(place, std, reading.by_lines, self.places)
         return why_not or (UNCERTAIN if is_near_an_end else "")
 
     @staticmethod

@@ -71,13 +71,18 @@ def why_not_stated(
     return CONTRADICTED if _is_inside(lines.place, sensing_range, edge) else OUTSIDE_RANGE
 
 
-def may_be_outside(place: Metres, std: Metres, sensing_range: tuple[Metres, Metres] | None) -> bool:
+def may_be_outside(
+    place: Metres, std: Metres, lines: PlaceByLines, sensing_range: tuple[Metres, Metres] | None
+) -> bool:
     """Return whether the error of a place inside the sensing range, in m, reaches well outside it.
 
-    >>> [may_be_outside(0.0513, std, (0.05, 0.15)) for std in (3e-4, 1.9e-3)]
+    Not where the lines of the window tell a place too: `why_not_stated` has compared both.
+
+    >>> [may_be_outside(0.0513, std, NO_PLACE, (0.05, 0.15)) for std in (3e-4, 1.9e-3)]
     [False, True]
     """
-    return not _is_inside(place, sensing_range, MAX_REACH - REACH_DEVIATIONS * std)
+    reach = REACH_DEVIATIONS * std - MAX_REACH
+    return lines.lead < MIN_LEAD and not _is_inside(place, sensing_range, -reach)
 
 
 def _is_inside(place: Metres, sensing_range: tuple[Metres, Metres] | None, edge: Metres) -> bool:
