@@ -139,7 +139,7 @@ PROMISES: dict[str, Callable[[Taught], bool]] = {
     "force before": lambda it: np.abs(it.before.force).mean() < 0.45,
     "force after": lambda it: np.abs(it.after.force).mean() < min(0.25, np.abs(it.before.force).mean()),
     "half of the bias": lambda it: abs(it.after.force.mean()) < 0.5 * abs(it.before.force.mean()),
-    "stated errors": lambda it: np.mean(np.abs(it.after.force) < 2.0 * it.after.force_std) > 0.85,
+    "stated errors": lambda it: bool(np.mean(np.abs(it.after.force) < 2.0 * it.after.force_std) > 0.85),
 }
 
 
