@@ -1,6 +1,6 @@
 """The paper's tables by feature: every variation is trained and evaluated by the same rules.
 
-Makes the rows of `docs/results/paper.md` from the plan `paper`, in some five hours on two cores (half an hour
+Makes `docs/results/paper.json` from the plan `paper`, in some five hours on two cores (half an hour
 without the transformer):
 
     monochord collect paper --out sessions

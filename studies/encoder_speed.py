@@ -1,6 +1,6 @@
 """The time of a frozen encoder for a window, with each backend that is installed.
 
-Makes what `docs/design/0013-encoders.md` says of their cost, in some two minutes: ``python -m
+Makes what `docs/design/features.md` says of their cost, in some two minutes: ``python -m
 studies.encoder_speed``.
 """
 

@@ -1,6 +1,6 @@
 """What a window costs a feature of the string's lines, by itself and in a batch.
 
-Makes what `docs/design/0012-features.md` says of their cost, in some 30 seconds: ``python -m
+Makes what `docs/design/features.md` says of their cost, in some 30 seconds: ``python -m
 studies.feature_speed``.
 """
 

@@ -1,6 +1,6 @@
 """An estimator and its baselines on a sensor as hardware may have it: a row of figures for each condition.
 
-Makes `docs/results/hardware.md` and its figure in some 50 minutes on two cores:
+Makes `docs/results/hardware.json` and its figure in some 50 minutes on two cores:
 ``python -m studies.hardware_suite demo --out docs/results``. All of its sound is simulated.
 
 `CONDITIONS` lists what is changed, one thing in each, and the plan `studies/plans/hardware.toml` the touches,

@@ -1,6 +1,6 @@
 """How near the pitch of a short window comes to what physics allows: the Cramer-Rao bound.
 
-Makes what `docs/design/0007-pitch-by-evidence.md` says of its error, in some two minutes: ``python -m
+Makes what `docs/design/reader-of-modes.md` says of its error, in some two minutes: ``python -m
 studies.pitch_bound``.
 """
 

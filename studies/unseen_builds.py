@@ -1,6 +1,6 @@
 """How well a model does on builds that it was never trained on, by how many of their touches it knows.
 
-Makes `docs/results/builds.md` from sessions of a sealed plan, such as those that
+Makes the rows of `docs/results/builds.json` from sessions of a sealed plan, such as those that
 ``monochord collect studies/plans/sealed_7.toml`` renders, in some 40 minutes on two cores:
 ``python -m studies.unseen_builds MODEL --sessions FILES --rows FILE``.
 

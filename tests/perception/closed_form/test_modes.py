@@ -95,7 +95,7 @@ def test_probabilities_of_a_window_sum_to_one() -> None:
 
 @pytest.mark.slow
 def test_touches_of_builds_never_heard_are_read_right() -> None:
-    # The hand-set choice before had 86 % of such windows within 5 mm; docs/design/0026-learned-ranking.md.
+    # The hand-set choice before had 86 % of such windows within 5 mm; docs/design/reader-of-modes.md.
     right, leads = list[bool](), list[float]()
     for build in range(301, 309):
         sensor, random = (

@@ -30,7 +30,7 @@ EDGE_CENTS = 4.0
 """Distance in cents by which a fit may lie outside the searched range and still count as inside."""
 MAX_GLIDE, MAX_SCATTER, MAX_MISSING = 0.125, 0.11, 0.45
 """Largest glide of a string's pitch and scatter of its partials, in 1/s, and share of them that do not hold;
-chosen on 39 plucked takes, in quiet and with interference (docs/design/0007-pitch-by-evidence.md)."""
+chosen on 39 plucked takes, in quiet and with interference (docs/design/reader-of-modes.md)."""
 MAX_FLAT_CENTS = 40.0
 """Largest distance in cents of a note below the open one: tunings drift."""
 

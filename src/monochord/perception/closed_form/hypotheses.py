@@ -7,7 +7,7 @@ Two lines a, b and two mode numbers give a position x and an open frequency f,
 where beta = pi^3 E d^4 / (64 T) is the string's stiffness (Fletcher 1964). A hypothesis is allowed if f is
 what the string's tension, and a touch that is no clamp, can make of it. Its measures are relative to the own
 pitch, to the length, to the distance of two bins and to each microphone's strongest line, so they hold for
-any string. docs/design/0026-learned-ranking.md says how the limits were set.
+any string. docs/design/reader-of-modes.md says how the limits were set.
 """
 
 from typing import NamedTuple

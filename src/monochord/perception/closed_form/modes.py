@@ -7,7 +7,7 @@ builds. Hypotheses of one place add up to the most probable place.
 
 Whether anything touches is another question, and two scores set by hand answer it: how well two segments
 explain the lines, and how well the untouched string does. They were set on simulated touches of the prototype
-(docs/design/0012-features.md), and expect lower modes and an open pitch nearer to nominal than the ranking.
+(docs/design/features.md), and expect lower modes and an open pitch nearer to nominal than the ranking.
 
 The estimator and the features share this reader. Only how far a force raises the open frequency is an
 argument: the estimator derives it from the tension law and its largest force; the features expect no rise

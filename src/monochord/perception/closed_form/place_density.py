@@ -6,7 +6,7 @@ knows no hypotheses, and so may find a touch whose lines none of them explains. 
 half a percent of the length; a right hypothesis is ten times as exact. So it is evidence in their ranking.
 
 `python -m studies.mode_networks` trains it and writes `place_density.safetensors` beside this file;
-docs/design/0037-a-network-on-the-spectrum.md says what it is worth.
+docs/design/reader-of-modes.md says what it is worth.
 """
 
 from functools import cache

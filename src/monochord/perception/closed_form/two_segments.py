@@ -35,7 +35,7 @@ MAX_OPEN_FALL = 0.025
 """Largest share by which the open pitch of a reading may lie below the string's own. A touch that gives way
 lengthens both segments by a few millimetres at most; wrong modes may lower it by any amount."""
 MIN_LEAD = 2.0
-"""Least logarithm of the odds of a place, some 7 to 1; see docs/design/0026-learned-ranking.md."""
+"""Least logarithm of the odds of a place, some 7 to 1; see docs/design/reader-of-modes.md."""
 CLAMP_POSITION_STD, CLAMP_TENSION_STD = 2.5e-3, 2.5e-2
 """Standard deviations of what a clamp leaves out: of the position as a share of the length, of the tension
 as a share of it. A compliant touch lengthens both segments, ends yield, drivers pull; on plausible builds of

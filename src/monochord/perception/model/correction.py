@@ -57,7 +57,7 @@ BUILD_SHARE = 0.3
 """Share of the covariance that sessions of one build have in common; the rest is the object's and the day's.
 
 Of the variance of force's mean error over 40 sessions of seven plausible builds of validation, drawn objects,
-0.30 is common to a build (0.05 to 0.54 by drawing builds again): docs/design/0023-corrections.md.
+0.30 is common to a build (0.05 to 0.54 by drawing builds again): docs/design/tuning-and-calibration.md.
 """
 
 

@@ -6,7 +6,7 @@ ones can, and so can the lines of a touched string at unlucky places; several li
 decided.
 
 A driven partial lies where its driver closes the phase, up to a few thousandths off the string's own (see
-docs/design/0005-drivers-close-the-phase.md); free partials lie at n f0 sqrt(1 + B n^2) (Fletcher 1964).
+docs/design/simulators.md); free partials lie at n f0 sqrt(1 + B n^2) (Fletcher 1964).
 Multiples of the sustained lines, and their sums and differences, come of distortion and say nothing new.
 """
 

@@ -22,7 +22,7 @@ LOWEST, HIGHEST = -0.015, 0.008
 """Shares by which a string may lie off its known pitch for a model that reads it as of that pitch.
 
 Beyond, features are of the string as tuned, offline and live. Within, modes are read as well by the known
-pitch (docs/design/0031-models-follow-the-pitch.md), and a model need not change with every drift."""
+pitch (docs/design/tuning-and-calibration.md), and a model need not change with every drift."""
 
 LENGTH_TOLERANCE = 0.02
 """Share by which a string's length may differ from that of the training."""

@@ -5,8 +5,7 @@ in; they become float32 here, each scaled by its channel's scale, and run in Num
 
 The implementation is our own because the published graph cannot be used as it is: TensorFlow Lite fixes its
 input at 1 x 96 x 64, so that neither 100 frames nor two microphones fit, and it gives no inner layer without
-running all 27 (8.8 ms of CPU time against 5.4 ms to layer 9 here). Monochord's design note 18 has the
-measurements.
+running all 27 (8.8 ms of CPU time against 5.4 ms to layer 9 here).
 
 References
 ----------
