@@ -32,7 +32,7 @@ SESSIONS = (0, 3)
 @pytest.fixture(scope="module")
 def trained(learnable: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("trained")
-    lesson = {**LESSON, "dataset": str(learnable), "cache": str(home / "features")}
+    lesson = {**LESSON, "dataset": str(learnable), "cache": str(learnable.parent / "features")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(features, "__path__", [*features.__path__, str(MADE_UP)])
         train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 4}}), home / "run")

@@ -185,7 +185,7 @@ def test_a_pitch_beyond_any_tuning_is_refused() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ESTIMATED)
-@pytest.mark.parametrize("percent", range(-9, 10))
+@pytest.mark.parametrize("percent", [-9, -5, -2, 0, 3, 6, 9])
 def test_every_tuning_after_and_before(name: str, percent: int) -> None:
     """After `tune` the position is right within a millimetre; before, it is right or there is none."""
     sound, labels = played("prototype", percent, 8)
@@ -200,7 +200,7 @@ def test_every_tuning_after_and_before(name: str, percent: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("preset", ["long", "gauge_012", "gauge_013"])
-@pytest.mark.parametrize("percent", [-9, -4, 0, 4, 9])
+@pytest.mark.parametrize("percent", [-9, 0, 9])
 def test_the_closed_form_on_other_sensors(preset: str, percent: int) -> None:
     string = load_sensor(preset).string
     sound, labels = played(preset, percent, 8)

@@ -63,9 +63,10 @@ def test_contact_is_estimated_beside_a_reason_that_leaves_it_right(drawn: Model,
         silence = dataclasses.replace(sound(0), samples=np.zeros_like(sound(0).samples))
         assert not model.predict(ModelState(), silence)[1]["contact"].valid
     misspelt = "two things seems to touch"
-    for names in ({"contact_holds": (misspelt,)}, {"brief": (misspelt,)}):
-        with pytest.raises(InputError, match=misspelt):
-            with_detector(drawn, (0.0, 0.0, 0.0), **names)
+    with pytest.raises(InputError, match=misspelt):
+        with_detector(drawn, (0.0, 0.0, 0.0), contact_holds=(misspelt,))
+    with pytest.raises(InputError, match=misspelt):
+        with_detector(drawn, (0.0, 0.0, 0.0), brief=(misspelt,))
 
 
 @pytest.mark.parametrize("touched", [True, False])

@@ -73,7 +73,7 @@ def after(epochs: int) -> Callable[[Checkpoint], None]:
 
 
 def test_it_learns_what_there_is_to_learn(tmp_path: Path) -> None:
-    state, _ = fit(plan(epochs=40), SCALER, examples(0, 1024), examples(1), tmp_path / "a")
+    state, _ = fit(plan(epochs=24), SCALER, examples(0, 1024), examples(1), tmp_path / "a")
     assert state.history[0]["contact"] > 3.0 * state.score["contact"]
     assert state.score["force"] < 0.3 * np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
 
@@ -213,7 +213,7 @@ def linear_examples(seed: int, count: int, curvature: float) -> Examples:
 def test_a_linear_path_is_exact_where_labels_are_and_corrected_where_not(
     tmp_path: Path, curvature: float
 ) -> None:
-    setup = linear_plan(epochs=30)
+    setup = linear_plan(epochs=18)
     train, judged = (linear_examples(seed, 1024, curvature) for seed in (0, 1))
     _, weights = fit(setup, SCALER, train, judged, tmp_path / "a")
     network = Network.of(setup.definition, {**SCALER, **weights})

@@ -87,7 +87,7 @@ def test_the_pitch_of_a_detuned_string_is_heard(name: str, ratio: float) -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PRESETS)
-@pytest.mark.parametrize("percent", range(-9, 10))
+@pytest.mark.parametrize("percent", [-9, -5, -1, 0, 3, 6, 9])
 def test_each_tuning_is_heard_after_any_touch(name: str, percent: int) -> None:
     sensor = detuned(name, 1.0 + percent / 100.0)
     twin, (low, high) = VirtualSensor(sensor, seed=percent + 20), sensor.range
