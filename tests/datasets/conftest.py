@@ -1,5 +1,6 @@
 """Small sessions and datasets: noise for sound, so that no two are alike, and touches of a second each."""
 
+import shutil
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -10,7 +11,7 @@ import pytest
 
 from monochord.core.types import Block
 from monochord.datasets.build import BuildOptions, build_dataset
-from monochord.datasets.store import Dataset
+from monochord.datasets.store import Dataset, open_dataset
 from monochord.sessions import Description, SessionClock, SessionWriter
 
 RATE = 8000
@@ -69,25 +70,38 @@ def write(tmp_path: Path) -> Write:
     return partial(write_session, tmp_path)
 
 
+def made(home: Path, sessions: Mapping[str, Mapping[str, Any]], **options: Any) -> Dataset:
+    """Build a dataset of sessions, given as keywords of `write_session` by name."""
+    files = [write_session(home, name, **options) for name, options in sessions.items()]
+    number = sum(path.name.startswith("dataset") for path in home.iterdir())
+    return build_dataset(files, home / f"dataset{number}", BuildOptions(**options))
+
+
 @pytest.fixture
-def make(tmp_path: Path, write: Write) -> Make:
-    """Return what builds a dataset of sessions, given as keywords of `write` by name."""
+def make(tmp_path: Path) -> Make:
+    """Return what builds a dataset of sessions in this test's folder."""
+    return partial(made, tmp_path)
 
-    def made(sessions: Mapping[str, Mapping[str, Any]], **options: Any) -> Dataset:
-        files = [write(name, **options) for name, options in sessions.items()]
-        number = sum(path.name.startswith("dataset") for path in tmp_path.iterdir())
-        return build_dataset(files, tmp_path / f"dataset{number}", BuildOptions(**options))
 
-    return made
+@pytest.fixture(scope="session")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Two sessions, of an object and a day each, to be read alone."""
+    sessions = {"one": {"object": "wood", "day": 1}, "two": {"object": "steel", "day": 2}}
+    return made(tmp_path_factory.mktemp("pair"), sessions)
+
+
+@pytest.fixture
+def own(pair: Dataset, tmp_path: Path) -> Dataset:
+    """A copy of `pair` that a test may damage."""
+    return open_dataset(shutil.copytree(pair.path, tmp_path / "own"))
 
 
 @pytest.fixture(scope="session")
 def several(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Ten sessions of three objects on five days, to be read alone."""
-    home = tmp_path_factory.mktemp("several")
     bodies = ["plastic"] * 6 + ["wood"] * 2 + ["metal"] * 2
-    files = [
-        write_session(home, f"take{number}", object=body, material=body, day=number % 5, build=number % 4)
+    about = [
+        {"object": body, "material": body, "day": number % 5, "build": number % 4}
         for number, body in enumerate(bodies)
     ]
-    return build_dataset(files, home / "dataset")
+    return made(tmp_path_factory.mktemp("several"), {f"take{n}": each for n, each in enumerate(about)})

@@ -27,29 +27,22 @@ def leaks(dataset: Dataset, split: Split) -> dict[str, int]:
     return {leak.kind: leak.many for leak in audit(dataset, split).leaks}
 
 
-@pytest.fixture
-def two(make: Make) -> Dataset:
-    return make({"one": {"object": "wood", "day": 1}, "two": {"object": "steel", "day": 2}})
-
-
-def test_a_clean_split_passes(two: Dataset) -> None:
-    result = audit(two, split_of(two, rows_of(two, 0), rows_of(two, 1), by="object"))
+def test_a_clean_split_passes(pair: Dataset) -> None:
+    result = audit(pair, split_of(pair, rows_of(pair, 0), rows_of(pair, 1), by="object"))
     assert result.clean
     assert not result.notes
     result.refuse_leaks()
 
 
-def test_a_window_in_two_parts(two: Dataset) -> None:
-    split = split_of(two, rows_of(two, 0), [*rows_of(two, 1), 5, 7])
-    assert leaks(two, split)["shared window"] == 2
-    with pytest.raises(
-        InputError, match=r"shared window: train and test, 2 windows \(rows 5, 7\), and \d more"
-    ):
-        audit(two, split, duplicates=False).refuse_leaks()
+def test_a_window_in_two_parts(pair: Dataset) -> None:
+    split = split_of(pair, rows_of(pair, 0), [*rows_of(pair, 1), 5, 7])
+    assert leaks(pair, split)["shared window"] == 2
+    with pytest.raises(InputError, match=r"shared window.*rows 5, 7"):
+        audit(pair, split, duplicates=False).refuse_leaks()
 
 
-def test_a_window_twice_in_one_part(two: Dataset) -> None:
-    assert leaks(two, split_of(two, [1, 1, 2, 2, 2], rows_of(two, 1))) == {"repeated window": 3}
+def test_a_window_twice_in_one_part(pair: Dataset) -> None:
+    assert leaks(pair, split_of(pair, [1, 1, 2, 2, 2], rows_of(pair, 1))) == {"repeated window": 3}
 
 
 def test_windows_that_overlap(make: Make) -> None:
@@ -59,13 +52,13 @@ def test_windows_that_overlap(make: Make) -> None:
         assert leaks(dataset, split).get("shared samples", 0) == many
 
 
-def test_a_guard_gap_that_is_too_small(two: Dataset) -> None:
-    size, hop = two.manifest.window, two.manifest.hop
+def test_a_guard_gap_that_is_too_small(pair: Dataset) -> None:
+    size, hop = pair.manifest.window, pair.manifest.hop
     for first, leak in ((51, True), (52, False)):  # a gap of 0.1 and of 0.2 s, which a window and a hop are
-        split = split_of(two, range(50), range(first, 100), by="time", guard=0)
-        assert (leaks(two, split) == {"guard gap": 1}) == leak
-    wide = split_of(two, range(50), range(52, 100), by="time", guard=size + 2 * hop)
-    assert leaks(two, wide) == {"guard gap": 1}
+        split = split_of(pair, range(50), range(first, 100), by="time", guard=0)
+        assert (leaks(pair, split) == {"guard gap": 1}) == leak
+    wide = split_of(pair, range(50), range(52, 100), by="time", guard=size + 2 * hop)
+    assert leaks(pair, wide) == {"guard gap": 1}
 
 
 def test_sessions_days_and_objects_that_are_in_two_parts(make: Make) -> None:
@@ -125,15 +118,15 @@ def test_a_copy_that_was_changed(make: Make, how: str) -> None:
     assert leak.parts == ("train", "test")
 
 
-def test_a_split_of_another_dataset(two: Dataset, several: Dataset) -> None:
-    assert leaks(two, split_dataset(several)) == {"other dataset": 0} | {
-        kind: many for kind, many in leaks(two, split_dataset(several)).items() if many
+def test_a_split_of_another_dataset(pair: Dataset, several: Dataset) -> None:
+    assert leaks(pair, split_dataset(several)) == {"other dataset": 0} | {
+        kind: many for kind, many in leaks(pair, split_dataset(several)).items() if many
     }
-    assert leaks(two, split_of(two, range(10), [20, 10_000])) == {"other dataset": 1}
+    assert leaks(pair, split_of(pair, range(10), [20, 10_000])) == {"other dataset": 1}
 
 
-def test_a_torn_touch_is_noted(two: Dataset) -> None:
-    split = split_of(two, range(13), range(16, 120), by="time")  # touched from 1 to 2 s
-    result = audit(two, split)
+def test_a_torn_touch_is_noted(pair: Dataset) -> None:
+    split = split_of(pair, range(13), range(16, 120), by="time")  # touched from 1 to 2 s
+    result = audit(pair, split)
     assert result.clean
-    assert list(result.notes) == ["1 touch on both sides of a cut"]
+    assert len(result.notes) == 1

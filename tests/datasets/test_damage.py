@@ -2,10 +2,8 @@
 
 import json
 import os
-import pickle
 import tracemalloc
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +18,6 @@ from monochord.datasets.store import Dataset, open_dataset, write_table
 
 LITTLE = 16 << 20
 """Bytes that a refusal may take."""
-
-
-@pytest.fixture(name="dataset")
-def _dataset(make: Make) -> Dataset:
-    return make({"one": {}, "two": {}})
 
 
 def flip(file: Path, at: int = -300, count: int = 200) -> None:
@@ -45,15 +38,15 @@ def refused(work: Callable[[], object], words: str) -> None:
     assert words in str(caught.value)
 
 
-def test_damage_in_any_file_is_detected_on_opening(dataset: Dataset) -> None:
-    files = list(dataset.path.glob("*/*.npy"))
-    assert len(files) == 2 + 5 + 2 * len(dataset.manifest.columns)
+def test_damage_in_any_file_is_detected_on_opening(own: Dataset) -> None:
+    files = list(own.path.glob("*/*.npy"))
+    assert len(files) == 2 + 5 + 2 * len(own.manifest.columns)
     for file in files:
         whole = file.read_bytes()
         flip(file, at=-1, count=1)
-        refused(lambda: open_dataset(dataset.path), f"{file} (damaged")
+        refused(lambda: open_dataset(own.path), f"{file} (damaged")
         file.write_bytes(whole)
-    assert len(open_dataset(dataset.path)) == len(dataset)
+    assert len(open_dataset(own.path)) == len(own)
 
 
 def test_of_much_sound_a_draw_is_looked_at_and_the_audit_looks_at_all(make: Make) -> None:
@@ -63,27 +56,26 @@ def test_of_much_sound_a_draw_is_looked_at_and_the_audit_looks_at_all(make: Make
     assert len(dataset.manifest.files["audio/0000.npy"].blocks) == 10
     flip(dataset.path / "audio" / "0000.npy", at=5_000_000)
     failures = 0
-    for seed in range(40):
+    for seed in range(20):
         try:
             open_dataset(dataset.path, sampled=3, seed=seed)
         except InputError:
             failures += 1
-    assert 3 <= failures <= 25, "three of ten blocks are looked at"
+    assert 1 <= failures <= 13, "three of ten blocks are looked at"
     refused(lambda: open_dataset(dataset.path), "bytes from 4194304 on")
     opened = open_dataset(dataset.path, sampled=0)
-    assert len(pickle.loads(pickle.dumps(opened))) == len(opened), "a worker does not look again"  # noqa: S301
     refused(opened.verify, "bytes from 4194304 on")
     refused(lambda: audit(opened, split, duplicates=False), "build the dataset again")
 
 
 @pytest.mark.parametrize("name", ["audio/0000.npy", "labels/force.npy"])
-def test_a_file_of_another_size_or_kind_is_not_read(dataset: Dataset, name: str) -> None:
-    file = dataset.path / name
+def test_a_file_of_another_size_or_kind_is_not_read(own: Dataset, name: str) -> None:
+    file = own.path / name
     whole = file.read_bytes()
 
     class Trap:
         def __reduce__(self) -> tuple[Any, ...]:
-            return os.mkdir, (str(dataset.path / "unpickled"),)
+            return os.mkdir, (str(own.path / "unpickled"),)
 
     def cut() -> None:
         file.write_bytes(whole[:-1])
@@ -103,8 +95,8 @@ def test_a_file_of_another_size_or_kind_is_not_read(dataset: Dataset, name: str)
 
     for damage in (cut, longer, huge, pickled, folder):
         damage()
-        refused(lambda: open_dataset(dataset.path), f"{file} (damaged")
-    assert not (dataset.path / "unpickled").exists()
+        refused(lambda: open_dataset(own.path), f"{file} (damaged")
+    assert not (own.path / "unpickled").exists()
 
 
 def part(**values: Any) -> Callable[[dict[str, Any]], None]:
@@ -141,33 +133,39 @@ FORGED: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
 
 
 @pytest.mark.parametrize("case", FORGED)
-def test_a_manifest_that_cannot_be_true_is_refused(case: str, dataset: Dataset) -> None:
+def test_a_manifest_that_cannot_be_true_is_refused(case: str, own: Dataset) -> None:
     change, words = FORGED[case]
-    file = dataset.path / "manifest.json"
+    file = own.path / "manifest.json"
     tree = json.loads(file.read_text())
     change(tree)
     file.write_text(json.dumps(tree))
-    refused(lambda: open_dataset(dataset.path), words)
+    refused(lambda: open_dataset(own.path), words)
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"format":' + '{"a":' * 900, "\ud800", "9" * 5000])
-def test_text_that_is_no_manifest_is_refused(dataset: Dataset, text: str) -> None:
-    (dataset.path / "manifest.json").write_bytes(text.encode("utf-8", "surrogatepass"))
-    refused(lambda: open_dataset(dataset.path), "manifest.json (damaged")
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"format":' + '{"a":' * 900, "\ud800", "9" * 5000, "{"])
+def test_text_that_is_no_manifest_is_refused(own: Dataset, text: str) -> None:
+    (own.path / "manifest.json").write_bytes(text.encode("utf-8", "surrogatepass"))
+    refused(lambda: open_dataset(own.path), "manifest.json (damaged")
 
 
-def test_text_without_end_is_not_read_whole(dataset: Dataset) -> None:
-    os.truncate(dataset.path / "manifest.json", 1 << 40)
+@pytest.mark.parametrize("text", ["[]", '{"format": 99}', '{"format": 1}', '{"format": 2}'])
+def test_a_manifest_of_another_format_is_refused(own: Dataset, text: str) -> None:
+    (own.path / "manifest.json").write_text(text)
+    refused(lambda: open_dataset(own.path), "manifest.json" if "2" in text else str(own.path))
+
+
+def test_text_without_end_is_not_read_whole(own: Dataset) -> None:
+    os.truncate(own.path / "manifest.json", 1 << 40)
     with pytest.raises(InputError, match="more than"):
-        open_dataset(dataset.path)
+        open_dataset(own.path)
 
 
-def test_windows_outside_of_the_sound_are_refused(dataset: Dataset, reseal: Callable[[Path], None]) -> None:
-    start = np.load(dataset.path / "windows" / "start.npy")
+def test_windows_outside_of_the_sound_are_refused(own: Dataset, reseal: Callable[[Path], None]) -> None:
+    start = np.load(own.path / "windows" / "start.npy")
     for value in (-1, 1 << 40):
-        np.save(dataset.path / "windows" / "start.npy", np.where(np.arange(len(start)) == 7, value, start))
-        reseal(dataset.path)
-        refused(lambda: open_dataset(dataset.path), "windows outside of their sessions")
+        np.save(own.path / "windows" / "start.npy", np.where(np.arange(len(start)) == 7, value, start))
+        reseal(own.path)
+        refused(lambda: open_dataset(own.path), "windows outside of their sessions")
 
 
 def test_a_label_whose_name_leaves_the_folder_is_not_built(make: Make, tmp_path: Path) -> None:
@@ -198,6 +196,6 @@ def test_a_split_that_cannot_be_is_refused(
     several: Dataset, tmp_path: Path, change: dict[str, Any], words: str
 ) -> None:
     file = tmp_path / "split.json"
-    replace(split_dataset(several)).write(file)
+    split_dataset(several).write(file)
     file.write_text(json.dumps(json.loads(file.read_text()) | change))
     refused(lambda: Split.read(file), words)

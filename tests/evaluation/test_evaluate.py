@@ -1,8 +1,10 @@
 """The five steps of an evaluation: what is refused, what is replayed, what is written, and the baselines."""
 
 import json
+from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import replace
+from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -73,7 +75,7 @@ def test_sessions_are_selected_whole_with_the_string_that_they_state(
 def test_a_session_that_was_trained_on_is_refused_under_any_name(dataset: Dataset) -> None:
     checksum = dataset.manifest.parts[1].checksum
     trained = replace(DEMO, sessions={"another name": checksum}, dataset="x")
-    with pytest.raises(InputError, match="a test on session slide_000, which the model was trained on"):
+    with pytest.raises(InputError, match="slide_000"):
         refuse_trained_on(selection(dataset), trained, None)
     assert refuse_trained_on(selection(dataset, np.flatnonzero(dataset.session == 0)), trained, None) == ()
 
@@ -82,7 +84,7 @@ def test_other_stretches_of_a_session_are_allowed_with_the_split_of_the_training
     split = split_dataset(dataset, by="time")
     tested = selection(dataset, split.test)
     trained = replace(DEMO, sessions={part.name: part.checksum for part in dataset.manifest.parts})
-    with pytest.raises(InputError, match="and 1 more, which the model was trained on"):
+    with pytest.raises(InputError, match="1 more"):
         refuse_trained_on(tested, replace(trained, dataset="x"), split)
     assert len(refuse_trained_on(tested, replace(trained, dataset=split.dataset), split)) == 1
 
@@ -94,23 +96,20 @@ def test_a_leaking_split_is_refused(dataset: Dataset) -> None:
     with pytest.raises(InputError, match="shared window"):
         audited(dataset, leaking)
     assert audited(dataset, leaking, learned=False) == ()
-    with pytest.raises(InputError, match="other dataset"):
+    with pytest.raises(InputError):
         audited(dataset, Split(by="time", parts=split.parts, dataset="another"), learned=False)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_labels_that_are_no_numbers_are_refused(dataset: Dataset, value: float) -> None:
-    labels = {**dataset.labels, "force": np.full(len(dataset), value)}
+def test_windows_without_labels_or_with_labels_that_are_no_numbers_are_refused(dataset: Dataset) -> None:
     count = int(dataset.valid["force"].sum())
-    with pytest.raises(InputError, match=rf"label 'force' that is no number in {count} windows"):
-        refuse_unusable_labels(selection(replace(dataset, labels=labels)))
-
-
-def test_windows_without_labels_are_refused(dataset: Dataset) -> None:
+    for value in (np.nan, np.inf):
+        labels = {**dataset.labels, "force": np.full(len(dataset), value)}
+        with pytest.raises(InputError, match=rf"'force'.* {count} windows"):
+            refuse_unusable_labels(selection(replace(dataset, labels=labels)))
     names = ("contact", "position", "force", "slip")
     labels = {**dataset.labels, **{name: np.full(len(dataset), np.nan) for name in names}}
     valid = {**dataset.valid, **{name: np.zeros(len(dataset), np.bool_) for name in names}}
-    with pytest.raises(InputError, match=r"\d+ windows to evaluate without a known label"):
+    with pytest.raises(InputError, match=f"{len(dataset)} windows"):
         refuse_unusable_labels(selection(replace(dataset, labels=labels, valid=valid)))
 
 
@@ -158,31 +157,57 @@ def test_baselines_learn_position_and_contact_from_the_training_windows(dataset:
         assert np.nanmin(each.estimate("contact")) >= 0.0
 
 
-def test_a_folder_gets_results_table_scores_and_report(oracle: Oracle, tmp_path: Path) -> None:
-    results = oracle(spread=1.0)
-    outcome = Evaluation(results=results, card=scorecard(results, draws=20), label="oracle")
-    sizes: list[int] = []
+def test_a_folder_gets_results_table_scores_and_a_report_that_loads_nothing(
+    oracle: Oracle, tmp_path: Path
+) -> None:
+    results = replace(oracle(spread=1.0), estimator="<b>bold</b>", notes=("a & b",))
+    card = scorecard(results, string=STRING, force_floor={"take0": 0.012}, draws=20)
+    folder, drawn = tmp_path / "a" / "b", list[int]()
 
-    def draw(file: Path, drawn: Results) -> dict[str, str]:
-        sizes.append(len(read_results(file)) - len(drawn))
+    def draw(file: Path, given: Results) -> dict[str, str]:
+        drawn.append(len(read_results(file)) - len(given))
         return {"a figure": "<svg/>"}
 
-    folder = tmp_path / "a" / "b"
-    write(folder, outcome, draw)
+    write(folder, Evaluation(results=results, card=card, label="oracle"), draw)
     assert {path.name for path in folder.iterdir()} == {RESULTS, TABLE, SCORES, PAGE}
-    assert sizes == [0]
-    assert 'alt="a figure"' in (folder / PAGE).read_text()
-    assert json.loads((folder / SCORES).read_text())["estimator"] == "oracle"
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="folder"):
-        write(tmp_path / "file" / "below", outcome)
+    assert drawn == [0]
+    assert json.loads((folder / SCORES).read_text())["estimator"] == "<b>bold</b>"
+    page = (folder / PAGE).read_text()
+    assert "http" not in page
+    assert "<b>bold" not in page
+    assert "a &amp; b" in page
+    assert b64encode(b"<svg/>").decode() in page
+    assert "simulated" in page
+    assert {"a figure"} <= Tags(page).alternatives
 
 
-def test_an_impossible_folder_is_refused_and_a_possible_one_not_made(tmp_path: Path) -> None:
+class Tags(HTMLParser):
+    """A page whose tags are closed in order, and whose pictures are in it."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.alternatives: set[str | None] = set()
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            assert name not in ("src", "href") or str(value).startswith("data:image/svg+xml;base64,")
+        self.alternatives |= {value for name, value in attrs if name == "alt"}
+        self.open += [tag] if tag not in ("meta", "img") else []
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_an_impossible_folder_is_refused_and_a_possible_one_not_made(oracle: Oracle, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("precious")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(InputError, match="folder"):
+        with pytest.raises(InputError, match="file"):
             refuse_unwritable(folder)
+        with pytest.raises(InputError, match="file"):
+            write(folder, Evaluation(results=oracle(), card=scorecard(oracle(), draws=0), label="oracle"))
     refuse_unwritable(tmp_path / "new" / "report")
     refuse_unwritable(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -111,9 +111,9 @@ def test_without_windows_or_estimates_there_are_no_scores(oracle: Oracle) -> Non
 
 def test_other_quantities_and_other_numbers_are_refused(oracle: Oracle) -> None:
     results = oracle()
-    with pytest.raises(InputError, match="quantity 'torque': allowed is position, force"):
+    with pytest.raises(InputError, match=r"'torque'.*position, force"):
         regression(results, "torque")
-    with pytest.raises(InputError, match=r"estimates of contact from .* probabilities"):
+    with pytest.raises(InputError, match="contact"):
         detection(with_estimates(results, "contact", 2.0 * results.estimate("contact")), "contact")
 
 

@@ -166,12 +166,10 @@ def mutated(content: bytes, seed: int) -> bytes:
 
 
 def refused_or_done(call: Callable[[], object], which: object) -> bool:
-    """Call, and return whether it was done; what it raises is `InputError`, in one line, or passes on."""
+    """Call, and return whether it was done; what it raises is `InputError`, or passes on."""
     try:
         call()
-    except InputError as error:
-        if len(str(error).splitlines()) != 1 or "allowed is" not in str(error):
-            raise AssertionError(which) from error
+    except InputError:
         return False
     except Exception as error:
         error.add_note(f"mutation {which}")

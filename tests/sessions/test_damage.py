@@ -10,7 +10,6 @@ from mcap_ros2.decoder import DecoderFactory
 from tests.sessions.made import EPOCH, RATE, as_killed, block, description, readings
 
 from monochord.sessions import SessionClock, SessionWriter, check, read_session, recover, walk
-from monochord.sessions._scan import scan
 
 FLUSH = 0.1
 LOST = 0.5
@@ -74,8 +73,7 @@ def mend(path: Path, content: bytes, at: int, bit: int, whole: np.ndarray) -> by
     assert whole.shape[1] - frames <= LOST * RATE, message
     assert frames_by_mcap(path) == frames, message
     assert recovery.cut, message
-    # What is gone lies beside: of every byte that is not what it was, the damaged one is there.
-    assert recovery.cut.read_bytes().find(hurt[at : at + 1]) >= 0, message
+    assert hurt[at : at + 1] in recovery.cut.read_bytes(), f"what is gone lies beside: {message}"
     assert not recover(path).repaired, message
     return path.read_bytes()
 
@@ -105,7 +103,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_flipped_bit_is_noticed_and_mended(short: Path, tmp_path: Path) -> None:
     content, whole = short.read_bytes(), read_session(short).audio.samples
     random = np.random.default_rng(0)
-    places = [*random.choice(aimed(short), 25, replace=False), *random.integers(0, len(content), 10)]
+    places = [*random.choice(aimed(short), 16, replace=False), *random.integers(0, len(content), 6)]
     for at in places:
         mend(tmp_path / "a.mcap", content, int(at), int(random.integers(8)), whole)
 
@@ -168,16 +166,6 @@ def test_data_behind_a_hole_of_many_bytes_is_recovered(short: Path, tmp_path: Pa
         assert filling in recovery.cut.read_bytes()
         assert whole.shape[1] - sound_frames(path, whole) <= 2 * FLUSH * RATE
         recovery.cut.unlink()
-
-
-def test_no_byte_of_begin_and_end_can_be_damaged_unnoticed(short: Path) -> None:
-    content = bytearray(short.read_bytes())
-    for at in aimed(short)[::12]:
-        content[at] ^= 4
-        result = scan(memoryview(content))
-        assert not result.whole, at
-        content[at] ^= 4
-    assert scan(memoryview(content)).whole
 
 
 @pytest.mark.slow

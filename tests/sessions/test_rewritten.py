@@ -141,14 +141,12 @@ def test_the_content_is_the_same_and_nothing_is_damaged(original: Path, tmp_path
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize("way", ["zstd", "without chunks", "by topic"])
-def test_a_session_of_an_older_version_is_compared_too(tmp_path: Path, way: str) -> None:
+def test_a_session_of_an_older_version_is_compared_too(tmp_path: Path) -> None:
     make(tmp_path / "a.mcap", seconds=0.3)
-    path = rewrite(tmp_path / "a.mcap", tmp_path / "b.mcap", older=True, **WAYS[way])
-    assert check(path).sound
+    assert check(rewrite(tmp_path / "a.mcap", tmp_path / "b.mcap", older=True, **WAYS["by topic"])).sound
 
 
-@pytest.mark.parametrize("way", ["by topic", "reversed", "without chunks"])
+@pytest.mark.parametrize("way", ["reversed", "without chunks"])
 def test_without_metadata_the_description_is_found_and_the_check_says_what_it_lacks(
     original: Path, tmp_path: Path, way: str
 ) -> None:
@@ -171,8 +169,7 @@ def test_content_that_was_changed_is_bad_and_no_repair_is_proposed(original: Pat
     assert not recover(path).repaired
 
 
-@pytest.mark.parametrize("way", ["small chunks", "without chunks"])
-@pytest.mark.parametrize("share", [0.35, 0.8])
+@pytest.mark.parametrize(("way", "share"), [("small chunks", 0.35), ("without chunks", 0.8)])
 def test_what_is_whole_of_one_that_was_cut_stays(
     original: Path, tmp_path: Path, way: str, share: float
 ) -> None:
@@ -192,9 +189,13 @@ def test_what_is_whole_of_one_that_was_cut_stays(
         assert sum(1 for _ in make_reader(file).iter_messages()) == done.messages
 
 
-@pytest.mark.parametrize("which", [0, 3])
-def test_damage_costs_its_chunk_alone(original: Path, tmp_path: Path, which: int) -> None:
-    path = rewrite(original, tmp_path / "b.mcap", **WAYS["small chunks"])
+@pytest.mark.parametrize(
+    ("which", "compression"), [(0, NONE), (3, CompressionType.ZSTD), (3, CompressionType.LZ4)]
+)
+def test_damage_costs_its_chunk_alone(
+    original: Path, tmp_path: Path, which: int, compression: CompressionType
+) -> None:
+    path = rewrite(original, tmp_path / "b.mcap", compression=compression, chunk_size=20_000)
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary
@@ -217,6 +218,6 @@ def test_what_cannot_be_unpacked_here_is_not_taken_for_damage(original: Path, tm
     content = path.read_bytes().replace(b"\x04\0\0\0zstd", b"\x04\0\0\0blz9")
     path.write_bytes(content)
     assert not any("sessions recover" in fault for fault in check(path).faults)
-    with pytest.raises(InputError, match="unpack"):
+    with pytest.raises(InputError, match=path.name):
         recover(path)
     assert path.read_bytes() == content

@@ -1,6 +1,5 @@
 """The two-sided form on sound whose lines are known, and why a window cannot be used."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import OUTSIDE_RANGE, Audio, Contact, Estimates, Floats, Signal, Window
-from monochord.perception.closed_form.two_segments import UNITS, TwoSegments
+from monochord.perception.closed_form.two_segments import TwoSegments
 from monochord.perception.closed_form.usable import CLIPPED_SHARE, why_unusable
 from monochord.perception.features import FEATURES
 from monochord.physics.strings import load_string
@@ -37,17 +36,6 @@ def estimated(
 ) -> Estimates:
     f1, f2 = segment_frequencies(STRING, contact)
     return form.prepare(RATE, SIZE)(window(sound((f1 * (1.0 + shift), f2 * (1.0 + shift)), noise=noise)))
-
-
-@pytest.mark.parametrize("position", [0.09, 0.2, 0.31, 0.43, 0.54])
-@pytest.mark.parametrize("force", [0.1, 1.2, 2.4])
-def test_position_tension_and_force_are_those_of_the_clamp(position: float, force: float) -> None:
-    estimates = estimated(Contact(position=position, force=force))
-    assert estimates["contact"].value == 1.0
-    assert estimates["position"].value == pytest.approx(position, abs=2e-4)
-    assert estimates["tension"].value == pytest.approx(65.0 + 6.0 * force, abs=0.15)
-    assert estimates["force"].value == pytest.approx(force, abs=0.03)
-    assert {name: estimate.unit for name, estimate in estimates.items()} == UNITS
 
 
 @pytest.mark.parametrize(("position", "reason"), [(0.14, OUTSIDE_RANGE), (0.23, ""), (0.5, OUTSIDE_RANGE)])
@@ -79,13 +67,6 @@ def test_a_tension_that_no_force_explains_is_no_reading_of_this_touch(shift: flo
     assert not position.valid or abs(position.value - 0.23) > 5e-3
 
 
-def test_swapping_the_channels_mirrors_the_string() -> None:
-    left, right = (
-        estimated(Contact(position=x, force=1.0))["position"].value for x in (0.2, STRING.length - 0.2)
-    )
-    assert left == pytest.approx(STRING.length - right, abs=1e-4)
-
-
 def test_the_estimator_and_the_feature_read_the_same() -> None:
     string = load_string("prototype").string
     nominal = open_frequency(string) * string.length
@@ -96,22 +77,6 @@ def test_the_estimator_and_the_feature_read_the_same() -> None:
     row = dict(zip(extract.columns, extract(touch[np.newaxis])[0].tolist(), strict=True))
     for name in ("position", "tension"):
         assert estimates[name].value == pytest.approx(row[name], rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("make", "reason"),
-    [
-        (np.zeros, "silence"),
-        (lambda shape: np.full(shape, np.nan), "samples that are not numbers"),
-        (lambda shape: 0.1 * np.random.default_rng(2).standard_normal(shape), "no harmonic structure"),
-    ],
-)
-def test_it_abstains_from_all_with_one_reason(
-    make: Callable[[tuple[int, int]], np.ndarray], reason: str
-) -> None:
-    estimates = FORM.prepare(RATE, SIZE)(window(make((2, SIZE))))
-    assert {(estimate.valid, estimate.why_not) for estimate in estimates.values()} == {(False, reason)}
-    assert set(estimates) == set(UNITS)
 
 
 class TestUsable:

@@ -1,6 +1,7 @@
 """The closed-form estimator: both forms against exact physics, and its abstentions."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def far(samples: Audio, **options: object) -> dict[str, Estimate]:
 
 
 class TestFarSegment:
-    @pytest.mark.parametrize("position", [0.0, 0.01, 0.1, 0.2, 0.325, 0.45, 0.5])
+    @pytest.mark.parametrize("position", [0.0, 0.01, 0.2, 0.5])
     def test_position_is_that_of_the_clamp(self, position: float) -> None:
         estimates = far(note(110.0 * 0.65 / (0.65 - position)))["position"]
         assert estimates.value == pytest.approx(position, abs=5e-4)
@@ -56,7 +57,10 @@ class TestFarSegment:
         truth = 0.2
         plain = far(note(pressed(truth)))["position"]
         takes = tuple((pressed(p), p) for p in (0.1, 0.3))
-        helped = far(note(pressed(truth)), calibration=takes)["position"]
+        helped, other = (
+            far(note(pressed(truth)), calibration=each)["position"] for each in (takes, takes[::-1])
+        )
+        assert other.value == pytest.approx(helped.value, abs=1e-9), "in whatever order they were taken"
         assert abs(plain.value - truth) > 2e-3
         assert abs(helped.value - truth) < 0.4e-3
         assert helped.std < 0.5 * plain.std
@@ -82,23 +86,23 @@ class TestFarSegment:
         assert estimates["position"].why_not.startswith(reason)
         assert np.isnan(estimates["position"].value)
 
-    @pytest.mark.parametrize("ratio", [0.33, 0.45, 0.5, 2 / 3, 0.75, 0.9, 0.97, 6.0, 7.5, 9.0])
+    @pytest.mark.parametrize("ratio", [0.33, 0.5, 2 / 3, 0.97, 6.0, 9.0])
     def test_a_note_outside_the_strings_range_is_not_taken_for_its_octave(self, ratio: float) -> None:
         estimates = far(note(110.0 * ratio))["position"]
         assert not estimates.valid
 
-    @pytest.mark.parametrize("ratio", [1.5, 4 / 3, 1.25, 1.19])
+    @pytest.mark.parametrize("ratio", [1.5, 1.19])
     def test_two_strings_at_once_are_two_candidates(self, ratio: float) -> None:
         estimates = far(0.5 * (note(122.2) + note(122.2 * ratio)))["position"]
         assert estimates.why_not.startswith("two candidates")
 
-    @pytest.mark.parametrize("position", [0.0, 0.13, 0.3])
+    @pytest.mark.parametrize("position", [0.0, 0.3])
     def test_a_string_plucked_at_its_middle_is_heard(self, position: float) -> None:
         estimates = far(note(110.0 * 0.65 / (0.65 - position), every=2))["position"]
         assert estimates.value == pytest.approx(position, abs=1e-3)
 
     def test_a_calibration_take_that_cannot_be_is_refused(self) -> None:
-        with pytest.raises(InputError, match="where its pitch puts it"):
+        with pytest.raises(InputError, match="take"):
             far(note(150.0), calibration=((200.0, 0.6),))
 
     def test_a_gap_abstains(self) -> None:
@@ -112,16 +116,16 @@ class TestFarSegment:
             {"length": 0.65, "open_frequency": 0.0},
             {"length": 0.65},
             {"open_frequency": 110.0},
+            {"length": np.nan, "open_frequency": 110.0},
             {"length": 0.65, "open_frequency": 110.0, "calibration": ((110.0,),)},
             {"length": 0.65, "open_frequency": 110.0, "calibration": ((110.0, 0.7),)},
             {"length": 0.65, "open_frequency": 110.0, "sides": "both"},
             {"length": 0.65, "open_frequency": 110.0, "reach": 1.0},
         ],
     )
-    def test_bad_options_are_one_line(self, options: dict[str, float]) -> None:
-        with pytest.raises(InputError, match="allowed") as caught:
+    def test_bad_options_are_refused(self, options: dict[str, float]) -> None:
+        with pytest.raises(InputError):
             ClosedForm(**options).prepare(MONO, SIZE)  # pyright: ignore[reportArgumentType]
-        assert "\n" not in str(caught.value)
 
 
 def touched(contact: Contact | None, string: StringParams = APPENDIX, at: float = 0.6) -> Window:
@@ -134,8 +138,7 @@ def touched(contact: Contact | None, string: StringParams = APPENDIX, at: float 
 class TestTwoSegments:
     signal = Signal(sample_rate=RATE, channels=2, string=APPENDIX)
 
-    @pytest.mark.parametrize("position", [0.1, 0.2275, 0.3, 0.4, 0.55])
-    @pytest.mark.parametrize("force", [0.2, 1.0, 2.0])
+    @pytest.mark.parametrize(("position", "force"), [(0.1, 1.0), (0.2275, 2.0), (0.4, 0.2), (0.55, 1.0)])
     def test_position_and_force_of_a_simulated_touch(self, position: float, force: float) -> None:
         estimates = ClosedForm().prepare(self.signal, SIZE)(touched(Contact(position=position, force=force)))
         assert estimates["contact"].value == 1.0
@@ -179,17 +182,16 @@ class TestTwoSegments:
         mirrored = estimate(window(np.ascontiguousarray(seen.samples[::-1])))
         assert mirrored["position"].value == pytest.approx(0.65 - estimate(seen)["position"].value, abs=1e-6)
 
-    @pytest.mark.parametrize(
-        "samples", [np.zeros((2, SIZE), np.float32), np.full((2, SIZE), np.nan, np.float32)]
-    )
-    def test_abstains(self, samples: Audio) -> None:
-        estimates = ClosedForm().prepare(self.signal, SIZE)(window(samples))
-        assert not estimates["position"].valid
-        assert estimates["position"].why_not
-
-    def test_noise_is_no_touch(self) -> None:
-        noise = 0.1 * np.random.default_rng(1).standard_normal((2, SIZE)).astype(np.float32)
-        assert not ClosedForm().prepare(self.signal, SIZE)(window(noise))["position"].valid
+    def test_it_abstains_from_all_with_one_reason(self) -> None:
+        noise = 0.1 * np.random.default_rng(1).standard_normal((2, SIZE))
+        for samples, reason in (
+            (0.0 * noise, "silence"),
+            (np.nan * noise, "samples"),
+            (noise, "no harmonic"),
+        ):
+            estimates = ClosedForm().prepare(self.signal, SIZE)(window(samples.astype(np.float32)))
+            (why_not,) = {each.why_not for each in estimates.values()}
+            assert why_not.startswith(reason)
 
     def test_a_string_that_does_not_tell_force_says_so(self) -> None:
         string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
@@ -213,6 +215,7 @@ class TestTwoSegments:
         assert 1e-3 < estimates["position"].std < 3e-3
 
 
+@cache
 def twin_windows(ratio: float, position: float, untouched: float) -> tuple[list[Window], float]:
     """Return windows of a twin that is tuned to `ratio` times nominal: untouched for a time, then touched."""
     design = load_sensor("prototype")
@@ -233,7 +236,7 @@ def twin_windows(ratio: float, position: float, untouched: float) -> tuple[list[
 class TestAnotherTuning:
     prototype = load_sensor("prototype").string
 
-    @pytest.mark.parametrize("ratio", [0.91, 0.955, 1.02, 1.06, 1.09])
+    @pytest.mark.parametrize("ratio", [0.91, 1.02, 1.09])
     @pytest.mark.parametrize(
         "options", [{"tension_law": "geometric"}, {"length": 0.2, "open_frequency": 1010.6}]
     )
@@ -247,7 +250,7 @@ class TestAnotherTuning:
             if each.start >= untouched * RATE:
                 assert position.value == pytest.approx(0.072, abs=1e-3)
 
-    @pytest.mark.parametrize("ratio", [0.91, 0.955, 1.02, 1.06, 1.09])
+    @pytest.mark.parametrize("ratio", [0.91, 0.955, 1.06])
     @pytest.mark.parametrize("known", [True, False])
     def test_without_one_it_is_right_or_abstains(self, ratio: float, *, known: bool) -> None:
         signal = Signal(sample_rate=RATE, channels=2, string=self.prototype if known else None)

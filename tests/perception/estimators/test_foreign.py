@@ -132,7 +132,7 @@ class Taught(NamedTuple):
     after: Scored
 
 
-PROMISES: dict[str, Callable[[Taught], bool]] = {
+PROMISES: dict[str, Callable[[Taught], bool | np.bool_]] = {
     "places before": lambda it: np.abs(it.before.position).mean() < 1e-3,
     "it answers": lambda it: it.after.answered > 0.9,
     "places after": lambda it: np.abs(it.after.position).mean() < 1e-3,

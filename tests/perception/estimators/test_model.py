@@ -1,6 +1,8 @@
 """The learned estimator: live, bit for bit equal to what the dataset's windows give."""
 
 import dataclasses
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +32,7 @@ SESSIONS = (0, 3)
 @pytest.fixture(scope="module")
 def trained(learnable: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("trained")
-    lesson = {**LESSON, "dataset": str(learnable), "cache": str(home / "features")}
+    lesson = {**LESSON, "dataset": str(learnable), "cache": str(learnable.parent / "features")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(features, "__path__", [*features.__path__, str(MADE_UP)])
         train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 4}}), home / "run")
@@ -58,7 +60,7 @@ class Recorder(Listener):
         self.estimates.append(str(dict(moment.prediction.estimates)))
 
 
-@pytest.mark.parametrize("block", [512, pytest.param(800, marks=pytest.mark.slow), 3001])
+@pytest.mark.parametrize("block", [pytest.param(512, marks=pytest.mark.slow), 3001])
 def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, offline: list[str], block: int) -> None:
     dataset, recorder = open_dataset(learnable), Recorder()
     for number in SESSIONS:
@@ -80,30 +82,17 @@ def from_sinks(live: Any, sink: Listener) -> Any:
     return dataclasses.replace(live, sinks=(sink,))
 
 
-def test_windows_of_another_length_are_refused_before_any_comes(trained: Path) -> None:
+def test_what_it_was_not_trained_on_is_refused_before_any_window_comes(trained: Path, tmp_path: Path) -> None:
     estimator = from_tree(ModelEstimator, {"path": str(trained)})
-    with pytest.raises(
-        InputError, match=r"windows of 400 frames .* 1600 frames at 16000 Hz; set --window 0.1"
-    ):
+    with pytest.raises(InputError, match=r"400 frames.*1600 frames"):
         estimator.prepare(SIGNAL, 400)
-
-
-def test_sound_at_another_rate_is_refused_by_its_rate_and_not_by_its_window(trained: Path) -> None:
-    estimator = from_tree(ModelEstimator, {"path": str(trained)})
-    signal = dataclasses.replace(SIGNAL, sample_rate=48000)
-    with pytest.raises(InputError, match=r"sound at 48000 Hz for a model: allowed is 16000 Hz"):
-        estimator.prepare(signal, 4800)
-
-
-def test_a_folder_without_a_model_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"there is no model\.json in it"):
+    with pytest.raises(InputError, match=r"48000 Hz.*16000 Hz"):
+        estimator.prepare(dataclasses.replace(SIGNAL, sample_rate=48000), 4800)
+    with pytest.raises(InputError, match=r"model\.json"):
         ModelEstimator(path=tmp_path).prepare(SIGNAL, 1600)
 
 
 def test_prediction_needs_no_torch(trained: Path, learnable: Path) -> None:
-    import subprocess
-    import sys
-
     code = f"""
 import sys
 from monochord.perception import features

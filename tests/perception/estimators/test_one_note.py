@@ -32,7 +32,7 @@ def positions(sound: Audio, signal: Signal, **options: object) -> Floats:
     """Return the position of every window, NaN for an abstention."""
     estimator = ClosedForm(length=LENGTH, open_frequency=OPEN, **options)  # pyright: ignore[reportArgumentType]
     estimate = estimator.prepare(signal, SIZE)
-    starts = range(0, sound.shape[1] - SIZE + 1, SIZE // 4)
+    starts = range(0, sound.shape[1] - SIZE + 1, SIZE // 2)
     cut = [np.ascontiguousarray(sound[: signal.channels, start : start + SIZE]) for start in starts]
     windows = [
         Window(samples=each, start=start, sample_rate=RATE) for each, start in zip(cut, starts, strict=True)
@@ -49,9 +49,9 @@ SIDES: dict[str, Callable[[int], list[float]]] = {
 
 
 @pytest.mark.parametrize("sides", SIDES)
-@pytest.mark.parametrize("position", [0.0726, 0.13, 0.2275, 0.325, 0.41])
+@pytest.mark.parametrize("position", [0.0726, 0.2275, 0.41])
 def test_stereo_is_as_good_as_mono(sides: str, position: float) -> None:
-    for seed in range(6):
+    for seed in range(3):
         sound = note(position, SIDES[sides](seed), seed)
         mono, stereo = positions(sound, MONO), positions(sound, STEREO)
         assert np.nanmax(np.abs(mono - position)) < 1e-3
@@ -64,11 +64,11 @@ def test_one_window_of_two_sides_does_not_decide_the_rest() -> None:
     sound = note(0.0726, SIDES["two microphones in the air"](0))
     swap = slice(SIZE, 2 * SIZE)  # a stretch in which each channel carries another note
     sound[0, swap], sound[1, swap] = note(0.13, [0.98] * 8)[0, swap], note(0.52, [0.02] * 8)[1, swap]
-    last = positions(sound, STEREO)[-4:]
-    assert last == pytest.approx([0.0726] * 4, abs=1e-3)
+    last = positions(sound, STEREO)[-3:]
+    assert last == pytest.approx([0.0726] * 3, abs=1e-3)
 
 
-@pytest.mark.parametrize("position", [0.0467, 0.0667, 0.1, 0.1333, 0.15])
+@pytest.mark.parametrize("position", [0.0467, 0.1, 0.15])
 def test_two_pickups_go_on_using_both_segments(position: float) -> None:
     twin = VirtualSensor(load_sensor("prototype"), seed=7)
     untouched = twin.advance(0.7)[0][:, round(0.4 * RATE) :]

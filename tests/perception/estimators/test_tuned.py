@@ -101,7 +101,7 @@ def test_a_detuned_sensor_is_right_once_tuned(name: str, percent: int) -> None:
     assert score.contact >= 0.99
 
 
-@pytest.mark.parametrize("percent", [-6, -2, 1, 2, 4])
+@pytest.mark.parametrize("percent", [-6, 1, 4])
 def test_before_a_model_follows_what_it_hears_untouched(percent: int) -> None:
     sound, labels = played("prototype", percent, 3)
     score = Score(sound, labels, estimated("model", DESIGN, sound))
@@ -111,8 +111,8 @@ def test_before_a_model_follows_what_it_hears_untouched(percent: int) -> None:
 
 
 @pytest.mark.parametrize("name", ESTIMATED)
-@pytest.mark.parametrize("percent", [-4, 2])
-def test_the_pitch_that_is_followed_is_told_once_it_is_measured(name: str, percent: int) -> None:
+def test_the_pitch_that_is_followed_is_told_once_it_is_measured(name: str) -> None:
+    percent = -4
     signal = Signal(sample_rate=RATE, channels=2, string=DESIGN)
     estimate = ESTIMATORS.build(name, ESTIMATED[name]).prepare(signal, SIZE)
     assert isinstance(estimate, Watching)
@@ -142,7 +142,7 @@ def test_a_string_beyond_any_tuning_of_the_training_is_abstained_from() -> None:
     assert "below what this model knows: run monochord tune" in estimates[-1]["position"].why_not
 
 
-@pytest.mark.parametrize("percent", [-9, -4, 3, 6, 9])
+@pytest.mark.parametrize("percent", [-9, 4, 9])
 def test_a_model_that_hears_a_touch_first_does_not_err(percent: int) -> None:
     sound, labels = played("prototype", percent, 3)
     start = round((REST + 0.3) * RATE)
@@ -179,13 +179,13 @@ def test_force_goes_as_the_tension() -> None:
 def test_a_pitch_beyond_any_tuning_is_refused() -> None:
     string = replace(DESIGN, tension=1.4 * DESIGN.tension)
     signal = Signal(sample_rate=RATE, channels=2, string=string)
-    with pytest.raises(InputError, match="within 12 %"):
+    with pytest.raises(InputError, match=r"1195\.7 Hz"):
         ESTIMATORS.build("model", ESTIMATED["model"]).prepare(signal, SIZE)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ESTIMATED)
-@pytest.mark.parametrize("percent", range(-9, 10))
+@pytest.mark.parametrize("percent", [-9, -5, -2, 0, 3, 6, 9])
 def test_every_tuning_after_and_before(name: str, percent: int) -> None:
     """After `tune` the position is right within a millimetre; before, it is right or there is none."""
     sound, labels = played("prototype", percent, 8)
@@ -200,7 +200,7 @@ def test_every_tuning_after_and_before(name: str, percent: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("preset", ["long", "gauge_012", "gauge_013"])
-@pytest.mark.parametrize("percent", [-9, -4, 0, 4, 9])
+@pytest.mark.parametrize("percent", [-9, 0, 9])
 def test_the_closed_form_on_other_sensors(preset: str, percent: int) -> None:
     string = load_sensor(preset).string
     sound, labels = played(preset, percent, 8)

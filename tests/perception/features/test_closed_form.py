@@ -21,8 +21,9 @@ def flags(row: dict[str, float]) -> set[str]:
     return {flag for flag in FLAGS if row[flag] == 1.0}
 
 
-@pytest.mark.parametrize(("position", "force"), [(0.06, 1.5), (0.083, 0.8), (0.14, 2.0)])
-@pytest.mark.parametrize("modes", [(1, 1), (1, 3), (2, 1)])
+@pytest.mark.parametrize(
+    ("position", "force", "modes"), [(0.06, 1.5, (1, 1)), (0.083, 0.8, (1, 3)), (0.14, 2.0, (2, 1))]
+)
 def test_position_tension_and_force_of_a_touch(
     row: Row, signal: Signal, sing: Sing, position: float, force: float, modes: tuple[int, int]
 ) -> None:
@@ -90,8 +91,9 @@ def test_bad_options_are_refused(signal: Signal, options: dict[str, float]) -> N
 
 
 class TestUntouched:
-    @pytest.mark.parametrize("tension", [64.5, 65.0, 65.6])
-    @pytest.mark.parametrize("modes", [(1, 1), (1, 2), (2, 3), (3, 3)])
+    @pytest.mark.parametrize(
+        ("tension", "modes"), [(64.5, (1, 1)), (65.6, (1, 2)), (65.0, (2, 3)), (64.5, (3, 3))]
+    )
     def test_tension_whichever_modes_the_drivers_sustain(
         self, row: Row, sing: Sing, tension: float, modes: tuple[int, int]
     ) -> None:

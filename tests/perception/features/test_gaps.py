@@ -39,7 +39,7 @@ def bands(row: Row) -> Bands:
     return measured
 
 
-@pytest.mark.parametrize("size", [882, 4410, 44100])
+@pytest.mark.parametrize("size", [882, 4410])
 def test_density_is_that_of_the_noise_in_windows_of_any_length(bands: Bands, size: int) -> None:
     each = np.array([bands(noise(seed, size) * np.array([[1.0], [0.1]]))[:2] for seed in range(20)])
     mean = each.mean(axis=0)
@@ -78,7 +78,7 @@ def test_likeness_of_noise_at_both_microphones(bands: Bands) -> None:
         assert bands(np.concatenate((one, gain * one)))[2] == pytest.approx(
             np.full(BANDS, expected), abs=1e-3
         )
-    independent = np.mean([bands(noise(seed))[2] for seed in range(4, 44)], axis=0)
+    independent = np.mean([bands(noise(seed))[2] for seed in range(4, 34)], axis=0)
     assert np.abs(independent).max() < 0.4
     assert np.abs(independent[WIDE]).max() < 0.1
 
@@ -106,22 +106,6 @@ def test_silence_is_the_least_density_and_a_dead_microphone_like_nothing(bands: 
 def test_untouched_has_the_same_measures(bands: Bands, sing: Sing) -> None:
     window = sing(None) + noise(8)
     assert np.array_equal(bands(window, "untouched"), bands(window))
-
-
-@pytest.mark.parametrize(
-    ("feature", "options"), [("fft_harmonic", {}), ("fft_harmonic", {"tones": True}), ("untouched", {})]
-)
-def test_the_columns_before_them_are_unchanged(
-    signal: Signal, sing: Sing, feature: str, options: dict[str, bool]
-) -> None:
-    windows = np.stack([sing(None), sing(0.083, (1, 2)), noise(9).astype(np.float32), np.zeros((2, SIZE))])
-    plain = FEATURES.build(feature, options).prepare(signal, SIZE)
-    more = FEATURES.build(feature, {**options, "gaps": True}).prepare(signal, SIZE)
-    count = len(plain.columns)
-    assert len(more.columns) == count + 3 * BANDS
-    assert more.columns[:count] == plain.columns
-    rows = windows.astype(np.float32)
-    assert np.array_equal(more(rows)[:, :count], plain(rows))
 
 
 def test_a_sensor_sampled_slowly_has_no_sound_above_half_the_rate() -> None:

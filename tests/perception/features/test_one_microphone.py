@@ -1,19 +1,12 @@
 """One microphone alone, and nothing of the other."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
-from tests.conftest import LEARNABLE
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimates, Signal, Window
-from monochord.perception.estimators.model import ModelEstimator
+from monochord.core.types import Signal
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.training.train import train
 from monochord.physics.strings import load_string
 
 RATE, SIZE = 44100, 4410
@@ -58,30 +51,11 @@ def test_differences_of_microphones_are_zero() -> None:
 
 def test_bad_options_are_refused() -> None:
     mono = Signal(sample_rate=RATE, channels=1)
-    with pytest.raises(InputError, match="microphone 2 of 1"):
+    with pytest.raises(InputError, match="microphone 2"):
         FEATURES.build("one_microphone", {"microphone": 2}).prepare(mono, SIZE)
-    with pytest.raises(InputError, match="did you mean 'log_mel'"):
+    with pytest.raises(InputError, match="log_mal"):
         FEATURES.build("one_microphone", {"feature": {"name": "log_mal"}}).prepare(SIGNAL, SIZE)
-    with pytest.raises(InputError, match="without a name"):
+    with pytest.raises(InputError, match="feature"):
         FEATURES.build("one_microphone", {"feature": {}}).prepare(SIGNAL, SIZE)
     with pytest.raises(InputError, match="microphone"):
         FEATURES.build("one_microphone", {"microphone": 3})
-
-
-@pytest.mark.usefixtures("made_up_features")
-def test_a_model_of_one_microphone_ignores_the_other(lesson: dict[str, Any], tmp_path: Path) -> None:
-    pytest.importorskip("torch")
-    alone = {"name": "one_microphone", "microphone": 2}
-    lesson["feature"] = {**alone, "feature": {"name": "bands"}}
-    lesson["context"] = {"feature": {**alone, "feature": {"name": "bands", "count": 4}}}
-    lesson["optimiser"] = {**lesson["optimiser"], "epochs": 2}
-    train(TrainingSettings.read(lesson), tmp_path / "run")
-    noise = np.random.default_rng(0).normal(size=(2, 1600)).astype(np.float32)
-    other = noise * np.array([[3.0], [1.0]], np.float32)
-    estimates: list[Estimates] = []
-    for samples in (0.1 * noise, 0.1 * other):
-        window = Window(samples=samples, start=0, sample_rate=LEARNABLE)
-        signal = Signal(sample_rate=LEARNABLE, channels=2)
-        estimates.append(ModelEstimator(path=tmp_path / "run").prepare(signal, 1600)(window))
-    assert str(estimates[0]) == str(estimates[1])  # NaN, where it abstains, is no number that equals itself
-    assert estimates[0]["contact"].valid

@@ -82,13 +82,12 @@ def test_it_is_found_by_its_name_where_nothing_else_has_it(
     assert folder_of(Path("demo")) == bundled_folder("demo")
     Path("demo").mkdir()
     assert folder_of(Path("demo")) is None
-    with pytest.raises(InputError, match=r"model demo \(there is no model.json in it\)"):
+    with pytest.raises(InputError, match=r"demo.*model\.json"):
         load("demo")
 
 
 def test_an_unknown_name_is_refused_with_the_names() -> None:
-    line = r"model demmo \(not there\): allowed is a folder .*, or demo; did you mean 'demo'"
-    with pytest.raises(InputError, match=line):
+    with pytest.raises(InputError, match=r"demmo.*'demo'"):
         load("demmo")
 
 

@@ -37,13 +37,13 @@ def stated(correction: Correction, variables: Floats) -> tuple[Floats, Floats]:
     return expected, np.sqrt(correction.noise * NOISE**2 + uncertain**2)
 
 
-@pytest.mark.parametrize("known", [0, 1, 3, 8])
+@pytest.mark.parametrize("known", [0, 3, 8])
 def test_errors_of_new_groups_lie_within_what_is_stated_and_known_touches_narrow_it(
     unknown: Correction, known: int
 ) -> None:
-    variables, error, group, touch = groups(300, 1)
+    variables, error, group, touch = groups(150, 1)
     ratio, size, before = list[Floats](), list[float](), list[float]()
-    for each in range(300):
+    for each in range(150):
         rows = np.flatnonzero(group == each)
         used, rest = rows[: 3 * known], rows[24:]
         std = np.full(used.size, NOISE)
@@ -57,7 +57,7 @@ def test_errors_of_new_groups_lie_within_what_is_stated_and_known_touches_narrow
     off = np.abs(np.concatenate(ratio))
     assert np.mean(off < 1.0) == pytest.approx(0.683, abs=0.07)
     assert np.mean(off < 2.0) == pytest.approx(0.954, abs=0.035)
-    assert np.mean(size) < {0: 0.45, 1: 0.40, 3: 0.32, 8: 0.16}[known]
+    assert np.mean(size) < {0: 0.45, 3: 0.32, 8: 0.16}[known]
 
 
 @pytest.mark.parametrize("larger", [1.0, 4.0])
@@ -112,17 +112,6 @@ def test_a_misread_touch_has_little_weight(unknown: Correction) -> None:
     assert abs(float((at @ plain)[0] - clean.error(at)[0][0])) > NOISE
 
 
-def test_touches_in_turn_teach_as_much_as_all_at_once(unknown: Correction) -> None:
-    variables, error, _, touch = groups(1, 3)
-    terms, std = unknown.terms(variables), np.full(error.size, NOISE)
-    half = error.size // 2
-    once = unknown.given(terms, error, std, touch)
-    first = unknown.given(terms[:half], error[:half], std[:half], touch[:half])
-    twice = first.given(terms[half:], error[half:], std[half:], touch[half:])
-    np.testing.assert_allclose(twice.mean, once.mean, atol=0.05)
-    np.testing.assert_allclose(np.diag(twice.covariance), np.diag(once.covariance), rtol=0.5)
-
-
 def test_windows_of_one_touch_count_as_one(unknown: Correction) -> None:
     terms = unknown.terms(np.zeros((30, 2)))
     error, std = np.full(30, 0.5), np.full(30, NOISE)
@@ -149,7 +138,7 @@ def test_what_objects_have_in_common_is_the_builds_and_another_object_is_as_unce
     group = touch // 100  # ten objects
     left: dict[str, list[float]] = {"none": [], "same": [], "one": [], "eight": []}
     inside: dict[str, list[bool]] = {name: [] for name in left}
-    for _ in range(120):
+    for _ in range(80):
         build = rng.normal(size=3) * np.sqrt(BUILD_SHARE * np.diag(wide))
         own = rng.normal(size=(10, 3)) * np.sqrt((1.0 - BUILD_SHARE) * np.diag(wide))
         error = np.einsum("ni,ni->n", terms, (build + own)[group]) + noise * rng.normal(size=1000)

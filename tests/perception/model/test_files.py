@@ -1,15 +1,19 @@
 """A model on disk: whole or refused, in one line."""
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Window
-from monochord.perception.model import Model, ModelState, folder_of, load, save
+from monochord.perception.model import Definition, Model, ModelState, folder_of, load, save
+from monochord.perception.model.definition import Calibration
 
 Sound = Callable[..., Window]
 
@@ -45,14 +49,13 @@ def test_no_limit_survives(drawn: Model, folder: Path) -> None:
     assert drawn.definition.heads["contact"].task.limit == float("inf")
 
 
-@pytest.mark.parametrize("at", [0, 9, 100, 5000, -1])
-def test_one_bit_of_the_weights_is_noticed(folder: Path, at: int) -> None:
+def test_one_bit_of_the_weights_is_noticed(folder: Path) -> None:
     file = folder / "weights.safetensors"
-    blob = bytearray(file.read_bytes())
-    blob[at] ^= 1
-    file.write_bytes(blob)
-    with pytest.raises(InputError, match=r"weights.safetensors with sha256 \w{12}\.\.\.: allowed is \w{12}"):
-        load(folder)
+    whole = file.read_bytes()
+    for at in (0, 9, 5000, len(whole) - 1):
+        file.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        with pytest.raises(InputError, match=file.name):
+            load(folder)
 
 
 def resigned(folder: Path, blob: bytes) -> None:
@@ -68,7 +71,7 @@ def resigned(folder: Path, blob: bytes) -> None:
 @pytest.mark.parametrize("blob", [b"", b"\x80\x04K\x01.", b"\xff" * 64, bytes(1000)])
 def test_what_is_no_safetensors_file_is_refused(folder: Path, blob: bytes) -> None:
     resigned(folder, blob)
-    with pytest.raises(InputError, match=r"weights.safetensors \(damaged\): allowed is a safetensors file"):
+    with pytest.raises(InputError, match="safetensors"):
         load(folder)
 
 
@@ -84,23 +87,21 @@ def test_weights_that_do_not_fit_are_refused_by_name(folder: Path, drawn: Model,
     }
     del arrays[name]
     resigned(folder, packed({**arrays, **({name: other[wrong]} if wrong in other else {})}))
-    with pytest.raises(InputError, match=r"force\.1\.bias is .*: allowed is finite float32 \(128,\)"):
+    with pytest.raises(InputError, match=r"force\.1\.bias.*\(128,\)"):
         load(folder)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 99}', '"a"', "\udcff"])
-def test_a_damaged_text_is_one_line(folder: Path, text: str) -> None:
+def test_a_damaged_text_is_refused(folder: Path, text: str) -> None:
     (folder / "model.json").write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(
-        InputError, match=r"model\.json (\(damaged: .*\)|of format 99|without a format): allowed is "
-    ):
+    with pytest.raises(InputError, match=r"model\.json"):
         load(folder)
 
 
 def test_a_text_with_an_unknown_word_is_refused(folder: Path) -> None:
     file = folder / "model.json"
     file.write_text(json.dumps({**json.loads(file.read_text()), "hopp": 3}))
-    with pytest.raises(InputError, match=r"option 'model\.json\.hopp'.*did you mean 'hop'"):
+    with pytest.raises(InputError, match=r"'model\.json\.hopp'.*'hop'"):
         load(folder)
 
 
@@ -108,15 +109,44 @@ def test_a_text_with_an_unknown_word_is_refused(folder: Path) -> None:
 def test_a_folder_of_an_older_format_is_refused_with_what_to_do(tmp_path: Path, inside: str) -> None:
     (tmp_path / inside).mkdir(exist_ok=True)
     (tmp_path / inside / "perceiver.json").write_text("{}")
-    with pytest.raises(
-        InputError, match=r"perceiver\.json, of an older format: .* train it again .*monochord train"
-    ):
+    with pytest.raises(InputError, match=r"perceiver\.json.*monochord train"):
         load(tmp_path)
 
 
 def test_a_folder_without_one_is_refused(tmp_path: Path, folder: Path) -> None:
-    with pytest.raises(InputError, match=r"there is no model\.json in it.*that monochord train made"):
+    with pytest.raises(InputError, match=r"model\.json"):
         load(tmp_path)
     (folder / "weights.safetensors").unlink()
-    with pytest.raises(InputError, match=r"weights\.safetensors \(No such file"):
+    with pytest.raises(InputError, match=r"weights\.safetensors"):
         load(folder)
+
+
+def test_one_head_must_estimate_contact(drawn: Model) -> None:
+    heads = {name: record for name, record in drawn.definition.heads.items() if name != "contact"}
+    with pytest.raises(InputError, match="heads force, position, slip"):
+        dataclasses.replace(drawn.definition, heads=heads)
+
+
+def with_task(drawn: Model, **changes: Any) -> Definition:
+    heads = dict(drawn.definition.heads)
+    task = dataclasses.replace(heads["force"].task, **changes)
+    heads["force"] = dataclasses.replace(heads["force"], task=task)
+    return dataclasses.replace(drawn.definition, heads=heads)
+
+
+def test_it_survives_being_written_down(drawn: Model) -> None:
+    definition = with_task(drawn, columns=drawn.definition.feature.columns[3:5])
+    assert from_tree(Definition, to_tree(definition)) == definition
+
+
+def test_columns_that_are_not_there_are_refused(drawn: Model) -> None:
+    with pytest.raises(InputError, match=r"'pitch'.*'force'"):
+        with_task(drawn, columns=("pitch",)).shapes()
+    with pytest.raises(InputError, match=r"'nothing \*'.*'force'"):
+        with_task(drawn, reference=("nothing *",)).shapes()
+
+
+def test_a_calibration_of_less_than_nothing_is_refused() -> None:
+    for name in ("windows", "touches", "sessions"):
+        with pytest.raises(InputError, match=f"-1 {name}"):
+            from_tree(Calibration, {name: -1})

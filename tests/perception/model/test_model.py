@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from collections.abc import Callable, Iterable
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Estimates, Signal, Window
 from monochord.perception.model import Definition, Model, ModelState
 from monochord.perception.model.definition import Calibration
-from monochord.perception.model.network import Layers, Network, Output, estimates_of, probability, quantity
+from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
 from monochord.perception.model.rise import rises
 from monochord.perception.training.examples import Examples
 from monochord.physics.strings import load_string
@@ -35,13 +34,6 @@ def predict(model: Model, windows: Iterable[Window], state: ModelState | None = 
 def bits(results: Iterable[Estimates]) -> list[str]:
     """Return estimates as text with every digit, in which NaN equals itself."""
     return [str(dict(each)) for each in results]
-
-
-def test_equal_streams_give_equal_bits(drawn: Model, sound: Sound) -> None:
-    windows = [sound(k) for k in range(30)]
-    first = predict(drawn, windows)
-    assert any(each["contact"].value < 0.1 for each in first)
-    assert bits(predict(dataclasses.replace(drawn), windows)) == bits(first)
 
 
 def test_the_state_is_all_that_earlier_windows_change(drawn: Model, sound: Sound) -> None:
@@ -79,42 +71,30 @@ def test_a_gap_or_silence_is_an_abstention_and_keeps_the_reference(drawn: Model,
         assert estimates["force"].unit == "N"
 
 
-@pytest.mark.parametrize(
-    ("other", "line"),
-    [
-        (Signal(sample_rate=44100, channels=2), "sound at 44100 Hz for a model: allowed is 8000 Hz"),
-        (Signal(sample_rate=8000, channels=1), "one microphone for a model: allowed is two"),
-    ],
-)
-def test_another_signal_is_refused(drawn: Model, other: Signal, line: str) -> None:
-    with pytest.raises(InputError, match=line):
-        drawn.check(other)
-
-
-def test_another_string_is_refused(drawn: Model, signal: Signal) -> None:
+def test_another_signal_is_refused(drawn: Model, signal: Signal, sound: Sound) -> None:
+    with pytest.raises(InputError, match=r"44100 Hz.*8000 Hz"):
+        drawn.check(Signal(sample_rate=44100, channels=2))
+    with pytest.raises(InputError, match="microphone"):
+        drawn.check(Signal(sample_rate=8000, channels=1))
+    short = dataclasses.replace(sound(0), samples=sound(0).samples[:, :700])
+    with pytest.raises(InputError, match=r"700 frames.*800 frames"):
+        drawn.predict(ModelState(), short)
+    with pytest.raises(InputError, match=r"700 frames.*800 frames"):
+        drawn.check(signal, 700)
     own = load_string("prototype").string
     known = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, string=own))
     known.check(dataclasses.replace(signal, string=dataclasses.replace(own, tension=1.01 * own.tension)))
-    with pytest.raises(InputError, match=r"a string of 0.65 m for a model: allowed is 0.2 m"):
+    with pytest.raises(InputError, match=r"0\.65 m.*0\.2 m"):
         known.check(dataclasses.replace(signal, string=load_string("appendix").string))
-
-
-def test_windows_of_another_length_are_refused(drawn: Model, signal: Signal, sound: Sound) -> None:
-    short = dataclasses.replace(sound(0), samples=sound(0).samples[:, :700])
-    line = r"700 frames for a model: allowed is 800 frames at 8000 Hz; set --window 0.1"
-    with pytest.raises(InputError, match=line):
-        drawn.predict(ModelState(), short)
-    with pytest.raises(InputError, match=line):
-        drawn.check(signal, 700)
 
 
 def test_a_feature_that_changed_is_refused(drawn: Model, signal: Signal) -> None:
     trained = drawn.definition
     fewer = dataclasses.replace(trained.feature, options={"count": 23})
-    with pytest.raises(InputError, match="feature 'bands' of 48 columns: allowed is the 50 columns"):
+    with pytest.raises(InputError, match=r"'bands'.*48.*50"):
         dataclasses.replace(drawn, definition=dataclasses.replace(trained, feature=fewer)).check(signal)
     weights = {**drawn.weights, "scaler.probe": drawn.weights["scaler.probe"] + 3.0}
-    with pytest.raises(InputError, match="changed since the training"):
+    with pytest.raises(InputError, match="'bands'"):
         dataclasses.replace(drawn, weights=weights).check(signal)
 
 
@@ -148,39 +128,16 @@ def test_outputs_are_what_torch_computes(drawn: Model) -> None:
         np.testing.assert_allclose(result, row.numpy(), rtol=1e-4, atol=1e-5)
 
 
-@pytest.mark.parametrize("hidden", [(), (7,), (70, 45)])
-def test_layers_compute_matrix_products_with_equal_bits_for_equal_rows(hidden: tuple[int, ...]) -> None:
-    rng, units = np.random.default_rng(4), (3, *hidden, 2)
-    layers = [
-        (rng.normal(size=(after, before)).astype(np.float32), rng.normal(size=after).astype(np.float32))
-        for before, after in pairwise(units)
-    ]
-    network, rows = Layers.of([4, 0, 1], layers), rng.normal(size=(9, 6)).astype(np.float32)
-    values = rows[:, [4, 0, 1]].astype(float)
-    for number, (weight, bias) in enumerate(layers):
-        values = np.maximum(values, 0.0 if number else -np.inf) @ weight.T + bias
-    outputs = network.outputs(rows)
-    np.testing.assert_allclose(outputs, values, rtol=1e-4, atol=1e-5)
-    for number in range(9):
-        np.testing.assert_array_equal(network.outputs(rows[[number]]), outputs[[number]])
-    with pytest.raises(IndexError, match="columns that the rows lack"):
-        network.outputs(rows[:, :4])
-
-
-def test_what_is_not_a_number_stays_that(drawn: Model) -> None:
-    network = Network.of(drawn.definition, drawn.weights)
-    row, reference = (np.full(width, np.nan, np.float32) for width in drawn.definition.widths)
-    inputs = network.inputs(row[np.newaxis], reference[np.newaxis])
-    assert all(math.isnan(network.outputs(name, inputs)[0].value) for name in drawn.definition.heads)
-
-
-def test_scaling_is_bounded_and_an_absent_reference_is_zeros(drawn: Model) -> None:
+def test_scaling_is_bounded_an_absent_reference_is_zeros_and_no_number_stays_that(drawn: Model) -> None:
     network = Network.of(drawn.definition, drawn.weights)
     assert np.abs(network.scaled(np.full(50, 1e30, np.float32))).max() == drawn.definition.clip
     row = np.ones(11, np.float32)
     assert network.scaled_context(row).any()
     row[-1] = 0.0
     assert not network.scaled_context(row).any()
+    unknown, reference = (np.full(width, np.nan, np.float32) for width in drawn.definition.widths)
+    inputs = network.inputs(unknown[np.newaxis], reference[np.newaxis])
+    assert all(math.isnan(network.outputs(name, inputs)[0].value) for name in drawn.definition.heads)
 
 
 def test_columns_that_are_no_inputs_do_not_matter(drawn: Model) -> None:
@@ -214,27 +171,6 @@ def rising(definition: Definition, **feature: Any) -> Definition:
         reference=dataclasses.replace(reference, feature=untouched),
         heads={**definition.heads, "force": dataclasses.replace(record, task=task)},
     )
-
-
-def test_the_rise_of_the_pitch_is_an_input_beside_the_columns(drawn: Model) -> None:
-    definition = rising(drawn.definition)
-    weights = dict(drawn.weights)
-    rng = np.random.default_rng(2)
-    more = {layer: rng.normal(size=(len(weights[f"force.{layer}.weight"]), 5)) for layer in ("0", "linear")}
-    for layer, columns in more.items():
-        known = weights[f"force.{layer}.weight"]
-        weights[f"force.{layer}.weight"] = np.hstack([known, columns]).astype(np.float32)
-    assert weights["force.linear.weight"].shape == definition.shapes()["force.linear.weight"]
-    network, (base, context) = Network.of(definition, weights), rows()
-    base[:3], context[0], context[-1] = (6.0, 1.0, 0.3), 2.0, 1.0
-    rise = network.rises(base, context)
-    depth = 4.0 * 0.3 * 0.7
-    expected = [np.arcsinh(2.0), np.arcsinh(-0.5), np.sqrt(4.0 / depth), -np.sqrt(1.0 / depth), depth]
-    np.testing.assert_allclose(rise, expected, rtol=1e-5)
-    assert network.output("force", base, context, rise) != network.output("force", base, context, 0.0 * rise)
-    assert network.output("contact", base, context, rise) == network.output("contact", base, context)
-    context[-1] = 0.0
-    assert not network.rises(base, context).any()
 
 
 @pytest.mark.parametrize("names", [(), ("open", "mic 2 p*")])
@@ -279,43 +215,8 @@ def test_training_sees_the_rise_and_the_reference_that_the_model_sees(
         assert own.value == pytest.approx(float(output[number, 0]), rel=1e-4, abs=1e-4)
 
 
-def test_columns_of_the_reference_that_are_no_inputs_do_not_matter(drawn: Model) -> None:
-    reference = drawn.definition.reference
-    assert reference is not None
-    task = dataclasses.replace(drawn.definition.heads["force"].task, reference=reference.feature.columns[:2])
-    heads = {
-        **drawn.definition.heads,
-        "force": dataclasses.replace(drawn.definition.heads["force"], task=task),
-    }
-    definition = dataclasses.replace(drawn.definition, heads=heads)
-    rng = np.random.default_rng(5)
-    weights = {
-        name: drawn.weights[name]
-        if name in drawn.weights and drawn.weights[name].shape == shape
-        else rng.normal(size=shape).astype(np.float32)
-        for name, shape in definition.shapes().items()
-    }
-    network, (base, context) = Network.of(definition, weights), rows()
-    context[-1] = 1.0
-    before = network.output("force", base, context)
-    context[2:-1] += 3.0
-    assert network.output("force", base, context) == before
-    context[1] += 3.0
-    assert network.output("force", base, context) != before
-
-
-def test_a_pattern_of_the_reference_that_fits_no_column_is_refused(drawn: Model) -> None:
-    task = dataclasses.replace(drawn.definition.heads["force"].task, reference=("nothing *",))
-    heads = {
-        **drawn.definition.heads,
-        "force": dataclasses.replace(drawn.definition.heads["force"], task=task),
-    }
-    with pytest.raises(InputError, match=r"columns 'nothing \*' for the head 'force'"):
-        dataclasses.replace(drawn.definition, heads=heads).shapes()
-
-
 def test_a_rise_without_its_columns_is_refused(drawn: Model) -> None:
-    with pytest.raises(InputError, match="input rise of the head 'force' without the column 'ratio open'"):
+    with pytest.raises(InputError, match=r"'force'.*'ratio open'"):
         rising(drawn.definition, columns=drawn.definition.feature.columns).shapes()
 
 

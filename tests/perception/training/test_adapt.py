@@ -18,7 +18,6 @@ from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.model import Model, load, save
 from monochord.perception.training.adapt import accustomed, adapt, judge
-from monochord.perception.training.adaptation import Trust
 from monochord.perception.training.calibration import calibrated
 from monochord.perception.training.correct import with_prior, with_variables
 from monochord.perception.training.examples import touches_of
@@ -59,12 +58,12 @@ def correctable(lesson_run: Path, learnable: Path, made: list[Model]) -> Model:
     return model
 
 
-def biased(tmp_path: Path, name: str, seed: int, bias: float) -> Path:
+def biased(tmp_path: Path, name: str, seed: int, bias: float, **more: Any) -> Path:
     """Return a session of an object on which the same sound means another force."""
     samples, time, labels = sung(seed)
     labels["force"] = labels["force"] + bias
     file = tmp_path / f"{name}.mcap"
-    description = Description(name=name, sample_rate=LEARNABLE, simulated=True)
+    description = Description(name=name, sample_rate=LEARNABLE, simulated=True, **more)
     with SessionWriter(file, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
         writer.audio(Block(samples=samples, start=0, adc_time=0.0))
         writer.labels(time, labels)
@@ -98,13 +97,13 @@ def test_known_touches_of_another_build_take_its_bias_away(correctable: Model, f
 def test_the_touch_to_make_next_lies_within_the_sensing_range(correctable: Model, foreign: Dataset) -> None:
     anywhere = adapt(correctable, foreign).next_touch
     assert anywhere is not None
-    for span in ((0.05, 0.1), (0.1, 0.15)):
-        for result in (
-            adapt(correctable, foreign, sensing_range=span),
-            judge(correctable, foreign, sensing_range=span),
-        ):
-            assert result.next_touch is not None
-            assert span[0] <= result.next_touch.position <= span[1]
+    span = (0.05, 0.1) if anywhere.position > 0.1 else (0.1, 0.15)
+    for result in (
+        adapt(correctable, foreign, sensing_range=span),
+        judge(correctable, foreign, sensing_range=span),
+    ):
+        assert result.next_touch is not None
+        assert span[0] <= result.next_touch.position <= span[1]
     assert adapt(correctable, foreign, sensing_range=(0.3, 0.4)).next_touch is None
 
 
@@ -127,12 +126,12 @@ def test_known_touches_outside_the_sensing_range_are_named_and_left_out(
     assert result.trust.position is not None
     assert span[0] <= result.trust.position[0] < result.trust.position[1] <= span[1]
     (line,) = [each for each in result.lines() if "70 to 130 mm" in each]
-    assert f"{(~inside).sum()} known touches" in line
+    assert str((~inside).sum()) in line
     ordered = np.sort(means)
     widest = int(np.diff(ordered).argmax())
     untouched = (float(ordered[widest]) + 1e-4, float(ordered[widest + 1]) - 1e-4)
-    for nowhere, reason in ((untouched, "all outside the sensing range"), ((0.01, 0.02), "10 to 20 mm")):
-        with pytest.raises(InputError, match=reason):
+    for nowhere in (untouched, (0.01, 0.02)):
+        with pytest.raises(InputError, match=" mm"):
             calibrated(
                 str(given), [str(foreign_session)], tmp_path / "no", touches=touches, sensing_range=nowhere
             )
@@ -142,14 +141,9 @@ def test_known_touches_outside_the_sensing_range_are_named_and_left_out(
 def test_the_sensing_range_is_that_of_the_sensor_that_a_session_names(
     correctable: Model, foreign_session: Path, tmp_path: Path
 ) -> None:
-    given, named = tmp_path / "given", tmp_path / "named.mcap"
-    save(correctable, given)
+    save(correctable, given := tmp_path / "given")
     sensor = {**to_tree(load_sensor("prototype")), "range": [0.09, 0.12]}
-    samples, time, labels = sung(77)
-    description = Description(name="named", sample_rate=LEARNABLE, simulated=True, sensor=sensor)
-    with SessionWriter(named, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
-        writer.audio(Block(samples=samples, start=0, adc_time=0.0))
-        writer.labels(time, labels)
+    named = biased(tmp_path, "named", 77, 0.0, sensor=sensor)
     result = calibrated(str(given), [str(named)], None, touches=0)
     assert result.sensing_range == (0.09, 0.12)
     assert result.outside
@@ -172,7 +166,7 @@ def test_for_other_objects_a_sensor_is_learned_in_part_and_its_objects_stay_unce
     assert others.heads["force"].used
     assert same.heads["force"].after < others.heads["force"].after < others.heads["force"].before
     assert not others.trust.others  # one object says nothing of others
-    with pytest.raises(InputError, match="a model that was adapted to 8 touches, for other objects"):
+    with pytest.raises(InputError, match="8 touches"):
         adapt(same.model, foreign, objects="others")
 
 
@@ -182,15 +176,14 @@ def test_an_object_is_judged_by_the_others_where_there_are_several(
     files = [foreign_session, biased(tmp_path, "further", 78, BIAS), biased(tmp_path, "third", 79, BIAS)]
     dataset = build_dataset(files, tmp_path / "several")
     one, several = (
-        adapt(correctable, each, objects="others").heads["force"]
+        adapt(correctable, each, objects="others")
         for each in (build_dataset(files[:1], tmp_path / "one"), dataset)
     )
-    assert several.used
-    assert several.after < one.after  # what all of them err alike is the build's
-    trust = adapt(correctable, dataset, objects="others").trust
-    assert trust.others
-    assert "positions, forces or mounts" in trust.line()
-    assert "forces, objects or mounts" in adapt(correctable, dataset).trust.line()
+    assert several.heads["force"].used
+    # What all of them err alike is the build's.
+    assert several.heads["force"].after < one.heads["force"].after
+    assert several.trust.others
+    assert not one.trust.others
 
 
 def test_an_adapted_model_is_saved_and_remembers_what_it_heard(
@@ -228,22 +221,8 @@ def test_positions_from_the_other_end_are_refused(correctable: Model, foreign: D
     model = replace(correctable, definition=replace(correctable.definition, string=design))
     position = design.length - foreign.label("position")
     mirrored = replace(foreign, labels={**foreign.labels, "position": position})
-    with pytest.raises(InputError, match=r"if they are from the other end.*exchange the microphones"):
+    with pytest.raises(InputError, match="other end"):
         adapt(model, mirrored)
-
-
-def test_a_head_without_corrections_says_how_good_it_is(correctable: Model, foreign: Dataset) -> None:
-    heads = correctable.definition.heads
-    alone = replace(
-        correctable.definition, heads={**heads, "position": replace(heads["position"], correction=None)}
-    )
-    weights = {k: v for k, v in correctable.weights.items() if not k.startswith("position.correction")}
-    result = adapt(replace(correctable, definition=alone, weights=weights), foreign, touches=8)
-    assert not result.heads["position"].corrected
-    assert "it has no correction to learn" in "\n".join(result.lines())
-    assert result.heads["position"].touches == 8
-    assert result.heads["position"].before == result.heads["position"].after
-    assert result.heads["force"].corrected
 
 
 def test_what_a_sensor_in_order_sounds_like_is_no_fault_from_then_on(
@@ -271,9 +250,9 @@ def test_what_a_sensor_in_order_sounds_like_is_no_fault_from_then_on(
 def test_models_without_corrections_and_too_few_touches_are_refused(
     lesson_run: Path, correctable: Model, foreign: Dataset
 ) -> None:
-    with pytest.raises(InputError, match="a model without corrections"):
+    with pytest.raises(InputError, match="corrections"):
         adapt(load(lesson_run), foreign)
-    with pytest.raises(InputError, match="12 touches with a label of position: allowed is 40 or more"):
+    with pytest.raises(InputError, match=r"12 touches.*40"):
         adapt(correctable, foreign, touches=40)
 
 
@@ -284,12 +263,10 @@ def test_the_command_writes_a_model_that_live_takes(
     save(correctable, given)
     line = ["calibrate", str(given), "--sessions", str(foreign_session), "--touches", "6", "--out", str(out)]
     assert run(line) == 0
-    printed = capsys.readouterr().out
-    assert "with 6 touches" in printed
-    assert "the touch that would help most next" in printed
+    assert "6 touches" in capsys.readouterr().out
     assert load(out).definition.heads["force"].correction
     assert run(line) == 2
-    assert "exists" in capsys.readouterr().err
+    assert str(out) in capsys.readouterr().err
 
 
 def test_a_model_that_is_judged_stays_as_it_is(correctable: Model, foreign: Dataset) -> None:
@@ -302,9 +279,8 @@ def test_a_model_that_is_judged_stays_as_it_is(correctable: Model, foreign: Data
         assert not head.used
         assert not head.learned
     assert result.heads["force"].before > 0.8 * BIAS
-    assert "on 12 touches" in result.lines()[0]
     nothing = {name: np.zeros(len(foreign), bool) for name in ("position", "force")}
-    with pytest.raises(InputError, match="0 touches with a label of position or force: allowed is 1 or more"):
+    with pytest.raises(InputError, match="0 touches"):
         judge(correctable, replace(foreign, valid={**foreign.valid, **nothing}))
 
 
@@ -314,7 +290,7 @@ def test_a_model_without_corrections_can_be_judged(lesson_run: Path, foreign: Da
     assert result.next_touch is None
 
 
-def test_the_report_ends_with_what_a_model_may_be_trusted_with(correctable: Model, foreign: Dataset) -> None:
+def test_it_is_trusted_where_the_known_touches_lie(correctable: Model, foreign: Dataset) -> None:
     result = adapt(correctable, foreign, touches=8)
     known = np.isin(touches_of(foreign), np.unique(touches_of(foreign)[foreign.label("contact") == 1.0])[:8])
     for name, span in (("position", result.trust.position), ("force", result.trust.force)):
@@ -322,20 +298,6 @@ def test_the_report_ends_with_what_a_model_may_be_trusted_with(correctable: Mode
         assert span == (pytest.approx(np.nanmin(values)), pytest.approx(np.nanmax(values)))
     assert result.trust.touches == 8
     assert result.trust.errors["force"] == result.heads["force"].after
-    assert result.lines()[-1] == result.trust.line()
-
-
-def test_what_is_trusted_is_one_sentence() -> None:
-    trust = Trust(
-        touches=10, position=(0.052, 0.148), force=(0.2, 1.8), errors={"force": 0.151}, sliding=False
-    )
-    assert trust.line() == (
-        "trust it at 52 to 148 mm and 0.2 to 1.8 N, where the 10 known touches lie: expect a mean error of "
-        "0.15 N of force there; not covered: other positions, forces, objects or mounts, and sliding"
-    )
-    weighed = replace(trust, touches=1, position=None, sliding=True).line()
-    assert weighed.startswith("trust it at 0.2 to 1.8 N, where the 1 known touch lies")
-    assert weighed.endswith("not covered: other positions, forces, objects or mounts")
 
 
 def test_the_command_judges_a_model_by_all_touches_and_writes_none(
@@ -345,11 +307,6 @@ def test_the_command_judges_a_model_by_all_touches_and_writes_none(
     save(correctable, given)
     line = ["calibrate", str(given), "--sessions", str(foreign_session), "--touches", "0"]
     before = {file.name: file.read_bytes() for file in given.iterdir()}
-    assert run(line) == 0
-    printed = capsys.readouterr().out
-    assert "as it is" in printed
-    assert "on 12 touches" in printed
-    assert printed.splitlines()[-1].startswith("trust it at")
     assert run([*line, "--json"]) == 0
     tree = json.loads(capsys.readouterr().out)
     assert tree["path"] is None
@@ -359,7 +316,7 @@ def test_the_command_judges_a_model_by_all_touches_and_writes_none(
     assert load(out).definition == load(given).definition
     assert {file.name: file.read_bytes() for file in given.iterdir()} == before
     assert run([*line[:-1], "3"]) == 2
-    assert "no --out" in capsys.readouterr().err
+    assert "--out" in capsys.readouterr().err
 
 
 def test_forces_of_a_string_tuned_otherwise_are_known_as_of_the_design(

@@ -38,17 +38,14 @@ def test_few_touches_hardly_reduce_the_spread_of_training() -> None:
 def test_a_few_windows_are_covered_rather_more_than_less() -> None:
     rng = np.random.default_rng(1)
     shares = []
-    for _ in range(400):
+    for _ in range(200):
         error = rng.standard_normal(12)
         shares.append(float(np.mean(np.abs(rng.standard_normal(200)) <= spread_factor(error, np.ones(12)))))
     assert 0.68 < np.mean(shares) < 0.76
 
 
-def test_no_error_at_all_gives_no_factor_of_zero() -> None:
+def test_without_any_error_factors_stay_finite_and_above_zero() -> None:
     assert spread_factor(np.zeros(10), np.ones(10)) > 0.0
-
-
-def test_probabilities_without_error_stay_finite() -> None:
     truth = np.arange(100) % 2 == 0
     assert 0.5 <= temperature(truth, np.where(truth, 5.0, -5.0)) <= 20.0
 
@@ -86,7 +83,7 @@ def test_few_touches_are_covered_and_their_windows_do_not_count_as_independent()
     windows, shares, wide = 20, dict[int, float](), dict[int, float]()
     for touches in (2, 4, 40):
         touch, covered, factors = np.repeat(np.arange(touches), windows), list[float](), list[float]()
-        for _ in range(300):
+        for _ in range(120):
             error = np.repeat(rng.standard_normal(touches), windows)  # one error a touch
             factor = spread_factor(error, np.ones(error.size), touch)
             covered.append(float(np.mean(np.abs(rng.standard_normal(200)) <= factor)))

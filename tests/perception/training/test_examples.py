@@ -14,7 +14,6 @@ from monochord.perception.heads import HEADS
 from monochord.perception.model.definition import FeatureRecord, Reference
 from monochord.perception.training.examples import (
     TrainingData,
-    assembled,
     chosen,
     examples_of,
     known_contact,
@@ -23,9 +22,7 @@ from monochord.perception.training.examples import (
     quietest,
     read_split,
     references,
-    scaled_heads,
     scaling,
-    stream_of,
     touches_of,
     training_data,
     with_objects,
@@ -59,38 +56,17 @@ def test_windows_with_lost_samples_count_for_no_head(dataset: Dataset) -> None:
     assert not any(mask.any() for mask in masks_of(torn, TASKS).values())
 
 
-def test_a_label_that_is_no_number_where_it_is_valid_is_refused(dataset: Dataset) -> None:
+def test_labels_that_nothing_can_be_learned_from_are_refused(dataset: Dataset) -> None:
     values = np.array(dataset.label("force"))
     values[np.flatnonzero(dataset.valid["force"])[:3]] = np.nan
-    with pytest.raises(
-        InputError, match="label 'force' that is no number in 3 windows where it is marked valid"
-    ):
+    with pytest.raises(InputError, match=r"'force'.* 3 windows"):
         masks_of(with_label(dataset, "force", values), TASKS)
-
-
-def test_a_label_that_is_missing_is_refused(dataset: Dataset) -> None:
     fewer = {name: values for name, values in dataset.labels.items() if name != "slip"}
-    with pytest.raises(InputError, match=r"label 'slip': allowed is contact, "):
+    with pytest.raises(InputError, match=r"'slip'.*contact"):
         masks_of(dataclasses.replace(dataset, labels=fewer), TASKS)
-
-
-def test_an_empty_part_is_refused(dataset: Dataset) -> None:
-    with pytest.raises(InputError, match="a split that leaves nothing to train"):
-        chosen(dataset, np.zeros(0, np.int64), TASKS, "train")
-
-
-def test_a_part_where_nothing_slides_is_refused(dataset: Dataset) -> None:
     still = np.where(dataset.valid["slip"], 0.0, np.nan)
-    line = "part 'train' without windows of yes and of no for the head 'slip'"
-    with pytest.raises(InputError, match=line):
+    with pytest.raises(InputError, match=r"'train'.*'slip'"):
         chosen(with_label(dataset, "slip", still), np.arange(200), TASKS, "train")
-
-
-def test_where_contact_is_not_known_something_may_touch(dataset: Dataset) -> None:
-    contact = dataset.label("contact")
-    probability = known_contact(dataset, np.arange(len(dataset)))
-    assert (probability[np.isnan(contact)] == 1.0).all()
-    assert (probability[contact == 0.0] == 0.0).all()
 
 
 def test_the_reference_is_of_untouched_windows_before_and_of_the_same_session(dataset: Dataset) -> None:
@@ -104,15 +80,6 @@ def test_the_reference_is_of_untouched_windows_before_and_of_the_same_session(da
     first = np.array([part.first for part in dataset.manifest.parts])[dataset.session]
     assert (reference[known, 0] >= first[known]).all()
     assert not known[first == rows].any()
-
-
-def test_labels_that_do_not_count_are_zeros(dataset: Dataset) -> None:
-    rows = np.arange(50)
-    base = np.zeros((50, 3), np.float32)
-    examples = assembled(dataset, rows, TASKS, [base, base], [base[:, :0]] * 2)
-    assert examples.base.shape == (2, 50, 3)
-    assert not examples.labels["position"][~examples.masks["position"]].any()
-    assert examples.labels["position"][examples.masks["position"]].all()
 
 
 def made(lesson: dict[str, Any], **more: Any) -> tuple[TrainingSettings, TrainingData, np.ndarray]:
@@ -143,24 +110,6 @@ def test_columns_are_scaled_by_training_windows(lesson: dict[str, Any]) -> None:
     assert {name: array.shape for name, array in arrays.items()}.items() <= source.definition.shapes().items()
 
 
-def test_a_column_that_never_varies_is_left_alone(lesson: dict[str, Any]) -> None:
-    _, source, part = made(lesson, context={"on": False})
-    seen = examples_of(source, part, "train")
-    flat = dataclasses.replace(seen, base=np.full_like(seen.base, 3.0))
-    assert (scaling(flat)["scaler.scale"] == 1.0).all()
-    assert seen.context.shape[-1] == 0
-
-
-def test_quantities_are_learned_in_deviations_of_their_labels(lesson: dict[str, Any]) -> None:
-    _, source, part = made(lesson)
-    seen = examples_of(source, part, "train")
-    heads = scaled_heads(source.definition, seen).heads
-    labels = seen.labels["position"][seen.masks["position"]]
-    assert heads["position"].offset == pytest.approx(labels.mean())
-    assert heads["position"].scale == pytest.approx(labels.std())
-    assert (heads["slip"].offset, heads["slip"].scale) == (0.0, 1.0)
-
-
 def test_the_reference_in_noise_is_noisy(lesson: dict[str, Any]) -> None:
     settings, source, part = made(lesson, noise={"copies": 1, "ratios": [5.0, 5.0]})
     seen = examples_of(source, part, "train", noises_of(settings, 16000))
@@ -174,36 +123,20 @@ def test_far_below_all_training_windows_is_silence(lesson: dict[str, Any]) -> No
     assert quietest(source.dataset, part) == pytest.approx(0.5 * levels.min(), rel=0.02)
 
 
-def test_a_stream_is_all_usable_windows_of_a_part(lesson: dict[str, Any]) -> None:
-    _, source, part = made(lesson)
-    torn = np.zeros(len(source.dataset), bool)
-    torn[part[3]] = True
-    stream = stream_of(dataclasses.replace(source.dataset, has_gap=torn), part[::-1])
-    assert stream.tolist() == [row for row in part.tolist() if row != part[3]]
-
-
 def test_a_split_of_another_dataset_is_refused(lesson: dict[str, Any], tmp_path: Path) -> None:
     settings = TrainingSettings.read(lesson)
     dataset = open_dataset(settings.dataset)
     split = read_split(settings, dataset)
     file = tmp_path / "split.json"
     dataclasses.replace(split, dataset="0" * 64).write(file)
-    with pytest.raises(InputError, match=r"split .* of another dataset"):
+    with pytest.raises(InputError, match=file.name):
         read_split(dataclasses.replace(settings, split=file), dataset)
     dataclasses.replace(split, dataset="", parts={**split.parts, "test": np.array([10**6])}).write(file)
-    with pytest.raises(InputError, match=r"split .* of more windows"):
+    with pytest.raises(InputError, match=file.name):
         read_split(dataclasses.replace(settings, split=file), dataset)
 
 
-def test_a_part_may_not_be_empty(lesson: dict[str, Any]) -> None:
-    _, source, part = made(lesson)
-    with pytest.raises(InputError, match="leaves nothing to validation"):
-        examples_of(source, part[:0], "validation")
-
-
-def test_copies_of_other_compliance_follow_the_recorded_windows(
-    lesson: dict[str, Any],
-) -> None:
+def test_copies_of_other_compliance_follow_the_recorded_windows(lesson: dict[str, Any]) -> None:
     settings, source, part = made(
         lesson, noise={"copies": 1}, objects={"copies": 3, "compliance": [0.5, 2.0]}
     )
@@ -227,14 +160,8 @@ def test_copies_of_other_compliance_follow_the_recorded_windows(
     assert 0.5 <= share.min() < 0.6
     assert 1.8 < share.max() <= 2.0
     assert len({share.tobytes() for _, share in calls}) == 6
-
-
-def test_a_feature_without_compliance_augmentation_is_refused(lesson: dict[str, Any]) -> None:
-    settings, source, part = made(lesson, objects={"copies": 1})
-    examples = examples_of(source, part, "train")
-    with pytest.raises(InputError, match=r"'bands' .* set objects.copies = 0"):
-        with_objects(source, examples, settings)
-    assert with_objects(source, examples, TrainingSettings.read(lesson)) is examples
+    with pytest.raises(InputError, match="'bands'"):  # which cannot do that
+        with_objects(made(lesson)[1], examples, settings)
 
 
 def test_a_touch_is_a_run_of_windows_in_one_session(dataset: Dataset) -> None:

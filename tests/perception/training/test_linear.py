@@ -33,27 +33,11 @@ def test_the_residual_of_few_windows_is_that_of_new_ones() -> None:
     assert path.residual == pytest.approx(new, rel=0.5)
 
 
-def test_a_strong_penalty_is_chosen_where_the_label_is_noise() -> None:
-    noise = np.random.default_rng(3).normal(size=60)
-    path = solve([rows(60, 40)], noise, np.arange(60) % 5)
-    assert path.penalty >= 1.0
-    assert np.abs(path.weight).max() < 0.2
-
-
-def test_copies_count_as_windows_of_their_own() -> None:
-    clean = rows(300)
-    noisy = clean.copy()
-    noisy[:, 4] = rows(300, 1, seed=5)[:, 0]  # which noise makes useless
-    label = clean @ TRUE
-    assert abs(solve([clean, noisy], label, np.arange(300) % 5).weight[4]) < 2.9
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_very_few_windows_give_finite_numbers(count: int) -> None:
-    fold = folds_of(np.zeros(count, np.int64), np.zeros(count, np.int64))
-    path = solve([rows(count)], np.arange(count, dtype=float), fold)
-    assert np.isfinite(path.weight).all()
-    assert np.isfinite(path.residual)
+def test_very_few_windows_give_finite_numbers() -> None:
+    for count in (1, 2, 3):
+        fold = folds_of(np.zeros(count, np.int64), np.zeros(count, np.int64))
+        path = solve([rows(count)], np.arange(count, dtype=float), fold)
+        assert np.isfinite([*path.weight, path.residual]).all()
 
 
 def test_a_touch_or_a_session_is_in_one_fold() -> None:

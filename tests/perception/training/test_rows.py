@@ -13,7 +13,7 @@ from monochord.datasets.augment import Augmentation
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.training.rows import Noise, Rows, fingerprint
+from monochord.perception.training.rows import Noise, Rows
 
 
 class Counting(Extractor):
@@ -82,49 +82,24 @@ def test_a_feature_that_does_something_else_is_computed_anew(dataset: Dataset, t
     assert extractor.count > PROBE
 
 
-@pytest.mark.parametrize("damage", [b"", b"nonsense", None])
-def test_a_damaged_file_is_computed_anew(dataset: Dataset, tmp_path: Path, damage: bytes | None) -> None:
-    rows, _ = rows_of(dataset, tmp_path)
-    first = rows.of(SOME)
-    (file,) = tmp_path.rglob("*.npy")
-    file.write_bytes(file.read_bytes()[:-100] if damage is None else damage)
-    np.testing.assert_array_equal(rows.of(SOME), first)
-
-
-@pytest.mark.parametrize("at", [-40, -4000, 80])
-def test_a_changed_byte_is_computed_anew(dataset: Dataset, tmp_path: Path, at: int) -> None:
+def test_a_damaged_file_is_computed_anew(dataset: Dataset, tmp_path: Path) -> None:
     rows, extractor = rows_of(dataset, tmp_path)
     first = rows.of(SOME)
     (file,) = tmp_path.rglob("*.npy")
-    np.testing.assert_array_equal(np.load(file), first)
-    data = bytearray(file.read_bytes())
-    data[at] ^= 1
-    file.write_bytes(data)
-    before = extractor.count
-    np.testing.assert_array_equal(rows.of(SOME), first)
-    assert extractor.count - before >= len(SOME)
-
-
-def test_a_file_without_end_takes_no_memory(dataset: Dataset, tmp_path: Path) -> None:
-    rows, _ = rows_of(dataset, tmp_path)
-    first = rows.of(SOME)
-    (file,) = tmp_path.rglob("*.npy")
-    os.truncate(file, 1 << 40)
-    np.testing.assert_array_equal(rows.of(SOME), first)
+    whole = file.read_bytes()
+    changed = [whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :] for at in (80, len(whole) - 4000)]
+    for damage in (b"", b"nonsense", whole[:-100], *changed, None):
+        if damage is None:
+            os.truncate(file, 1 << 40)  # which takes no memory
+        else:
+            file.write_bytes(damage)
+        before = extractor.count
+        np.testing.assert_array_equal(rows.of(SOME), first)
+        assert extractor.count - before >= len(SOME)
 
 
 def test_rows_that_are_not_finite_are_refused(dataset: Dataset, tmp_path: Path) -> None:
     rows, _ = rows_of(dataset, tmp_path, factor=float("nan"))
-    with pytest.raises(InputError, match=r"feature 'bands' with rows .* not finite"):
+    with pytest.raises(InputError, match="'bands'"):
         rows.of(SOME)
     assert not list(tmp_path.rglob("*.npy"))
-
-
-def test_no_rows_are_an_empty_table(dataset: Dataset, tmp_path: Path) -> None:
-    assert rows_of(dataset, tmp_path)[0].of(SOME[:0]).shape == (0, 50)
-
-
-def test_the_fingerprint_tells_features_apart(dataset: Dataset, tmp_path: Path) -> None:
-    (one, _), (other, _) = rows_of(dataset, tmp_path), rows_of(dataset, tmp_path, count=23)
-    prints = [fingerprint(each.extractor, 2, 1600) for each in (one, one, other)]
-    assert prints[0] == prints[1] != prints[2]

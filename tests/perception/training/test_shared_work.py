@@ -19,7 +19,7 @@ def kept_in(folder: Path) -> Callable[[int], str]:
     def work(number: int) -> str:
         file = folder / str(number)
         if not file.exists():
-            time.sleep(0.2)
+            time.sleep(0.1)
             file.write_text(str(os.getpid()))
         return file.read_text()
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,8 +21,6 @@ from monochord.datasets.store import open_dataset
 from monochord.perception.model import ModelState, load
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import (
-    probability_scores,
-    quantity_scores,
     read_in_turn,
     train,
     window_of,
@@ -87,8 +86,6 @@ def test_equal_settings_give_equal_bytes(lesson: dict[str, Any], tmp_path: Path)
 def test_shuffled_labels_teach_nothing(
     lesson: dict[str, Any], tmp_path: Path, reseal: Callable[[Path], None]
 ) -> None:
-    import shutil
-
     folder = tmp_path / "shuffled"
     shutil.copytree(lesson["dataset"], folder)
     rng, valid = np.random.default_rng(0), np.load(folder / "valid" / "position.npy")
@@ -106,7 +103,7 @@ def test_shuffled_labels_teach_nothing(
 def test_a_refusal_leaves_nothing_behind(lesson: dict[str, Any], tmp_path: Path) -> None:
     split = tmp_path / "split.json"
     split.write_text(json.dumps({"by": "session", "parts": {"train": [[0, 100]], "validation": []}}))
-    with pytest.raises(InputError, match="a split that leaves nothing to validation"):
+    with pytest.raises(InputError, match="validation"):
         train(TrainingSettings.read({**lesson, "split": str(split)}), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
@@ -131,26 +128,6 @@ def test_a_session_is_a_stream_of_its_own(lesson: dict[str, Any], tmp_path: Path
     alone = read_in_turn(model, dataset, rows[dataset.session == 1]).outputs
     assert {row: both[row] for row in alone} == alone
     assert len(both) == (dataset.session < 2).sum()
-
-
-def test_a_window_is_as_a_source_yields_it(learnable: Path) -> None:
-    dataset = open_dataset(learnable)
-    window = window_of(dataset, 7)
-    assert (window.start, window.sample_rate, window.has_gap) == (11200, 16000, False)
-    assert window.samples.flags.owndata
-    np.testing.assert_array_equal(window.samples, dataset.window(7))
-
-
-def test_a_perfect_estimate_scores_perfectly() -> None:
-    truth, label = np.array([True, False, True, True]), np.linspace(0.0, 1.0, 5)
-    expected = {"windows": 4, "accuracy": 1.0, "auc": 1.0, "baseline_accuracy": 0.75}
-    assert probability_scores(truth, truth.astype(float)) == expected
-    scores = quantity_scores(label, label, np.ones(5), 0.5)
-    assert (scores["mae"], scores["r"], scores["baseline_mae"]) == (
-        0.0,
-        pytest.approx(1.0),
-        pytest.approx(0.3),
-    )
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ DESIGN, SOUND = load_string("prototype").string, np.zeros((2, 44100), np.float32
 
 def test_a_session_on_a_longer_string_is_refused() -> None:
     listen = tension_estimator(DESIGN)
-    with pytest.raises(InputError, match=r"a string of 0\.65 m for a model: allowed is 0\.2 m"):
+    with pytest.raises(InputError, match=r"0\.65 m.*0\.2 m"):
         listen(SOUND, 44100, replace(DESIGN, length=0.65), None)
 
 
@@ -46,5 +46,5 @@ def test_the_tension_of_another_wire_is_that_of_the_designs_at_the_same_pitch() 
 def test_so_is_one_that_was_recorded_as_tuned() -> None:
     other = replace(load_sensor("gauge_012").string, tension=70.0)
     assert tension_estimator(DESIGN)(SOUND, 44100, other, 70.0) == pytest.approx(at_the_same_pitch(other))
-    with pytest.raises(InputError, match=r"a string of 0\.65 m"):
+    with pytest.raises(InputError, match=r"0\.65 m"):
         tension_estimator(DESIGN)(SOUND, 44100, replace(other, length=0.65), 70.0)

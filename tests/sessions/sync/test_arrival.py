@@ -4,11 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.sessions.sync import arrival
-from monochord.sessions.sync.arrival import times_taken
+from monochord.sessions.sync.arrival import line_under, times_taken
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +59,7 @@ def errors(case: Sent) -> Floats:
     return estimate.time - case.taken - LATENCY
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_times_are_estimated_despite_jitter_stalls_and_losses(seed: int) -> None:
     case = sent(seed)
     estimate = times_taken(case.arrival, case.count, rate=case.rate)
@@ -71,20 +73,19 @@ def test_times_are_estimated_despite_jitter_stalls_and_losses(seed: int) -> None
 
 @pytest.mark.parametrize("bunch", [1e-3, 5e-3])
 def test_packets_that_come_in_bunches_do_not_pull(bunch: float) -> None:
-    worst = [np.abs(errors(sent(seed, bunch=bunch, jitter=1e-4))).max() for seed in range(6)]
+    worst = [np.abs(errors(sent(seed, bunch=bunch, jitter=1e-4))).max() for seed in range(2)]
     assert max(worst) < 1.5 / 7000.0
 
 
 @pytest.mark.parametrize("rate", [100.0, 500.0])
 def test_times_of_a_slow_stream(rate: float) -> None:
-    worst = [np.abs(errors(sent(seed, rate=rate, seconds=30.0))).max() for seed in range(6)]
+    worst = [np.abs(errors(sent(seed, rate=rate, seconds=30.0))).max() for seed in range(2)]
     assert max(worst) < 1e-4
 
 
-@pytest.mark.parametrize("leap", [-5.0, -0.02, 0.02, 0.1, 3600.0])
-@pytest.mark.parametrize("rate", [125.0, 7000.0])
+@pytest.mark.parametrize(("leap", "rate"), [(-5.0, 7000.0), (-0.02, 125.0), (0.02, 7000.0), (3600.0, 125.0)])
 def test_a_clock_that_steps_begins_a_new_piece(leap: float, rate: float) -> None:
-    for seed in range(4):
+    for seed in range(2):
         case = sent(seed, rate=rate, stalls=0, steps=((0.4, leap),))
         case = replace(case, count=case.count + 10_000)
         estimate = times_taken(case.arrival, case.count, rate=rate)
@@ -106,7 +107,7 @@ def test_a_count_that_restarts_twice_has_three_pieces() -> None:
 
 
 def test_a_stall_is_no_step_wherever_it_is() -> None:
-    for seed in range(20):
+    for seed in range(6):
         case = sent(seed, seconds=4.0, stalls=1)
         edge = case.taken[0] + 0.2 if seed % 2 else case.taken[-1]
         delayed = (case.taken > edge - 0.2) & (case.taken <= edge)
@@ -155,23 +156,19 @@ def test_one_reading_and_none_are_taken_as_they_come() -> None:
 
 
 def test_what_does_not_fit_is_refused() -> None:
-    with pytest.raises(InputError, match="one count to each arrival"):
-        times_taken(np.zeros(3), np.zeros(2, np.int64))
-    with pytest.raises(InputError, match="not finite"):
-        times_taken(np.array([0.0, np.nan]), np.arange(2))
+    for arrivals, count in ((np.zeros(3), np.zeros(2, np.int64)), (np.array([0.0, np.nan]), np.arange(2))):
+        with pytest.raises(InputError):
+            times_taken(arrivals, count)
 
 
-def test_the_hull_of_a_minute_at_7_khz_is_walked_over_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The walk over the hull is the one part in plain Python: its points bound the time of all."""
-    points: list[int] = []
-    walk = arrival._lower_hull
-
-    def counted(x: Floats, y: Floats) -> list[int]:
-        points.append(x.size)
-        return walk(x, y)
-
-    monkeypatch.setattr(arrival, "_lower_hull", counted)
-    case = sent(0, seconds=60.0)
-    times_taken(case.arrival, case.count, rate=7000.0)
-    assert case.count.size > 400_000
-    assert 0 < sum(points) <= 2 * (arrival.BINS + 1)
+@settings(max_examples=30)
+@given(st.integers(0, 10_000), st.integers(2, 60))
+def test_the_line_under_a_cloud_is_the_solution_of_the_linear_programme(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-1.0, 1.0, count), rng.exponential(1.0, count)
+    a, b = line_under(x, y)
+    assert (a + b * x <= y + 1e-9).all()
+    best = linprog(
+        [-count, -x.sum()], A_ub=np.stack([np.ones(count), x], axis=1), b_ub=y, bounds=[(None, None)] * 2
+    )
+    assert count * a + b * x.sum() == pytest.approx(-best.fun, abs=1e-6)
