@@ -82,7 +82,9 @@ def main() -> None:
         "expected": regression(truth, estimate, std) | decisions(kind, likely),
     }  # fmt: skip
     path = Path(__file__).with_name("golden.json")
-    path.write_text(json.dumps(golden, indent=1) + "\n", encoding="utf-8")
+    rows = ",\n  ".join(f'"{name}": {json.dumps(values)}' for name, values in golden.pop("rows").items())
+    text = f'{{\n "rows": {{\n  {rows}\n }},\n' + json.dumps(golden, indent=1)[2:]
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
