@@ -1,6 +1,5 @@
 """Figures of simulations: what they compute agrees with theory, and they draw it."""
 
-import re
 from functools import cache
 from typing import Any
 
@@ -242,30 +241,33 @@ def test_the_spectrogram_of_a_touch_counts_from_the_middle_of_its_window() -> No
 
 
 @pytest.mark.parametrize(
-    ("figure", "options", "line"),
+    ("figure", "options"),
     [
-        (Convergence, {"position": 0.0}, "position 0"),
-        (Convergence, {"seconds": 0.3}, "seconds 0.3: allowed is 0.35 to 60 s"),
-        (Convergence, {"highest": 0.0}, "highest 0: allowed is above 1"),
-        (Trends, {"edge": 0.5}, "edge 0.5"),
-        (Trends, {"position": 1.0}, "position 1"),
-        (Trends, {"force": -1.0}, "force -1 N"),
-        (Trends, {"highest": 1.0}, "highest 1"),
-        (Trends, {"steps": 1}, "steps 1"),
-        (Trends, {"model": "splitstring"}, "did you mean 'split_string'"),
-        (Trends, {"route": "modl"}, "did you mean 'modal'"),
-        (Trends, {"string": "appendx"}, "did you mean 'appendix'"),
-        (Modes, {"histories": 0}, "histories 0"),
-        (Modes, {"first": -1}, "first -1"),
-        (Modes, {"after": 1.0}, "after 1 s"),
-        (Modes, {"shown": 0}, "shown 0"),
-        (Modes, {"sensor": "protoype"}, "did you mean 'prototype'"),
-        (Touch, {"start": 1.5}, "start 1.5: allowed is a share"),
-        (Touch, {"force": 0.0}, "force 0 N"),
-        (Touch, {"speed": 1.0}, "speed 1 m/s"),
-        (Touch, {"highest": 100.0}, "highest 100 Hz"),
+        (Convergence, {"position": 0.0}),
+        (Convergence, {"seconds": 0.3}),
+        (Convergence, {"highest": 0.0}),
+        (Trends, {"edge": 0.5}),
+        (Trends, {"position": 1.0}),
+        (Trends, {"force": -1.0}),
+        (Trends, {"highest": 1.0}),
+        (Trends, {"steps": 1}),
+        (Trends, {"model": "splitstring"}),
+        (Trends, {"route": "modl"}),
+        (Trends, {"string": "appendx"}),
+        (Modes, {"histories": 0}),
+        (Modes, {"first": -1}),
+        (Modes, {"after": 1.0}),
+        (Modes, {"shown": 0}),
+        (Modes, {"sensor": "protoype"}),
+        (Touch, {"start": 1.5}),
+        (Touch, {"force": 0.0}),
+        (Touch, {"speed": 1.0}),
+        (Touch, {"highest": 100.0}),
     ],
 )
-def test_options_out_of_range_are_refused(figure: Any, options: dict[str, Any], line: str) -> None:
-    with pytest.raises(InputError, match=re.escape(line)):
+def test_options_out_of_range_are_refused(figure: Any, options: dict[str, Any]) -> None:
+    ((name, value),) = options.items()
+    with pytest.raises(
+        InputError, match=f"{name}.*{value:g}" if isinstance(value, float) else f"{name}.*{value}"
+    ):
         figure(**options).draw()

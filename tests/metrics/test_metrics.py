@@ -130,8 +130,14 @@ def test_honest_probabilities_are_calibrated_and_boasting_is_seen() -> None:
 @pytest.mark.parametrize("metric", ERRORS)
 @pytest.mark.parametrize(
     ("reference", "estimate"),
-    [([0.0, 1.0], [0.0, np.nan]), ([0.0, np.inf], [0.0, 1.0]), ([0.0, 1.0], [0.0]), ([[0.0]], [[0.0]]), ([], [])],
-)  # fmt: skip
+    [
+        ([0.0, 1.0], [0.0, np.nan]),
+        ([0.0, np.inf], [0.0, 1.0]),
+        ([0.0, 1.0], [0.0]),
+        ([[0.0]], [[0.0]]),
+        ([], []),
+    ],
+)
 def test_rows_without_an_error_are_refused(
     metric: Callable[[Floats, Floats], float], reference: list[float], estimate: list[float]
 ) -> None:
@@ -149,7 +155,7 @@ HALF: Any = np.array([1.0, 0.5])
     [
         lambda: within(ONE, ONE, -1.0),
         lambda: known(ONE, SOME),
-        lambda: known(),
+        known,
         lambda: coverage(ONE, ONE, np.array([1.0, -1.0])),
         lambda: coverage(ONE, ONE, np.array([1.0, np.nan])),
         lambda: normal_coverage(-1.0),
