@@ -267,7 +267,5 @@ def test_the_spectrogram_of_a_touch_counts_from_the_middle_of_its_window() -> No
 )
 def test_options_out_of_range_are_refused(figure: Any, options: dict[str, Any]) -> None:
     ((name, value),) = options.items()
-    with pytest.raises(
-        InputError, match=f"{name}.*{value:g}" if isinstance(value, float) else f"{name}.*{value}"
-    ):
+    with pytest.raises(InputError, match=value if isinstance(value, str) else name):
         figure(**options).draw()
