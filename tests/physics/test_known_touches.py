@@ -22,7 +22,7 @@ def read(
 
 
 @pytest.mark.parametrize("name", [name for name in string_names() if load_string(name).string.core_diameter])
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+@pytest.mark.parametrize("share", [0.1, 0.5])
 def test_the_breaking_force_is_that_which_brings_the_wire_to_its_strength(name: str, share: float) -> None:
     string = load_string(name).string
     position = share * string.length
@@ -52,7 +52,7 @@ def test_a_place_off_the_string_cannot(position: float) -> None:
     assert wrong.touch == 1
 
 
-@pytest.mark.parametrize("force", [0.0, -1.0, 51.0, 1e4, np.inf])
+@pytest.mark.parametrize("force", [0.0, -1.0, 51.0, np.inf])
 @pytest.mark.parametrize("string", [None, STRING])
 def test_a_force_that_no_string_bears_cannot(force: float, string: StringParams | None) -> None:
     wrong = why_impossible(np.array([0.1, 0.1]), np.array([1.0, force]), string)
@@ -61,7 +61,7 @@ def test_a_force_that_no_string_bears_cannot(force: float, string: StringParams 
 
 
 @pytest.mark.parametrize("foreign", [0.66 + FORCES, FORCES - 0.35, 1.8 * FORCES, 0.45 * FORCES])
-@pytest.mark.parametrize("error", [0.004, np.linspace(-0.009, 0.009, 10)])
+@pytest.mark.parametrize("error", [0.004, np.linspace(-0.009, 0.009, 10)], ids=["off", "stretched"])
 def test_a_foreign_sensor_is_no_contradiction(foreign: Floats, error: float | Floats) -> None:
     assert why_impossible(PLACES, FORCES, STRING, read(error, foreign)) is None
 

@@ -1,10 +1,11 @@
 """Sensitivities and the Cramer-Rao bounds."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monochord.core.errors import InputError
@@ -23,6 +24,9 @@ from monochord.physics.theory.tension import TensionLaw, force_from_tension, ten
 STRING = StringParams(
     length=0.65, linear_density=6.5e-4, tension=65.0, core_diameter=2.54e-4, tension_per_force=6.0
 )
+
+
+FAR = Contact(position=0.6, force=0.0)
 
 
 def _series(f0: float, b: float, waves: Floats) -> Floats:
@@ -59,7 +63,7 @@ def test_tone_bound_is_reached_by_maximum_likelihood() -> None:
     t = np.arange(800) / 8000.0
     snr, f = 10.0, 987.6
     errors: list[float] = []
-    for _ in range(200):
+    for _ in range(100):
         sound = np.cos(2 * np.pi * f * t + rng.uniform(0, 6.28)) + rng.normal(0, np.sqrt(0.5 / snr), 800)
         grid = f + np.linspace(-1.0, 1.0, 81)
         power = np.abs(np.exp(-2j * np.pi * np.outer(grid, t)) @ sound) ** 2
@@ -67,7 +71,7 @@ def test_tone_bound_is_reached_by_maximum_likelihood() -> None:
         left, middle, right = power[k - 1 : k + 2]
         errors.append(grid[k] + 0.025 * 0.5 * (left - right) / (left - 2 * middle + right) - f)
     bound = float(tone_bound(0.1, 8000.0, snr))
-    assert np.std(errors) == pytest.approx(bound, rel=0.2)
+    assert np.std(errors) == pytest.approx(bound, rel=0.25)
 
 
 def test_longer_louder_and_richer_windows_tell_more() -> None:
@@ -235,22 +239,20 @@ def test_far_segment_bound_scales_with_the_frequency_error() -> None:
     assert far_segment_bound(164.8, 82.4, 0.65, 0.5) == pytest.approx(0.5 * 0.65 / (2 * 164.8))
 
 
-def test_impossible_is_refused() -> None:
-    with pytest.raises(InputError, match="snr 0: allowed is above 0"):
-        tone_bound(0.1, 8000.0, 0.0)
-    with pytest.raises(InputError, match="partials of segment 2 below 400 Hz 0"):
-        contact_bound(
-            STRING, Contact(position=0.6, force=0.0), 10.0, highest=400.0, duration=0.1, sample_rate=8000.0
-        )
-
-
-@pytest.mark.parametrize(("open_std", "alike"), [(0.0, 0.0), (np.inf, 1.5)])
-def test_impossible_knowledge_is_refused(open_std: float, alike: float) -> None:
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: tone_bound(0.1, 8000.0, 0.0),
+        lambda: contact_bound(STRING, FAR, 10.0, highest=400.0, duration=0.1, sample_rate=8000.0),
+        lambda: contact_bound(STRING, FAR, 10.0, duration=0.1, sample_rate=8000.0, open_frequency_std=0.0),
+        lambda: contact_bound(
+            STRING, FAR, 10.0, duration=0.1, sample_rate=8000.0, lengthening_correlation=1.5
+        ),
+    ],
+)
+def test_impossible_knowledge_is_refused(wrong: Callable[[], object]) -> None:
     with pytest.raises(InputError):
-        contact_bound(
-            STRING, Contact(position=0.2, force=1.0), 10.0, duration=0.1, sample_rate=8000.0,
-            open_frequency_std=open_std, lengthening_correlation=alike,
-        )  # fmt: skip
+        wrong()
 
 
 PLAIN = StringParams(
@@ -258,6 +260,7 @@ PLAIN = StringParams(
 )
 
 
+@settings(max_examples=30)
 @given(st.floats(0.02, 0.18), st.floats(0.01, 5.0), st.sampled_from(["linear", "geometric"]))
 def test_sensitivities_equal_finite_differences(x: float, force: float, law: TensionLaw) -> None:
     exact = frequency_sensitivities(PLAIN, Contact(position=x, force=force), law)
@@ -269,6 +272,7 @@ def test_sensitivities_equal_finite_differences(x: float, force: float, law: Ten
     np.testing.assert_allclose(exact[:, 1], (np.array(harder) - softer) / (2 * step), rtol=1e-4, atol=1e-6)
 
 
+@settings(max_examples=30)
 @given(st.floats(100.0, 2000.0))
 def test_far_segment_sensitivity_equals_a_finite_difference(f: float) -> None:
     step = 1e-3
