@@ -83,13 +83,6 @@ def test_ridges_of_simulated_spectra_lie_on_theory(which: int) -> None:
                 assert level[np.argmin(np.abs(frequencies - f))] > -20.0
 
 
-def test_mirrored_touches_have_equal_spectra() -> None:
-    sweep = Sweep(positions=np.array([0.2, 0.45]), forces=np.array([1.0, 1.0]))
-    _, levels = simulated_spectra(SPLIT_STRING, APPENDIX, sweep)
-    loud = levels[0] > -60.0
-    np.testing.assert_allclose(levels[0][loud], levels[1][loud], atol=0.1)
-
-
 def test_the_tension_law_applies_to_theory_and_every_simulator() -> None:
     plain = load_string("plain_010").string
     sweep = Trends(steps=3, highest_force=20.0, law="geometric").sweeps(plain)[1]

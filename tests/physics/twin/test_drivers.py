@@ -6,7 +6,6 @@ f2 = c / 2(L - x) rises; counted from the other end it is the other way round. B
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import gcd
 
 import numpy as np
 import pytest
@@ -27,8 +26,6 @@ FEW = (POSITIONS[::4], FORCES[::3])
 DOWN, UP = 0.965, 1.012
 """How far a fundamental may be from c/2x: a light touch yields, a stiff string is as if 0.4 mm shorter."""
 PARTIALS = 8
-AUDIBLE = 40.0
-"""Decibels below a family's strongest partial within which another counts."""
 APART = 0.004
 """Share of its frequency within which a partial is not told from one of the other family."""
 FAINT = -300.0
@@ -60,14 +57,6 @@ class Heard:
     def strongest(self) -> int:
         """The partial that the driver has locked to, counted from zero."""
         return int(np.argmax(self.own))
-
-    @property
-    def ambiguous(self) -> bool:
-        """Whether the partials heard could all be those of a higher fundamental: none, or multiples only."""
-        if not self.told:
-            return True
-        loud = np.flatnonzero(self.own > self.own.max() - AUDIBLE) + 1
-        return gcd(*loud.tolist()) > 1
 
 
 def stiff(n: int | NDArray[np.int_], size: float) -> Floats:
@@ -211,16 +200,6 @@ def test_families_and_trends_hold_over_the_whole_range(material: str) -> None:
     assert len(firm) > 0.9 * 2 * len(POSITIONS) * sum(force >= FIRM for force in FORCES[:-1])
     # A light touch lifts off at every swing, and how long it is off depends on the swing too.
     assert float(np.mean(np.array(light) > 0.0)) > 0.9
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(600)
-def test_share_of_touches_whose_lock_is_ambiguous() -> None:
-    cells = [touched(x, force, "plastic") for x in POSITIONS for force in FORCES]
-    first, second = (float(np.mean([cell[family].ambiguous for cell in cells])) for family in (0, 1))
-    # Driver 1 holds its segment at the fundamental; driver 2, tuned high, a long segment at a higher partial.
-    assert first < 0.05
-    assert 0.4 < second < 0.8
 
 
 def test_a_soft_object_damps_where_a_hard_one_lets_the_string_sound() -> None:

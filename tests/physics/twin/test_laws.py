@@ -90,14 +90,6 @@ def test_partials_converge_at_second_order_with_the_same_modes() -> None:
     assert orders == pytest.approx(2.0, abs=0.2)
 
 
-def test_hard_touch_parts_the_string_in_two() -> None:
-    # A spring of K lowers a segment by T / (K x) of itself at most: 0.0015 cents here.
-    twin = sprung(1e9)
-    speed = np.sqrt(65.0 / 4e-4)
-    true = np.array([speed / (2.0 * (0.2 - AT)), speed / (2.0 * AT)])
-    assert np.abs(partials_off(twin, true)).max() < 0.05
-
-
 def bounced(finer: int, patch: pytest.MonkeyPatch) -> Twin:
     planned(patch, finer)
     coils = tuple(replace(coil, angle=0.0, limit=0.05) for coil in COILS)
@@ -190,14 +182,6 @@ def test_free_modes_follow_their_closed_solution() -> None:
     after = advance(twin, 3000)[1]
     true = ringing(modes(twin), 3000 / 44100, SENSOR.string.tension)
     np.testing.assert_allclose(modes(after)[layout.Q], true, atol=1e-12 * np.abs(true).max())
-
-
-def test_padding_stays_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    planned(monkeypatch, 2, count=13)
-    twin = advance(begin(SENSOR, FREE), 500)[1]
-    resting = modes(twin)[layout.OMEGA2_TENSION] == 0.0
-    assert np.sum(resting) == 2 * 3
-    assert np.all(modes(twin)[layout.Q, resting] == 0.0)
 
 
 def test_a_static_push_gives_the_static_compliance() -> None:

@@ -219,17 +219,6 @@ def test_a_mount_of_four_modes_is_refused() -> None:
         Mount(modes=(MountMode(),) * 4)
 
 
-def test_two_modes_add_under_a_lasting_force() -> None:
-    mode = MountMode(mass=0.01, frequency=500.0, quality=2.0)
-    twin = begin(SENSOR, Scene(touches=(replace(hold(0.08, 1.0, PLASTIC), mount=Mount(modes=(mode, mode))),)))
-    after = advance(twin, RATE // 2)[1]
-    force = inside(after, "contact")[0].mean_force
-    moved = inside(after, "mount_modes")[0]["q"]
-    still = force / (0.01 * (2.0 * np.pi * 500.0) ** 2)
-    assert moved[:2] == pytest.approx([still, still], rel=0.1)
-    assert moved[layout.MAX_MOUNT_MODES - 1] == 0.0
-
-
 K1, K2, CLEARANCE, FRAMES = 3e3, 3e5, 2e-4, 100
 SOFT = Mount(
     modes=(MountMode(mass=3e-4, frequency=1500.0), MountMode(mass=2e-4, frequency=4000.0)), compliance=1e-5

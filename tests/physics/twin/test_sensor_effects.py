@@ -310,9 +310,3 @@ def test_a_press_at_rest_rests_on_both_ends() -> None:
         inside(twin, "memory").end_force_1 * inside(twin, "memory").tuned_tension / SENSOR.string.tension
     )
     assert abs(without - force * (1.0 - share)) > 4e-3 * force
-
-
-def test_effects_that_the_ideal_kernel_has_leave_a_twin_ideal() -> None:
-    assert begin(replace(SENSOR, drivers=tuple(replace(c, level=2.0) for c in COILS))).plausible is None
-    assert begin(replace(SENSOR, ends=(End(admittance=1e-3), End()))).plausible is None
-    assert begin(replace(SENSOR, ends=(End(compliance=1e-7), End()))).plausible is not None
