@@ -191,11 +191,10 @@ def test_tsne_separates_groups_whatever_the_units_of_their_columns() -> None:
 def test_what_cannot_be_drawn_is_refused(
     write: Write, rows: Path, learnable: Path, figure: Any, options: dict[str, Any], field: str
 ) -> None:
+    usual: dict[str, Any] = {"dataset": learnable}
     if figure is PaperTables:
         usual = {"rows": rows}
-    elif figure is Tsne:
-        usual = {"dataset": learnable}
-    else:
+    elif figure is not Tsne:
         usual = {"results": write(noises=options.get("noises", True))}
         options = {name: value for name, value in options.items() if name != "noises"}
     with pytest.raises(InputError, match=re.escape(field)):

@@ -57,7 +57,7 @@ def test_the_peaks_follow_the_touch_at_any_rate_by_either_law(sample_rate: int, 
 
 def modes_of(length: float) -> tuple[Floats, Floats, float, float]:
     """Wavenumbers and angular frequencies of a segment's modes, their loss in 1/s, and mu L / 2."""
-    k = np.arange(1, 400) * np.pi / length
+    k: Floats = np.arange(1.0, 400.0) * np.pi / length
     density = STRING.linear_density
     return k, k * np.sqrt(STRING.tension / density), STRING.damping / density, 0.5 * density * length
 
@@ -178,7 +178,7 @@ NEAR = Contact(position=1e-4, force=0.0)
 @pytest.mark.parametrize(
     ("field", "wrong"),
     [
-        ("route", lambda: simulate(SETUP, 0.1, route="modl")),
+        ("route", lambda: simulate(SETUP, 0.1, route="modl")),  # pyright: ignore[reportArgumentType]
         ("seconds", lambda: simulate(SETUP, 0.0)),
         ("seconds", lambda: simulate(SETUP, math.nan)),
         ("sample rate", lambda: simulate(SETUP, 0.1, sample_rate=100)),
