@@ -33,7 +33,7 @@ def write(
         writer.audio(Block(samples=half, start=0, adc_time=origin))
         writer.audio(Block(samples=half, start=RATE, dropped=RATE // 2, adc_time=origin + 1.0))
         for feed in feeds:
-            time: Floats = np.arange(10) / 10 if force is None else 1e-4 * np.arange(force.size)
+            time: Floats = np.arange(10) / 10 if force is None else 1e-4 * np.arange(float(force.size))
             count, none = time.size, np.full(time.size, -1)
             values = np.outer(time if force is None else force, np.ones(len(feed.columns)))
             writer.readings(
