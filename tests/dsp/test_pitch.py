@@ -45,7 +45,7 @@ def test_clean_strings_are_found_within_three_cents(
     assert abs(cents(f0, best.frequency)) < 3.0
 
 
-@pytest.mark.parametrize("f0", [82.4, 330.0])
+@pytest.mark.parametrize("f0", [82.4, 220.0, 330.0])
 @pytest.mark.parametrize("partials", [range(2, 16), range(3, 16), range(1, 4), range(1, 16, 2)])
 def test_partials_may_be_missing(f0: float, partials: range) -> None:
     best = FINDER.find(string(f0, partials=partials))[0]
