@@ -1,8 +1,9 @@
 """Figures of an evaluation show the scores of its results."""
 
+import importlib
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -141,10 +142,18 @@ def test_paper_tables_draw_our_errors_and_the_papers(rows: Path) -> None:
     }
 
 
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """Let t-SNE have one thread: several wait for each other where the machine has other work."""
+    importlib.import_module("sklearn.manifold")  # its threads can be limited once they are there
+    with threadpool_limits(1):
+        yield
+
+
+@pytest.mark.usefixtures("one_thread")
 def test_tsne_draws_every_window_and_keeps_neighbours_together(learnable: Path) -> None:
     figure = Tsne(dataset=learnable, features=("log_mel",), windows=100, perplexity=10.0)
-    with threadpool_limits(1):
-        panels, scores = figure.draw().axes[:4], figure.numbers()
+    panels, scores = figure.draw().axes[:4], figure.numbers()
     for axes in panels:
         assert sum(len(np.asarray(dots.get_offsets())) for dots in axes.collections) == 100
     known = np.asarray(panels[2].collections[1].get_array())
@@ -155,11 +164,11 @@ def test_tsne_draws_every_window_and_keeps_neighbours_together(learnable: Path) 
     assert scores["log_mel"]["position"]["r"] > 0.5
 
 
+@pytest.mark.usefixtures("one_thread")
 def test_tsne_separates_groups_whatever_the_units_of_their_columns() -> None:
     stream, group = np.random.default_rng(0), np.repeat(np.arange(4), 20)
     rows = 3.0 * stream.normal(size=(4, 20))[group] + stream.normal(size=(80, 20))
-    with threadpool_limits(1):
-        places = embedded(np.column_stack([1024.0 * rows, np.full(80, 7.0)]), 10.0)
+    places = embedded(np.column_stack([1024.0 * rows, np.full(80, 7.0)]), 10.0)
     distances = ((places[:, None] - places) ** 2).sum(axis=2)
     np.fill_diagonal(distances, np.inf)
     nearest = distances.argsort(axis=1)[:, :10]
