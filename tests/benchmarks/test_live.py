@@ -1,3 +1,5 @@
+"""The benchmark of the live loop, kept short, and what it measures with."""
+
 import mmap
 import os
 import threading
@@ -16,7 +18,7 @@ from monochord.physics.strings import load_string
 
 @pytest.fixture(scope="module")
 def rows() -> dict[str, tuple[float, float | None]]:
-    return {row.name: (row.value, row.ratio) for row in Live(seconds=2.2, minutes=1.0).run()}
+    return {row.name: (row.value, row.ratio) for row in Live(seconds=1.2, minutes=0.5).run()}
 
 
 def test_latency_is_compared_with_the_autocorrelation(rows: dict[str, tuple[float, float | None]]) -> None:
@@ -29,8 +31,8 @@ def test_latency_is_compared_with_the_autocorrelation(rows: dict[str, tuple[floa
 def test_the_take_is_one_that_the_estimator_answers(rows: dict[str, tuple[float, float | None]]) -> None:
     assert rows["windows with a position"][0] > 0.9
     # A busy machine skips some, and counts them.
-    assert rows["windows"][0] + rows["windows skipped"][0] > 200
-    assert rows["windows"][0] > 150
+    assert rows["windows"][0] + rows["windows skipped"][0] > 100
+    assert rows["windows"][0] > 75
 
 
 def test_memory_is_flat(rows: dict[str, tuple[float, float | None]]) -> None:
@@ -80,5 +82,5 @@ def test_the_take_has_the_pitch_of_its_far_segment(tmp_path: Path) -> None:
 
 
 def test_an_unknown_string_is_refused() -> None:
-    with pytest.raises(InputError, match="did you mean"):
+    with pytest.raises(InputError, match="plain_12"):
         list(Live(string="plain_12").run())

@@ -1,3 +1,5 @@
+"""The benchmark of the recorder, kept short."""
+
 import pytest
 
 from monochord.benchmarks.recording import Recording
@@ -26,5 +28,5 @@ def test_memory_is_flat(rows: dict[str, tuple[float, float | None]]) -> None:
 
 
 def test_too_short_a_run_is_refused() -> None:
-    with pytest.raises(InputError, match="1 s or more"):
+    with pytest.raises(InputError, match="seconds"):
         Recording(seconds=0.1)

@@ -1,3 +1,5 @@
+"""The benchmark of several strings, kept short."""
+
 import pytest
 
 from monochord.benchmarks.strings import Strings

@@ -6,16 +6,13 @@ import pytest
 from monochord.core.types import Audio
 from monochord.dsp.levels import tone_prominence
 
-RATES, LENGTHS = (16000, 44100, 96000), (0.05, 0.1, 0.3)
-
 
 def noise(seconds: float, rate: int, seed: int = 0) -> Audio:
     return np.random.default_rng(seed).standard_normal((2, round(seconds * rate))).astype(np.float32)
 
 
-@pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("seconds", LENGTHS)
-def test_noise_has_no_tone_and_a_line_has_as_much_as_theory_says(seconds: float, rate: int) -> None:
+@pytest.mark.parametrize(("rate", "seconds"), [(16000, 0.3), (44100, 0.1), (96000, 0.05)])
+def test_noise_has_no_tone_and_a_line_has_as_much_as_theory_says(rate: int, seconds: float) -> None:
     time = np.arange(round(seconds * rate)) / rate
     found = [tone_prominence(noise(seconds, rate, seed), rate) for seed in range(50)]
     assert max(found) < 60.0

@@ -1,3 +1,7 @@
+"""The mel filter bank, the frames, and the log-mel energies, against their definition elsewhere."""
+
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -33,18 +37,9 @@ def test_filters_lie_side_by_side() -> None:
     assert np.allclose(filters.sum(axis=0)[inside], 1.0)  # what one filter loses the next one gains
 
 
-@pytest.mark.parametrize("number", [10, 20, 39])
-def test_a_filter_peaks_at_its_centre(number: int) -> None:
-    nearest = np.abs(PLACE - corners(40)[number + 1]).argmin()
-    assert bank(40)[number].argmax() == nearest
-
-
-@pytest.mark.parametrize(("lowest", "highest"), [(-1.0, 8000.0), (20.0, 8001.0), (400.0, 400.0)])
-def test_a_band_that_is_not_there_is_refused(lowest: float, highest: float) -> None:
-    with pytest.raises(InputError, match="rising, within 0 and 8000 Hz"):
-        bank(8, lowest, highest)
-    with pytest.raises(InputError, match="0 mel bins"):
-        bank(0)
+def test_a_filter_peaks_at_its_centre() -> None:
+    nearest = np.abs(PLACE - corners(40)[1:-1, np.newaxis]).argmin(axis=1)
+    assert (bank(40).argmax(axis=1)[10:] == nearest[10:]).all()  # the lowest are narrower than a bin
 
 
 def test_centred_frames_mirror_the_ends() -> None:
@@ -87,35 +82,35 @@ def test_a_channel_does_not_depend_on_the_other(sound: Audio) -> None:
     assert np.allclose(energies(sound), turned[::-1], atol=1e-6)
 
 
-def test_what_is_too_short_or_of_another_length_is_refused() -> None:
-    with pytest.raises(InputError, match=r"24\.9375 ms of sound: allowed is 25 ms or more"):
-        LogMel(size=399, hop=160)
-    with pytest.raises(InputError, match="a signal of 10 samples: allowed is 1600"):
-        LogMel(size=1600, hop=160)(np.zeros((1, 10), np.float32))
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: bank(8, -1.0),
+        lambda: bank(8, 20.0, 8001.0),
+        lambda: bank(8, 400.0, 400.0),
+        lambda: bank(0),
+        lambda: LogMel(size=399, hop=160),
+        lambda: LogMel(size=1600, hop=160)(np.zeros((1, 10), np.float32)),
+    ],
+)
+def test_what_cannot_be_is_refused(wrong: Callable[[], object]) -> None:
+    with pytest.raises(InputError):
+        wrong()
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_it_agrees_with_hugging_face_on_audiosets_frames(sound: Audio) -> None:
-    transformers = pytest.importorskip("transformers", reason="transformers is not installed")
-    extractor = transformers.ASTFeatureExtractor(max_length=8, do_normalize=False)
-    energies = LogMel(size=1600, hop=160)(sound)
-    for channel in (0, 1):
-        theirs = extractor(sound[channel], sampling_rate=MEL_RATE, return_tensors="np")["input_values"][0]
-        assert np.abs(energies[channel] - theirs).max() < 1e-4
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_it_agrees_with_hugging_face_on_frames_a_millisecond_apart(sound: Audio) -> None:
+@pytest.mark.parametrize(("hop", "centred"), [(160, False), (16, True)], ids=["AudioSet", "by a millisecond"])
+def test_it_agrees_with_hugging_face(sound: Audio, hop: int, *, centred: bool) -> None:
     audio = pytest.importorskip("transformers.audio_utils", reason="transformers is not installed")
     filters = audio.mel_filter_bank(
         num_frequency_bins=257, num_mel_filters=128, min_frequency=20, max_frequency=8000,
         sampling_rate=MEL_RATE, norm=None, mel_scale="kaldi", triangularize_in_mel_space=True,
     )  # fmt: skip
-    energies = LogMel(size=1600, hop=16, centred=True)(sound)
+    energies = LogMel(size=1600, hop=hop, centred=centred)(sound)
     for channel in (0, 1):
-        wide = np.pad(sound[channel].astype(np.float64), 192, mode="symmetric")
+        wide = np.pad(sound[channel].astype(np.float64), 192 if centred else 0, mode="symmetric")
         theirs = audio.spectrogram(
-            wide, audio.window_function(400, "hann", periodic=False), frame_length=400, hop_length=16,
+            wide, audio.window_function(400, "hann", periodic=False), frame_length=400, hop_length=hop,
             fft_length=512, power=2.0, center=False, preemphasis=0.97, mel_filters=filters, log_mel="log",
             mel_floor=FLOOR, remove_dc_offset=True,
         ).T  # fmt: skip

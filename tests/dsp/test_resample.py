@@ -1,3 +1,7 @@
+"""A window at another rate is the sound as it would have been sampled there."""
+
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -14,24 +18,16 @@ def partials(pitch: float, rate: int, seconds: float) -> Audio:
     return np.sum([np.sin(2 * np.pi * n * pitch * time + n * n) / n for n in numbers], axis=0)[None]
 
 
-@pytest.mark.parametrize("pitch", [311.0, 523.0, 1210.0])
-def test_a_window_is_the_sound_at_the_new_rate(pitch: float) -> None:
+@pytest.mark.parametrize("pitch", [311.0, 1210.0])
+def test_a_window_is_the_sound_at_the_new_rate_and_with_context_from_its_begin(pitch: float) -> None:
     true = partials(pitch, NEW, 0.3)[:, NEW // 10 : NEW // 5]
     sound = partials(pitch, RATE, 0.3).astype(np.float32)
-    window = sound[:, SIZE : 2 * SIZE]
-    error = np.abs(Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE)(window) - true) / np.abs(true).max()
-    assert error.max() < 0.03
-    assert error[:, 32:-32].max() < 2e-3
-
-
-@pytest.mark.parametrize("pitch", [311.0, 523.0, 1210.0])
-def test_with_context_its_begin_is_right(pitch: float) -> None:
-    true = partials(pitch, NEW, 0.3)[:, NEW // 10 : NEW // 5]
-    sound = partials(pitch, RATE, 0.3).astype(np.float32)
-    resampler = Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE + 441, context=441)
-    error = np.abs(resampler(sound[:, SIZE - 441 : 2 * SIZE]) - true) / np.abs(true).max()
-    assert error.shape == (1, 1600)
-    assert error[:, :-32].max() < 1e-3
+    for context, first, most in ((0, 32, 2e-3), (441, 0, 1e-3)):
+        resampler = Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE + context, context=context)
+        error = np.abs(resampler(sound[:, SIZE - context : 2 * SIZE]) - true) / np.abs(true).max()
+        assert error.shape == (1, 1600)
+        assert error.max() < 0.03
+        assert error[:, first:-32].max() < most
 
 
 @pytest.mark.parametrize(
@@ -48,12 +44,15 @@ def test_the_same_rate_changes_nothing() -> None:
     assert np.array_equal(Resampler(sample_rate=NEW, new_rate=NEW, size=1600)(sound), sound)
 
 
-def test_what_cannot_be_is_refused() -> None:
-    with pytest.raises(InputError, match="rates of 0 and 16000 Hz"):
-        Resampler(sample_rate=0, new_rate=NEW, size=SIZE)
-    with pytest.raises(InputError, match="4410 of 4410 frames as context"):
-        Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE, context=SIZE)
-    with pytest.raises(InputError, match="a multiple of 441 frames"):
-        Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE, context=440)
-    with pytest.raises(InputError, match="a window of 100 frames: allowed is 4410"):
-        Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE)(np.zeros((2, 100), np.float32))
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: Resampler(sample_rate=0, new_rate=NEW, size=SIZE),
+        lambda: Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE, context=SIZE),
+        lambda: Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE, context=440),
+        lambda: Resampler(sample_rate=RATE, new_rate=NEW, size=SIZE)(np.zeros((2, 100), np.float32)),
+    ],
+)
+def test_what_cannot_be_is_refused(wrong: Callable[[], object]) -> None:
+    with pytest.raises(InputError):
+        wrong()

@@ -36,7 +36,7 @@ def stiff(f0: float, inharmonicity: float, count: int) -> Floats:
     return f0 * n * np.sqrt(1.0 + inharmonicity * n * n)
 
 
-@pytest.mark.parametrize(("f0", "inharmonicity"), [(82.4, 2e-4), (110.0, 0.0), (330.0, 5e-5), (146.8, 8e-4)])
+@pytest.mark.parametrize(("f0", "inharmonicity"), [(82.4, 2e-4), (110.0, 0.0), (146.8, 8e-4)])
 def test_exact_peaks_give_back_their_series(f0: float, inharmonicity: float) -> None:
     peaks = stiff(f0, inharmonicity, 20)
     estimate, bend, std, used = fit(f0 * 1.004, 0.8 * inharmonicity, peaks, 12.0)

@@ -53,18 +53,11 @@ def labelled(axes: Any, label: object) -> tuple[list[float], list[float]]:
     return np.asarray(line.get_xdata()).tolist(), np.asarray(line.get_ydata()).tolist()
 
 
-def test_each_panel_shows_its_column_of_the_history(write: Run) -> None:
+def test_each_panel_shows_its_column_of_the_history_the_best_epoch_and_the_mean_label(write: Run) -> None:
     page = Learning(run=write()).draw()
     loss, slip, position, force = (axes for axes in page.axes if axes.get_visible())
     assert labelled(loss, loss.lines[0].get_label()) == ([1, 2, 3, 4], [0.5, 0.0, -0.5, -1.0])
-    assert loss.get_yscale() == "linear"
-    assert (slip.get_ylabel(), slip.get_yscale()) == ("log loss", "log")
-    assert (position.get_ylabel(), position.get_yscale()) == ("mean error (mm)", "linear")
-    assert (force.get_ylabel(), force.get_yscale()) == ("mean error (N)", "log")
-
-
-def test_the_best_epoch_and_the_mean_label_are_marked(write: Run) -> None:
-    _, slip, position, force = Learning(run=write()).draw().axes[:4]
+    assert [axes.get_yscale() for axes in (loss, slip, position, force)] == ["linear", "log", "linear", "log"]
     assert labelled(force, BEST) == ([2], [0.1])
     assert labelled(force, MEAN)[1] == [0.4, 0.4]
     assert labelled(slip, BEST) == ([4], [0.25])
@@ -74,14 +67,9 @@ def test_the_best_epoch_and_the_mean_label_are_marked(write: Run) -> None:
 
 def test_a_run_under_way_has_no_mean_label_yet(write: Run) -> None:
     figure = Learning(run=write(done=False, random=True))
-    page = figure.draw()
-    assert all(line.get_label() != MEAN for axes in page.axes for line in axes.lines)
+    assert all(line.get_label() != MEAN for axes in figure.draw().axes for line in axes.lines)
     numbers = figure.numbers()
-    assert (numbers["done"], numbers["simulated"], numbers["feature"]) == (
-        False,
-        None,
-        "fft harmonic, random weights",
-    )
+    assert (numbers["done"], numbers["simulated"]) == (False, None)
 
 
 def test_its_numbers_are_json_even_without_an_error(write: Run) -> None:
@@ -97,31 +85,30 @@ def test_its_numbers_are_json_even_without_an_error(write: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "line"),
+    ("name", "text"),
     [
-        ("config.toml", None, r"run .* \(no config.toml in it\): allowed is a folder that monochord train"),
-        ("history.csv", None, r"run .* \(no epoch done yet\)"),
-        ("history.csv", "epoch,loss\n", r"history .*history\.csv \(damaged\)"),
-        ("history.csv", "", r"history .*history\.csv \(damaged\)"),
-        ("history.csv", "epoch,loss\n1,high\n", r"history .*history\.csv \(damaged\)"),
-        ("history.csv", "epoch,force\n1,0.1\n", r"history .*history\.csv \(damaged\)"),
-        ("metrics.json", "{", r"metrics .*metrics\.json \(damaged\)"),
-        ("history.csv", "epoch,loss\nnan,0.1\n", r"history .*history\.csv \(damaged\)"),
-        ("history.csv", f"epoch,loss\n1,{'9' * 200_000}\n", r"history .*history\.csv \(damaged\)"),
-        ("metrics.json", '{"heads": 1.5}', r"metrics .*metrics\.json \(damaged\)"),
-        ("metrics.json", '{"heads": {"force": 1.5}}', r"metrics .*metrics\.json \(damaged\)"),
-        ("metrics.json", '{"heads": {"contact": {"baseline_accuracy": "x"}}}', r"metrics .* \(damaged\)"),
-        ("metrics.json", '{"simulated": {}}', r"metrics .*metrics\.json \(damaged\)"),
-        ("metrics.json", "[" * 100_000, r"metrics .*metrics\.json \(damaged\)"),
-        ("metrics.json", "[1]", r"metrics .*metrics\.json \(damaged\)"),
+        ("config.toml", None),
+        ("history.csv", None),
+        ("history.csv", ""),
+        ("history.csv", "epoch,loss\n"),
+        ("history.csv", "epoch,loss\n1,high\n"),
+        ("history.csv", "epoch,loss\nnan,0.1\n"),
+        ("history.csv", "epoch,force\n1,0.1\n"),
+        ("history.csv", f"epoch,loss\n1,{'9' * 200_000}\n"),
+        ("metrics.json", "{"),
+        ("metrics.json", "[1]"),
+        ("metrics.json", "[" * 100_000),
+        ("metrics.json", '{"simulated": {}}'),
+        ("metrics.json", '{"heads": 1.5}'),
+        ("metrics.json", '{"heads": {"force": 1.5}}'),
+        ("metrics.json", '{"heads": {"contact": {"baseline_accuracy": "x"}}}'),
     ],
 )
-def test_a_damaged_run_is_refused_in_a_line(write: Run, name: str, text: str | None, line: str) -> None:
+def test_a_damaged_run_is_refused(write: Run, name: str, text: str | None) -> None:
     run = write()
     if text is None:
         (run / name).unlink()
     else:
         (run / name).write_text(text)
-    with pytest.raises(InputError, match=line) as error:
+    with pytest.raises(InputError, match="run" if text is None else name):
         Learning(run=run).draw()
-    assert "\n" not in str(error.value)

@@ -70,19 +70,21 @@ def main() -> None:
     std = [Fraction(stream.randint(1, 250), 256) for _ in range(ROWS)]
     kind = [stream.randint(0, 1) for _ in range(ROWS)]
     likely = [Fraction(min(64, max(0, stream.randint(-8, 56) + 16 * one)), 64) for one in kind]
+    columns = {
+        "reference": [float(value) for value in truth],
+        "estimate": [float(value) for value in estimate],
+        "std": [float(value) for value in std],
+        "kind": kind,
+        "probability": [float(value) for value in likely],
+    }
     golden = {
-        "rows": {
-            "reference": [float(value) for value in truth],
-            "estimate": [float(value) for value in estimate],
-            "std": [float(value) for value in std],
-            "kind": kind,
-            "probability": [float(value) for value in likely],
-        },
         "limit": 0.5, "sigmas": 1.5, "bins": BINS,
         "expected": regression(truth, estimate, std) | decisions(kind, likely),
     }  # fmt: skip
     path = Path(__file__).with_name("golden.json")
-    path.write_text(json.dumps(golden, indent=1) + "\n", encoding="utf-8")
+    rows = ",\n  ".join(f'"{name}": {json.dumps(values)}' for name, values in columns.items())
+    text = f'{{\n "rows": {{\n  {rows}\n }},\n' + json.dumps(golden, indent=1)[2:]
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """The scorer: perfect estimates, abstentions, and what it is made of."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -66,17 +68,14 @@ def test_nothing_to_score_is_none_and_not_nan() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reference", "estimate", "limit"),
+    "wrong",
     [
-        (np.zeros(2), np.zeros(3), 1.0),
-        (np.array([np.nan]), np.zeros(1), 1.0),
-        (np.zeros(1), np.zeros(1), -1.0),
+        lambda: regression_score(np.zeros(2), np.zeros(3), limit=1.0),
+        lambda: regression_score(np.array([np.nan]), np.zeros(1), limit=1.0),
+        lambda: regression_score(np.zeros(1), np.zeros(1), limit=-1.0),
+        lambda: detection_score(np.array([True, False]), np.array([0.5, 1.5])),
     ],
 )
-def test_what_cannot_be_scored_is_refused(
-    reference: list[float], estimate: list[float], limit: float
-) -> None:
+def test_what_cannot_be_scored_is_refused(wrong: Callable[[], object]) -> None:
     with pytest.raises(InputError):
-        regression_score(np.array(reference), np.array(estimate), limit=limit)
-    with pytest.raises(InputError):
-        detection_score(np.array([True, False]), np.array([0.5, 1.5]))
+        wrong()

@@ -1,5 +1,7 @@
 """Models: peaks beside theory, assignments that reach every part, one line for what is wrong."""
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import pytest
@@ -15,11 +17,13 @@ APPENDIX, PROTOTYPE = load_string("appendix"), load_string("prototype")
 TOUCH = Contact(position=0.08, force=1.0)
 
 
+@cache
 def split(*assignments: str, contact: Contact | None = APPENDIX.contact) -> Sound:
     case = Case(string=APPENDIX.string, contact=contact, seconds=0.4, assignments=assignments)
     return SIMULATORS.build("split_string", {"route": "modal"}).run(case)
 
 
+@cache
 def twin(*assignments: str, contact: Contact | None = TOUCH, seconds: float = 0.5, **options: Any) -> Sound:
     case = Case(string=PROTOTYPE.string, contact=contact, seconds=seconds, assignments=assignments)
     return SIMULATORS.build("twin", options).run(case)
@@ -94,31 +98,26 @@ def test_a_string_has_its_own_sensor_or_one_made_for_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "assignment", "line"),
+    ("field", "wrong"),
     [
-        (split, "drive.amplitud=1", "option 'drive.amplitud'.*did you mean 'amplitude'"),
-        (split, "contact.positon=0.1", "option 'contact.positon'.*did you mean 'position'"),
-        (split, "drive.feedback=litteral", "did you mean 'literal'"),
-        (split, "nodes=many", "option 'nodes' = 'many'"),
-        (twin, "contact.positon=0.1", "option 'contact.positon'.*did you mean 'position'"),
-        (twin, "contact.position=0.3", "a touch at 0.3 m"),
-        (twin, "tension_law=geometrik", "did you mean 'geometric'"),
-        (twin, "material=wod", "did you mean 'wood'"),
-        (twin, "sensor.pickups.own=[0.5, 0.5]", "pickups.own"),
+        ("drive.amplitud", lambda: split("drive.amplitud=1")),
+        ("contact.positon", lambda: split("contact.positon=0.1")),
+        ("litteral", lambda: split("drive.feedback=litteral")),
+        ("nodes", lambda: split("nodes=many")),
+        ("contact.positon", lambda: twin("contact.positon=0.1")),
+        ("0.3", lambda: twin("contact.position=0.3")),
+        ("geometrik", lambda: twin("tension_law=geometrik")),
+        ("wod", lambda: twin("material=wod")),
+        ("pickups.own", lambda: twin("sensor.pickups.own=[0.5, 0.5]")),
+        ("world", lambda: twin("world=real")),
+        ("0.001", lambda: twin(seconds=0.001)),
+        ("split_strin", lambda: SIMULATORS.load("split_strin")),
+        ("modl", lambda: SIMULATORS.build("split_string", {"route": "modl"})),
     ],
 )
-def test_a_wrong_assignment_is_refused(model: Any, assignment: str, line: str) -> None:
-    with pytest.raises(InputError, match=line):
-        model(assignment)
-
-
-def test_a_wrong_model_route_or_length_is_refused() -> None:
-    with pytest.raises(InputError, match="did you mean 'split_string'"):
-        SIMULATORS.load("split_strin")
-    with pytest.raises(InputError, match="did you mean 'modal'"):
-        SIMULATORS.build("split_string", {"route": "modl"})
-    with pytest.raises(InputError, match=r"0\.01 to 600 s"):
-        twin(seconds=0.001)
+def test_a_wrong_assignment_option_or_name_is_refused(field: str, wrong: Callable[[], object]) -> None:
+    with pytest.raises(InputError, match=field):
+        wrong()
 
 
 def test_the_twin_sounds_otherwise_in_a_plausible_world() -> None:
@@ -128,5 +127,3 @@ def test_the_twin_sounds_otherwise_in_a_plausible_world() -> None:
     for one, another in ((ideal, plausible), (plausible, other)):
         assert abs(one.microphones - another.microphones).max() > 0.01
         assert one.summary["felt"] == pytest.approx(another.summary["felt"], rel=0.05)
-    with pytest.raises(InputError, match="world"):
-        twin("world=real")

@@ -1,12 +1,12 @@
-"""The fixtures of evaluation (results whose scores are known, sessions of the twin), and YAMNet's package."""
+"""Evaluation's results whose scores are known, and YAMNet's package."""
 
 import tomllib
 from pathlib import Path
 
 import pytest
-from tests.evaluation.conftest import _oracle, dataset, oracle, sessions
+from tests.evaluation.conftest import _oracle, oracle
 
-__all__ = ["_oracle", "dataset", "oracle", "sessions"]
+__all__ = ["_oracle", "oracle"]
 
 YAMNET = Path(__file__).parents[2] / "studies" / "monochord-yamnet"
 

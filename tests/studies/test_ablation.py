@@ -49,11 +49,12 @@ def test_other_windows_are_split_like_the_first(several: Dataset, tmp_path: Path
     assert same.dataset != split.dataset
 
 
-def test_a_split_that_cuts_sessions_or_lacks_one_is_refused(several: Dataset, dataset: Dataset) -> None:
-    with pytest.raises(InputError, match="a split by time"):
+def test_a_split_that_cuts_sessions_or_lacks_one_is_refused(several: Dataset, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="time"):
         split_like(several, several, split_dataset(several, by="time"))
-    with pytest.raises(InputError, match="sessions without sung_"):
-        split_like(dataset, several, split_dataset(several))
+    fewer = build_dataset(sorted(several.path.parent.glob("*.mcap"))[:3], tmp_path / "fewer")
+    with pytest.raises(InputError, match="sung_3"):
+        split_like(fewer, several, split_dataset(several))
 
 
 @pytest.mark.usefixtures("yamnet_package")
@@ -71,8 +72,7 @@ def test_a_package_that_is_not_installed_is_told_before_anything_is_trained(
 ) -> None:
     line = ["--dataset", str(several.path), "--sessions", "none", "--out", str(tmp_path / "out")]
     result = CliRunner().invoke(ablation, line)
-    assert "pip install ./studies/monochord-yamnet" in str(result.exception)
-    assert not result.output
+    assert "monochord-yamnet" in str(result.exception)
     assert not (tmp_path / "out").exists()
 
 

@@ -7,7 +7,7 @@ from studies.following import Following
 
 from monochord.core.errors import InputError
 
-SHORT = Following(builds=(301,), seconds=4.0, noises=("quiet", "motors"), thresholds=(0.3, 0.6))
+SHORT = Following(builds=(301,), seconds=4.0, noises=("motors",), thresholds=(0.3, 0.6))
 
 
 def test_what_is_followed_is_compared_with_single_windows() -> None:
@@ -24,9 +24,7 @@ def test_what_is_followed_is_compared_with_single_windows() -> None:
         position = numbers["errors"][noise]["position"]
         assert position["windows"] > 50
         assert position["tracked_answered"] >= position["raw_answered"] - 0.05
-    panels = SHORT.draw().axes
-    assert [panel.get_xlabel() for panel in panels[2:]] == ["threshold", "threshold"]
-    assert all(panel.lines for panel in panels)
+    assert all(panel.lines for panel in SHORT.draw().axes)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ pytest.importorskip("torch")
 @pytest.fixture(scope="module")
 def examples() -> Examples:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mode_networks, "PURE_WINDOWS", 200)
+        patch.setattr(mode_networks, "PURE_WINDOWS", 120)
         return joined(pure_examples())
 
 
@@ -108,7 +108,7 @@ def test_places_by_a_network_of_the_package_are_filled_in(examples: Examples) ->
 def test_without_a_touch_or_a_dataset_it_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(InputError, match="a part without a touched window"):
+    with pytest.raises(InputError, match="touch"):
         joined([])
     for words, said in ((["nowhere"], "nowhere"), (["."], "dataset"), ([".", "--out", "absent"], "--out")):
         monkeypatch.setattr("sys.argv", ["mode_networks", *words])

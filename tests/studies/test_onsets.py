@@ -102,7 +102,7 @@ def test_the_lag_of_a_stiff_filter_is_seen() -> None:
 
 
 def test_errors_need_a_touch() -> None:
-    with pytest.raises(InputError, match="nothing touches"):
+    with pytest.raises(InputError, match="touch"):
         errors([take(0.0 * TOUCHED, LATE)], "position", SETTINGS)
 
 
@@ -129,5 +129,5 @@ def test_a_run_is_recorded_with_what_is_true() -> None:
 
 def test_noise_without_frames_is_refused() -> None:
     source = WithNoise(source=SOURCES.build("twin"), sound=np.zeros(0, np.float32))
-    with pytest.raises(InputError, match="0 frames"):
+    with pytest.raises(InputError, match="frames"):
         record(LiveRun(source=source, estimator=ESTIMATORS.build("closed_form")))

@@ -132,7 +132,7 @@ def test_trap_a_printed_profile_is_driven_harder_on_a_finer_mesh() -> None:
     def steady(profile: str, nodes: int) -> Floats:
         drive = Drive(start_frequencies=(690.0, 370.0), feedback="off", profile=profile)  # pyright: ignore[reportArgumentType]
         setup = replace(SETUP, initial="rest", nodes=nodes, drive=drive)
-        return loudness(simulate(setup, 0.1, route="fdtd"), 0.02, 0.1)
+        return loudness(simulate(setup, 0.05, route="fdtd"), 0.02, 0.05)
 
     assert steady("normalised", 255) == pytest.approx(steady("normalised", 128), rel=2e-3)
     assert steady("printed", 255) == pytest.approx(2.0 * steady("printed", 128), rel=2e-3)

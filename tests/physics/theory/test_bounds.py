@@ -1,10 +1,11 @@
 """Sensitivities and the Cramer-Rao bounds."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monochord.core.errors import InputError
@@ -12,17 +13,18 @@ from monochord.core.types import Contact, Floats, StringParams
 from monochord.physics.theory import far_segment_sensitivity, frequency_sensitivities
 from monochord.physics.theory.bounds import contact_bound, far_segment_bound, series_bound, tone_bound
 from monochord.physics.theory.segments import (
-    locate_from_segments,
     position_from_far_segment,
     split_frequencies,
-    tension_from_segments,
 )
 from monochord.physics.theory.stiffness import inharmonicity, partial_numbers
-from monochord.physics.theory.tension import TensionLaw, force_from_tension, tension_from_force
+from monochord.physics.theory.tension import TensionLaw, tension_from_force
 
 STRING = StringParams(
     length=0.65, linear_density=6.5e-4, tension=65.0, core_diameter=2.54e-4, tension_per_force=6.0
 )
+
+
+FAR = Contact(position=0.6, force=0.0)
 
 
 def _series(f0: float, b: float, waves: Floats) -> Floats:
@@ -59,7 +61,7 @@ def test_tone_bound_is_reached_by_maximum_likelihood() -> None:
     t = np.arange(800) / 8000.0
     snr, f = 10.0, 987.6
     errors: list[float] = []
-    for _ in range(200):
+    for _ in range(100):
         sound = np.cos(2 * np.pi * f * t + rng.uniform(0, 6.28)) + rng.normal(0, np.sqrt(0.5 / snr), 800)
         grid = f + np.linspace(-1.0, 1.0, 81)
         power = np.abs(np.exp(-2j * np.pi * np.outer(grid, t)) @ sound) ** 2
@@ -67,7 +69,7 @@ def test_tone_bound_is_reached_by_maximum_likelihood() -> None:
         left, middle, right = power[k - 1 : k + 2]
         errors.append(grid[k] + 0.025 * 0.5 * (left - right) / (left - 2 * middle + right) - f)
     bound = float(tone_bound(0.1, 8000.0, snr))
-    assert np.std(errors) == pytest.approx(bound, rel=0.2)
+    assert np.std(errors) == pytest.approx(bound, rel=0.25)
 
 
 def test_longer_louder_and_richer_windows_tell_more() -> None:
@@ -92,42 +94,6 @@ def test_unknown_stiffness_costs_and_one_partial_cannot_tell_it() -> None:
     assert series_bound(100.0, [], 10.0, duration=0.1, sample_rate=8000.0) == np.inf
 
 
-def test_contact_bound_is_what_the_inverse_makes_of_noisy_frequencies() -> None:
-    contact, snr, highest = Contact(position=0.2, force=1.0), 0.1, 3000.0
-    rng = np.random.default_rng(2)
-    measured: list[Floats] = []
-    for f, length in zip(split_frequencies(STRING, 0.2, 1.0), (0.2, 0.45), strict=True):
-        b = inharmonicity(STRING, length)
-        error = series_bound(
-            f, partial_numbers(highest, f, b), snr, duration=0.1, sample_rate=8000.0, inharmonicity=b
-        )
-        measured.append(f + error * rng.normal(size=4000))
-    x = locate_from_segments(STRING.length, *measured)
-    force = force_from_tension(STRING, tension_from_segments(STRING, *measured))
-    bound = contact_bound(STRING, contact, snr, duration=0.1, sample_rate=8000.0, highest=highest)
-    assert (np.std(x), np.std(force)) == pytest.approx(bound, rel=0.05)
-
-
-@pytest.mark.parametrize("law", ["linear", "geometric"])
-def test_contact_bound_counts_what_is_not_known_of_tuning_and_ends(law: TensionLaw) -> None:
-    # Sensors drawn with errors of both, read as if they were the nominal one.
-    rng, x, force = np.random.default_rng(3), 0.2, 2.0
-    built = {"tension_std": 0.05, "end_std": 2e-4}
-    read: list[tuple[float, float]] = []
-    for _ in range(2000):
-        off = rng.normal(size=3)
-        tension = STRING.tension + 0.05 * off[0]
-        own = replace(STRING, tension=tension, length=STRING.length + 2e-4 * (off[1] + off[2]))
-        f1, f2 = split_frequencies(own, x + 2e-4 * off[1], force, law)
-        place = locate_from_segments(STRING.length, f1, f2)
-        read.append(
-            (place, force_from_tension(STRING, tension_from_segments(STRING, f1, f2), place, law=law))
-        )
-    touch = Contact(position=x, force=force)
-    bound = contact_bound(STRING, touch, 1e6, duration=0.1, sample_rate=44100.0, law=law, **built)
-    assert np.std(read, axis=0) == pytest.approx(bound, rel=0.06)
-
-
 TENSION, END, OPEN, LONGER, ALIKE = 0.3, 2e-4, 0.05, 1e-4, 0.4
 """Standard errors of all that is unknown below, and the correlation of both lengthenings."""
 
@@ -144,10 +110,21 @@ def _pitches(law: TensionLaw, x: float, force: float, tension: float, *lengths: 
     return speeds / (2.0 * np.array(segments))
 
 
+KNOWLEDGE: dict[str, dict[str, float]] = {
+    "all else known": {},
+    "tuning and ends unknown": {"tension_std": TENSION, "end_std": END},
+    "all unknown, but measured untouched": {
+        "tension_std": TENSION, "end_std": END, "open_frequency_std": OPEN, "lengthening_std": LONGER,
+        "lengthening_correlation": ALIKE,
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("known", KNOWLEDGE)
 @pytest.mark.parametrize("law", ["linear", "geometric"])
-def test_contact_bound_equals_the_fisher_matrix_of_all_that_is_unknown(law: TensionLaw) -> None:
+def test_contact_bound_equals_the_fisher_matrix_of_all_that_is_unknown(law: TensionLaw, known: str) -> None:
     # Position, force, tension, both ends and both lengthenings, differentiated numerically.
-    x, force, snr = 0.2, 2.0, 0.1
+    x, force, snr, knowledge = 0.2, 2.0, 0.1, KNOWLEDGE[known]
     values = np.array([x, force, 0.0, 0.0, 0.0, 0.0, 0.0])
     steps = np.array([1e-6, 1e-4, 1e-4, 1e-6, 1e-6, 1e-6, 1e-6])
     slopes = np.array(
@@ -156,43 +133,23 @@ def test_contact_bound_equals_the_fisher_matrix_of_all_that_is_unknown(law: Tens
             for step in np.diag(steps)
         ]
     )
-    noise = np.array([0.0, 0.0, OPEN])
+    noise = np.array([0.0, 0.0, knowledge.get("open_frequency_std", np.inf)])
     for side, (f, length) in enumerate(zip(split_frequencies(STRING, x, force, law), (x, 0.45), strict=True)):
         b = inharmonicity(STRING, length)
         numbers = partial_numbers(3000.0, f, b)
         noise[side] = series_bound(f, numbers, snr, duration=0.1, sample_rate=8000.0, inharmonicity=b)
     prior = np.zeros((7, 7))
     prior[2:5, 2:5] = np.diag(np.array([TENSION, END, END]) ** -2.0)
-    correlated = LONGER**2 * np.array([[1.0, ALIKE], [ALIKE, 1.0]])
-    prior[5:, 5:] = np.linalg.inv(correlated)
-    scale = np.array([1e-4, 0.1, 0.3, 1e-4, 1e-4, 1e-4, 1e-4])
-    fisher = slopes @ np.diag(noise**-2.0) @ slopes.T + prior
+    prior[5:, 5:] = np.linalg.inv(LONGER**2 * np.array([[1.0, ALIKE], [ALIKE, 1.0]]))
+    free = [2, 5, 7][list(KNOWLEDGE).index(known)]
+    scale = np.array([1e-4, 0.1, 0.3, 1e-4, 1e-4, 1e-4, 1e-4])[:free]
+    fisher = (slopes @ np.diag(noise**-2.0) @ slopes.T + prior)[:free, :free]
     expected = scale * np.sqrt(np.diag(np.linalg.inv(fisher * np.outer(scale, scale))))
-    bound = contact_bound(
-        STRING, Contact(position=x, force=force), snr, highest=3000.0, duration=0.1, sample_rate=8000.0,
-        law=law, tension_std=TENSION, end_std=END, open_frequency_std=OPEN, lengthening_std=LONGER,
-        lengthening_correlation=ALIKE,
-    )  # fmt: skip
-    assert bound == pytest.approx(expected[:2], rel=1e-3)
-
-
-def test_the_ratio_to_the_untouched_pitch_reaches_the_bound_whatever_tension_and_ends() -> None:
-    # Read by f1 f2 / (f1 + f2) over f0, which is sqrt(T / T0), with T0 as f0 says it is.
-    rng, x, force = np.random.default_rng(4), 0.2, 2.0
-    read: list[float] = []
-    for _ in range(2000):
-        spread = np.array([2.0, 1e-3, 1e-3, 1e-4, 1e-4])
-        f1, f2, f0 = _pitches("linear", x, force, *(spread * rng.normal(size=5)))
-        f0 += 0.05 * rng.normal()
-        untouched = STRING.linear_density * (2.0 * STRING.length * f0) ** 2
-        rise = untouched * ((f1 * f2 / (f1 + f2) / f0) ** 2 - 1.0)
-        read.append(rise / STRING.tension_per_force)
     touch = Contact(position=x, force=force)
-    _, bound = contact_bound(
-        STRING, touch, 1e6, duration=0.1, sample_rate=44100.0, tension_std=2.0, end_std=1e-3,
-        open_frequency_std=0.05, lengthening_std=1e-4,
-    )  # fmt: skip
-    assert np.std(read) == pytest.approx(bound, rel=0.06)
+    bound = contact_bound(
+        STRING, touch, snr, highest=3000.0, duration=0.1, sample_rate=8000.0, law=law, **knowledge
+    )
+    assert bound == pytest.approx(expected[:2], rel=1e-3)
 
 
 def test_the_untouched_pitch_removes_the_ends_from_the_force_and_leaves_the_contact() -> None:
@@ -235,22 +192,20 @@ def test_far_segment_bound_scales_with_the_frequency_error() -> None:
     assert far_segment_bound(164.8, 82.4, 0.65, 0.5) == pytest.approx(0.5 * 0.65 / (2 * 164.8))
 
 
-def test_impossible_is_refused() -> None:
-    with pytest.raises(InputError, match="snr 0: allowed is above 0"):
-        tone_bound(0.1, 8000.0, 0.0)
-    with pytest.raises(InputError, match="partials of segment 2 below 400 Hz 0"):
-        contact_bound(
-            STRING, Contact(position=0.6, force=0.0), 10.0, highest=400.0, duration=0.1, sample_rate=8000.0
-        )
-
-
-@pytest.mark.parametrize(("open_std", "alike"), [(0.0, 0.0), (np.inf, 1.5)])
-def test_impossible_knowledge_is_refused(open_std: float, alike: float) -> None:
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: tone_bound(0.1, 8000.0, 0.0),
+        lambda: contact_bound(STRING, FAR, 10.0, highest=400.0, duration=0.1, sample_rate=8000.0),
+        lambda: contact_bound(STRING, FAR, 10.0, duration=0.1, sample_rate=8000.0, open_frequency_std=0.0),
+        lambda: contact_bound(
+            STRING, FAR, 10.0, duration=0.1, sample_rate=8000.0, lengthening_correlation=1.5
+        ),
+    ],
+)
+def test_impossible_knowledge_is_refused(wrong: Callable[[], object]) -> None:
     with pytest.raises(InputError):
-        contact_bound(
-            STRING, Contact(position=0.2, force=1.0), 10.0, duration=0.1, sample_rate=8000.0,
-            open_frequency_std=open_std, lengthening_correlation=alike,
-        )  # fmt: skip
+        wrong()
 
 
 PLAIN = StringParams(
@@ -258,6 +213,7 @@ PLAIN = StringParams(
 )
 
 
+@settings(max_examples=30)
 @given(st.floats(0.02, 0.18), st.floats(0.01, 5.0), st.sampled_from(["linear", "geometric"]))
 def test_sensitivities_equal_finite_differences(x: float, force: float, law: TensionLaw) -> None:
     exact = frequency_sensitivities(PLAIN, Contact(position=x, force=force), law)
@@ -269,6 +225,7 @@ def test_sensitivities_equal_finite_differences(x: float, force: float, law: Ten
     np.testing.assert_allclose(exact[:, 1], (np.array(harder) - softer) / (2 * step), rtol=1e-4, atol=1e-6)
 
 
+@settings(max_examples=30)
 @given(st.floats(100.0, 2000.0))
 def test_far_segment_sensitivity_equals_a_finite_difference(f: float) -> None:
     step = 1e-3

@@ -2,12 +2,15 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.special import ellipe, ellipk
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipkm1
 
 from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats, StringParams
@@ -20,7 +23,6 @@ from monochord.physics.theory import (
     outer_diameter,
     static_compliance,
 )
-from monochord.physics.theory.contact import _elliptic
 from monochord.physics.theory.segments import harmonic_frequencies
 from monochord.physics.theory.stiffness import inharmonicity
 
@@ -46,19 +48,32 @@ def test_equal_crossed_cylinders_touch_like_a_sphere_on_a_plane() -> None:
     assert contact_width(PLAIN, HALF, 2e9, 0.35, 1.5) == pytest.approx(circle, rel=1e-12)
 
 
-@given(st.floats(1.5, 50.0), st.booleans())
-def test_close_to_the_approximation_of_brewe_and_hamrock(larger: float, thick: bool) -> None:  # noqa: FBT001
-    # Brewe and Hamrock (1977) give k_e, E and F of the ratio of the radii; with the modulus 2 E* the load is
-    # pi k_e E' sqrt(R E / (4.5 F^3)) delta^1.5, within 3 % in the deflection, which is 4.5 % of the load.
+@settings(max_examples=30)
+@given(st.floats(1.01, 1e4), st.booleans())
+def test_crossed_cylinders_press_by_the_elliptic_integrals(larger: float, thick: bool) -> None:  # noqa: FBT001
+    # Johnson (1985), 4.28 to 4.32, with A <= B half the curvatures and a the long axis, e^2 = 1 - (b / a)^2:
+    # B / A = ((a / b)^2 E - K) / (K - E), and k2 = 2 pi E* sqrt(K - E) / (3 sqrt(A) e K^1.5).
     radius = HALF * larger if thick else HALF / larger
-    ellipticity = 1.0339 * larger**0.636
-    first, second = 1.5277 + 0.6023 * math.log(larger), 1.0003 + 0.5968 / larger
-    curvature = 1.0 / HALF + 1.0 / radius
-    modulus = 2.0 * contact_modulus(2e9, 0.35)
-    approximate = math.pi * ellipticity * modulus * math.sqrt(second / (4.5 * curvature * first**3))
-    assert hertz_stiffness(PLAIN, radius, 2e9, 0.35) == pytest.approx(approximate, rel=0.045)
+
+    def mismatch(flatness: float) -> float:
+        k, e = ellipkm1(flatness**2), ellipe(1.0 - flatness**2)
+        return float((e / flatness**2 - k) / (k - e) - larger)
+
+    root: Any = brentq(mismatch, 1e-6, 1.0 - 1e-9, xtol=1e-15)
+    flatness = float(root)
+    k, e = ellipkm1(flatness**2), ellipe(1.0 - flatness**2)
+    modulus, curvature = contact_modulus(2e9, 0.35), 0.5 / max(HALF, radius)
+    exact = (
+        2.0
+        * math.pi
+        * modulus
+        * math.sqrt(k - e)
+        / (3.0 * math.sqrt(curvature * (1.0 - flatness**2)) * k**1.5)
+    )
+    assert hertz_stiffness(PLAIN, radius, 2e9, 0.35) == pytest.approx(exact, rel=1e-6)
 
 
+@settings(max_examples=30)
 @given(RADII)
 def test_greater_objects_are_stiffer_and_touch_wider(radius: float) -> None:
     smaller, greater = (hertz_stiffness(PLAIN, r, 2e9, 0.35) for r in (radius, 1.1 * radius))
@@ -66,6 +81,7 @@ def test_greater_objects_are_stiffer_and_touch_wider(radius: float) -> None:
     assert contact_width(PLAIN, radius, 2e9, 0.35, 1.0) < contact_width(PLAIN, 1.1 * radius, 2e9, 0.35, 1.0)
 
 
+@settings(max_examples=30)
 @given(RADII, st.floats(1e-6, 0.01))
 def test_contact_does_not_care_which_cylinder_is_the_string(first: float, second: float) -> None:
     def pressed(half: float, radius: float) -> float:
@@ -82,18 +98,7 @@ def test_stiffness_goes_with_the_modulus_of_both() -> None:
     assert rigid == pytest.approx(2.0 * hertz_stiffness(PLAIN, 5e-3, 2e11, 0.3), rel=1e-12)
 
 
-@pytest.mark.parametrize("complement", [1.0 - 1e-4, 0.9, 0.5, 0.1, 1e-3, 1e-5])
-def test_elliptic_integrals_are_those_of_scipy(complement: float) -> None:
-    m = 1.0 - complement
-    first, part = _elliptic(complement)
-    assert first == pytest.approx(ellipk(m), rel=1e-10)
-    assert part == pytest.approx((ellipk(m) - ellipe(m)) / m, rel=1e-10)
-
-
-def test_elliptic_integrals_of_the_circle() -> None:
-    assert _elliptic(1.0) == pytest.approx((math.pi / 2.0, math.pi / 4.0), rel=1e-15)
-
-
+@settings(max_examples=30)
 @given(RADII, st.floats(0.01, 5.0))
 def test_hertz_width_goes_with_the_cube_root_of_the_press(radius: float, force: float) -> None:
     # Where the stiff string does not yet lie on the object, the ellipse is all there is.
@@ -129,23 +134,6 @@ def test_mindlin_ratio() -> None:
     assert mindlin_ratio(0.5) == pytest.approx(2.0 / 3.0)
 
 
-def test_what_makes_no_contact_is_refused() -> None:
-    with pytest.raises(InputError, match="radius inf: allowed is a finite radius; a flat object"):
-        hertz_stiffness(PLAIN, math.inf, 2e9, 0.3)
-    with pytest.raises(InputError, match="radius 0"):
-        contact_width(PLAIN, 0.0, 2e9, 0.3, 1.0)
-    with pytest.raises(InputError, match="young modulus -1"):
-        hertz_stiffness(PLAIN, 5e-3, -1.0, 0.3)
-    with pytest.raises(InputError, match=r"Poisson ratio 0\.6"):
-        hertz_stiffness(PLAIN, 5e-3, 2e9, 0.6)
-    with pytest.raises(InputError, match="Poisson ratio nan"):
-        mindlin_ratio(math.nan)
-    with pytest.raises(InputError, match="force -1 N"):
-        contact_width(PLAIN, 5e-3, 2e9, 0.3, -1.0)
-    with pytest.raises(InputError, match="linear density 0"):
-        outer_diameter(dataclasses.replace(PLAIN, linear_density=0.0))
-
-
 LONG = StringParams(length=0.65, linear_density=4e-4, tension=73.0, core_diameter=2.54e-4)
 SPEED = np.sqrt(73.0 / 4e-4)
 INSIDE = st.floats(0.001, 0.649)
@@ -162,6 +150,7 @@ def clamped_series(contact: Contact, count: int) -> Floats:
     return np.sort(np.concatenate(both))[:count]
 
 
+@settings(max_examples=30)
 @given(INSIDE, STIFFNESS)
 def test_each_frequency_solves_the_equation_to_its_last_digits(x: float, stiffness: float) -> None:
     # The equation without its poles has opposite signs a relative 1e-12 below and above each root.
@@ -178,6 +167,7 @@ def test_each_frequency_solves_the_equation_to_its_last_digits(x: float, stiffne
     assert np.all((below * above <= 0.0) | blurred)
 
 
+@settings(max_examples=30)
 @given(INSIDE, STIFFNESS)
 def test_each_frequency_lies_between_the_untouched_and_the_clamped(x: float, stiffness: float) -> None:
     frequency = loaded_frequencies(LONG, x, stiffness, 12)
@@ -185,12 +175,14 @@ def test_each_frequency_lies_between_the_untouched_and_the_clamped(x: float, sti
     assert np.all(frequency <= clamped_series(Contact(position=x, force=0.0), 12) * (1.0 + 1e-14))
 
 
+@settings(max_examples=30)
 @given(INSIDE, STIFFNESS, st.floats(1.01, 10.0))
 def test_a_stiffer_spring_never_sounds_lower(x: float, stiffness: float, ratio: float) -> None:
     soft = loaded_frequencies(LONG, x, stiffness, 8)
     assert np.all(loaded_frequencies(LONG, x, ratio * stiffness, 8) >= soft * (1.0 - 1e-14))
 
 
+@settings(max_examples=30)
 @given(INSIDE)
 def test_no_spring_is_the_open_string_and_an_infinite_one_a_clamp(x: float) -> None:
     np.testing.assert_allclose(loaded_frequencies(LONG, x, 0.0, 9), open_series(9), rtol=1e-14)
@@ -221,6 +213,7 @@ def test_light_spring_shifts_as_perturbation_theory_says() -> None:
     np.testing.assert_allclose(shift, rise, rtol=1e-5, atol=1e-5)
 
 
+@settings(max_examples=30)
 @given(INSIDE, st.floats(1e-5, 3e-3))
 def test_compliance_is_the_sum_over_hinged_modes(x: float, diameter: float) -> None:
     string = dataclasses.replace(LONG, core_diameter=diameter)
@@ -251,30 +244,28 @@ def test_compliance_takes_arrays_and_is_symmetric() -> None:
     assert isinstance(static_compliance(LONG, 0.2), float)
 
 
-def test_spring_and_string_agree_where_the_string_only_gives() -> None:
-    # Far below the first frequency the string itself is a spring: T L / (x (L - x)) newtons a metre.
-    x, stiffness = 0.2, 1e9
-    flexible = dataclasses.replace(LONG, core_diameter=0.0)
-    assert 1.0 / static_compliance(flexible, x) == pytest.approx(73.0 / x + 73.0 / (0.65 - x))
-    clamped = clamped_series(Contact(position=x, force=0.0), 1)[0]
-    gap = 1.0 - loaded_frequencies(LONG, x, stiffness, 1)[0] / clamped
-    assert 0.0 < gap < 1.0 / (stiffness * static_compliance(flexible, x))
-
-
 def test_bending_stiffness_is_that_of_inharmonicity() -> None:
     assert np.pi**2 * bending_stiffness(LONG) / (73.0 * 0.65**2) == pytest.approx(inharmonicity(LONG))
 
 
-def test_what_makes_no_sense_is_refused() -> None:
-    with pytest.raises(InputError, match=r"strictly between 0 and 0\.65 m"):
-        loaded_frequencies(LONG, 0.65, 1.0, 3)
-    with pytest.raises(InputError, match="stiffness -1 N/m"):
-        loaded_frequencies(LONG, 0.2, -1.0, 3)
-    with pytest.raises(InputError, match="stiffness nan"):
-        loaded_frequencies(LONG, 0.2, np.nan, 3)
-    with pytest.raises(InputError, match="count 0"):
-        loaded_frequencies(LONG, 0.2, 1.0, 0)
-    with pytest.raises(InputError, match="strictly between"):
-        static_compliance(LONG, 0.0)
-    with pytest.raises(InputError, match="young modulus 0"):
-        bending_stiffness(dataclasses.replace(LONG, young_modulus=0.0))
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: hertz_stiffness(PLAIN, math.inf, 2e9, 0.3),
+        lambda: contact_width(PLAIN, 0.0, 2e9, 0.3, 1.0),
+        lambda: hertz_stiffness(PLAIN, 5e-3, -1.0, 0.3),
+        lambda: hertz_stiffness(PLAIN, 5e-3, 2e9, 0.6),
+        lambda: mindlin_ratio(math.nan),
+        lambda: contact_width(PLAIN, 5e-3, 2e9, 0.3, -1.0),
+        lambda: outer_diameter(dataclasses.replace(PLAIN, linear_density=0.0)),
+        lambda: loaded_frequencies(LONG, 0.65, 1.0, 3),
+        lambda: loaded_frequencies(LONG, 0.2, -1.0, 3),
+        lambda: loaded_frequencies(LONG, 0.2, np.nan, 3),
+        lambda: loaded_frequencies(LONG, 0.2, 1.0, 0),
+        lambda: static_compliance(LONG, 0.0),
+        lambda: bending_stiffness(dataclasses.replace(LONG, young_modulus=0.0)),
+    ],
+)
+def test_what_makes_no_sense_is_refused(wrong: Callable[[], object]) -> None:
+    with pytest.raises(InputError):
+        wrong()

@@ -2,10 +2,11 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import kve
 
@@ -33,11 +34,13 @@ def test_flexible_string_is_harmonic() -> None:
     assert inharmonicity(StringParams(length=0.65, linear_density=4e-4, tension=73.0)) == 0.0
 
 
+@settings(max_examples=30)
 @given(st.floats(0.01, 0.65))
 def test_segment_coefficient_goes_with_one_over_length_squared(length: float) -> None:
     assert inharmonicity(PLAIN, length) * length**2 == pytest.approx(inharmonicity(PLAIN) * 0.65**2)
 
 
+@settings(max_examples=30)
 @given(st.floats(20.0, 2000.0), st.floats(0.0, 1e-3))
 def test_partials_are_sharp_and_ascending(f0: float, b: float) -> None:
     n = np.arange(1.0, 30.0)
@@ -56,18 +59,12 @@ def test_partial_is_an_eigenfrequency_of_the_stiff_string() -> None:
         assert stiff_partials(f0, inharmonicity(PLAIN), n) == pytest.approx(np.sqrt(omega_2) / (2 * np.pi))
 
 
+@settings(max_examples=30)
 @given(st.floats(50.0, 2000.0), st.floats(0.0, 1e-3), st.floats(10.0, 10000.0))
 def test_partial_numbers_are_all_that_fit(f0: float, b: float, highest: float) -> None:
     n = partial_numbers(highest, f0, b)
     assert np.all(stiff_partials(f0, b, n) <= highest)
     assert stiff_partials(f0, b, float(n.size + 1)) > highest
-
-
-def test_impossible_is_refused() -> None:
-    with pytest.raises(InputError, match="length 0"):
-        inharmonicity(PLAIN, 0.0)
-    with pytest.raises(InputError, match="stretch of partials"):
-        stiff_partials(100.0, -0.1, 10.0)
 
 
 SHORT = StringParams(length=0.2, linear_density=3.978e-4, tension=65.0, core_diameter=2.54e-4)
@@ -141,10 +138,16 @@ def test_high_partials_die_first_in_any_shape() -> None:
     assert np.all(np.diff(rates.ravel()) > 0.0)
 
 
-def test_what_makes_no_sense_is_refused() -> None:
-    with pytest.raises(InputError, match="frequencies 0: allowed is above 0"):
-        decay_rates(SHORT, Losses(), np.array([0.0, 100.0]))
-    with pytest.raises(InputError, match="support -1"):
-        Losses(support=-1.0)
-    with pytest.raises(InputError, match="air viscosity nan"):
-        Losses(air_viscosity=math.nan)
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: inharmonicity(PLAIN, 0.0),
+        lambda: stiff_partials(100.0, -0.1, 10.0),
+        lambda: decay_rates(SHORT, Losses(), np.array([0.0, 100.0])),
+        lambda: Losses(support=-1.0),
+        lambda: Losses(air_viscosity=math.nan),
+    ],
+)
+def test_what_makes_no_sense_is_refused(wrong: Callable[[], object]) -> None:
+    with pytest.raises(InputError):
+        wrong()

@@ -19,11 +19,6 @@ from scipy.integrate import solve_ivp
 from monochord.core.types import Floats
 
 
-def still(t: float) -> float:
-    """Zero at all times."""
-    return 0.0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Modes:
     """Length L in m, density mu in kg/m, tension T and stretch EA in N; w_n in rad/s and sigma_n in 1/s."""
@@ -48,15 +43,14 @@ class Modes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModalTouch:
-    """`shape` is phi_n(x_c), (N,); `residual` R in m/N; `surface` d(t) in m, `surface_velocity` d' in m/s."""
+    """`shape` is phi_n(x_c), (N,); `residual` R in m/N; `surface` d in m, at rest."""
 
     shape: Floats
     k1: float
     k2: float = 0.0
     beta: float = 0.0
     residual: float = 0.0
-    surface: Callable[[float], float] = still
-    surface_velocity: Callable[[float], float] = still
+    surface: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,45 +75,12 @@ class ModalMotion(NamedTuple):
     time: Floats  # (n,) s
     q: Floats  # (N, n) m
     v: Floats  # (N, n) m/s
-    pickups: Floats  # (2, n) N: T u_x at the near end, -T u_x at the far end
     touch_force: Floats  # (n,) N
-    drive_forces: Floats  # (ebows, n) N
-
-
-def hinged(
-    *,
-    length: float,
-    density: float,
-    tension: float,
-    bending: float = 0.0,
-    stretch: float = 0.0,
-    sigma0: float = 0.0,
-    sigma1: float = 0.0,
-    count: int = 20,
-) -> Modes:
-    """Return the modes of the hinged string.
-
-    mu u_tt = T u_xx - EI u_xxxx - 2 mu sigma0 u_t + 2 mu sigma1 u_txx.
-    """
-    wave = np.pi * np.arange(1.0, count + 1.0) / length
-    omega = np.sqrt((tension * wave**2 + bending * wave**4) / density)
-    sigma = sigma0 + sigma1 * wave**2
-    return Modes(length=length, density=density, tension=tension, omega=omega, sigma=sigma, stretch=stretch)
 
 
 def shapes(modes: Modes, x: float) -> Floats:
     """Return phi_n(x), (N,)."""
     return np.sin(np.pi * modes.numbers * x / modes.length)
-
-
-def residual(*, length: float, tension: float, x: float, bending: float = 0.0, count: int = 20) -> float:
-    """Return R in m/N, the static compliance at x of the modes above `count`.
-
-    It is phi_n(x)^2 / (m w_n^2), summed to the 100,000th mode: x (L - x) / (T L) for a flexible string and
-    `count` 0.
-    """
-    wave = np.pi * np.arange(count + 1.0, 100001.0) / length
-    return float(np.sum(np.sin(wave * x) ** 2 / (tension * wave**2 + bending * wave**4))) * 2.0 / length
 
 
 def simulate(
@@ -155,35 +116,12 @@ def simulate(
     if not solution.success:
         raise ArithmeticError(solution.message)
     found_q, found_v = solution.y[:count], solution.y[count : 2 * count]
-    filtered = solution.y[2 * count : 2 * count + bows]
-    number = modes.numbers
-    slope = modes.tension * np.pi * number / modes.length
-    forces = [e.max_force * np.tanh(e.gain * y / e.max_force) for e, y in zip(ebows, filtered, strict=True)]
     return ModalMotion(
         time=time,
         q=found_q,
         v=found_v,
-        pickups=np.stack([slope @ found_q, (slope * -((-1.0) ** number)) @ found_q]),
-        touch_force=_touch_forces(touch, time, found_q, found_v),
-        drive_forces=np.array(forces).reshape(bows, time.size),
+        touch_force=_touch_forces(touch, found_q, found_v),
     )
-
-
-def energy(modes: Modes, touch: ModalTouch | None, motion: ModalMotion) -> Floats:
-    """Return the energy in J at each sample: of motion, of tension and bending, of stretch and of the touch.
-
-    It is constant where sigma and beta are 0, the touch stands still and there are no drivers.
-    """
-    m, q = modes.mass, motion.q
-    linear = 0.5 * m * np.sum(motion.v**2 + (modes.omega[:, None] * q) ** 2, axis=0)
-    stretched = np.sum((modes.numbers[:, None] * q) ** 2, axis=0)
-    total = linear + modes.stretch * np.pi**4 / (32.0 * modes.length**3) * stretched**2
-    if touch:
-        gaps = [touch.surface(t) - float(touch.shape @ now) for t, now in zip(motion.time, q.T, strict=True)]
-        delta = np.array([compression(touch, gap) for gap in gaps])
-        elastic = touch.k1 * delta + touch.k2 * delta**1.5
-        total += 0.5 * touch.k1 * delta**2 + 0.4 * touch.k2 * delta**2.5 + 0.5 * touch.residual * elastic**2
-    return total
 
 
 def compression(touch: ModalTouch, gap: float) -> float:
@@ -203,19 +141,19 @@ def compression(touch: ModalTouch, gap: float) -> float:
     return s * s
 
 
-def _press(touch: ModalTouch, t: float, q: Floats, v: Floats) -> float:
-    delta = compression(touch, touch.surface(t) - float(touch.shape @ q))
+def _press(touch: ModalTouch, q: Floats, v: Floats) -> float:
+    delta = compression(touch, touch.surface - float(touch.shape @ q))
     if delta == 0.0:
         return 0.0
     share = 1.0 + touch.residual * (touch.k1 + 1.5 * touch.k2 * sqrt(delta))
-    squeeze = (touch.surface_velocity(t) - float(touch.shape @ v)) / share
+    squeeze = -float(touch.shape @ v) / share
     return max(0.0, (touch.k1 * delta + touch.k2 * delta * sqrt(delta)) * (1.0 + touch.beta * squeeze))
 
 
-def _touch_forces(touch: ModalTouch | None, time: Floats, q: Floats, v: Floats) -> Floats:
+def _touch_forces(touch: ModalTouch | None, q: Floats, v: Floats) -> Floats:
     if not touch:
-        return np.zeros(time.size)
-    return np.array([_press(touch, *now) for now in zip(time, q.T, v.T, strict=True)])
+        return np.zeros(q.shape[1])
+    return np.array([_press(touch, *now) for now in zip(q.T, v.T, strict=True)])
 
 
 def _rates(
@@ -231,7 +169,7 @@ def _rates(
     width = w0 / np.array([e.quality for e in ebows])
     gain, limit = np.array([e.gain for e in ebows]), np.array([e.max_force for e in ebows])
 
-    def rates(t: float, state: Floats) -> Floats:
+    def rates(_: float, state: Floats) -> Floats:
         q, v = state[:count], state[count : 2 * count]
         change = np.empty_like(state)
         change[:count] = v
@@ -239,7 +177,7 @@ def _rates(
         if pull:
             a -= pull * (squares @ (q * q)) * squares * q
         if touch:
-            a += _press(touch, t, q, v) / mass * touch.shape
+            a += _press(touch, q, v) / mass * touch.shape
         if bows:
             y, z = state[2 * count : 2 * count + bows], state[2 * count + bows :]
             a += (limit * np.tanh(gain * y / limit)) @ drive

@@ -57,30 +57,7 @@ class Layer(NamedTuple):
 
 
 def advance_slowly(twin: Twin, frames: Samples) -> tuple[Take, Twin]:
-    """Return what `monochord.physics.twin.advance` returns, by the readable step.
-
-    Parameters
-    ----------
-    twin
-        A twin at an instant, from `begin` or `advance`; it is not changed.
-    frames
-        How many frames: a step takes about a millisecond.
-
-    Returns
-    -------
-    tuple
-        The sound with its labels, and the twin after it. They differ from the kernel's by its early stop.
-
-    Examples
-    --------
-    >>> from monochord.physics.strings import load_string
-    >>> from monochord.physics.twin import Ebow, Pluck, Scene, Sensor, begin
-    >>> coils = Ebow(sense=0.02, drive=0.03), Ebow(sense=0.18, drive=0.17)
-    >>> sensor = Sensor(name="p", string=load_string("prototype").string, drivers=coils, range=(0.05, 0.15))
-    >>> take, twin = advance_slowly(begin(sensor, Scene(pluck=Pluck(position=0.07, height=1e-4))), 3)
-    >>> take.microphones.shape, twin.start
-    ((2, 3), 3)
-    """
+    """Return what `monochord.physics.twin.advance` returns, by the readable step, a millisecond each."""
     sensor = Parameters(*(array[0] for array in twin.parameters))
     batch = State(*(array.copy() for array in twin.state))
     state = State(*(array[0] for array in batch))

@@ -1,9 +1,11 @@
 """Over all that the twin allows it stays finite and bounded, and its labels keep their meaning."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.physics.twin import drawn
-from tests.physics.twin.built import SENSOR, modes
+from tests.physics.twin.built import PLASTIC, SENSOR, modes
 
 from monochord.core.errors import InputError
 from monochord.physics.twin import Scene, Twin, advance, begin, hold
@@ -32,12 +34,12 @@ def refuse_the_impossible(twin: Twin, seconds: float) -> None:
             assert np.isfinite(speeds).all()
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_drawn_twin_stays_sound(seed: int) -> None:
     refuse_the_impossible(drawn.twin(seed, 0.3, halves=(16,)), 0.3)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_drawn_plausible_twin_stays_sound(seed: int) -> None:
     refuse_the_impossible(drawn.plausible_twin(seed, 0.3, halves=(16,)), 0.3)
 
@@ -60,8 +62,6 @@ def test_a_drawn_plausible_twin_stays_sound_for_long(seed: int) -> None:
 
 
 def test_a_string_too_fast_for_its_rate_is_refused() -> None:
-    from dataclasses import replace
-
     fast = replace(SENSOR.string, core_diameter=3e-3, linear_density=1e-3)
     with pytest.raises(InputError, match="too fast"):
         begin(replace(SENSOR, string=fast), sample_rate=16000, oversampling=1)
@@ -69,7 +69,5 @@ def test_a_string_too_fast_for_its_rate_is_refused() -> None:
 
 @pytest.mark.parametrize("place", [0.001, 0.199, -0.1])
 def test_a_touch_off_the_string_is_refused(place: float) -> None:
-    from tests.physics.twin.built import PLASTIC
-
-    with pytest.raises(InputError, match="a touch at"):
+    with pytest.raises(InputError, match="touch"):
         begin(SENSOR, Scene(touches=(hold(place, 1.0, PLASTIC),)))

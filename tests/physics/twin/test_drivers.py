@@ -6,7 +6,6 @@ f2 = c / 2(L - x) rises; counted from the other end it is the other way round. B
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import gcd
 
 import numpy as np
 import pytest
@@ -23,12 +22,10 @@ RATE = 44100
 SENSOR = load_sensor("prototype")
 POSITIONS = tuple(np.linspace(0.051, 0.149, 12).tolist())  # off where partials of both segments fall together
 FORCES = (0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0)
-FEW = (POSITIONS[::3], FORCES[::2])
+FEW = (POSITIONS[::4], FORCES[::3])
 DOWN, UP = 0.965, 1.012
 """How far a fundamental may be from c/2x: a light touch yields, a stiff string is as if 0.4 mm shorter."""
 PARTIALS = 8
-AUDIBLE = 40.0
-"""Decibels below a family's strongest partial within which another counts."""
 APART = 0.004
 """Share of its frequency within which a partial is not told from one of the other family."""
 FAINT = -300.0
@@ -60,14 +57,6 @@ class Heard:
     def strongest(self) -> int:
         """The partial that the driver has locked to, counted from zero."""
         return int(np.argmax(self.own))
-
-    @property
-    def ambiguous(self) -> bool:
-        """Whether the partials heard could all be those of a higher fundamental: none, or multiples only."""
-        if not self.told:
-            return True
-        loud = np.flatnonzero(self.own > self.own.max() - AUDIBLE) + 1
-        return gcd(*loud.tolist()) > 1
 
 
 def stiff(n: int | NDArray[np.int_], size: float) -> Floats:
@@ -174,9 +163,8 @@ def rises(grid: Grid, material: str) -> tuple[list[float], list[float]]:
     return light, firm
 
 
-@pytest.mark.parametrize("material", ["plastic", "metal_tube"])
-def test_both_segments_sound_each_louder_at_its_own_microphone(material: str) -> None:
-    assert_both_families_sound(FEW, material)
+def test_both_segments_sound_each_louder_at_its_own_microphone() -> None:
+    assert_both_families_sound(FEW, "plastic")
 
 
 def test_f1_falls_and_f2_rises_with_position_and_both_rise_with_force() -> None:
@@ -212,16 +200,6 @@ def test_families_and_trends_hold_over_the_whole_range(material: str) -> None:
     assert len(firm) > 0.9 * 2 * len(POSITIONS) * sum(force >= FIRM for force in FORCES[:-1])
     # A light touch lifts off at every swing, and how long it is off depends on the swing too.
     assert float(np.mean(np.array(light) > 0.0)) > 0.9
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(600)
-def test_share_of_touches_whose_lock_is_ambiguous() -> None:
-    cells = [touched(x, force, "plastic") for x in POSITIONS for force in FORCES]
-    first, second = (float(np.mean([cell[family].ambiguous for cell in cells])) for family in (0, 1))
-    # Driver 1 holds its segment at the fundamental; driver 2, tuned high, a long segment at a higher partial.
-    assert first < 0.05
-    assert 0.4 < second < 0.8
 
 
 def test_a_soft_object_damps_where_a_hard_one_lets_the_string_sound() -> None:

@@ -31,14 +31,13 @@ from monochord.physics.twin.jit import fingerprint
 ROOT = Path(__file__).parents[3]
 NOISE = Outside(samples=np.random.default_rng(1).uniform(-0.2, 0.2, 1000).astype(np.float32))
 PRESS, ACROSS = hold(0.08, 1.0, PLASTIC), hold(0.08, 0.8, PLASTIC, across=0.02)
-BOUNCE = touch(key(0.0, 0.08, 0.0, 1e-3), key(3e-3, 0.08, 2.0), key(5e-3, 0.08, 0.0, 1e-3))
+BOUNCE = touch(key(0.0, 0.08, 0.0, 1e-4), key(1e-3, 0.08, 2.0), key(2e-3, 0.08, 0.0, 1e-3))
 PLUCK = Pluck(position=0.07, height=5e-4, angle=0.4)
 MOUNT = Mount(modes=(MountMode(frequency=700.0), MountMode(mass=0.004, frequency=2500.0)), compliance=3e-6)
 LAYER = ContactLaw(exponent=1.25, layer=2e-6)
 SCENES = {
     "free": Scene(pluck=PLUCK, drivers=(False, False)),
     "ebows": Scene(pluck=PLUCK),
-    "touch": Scene(touches=(PRESS,)),
     "slides across": Scene(touches=(ACROSS,)),
     "slides along": Scene(touches=(touch(key(0.0, 0.08, 0.8), key(0.03, 0.082, 0.8), rolls=False),)),
     "rolls": Scene(touches=(touch(key(0.0, 0.08, 0.8), key(0.03, 0.085, 0.8)),)),
@@ -46,11 +45,8 @@ SCENES = {
     "two": Scene(touches=(PRESS, hold(0.12, 0.5, FOAM))),
     "two at one place": Scene(touches=(PRESS, hold(0.08, 0.5, PLASTIC))),
     "linear": Scene(touches=(PRESS,), tension_law="linear"),
-    "outside": Scene(touches=(PRESS,), outside=NOISE),
-    "drift": Scene(touches=(PRESS,)),
+    "outside and drift": Scene(touches=(PRESS,), outside=NOISE),
     "yields, pulls and hums": Scene(touches=(replace(ACROSS, mount=MOUNT, law=LAYER),), pluck=PLUCK),
-    "mounted": Scene(touches=(replace(PRESS, mount=MOUNT),)),
-    "rough layer": Scene(touches=(replace(ACROSS, law=LAYER),)),
     "flat": Scene(touches=(replace(PRESS, law=ContactLaw(flat=2e-3)),)),
     "bounces in its mount": Scene(touches=(replace(BOUNCE, mount=MOUNT, law=LAYER),)),
     "two mounted": Scene(
@@ -58,7 +54,7 @@ SCENES = {
     ),
 }
 SENSORS = {
-    "drift": replace(SENSOR, drift=2.0, drift_rate=0.5),
+    "outside and drift": replace(SENSOR, drift=0.25 * SENSOR.string.tension, drift_rate=1.0),  # at its limit
     "yields, pulls and hums": replace(
         SENSOR,
         ends=(End(compliance=1e-6, admittance=1e-2, frequency=1500.0), End(compliance=5e-7)),
@@ -69,8 +65,9 @@ SENSORS = {
     ),
 }
 """Sensors of scenes that are not `SENSOR`."""
-SKIPPED = {"two": 150, "two at one place": 270, "two mounted": 150}
-"""Frames of the first 300 that the kernel alone advances: two touches take the readable step many rounds."""
+FRAMES = 150
+SKIPPED = {"two": 75, "two at one place": 120, "two mounted": 90}
+"""Frames of the first that the kernel alone advances: two touches take the readable step many rounds."""
 
 
 # Of two touches, one scene in the quick tests: they take the readable step many rounds.
@@ -79,13 +76,13 @@ SKIPPED = {"two": 150, "two at one place": 270, "two mounted": 150}
     [pytest.param(n, marks=pytest.mark.slow) if n in {"two", "two at one place"} else n for n in SCENES],
 )
 def test_kernel_equals_the_readable_step(name: str) -> None:
-    # Over 300 frames sums in another order grow to some 1e-12 of the amplitude, and to 1e-7 where an object
-    # slides and sticks; the kernel's rounds end at 1e-12 of the stretch.
+    # Over some hundred frames sums in another order grow to some 1e-12 of the amplitude, and to 1e-7 where
+    # an object slides and sticks; the kernel's rounds end at 1e-12 of the stretch.
     sensor = SENSORS.get(name, SENSOR)
     skipped = SKIPPED.get(name, 0)
     twin = advance(begin(sensor, SCENES[name], seed=5, tolerance=1e-12), skipped)[1]
-    quick, after = advance(twin, 300 - skipped)
-    slow, after_slowly = advance_slowly(twin, 300 - skipped)
+    quick, after = advance(twin, FRAMES - skipped)
+    slow, after_slowly = advance_slowly(twin, FRAMES - skipped)
     np.testing.assert_allclose(quick.microphones, slow.microphones, rtol=0.0, atol=2e-7)
     np.testing.assert_allclose(quick.labels.force, slow.labels.force, rtol=2e-6, atol=1e-7)
     np.testing.assert_allclose(quick.labels.reaction, slow.labels.reaction, rtol=2e-6, atol=2e-6)
@@ -106,28 +103,27 @@ def test_kernel_equals_the_readable_step(name: str) -> None:
 
 def test_the_readable_step_goes_on_from_the_kernel() -> None:
     twin = begin(SENSOR, SCENES["slides across"], tolerance=1e-12)
-    whole = advance(twin, 200)[0].microphones
+    whole = advance(twin, 100)[0].microphones
     first, half_way = advance(twin, 90)
-    second = advance_slowly(half_way, 110)[0]
+    second = advance_slowly(half_way, 10)[0]
     joined = np.concatenate([first.microphones, second.microphones], axis=1)
     np.testing.assert_allclose(joined, whole, atol=2e-7)
 
 
 def test_default_agreement_is_far_below_what_is_heard() -> None:
     twin = begin(SENSOR, SCENES["ebows"])
-    quick, slow = advance(twin, 1000)[0].microphones, advance_slowly(twin, 1000)[0].microphones
+    quick, slow = advance(twin, 400)[0].microphones, advance_slowly(twin, 400)[0].microphones
     np.testing.assert_allclose(quick, slow, atol=1e-5 * np.abs(slow).max())
 
 
-@pytest.mark.parametrize(("before", "after"), [(1, 0), (2, 1), (1, 2), (1, 1)])
+@pytest.mark.parametrize(("before", "after"), [(1, 0), (2, 1), (1, 2)])
 def test_kernel_equals_the_readable_step_after_other_touches(before: int, after: int) -> None:
     touches = (PRESS, hold(0.12, 0.5, PLASTIC))
     twin = advance(begin(SENSOR, Scene(touches=touches[:before]), seed=3, tolerance=1e-12), 2000)[1]
     twin = retouch(twin, touches[:after])
-    quick, slow = advance(twin, 100)[0], advance_slowly(twin, 100)[0]
+    quick, slow = advance(twin, 40)[0], advance_slowly(twin, 40)[0]
     np.testing.assert_allclose(quick.microphones, slow.microphones, rtol=0.0, atol=2e-6)
-    if before != after:
-        assert not quick.labels.settled.any()
+    assert not quick.labels.settled.any()
 
 
 def test_a_step_takes_two_or_three_iterations() -> None:

@@ -33,7 +33,7 @@ from monochord.core.types import Floats
 from monochord.physics.strings import load_string
 from monochord.physics.theory import loaded_frequencies, stretch_stiffness
 from monochord.physics.theory.stiffness import inharmonicity
-from monochord.physics.twin import Pluck, Scene, Twin, advance, begin, hold
+from monochord.physics.twin import Outside, Pluck, Scene, Twin, advance, begin, hold
 from monochord.physics.twin import records as layout
 from monochord.physics.twin.energy import energy
 from monochord.physics.twin.rate import mode_frequencies, touch_weights
@@ -57,11 +57,10 @@ def test_free_stiff_string_sounds_its_partials(highest: int, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("hertz", [False, True], ids=["linear", "hertz"])
-@pytest.mark.parametrize("stiffness", [1e6, 1e7])
-def test_string_on_a_hard_spring_sounds_as_the_cotangents_say(stiffness: float, *, hertz: bool) -> None:
-    twin = sprung(stiffness, hertz=hertz)
-    off = partials_off(twin, loaded_frequencies(twin.sensor.string, AT, stiffness, 4))
-    assert np.abs(off).max() < 0.06  # measured: 0.014 linear, 0.051 as Hertz has it; 0.013 at 1e7
+def test_string_on_a_hard_spring_sounds_as_the_cotangents_say(*, hertz: bool) -> None:
+    twin = sprung(1e6, hertz=hertz)
+    off = partials_off(twin, loaded_frequencies(twin.sensor.string, AT, 1e6, 4))
+    assert np.abs(off).max() < 0.06  # measured: 0.014 linear, 0.051 as Hertz has it
 
 
 @pytest.mark.parametrize(("stiffness", "most"), [(1e4, 4.5), (1e5, 0.6)])
@@ -83,20 +82,12 @@ def test_string_on_a_soft_spring_is_not_in_the_limit_of_short_steps(stiffness: f
 def test_partials_converge_at_second_order_with_the_same_modes() -> None:
     true = loaded_frequencies(flexible().string, AT, 1e4, 4)
     off: list[Floats] = []
-    for finer in (1, 2, 4, 8):
+    for finer in (2, 4, 8):
         with pytest.MonkeyPatch.context() as patch:
             planned(patch, finer)
             off.append(partials_off(sprung(1e4), true))
-    orders = np.log2((off[1] - off[2]) / (off[2] - off[3]))
+    orders = np.log2((off[0] - off[1]) / (off[1] - off[2]))
     assert orders == pytest.approx(2.0, abs=0.2)
-
-
-def test_hard_touch_parts_the_string_in_two() -> None:
-    # A spring of K lowers a segment by T / (K x) of itself at most: 0.0015 cents here.
-    twin = sprung(1e9)
-    speed = np.sqrt(65.0 / 4e-4)
-    true = np.array([speed / (2.0 * (0.2 - AT)), speed / (2.0 * AT)])
-    assert np.abs(partials_off(twin, true)).max() < 0.05
 
 
 def bounced(finer: int, patch: pytest.MonkeyPatch) -> Twin:
@@ -137,7 +128,7 @@ def exact(twin: Twin) -> ode.ModalMotion:
         k2=3e5,
         beta=0.3,
         residual=float(whole - np.sum(shape**2 / (kept.mass * kept.omega**2))),
-        surface=lambda _: -2e-4,
+        surface=-2e-4,
     )
     bows = [
         ode.ModalEBow(
@@ -193,22 +184,12 @@ def test_free_modes_follow_their_closed_solution() -> None:
     np.testing.assert_allclose(modes(after)[layout.Q], true, atol=1e-12 * np.abs(true).max())
 
 
-def test_padding_stays_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    planned(monkeypatch, 2, count=13)
-    twin = advance(begin(SENSOR, FREE), 500)[1]
-    resting = modes(twin)[layout.OMEGA2_TENSION] == 0.0
-    assert np.sum(resting) == 2 * 3
-    assert np.all(modes(twin)[layout.Q, resting] == 0.0)
-
-
 def test_a_static_push_gives_the_static_compliance() -> None:
     # A uniform acceleration of the frame, held for long: each mode comes to rest at F / (m omega^2).
     def settled(twin: Twin) -> Twin:
         bank = modes(twin).copy()
         bank[layout.DECAY] = 500.0
         return advance(changed(twin, bank=bank), 6000)[1]
-
-    from monochord.physics.twin import Outside
 
     steady = Outside(samples=np.ones(1, np.float32))
     twin = settled(begin(SENSOR, Scene(outside=steady, drivers=(False, False), tension_law="linear")))
@@ -222,18 +203,10 @@ def test_a_static_push_gives_the_static_compliance() -> None:
 def test_a_large_swing_sounds_higher() -> None:
     # One mode of Kirchhoff's string is Duffing's: its tension rises by E A (pi q / (2 L))^2 at q, of
     # which the frequency feels three quarters at the amplitude.
-    from dataclasses import replace
-
-    from tests.physics.twin.built import NONE, QUIET, RATE, cents, frequency
-
-    from monochord.physics.theory import stretch_stiffness
-
     amplitude, string = 2e-3, SENSOR.string
     twin = begin(replace(SENSOR, losses=NONE, pickups=QUIET), Scene(drivers=(False, False)))
     bank = modes(twin).copy()
     bank[layout.Q, 0] = amplitude
-    from tests.physics.twin.built import inside
-
     memory = inside(twin, "memory").copy()
     memory["stretch"] = bank[layout.STRETCH, 0] * amplitude**2
     twin = changed(twin, bank=bank, memory=memory)
@@ -265,10 +238,10 @@ def lossless(name: str, tolerance: float = 1e-8) -> Twin:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_energy_stays_over_ten_seconds(name: str) -> None:
+def test_energy_stays_over_five_seconds(name: str) -> None:
     twin = lossless(name)
     first = energy(twin)
-    for _ in range(20):
+    for _ in range(10):
         twin = advance(twin, RATE // 2)[1]
         assert energy(twin) == pytest.approx(first, rel=1e-6)  # measured: 3e-9 free, 5e-8, 3e-7
 

@@ -12,7 +12,19 @@ from monochord.physics.materials import Material, load_material, material_names
 from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
 from monochord.physics.theory import static_compliance
-from monochord.physics.twin import Ebow, Key, Scene, Sensor, Take, Touch, advance, begin, friction, hold
+from monochord.physics.twin import (
+    Ebow,
+    Key,
+    Scene,
+    Sensor,
+    Take,
+    Touch,
+    advance,
+    begin,
+    friction,
+    hold,
+    roughness,
+)
 
 RATE = 44100
 PLACE = 0.08
@@ -99,8 +111,8 @@ def test_stick_and_slip_follow_the_lateral_stiffness() -> None:
     assert 1.5 <= rates[1] / rates[0] <= 2.7
 
 
-@pytest.mark.parametrize("name", ["plastic", "wood", "metal_tube", "allen_key", "rubber", "foam"])
-@pytest.mark.parametrize("force", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize("name", ["plastic", "metal_tube", "foam"])
+@pytest.mark.parametrize("force", [0.3, 2.0])
 def test_a_touch_at_rest_does_not_slip(name: str, force: float) -> None:
     scene = Scene(touches=(hold(PLACE, force, load_material(name)),))
     take = advance(begin(load_sensor("prototype"), scene), round(0.9 * RATE))[0]
@@ -109,8 +121,8 @@ def test_a_touch_at_rest_does_not_slip(name: str, force: float) -> None:
     assert not take.labels.slip[0, late].any()
 
 
-@pytest.mark.parametrize("name", ["plastic", "wood", "metal_tube", "allen_key", "rubber", "foam"])
-@pytest.mark.parametrize("force", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize("name", ["plastic", "metal_tube", "foam"])
+@pytest.mark.parametrize("force", [0.3, 2.0])
 def test_a_string_that_hops_walks_little_under_a_touch_at_rest(name: str, force: float) -> None:
     take = played(hold(PLACE, force, load_material(name)), 0.9)
     late = slice(round(0.3 * RATE), None)
@@ -120,7 +132,7 @@ def test_a_string_that_hops_walks_little_under_a_touch_at_rest(name: str, force:
     assert abs(take.labels.across[0, late].mean()) < 2e-4
 
 
-@pytest.mark.parametrize("speed", [0.002, -0.005, 0.01, -0.02, 0.03, 0.1, -0.3])
+@pytest.mark.parametrize("speed", [0.002, -0.02, 0.3])
 def test_the_mean_speed_of_sliding_across_is_the_one_commanded(speed: float) -> None:
     scene = Scene(touches=(hold(PLACE, 1.0, load_material("plastic"), across=speed),))
     take = advance(begin(load_sensor("prototype"), scene), round(0.9 * RATE))[0]
@@ -130,7 +142,7 @@ def test_the_mean_speed_of_sliding_across_is_the_one_commanded(speed: float) -> 
     assert take.labels.slip[0, late].mean() > 0.99
 
 
-@pytest.mark.parametrize("speed", [0.005, -0.03, 0.3])
+@pytest.mark.parametrize("speed", [0.005, -0.3])
 def test_sliding_along_is_told_apart_from_rolling(speed: float) -> None:
     seconds = min(0.5, 0.09 / abs(speed))
     begin_at, end_at = 0.1 - 0.5 * speed * seconds, 0.1 + 0.5 * speed * seconds
@@ -228,18 +240,29 @@ def test_roughness_is_heard_the_more_the_faster_and_the_rougher() -> None:
     assert hiss(plain, 0.1, force=2.0) == pytest.approx(hiss(plain, 0.1, force=0.5), rel=0.5)
 
 
-def rumble(samples: np.ndarray) -> float:
-    """Level in dB below half the open string's fundamental, of 1,010 Hz."""
-    power = np.abs(np.fft.rfft(samples * np.hanning(samples.shape[1]))) ** 2
-    frequencies = np.fft.rfftfreq(samples.shape[1], 1.0 / RATE)
-    return float(10.0 * np.log10(power[:, (frequencies >= 20.0) & (frequencies < 505.0)].sum()))
-
-
-@pytest.mark.parametrize("speed", [0.005, 0.03])
-def test_friction_is_heard_the_more_the_harder_the_press(speed: float) -> None:
+def test_friction_is_heard_the_more_the_harder_the_press() -> None:
     def slow(force: float) -> float:
-        take = played(hold(PLACE, force, load_material("plastic"), across=speed), 1.0, ringing=False)
-        return rumble(take.microphones[:, round(0.6 * RATE) :])
+        """Level in dB below half the open string's fundamental, of 1,010 Hz."""
+        take = played(hold(PLACE, force, load_material("plastic"), across=0.03), 1.0, ringing=False)
+        late = take.microphones[:, round(0.6 * RATE) :]
+        power = np.abs(np.fft.rfft(late * np.hanning(late.shape[1]))) ** 2
+        frequencies = np.fft.rfftfreq(late.shape[1], 1.0 / RATE)
+        return float(10.0 * np.log10(power[:, (frequencies >= 20.0) & (frequencies < 505.0)].sum()))
 
     # It pulls mu N: 16 dB more for 6.7 times the press, less what stick and slip do by themselves.
     assert 5.0 < slow(2.0) - slow(0.3) < 25.0
+
+
+def test_heights_have_unit_rms_no_steps_and_seeds_of_their_own() -> None:
+    places = np.random.default_rng(2).uniform(-1e4, 1e4, (4000, 2))
+    heights = np.array([roughness.height(3, x, y) for x, y in places])
+    assert np.sqrt(np.mean(heights**2)) == pytest.approx(1.0, abs=0.06)
+    near = np.array([roughness.height(3, x + 1e-5, y) for x, y in places[:500]])
+    assert np.abs(near - heights[:500]).max() < 1e-3
+    for zoom in (1.0, 0.5, 2.0):  # octaves of neighbouring seeds are no copies of each other
+        other = [roughness.height(4, zoom * x, zoom * y) for x, y in places]
+        assert abs(np.corrcoef(heights, other)[0, 1]) < 0.08
+    apart = [roughness.height(3, x + 3.0, y) for x, y in places]  # and a surface forgets within some lengths
+    assert abs(np.corrcoef(heights, apart)[0, 1]) < 0.12
+    seeds = {int(roughness.surface_seed(seed, touch)) for seed in range(40) for touch in range(8)}
+    assert len(seeds) == 320

@@ -172,7 +172,7 @@ def test_the_ideal_world_is_the_design_with_its_tolerances() -> None:
     assert sensor_of(DESIGN, "plausible", build=2).string == build(DESIGN, 2).string
     assert plausible_touch(PRESS, 1, only()) == PRESS
     wrong: Any = "real"
-    with pytest.raises(InputError, match="world 'real'"):
+    with pytest.raises(InputError, match="real"):
         sensor_of(DESIGN, wrong)
 
 
@@ -187,7 +187,7 @@ def test_what_a_touch_states_it_keeps() -> None:
 
 @pytest.mark.parametrize("name", sensor_names())
 def test_every_design_can_be_built_in_it(name: str) -> None:
-    for seed in range(40):
+    for seed in range(10):
         sensor = sensor_of(load_sensor(name), "plausible", build=seed, day=seed)
         assert open_frequency(sensor.string) > 0.0  # refused otherwise, as it is made
 
@@ -210,7 +210,7 @@ def test_every_design_can_be_touched_in_it(name: str) -> None:
 
 def test_presses_in_it_are_what_was_asked_for() -> None:
     # Ends, magnets and mounts that yield leave the force at rest within some percent.
-    for seed in range(6):
+    for seed in range(3):
         sensor = sensor_of(DESIGN, "plausible", build=seed, day=seed)
         pressed = plausible_touch(PRESS, seed)
         twin = begin(sensor, Scene(touches=(pressed,), drivers=(False, False)), seed=seed)
@@ -219,7 +219,7 @@ def test_presses_in_it_are_what_was_asked_for() -> None:
 
 
 def test_preamplifiers_are_turned_down_for_the_louder_driver() -> None:
-    for seed in range(8):
+    for seed in range(4):
         sensor = plausible_build(DESIGN, seed, only("level"))
         louder = max(1.0, *(driver.level for driver in sensor.drivers))
         assert sensor.pickups.gain == pytest.approx([gain / louder for gain in DESIGN.pickups.gain])
@@ -228,7 +228,7 @@ def test_preamplifiers_are_turned_down_for_the_louder_driver() -> None:
 
 
 def test_an_untouched_string_sounds_in_it_and_at_its_pitch() -> None:
-    for seed in range(4):
+    for seed in range(2):
         sensor = sensor_of(DESIGN, "plausible", build=seed, day=seed)
         pluck = Pluck(position=0.2 * sensor.string.length, height=1e-4)
         sound = advance(begin(sensor, Scene(pluck=pluck, drivers=(False, False))), 8820)[0].microphones[0]

@@ -25,9 +25,9 @@ def test_it_is_found_by_its_entry_points(
     monkeypatch.delenv("MONOCHORD_YAMNET", raising=False)
     monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path))
     assert run(["weights", "check", "yamnet"]) == 2
-    assert "'monochord weights get yamnet', or name the file in MONOCHORD_YAMNET" in capsys.readouterr().err
+    assert "MONOCHORD_YAMNET" in capsys.readouterr().err
     assert run(["weights", "export", "yamnet", "--out", str(tmp_path / "x.onnx")]) == 2
-    assert "weights 'yamnet' as an ONNX file: allowed is ast" in capsys.readouterr().err
+    assert "yamnet" in capsys.readouterr().err
 
 
 @pytest.mark.slow
