@@ -89,22 +89,17 @@ def test_it_notes_that_the_server_went(jack_server: Any, noise: np.ndarray) -> N
 
 
 @pytest.mark.parametrize(
-    ("shape", "rate", "line"),
-    [
-        ((2, 0), RATE, r"samples of shape \(2, 0\): allowed is \(channels, n\)"),
-        ((10,), RATE, "allowed is"),
-        ((2, 9), 48000, "samples at 48000 Hz: allowed is the JACK server's 44100 Hz; resample"),
-    ],
+    ("shape", "rate", "given"), [((2, 0), RATE, r"\(2, 0\)"), ((10,), RATE, "10"), ((2, 9), 48000, "48000")]
 )
 def test_what_cannot_be_played_is_refused(
-    jack_server: Any, shape: tuple[int, ...], rate: int, line: str
+    jack_server: Any, shape: tuple[int, ...], rate: int, given: str
 ) -> None:
-    with pytest.raises(InputError, match=line):
+    with pytest.raises(InputError, match=given):
         Player(np.zeros(shape, np.float32), rate, server=jack_server.name)
 
 
 def test_an_input_that_is_not_there_is_refused(jack_server: Any, noise: np.ndarray) -> None:
-    with pytest.raises(DeviceError, match="JACK port recorder:in_1: no such input"):
+    with pytest.raises(DeviceError, match="recorder:in_1"):
         Player(noise, RATE, server=jack_server.name, connect=("recorder:in_1",))
 
 

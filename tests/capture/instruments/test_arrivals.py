@@ -16,7 +16,7 @@ def test_stamps_become_monotonic_times() -> None:
     assert np.allclose(convert(STAMPS, (1000.0, 1000.0), 10.0, 10.01), STAMPS - 1000.0)
 
 
-@pytest.mark.parametrize("step", [HOUR, -HOUR, 0.5, -0.5])
+@pytest.mark.parametrize("step", [HOUR, -0.5])
 def test_of_a_clock_that_was_set_each_stamp_is_read_by_the_offset_of_its_moment(step: float) -> None:
     set_between = STAMPS + np.array([0.0, step, step])
     assert np.allclose(convert(set_between, (1000.0 + step, 1000.0), 10.0, 10.01), STAMPS - 1000.0)
