@@ -21,7 +21,7 @@ RATE, SIZE = 44100, 4410
 SIGNAL = Signal(sample_rate=RATE, channels=2, string=load_sensor("prototype").string)
 
 
-@pytest.mark.parametrize("hop", ["0.05", "0.001"])
+@pytest.mark.parametrize("hop", ["0.05", pytest.param("0.001", marks=pytest.mark.slow)])
 def test_it_says_over_jack_what_it_says_of_the_file(
     jack_server: Any, play: Any, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], hop: str
 ) -> None:

@@ -99,8 +99,7 @@ def test_a_server_that_comes_back_at_another_rate_ends_it(
     jack_server.restart(48000)
     summary = recorder.end()
     assert recorder.process.returncode == 2
-    assert "came back at 48000 Hz" in recorder.shown.splitlines()[-1]
-    assert summary["stopped"] == "the source failed"
+    assert "48000 Hz" in summary["failure"]
     session = sound_session(recorder.out)
     assert session.audio.samples.shape[1] == summary["frames"] + summary["dropped"] > 0.3 * RATE
     assert "failed" in {event.kind for event in session.events}

@@ -43,7 +43,3 @@ def test_times_never_go_back_and_never_beyond_now(monkeypatch: pytest.MonkeyPatc
         times = arrivals.times(np.array([time.time(), time.time()]))
         assert last <= times[0] <= times[1] <= time.monotonic()
         last = times[1]
-
-
-def test_no_stamps_are_no_times() -> None:
-    assert Arrivals().times(np.zeros(0)).size == 0

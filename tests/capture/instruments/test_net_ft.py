@@ -149,20 +149,6 @@ def test_a_wall_clock_set_by_an_hour_moves_no_reading(monkeypatch: pytest.Monkey
     assert got.time[-1] <= now
 
 
-def test_stamps_of_a_clock_that_nobody_knows_become_the_time_of_the_poll(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    true = _arrivals.clock_offsets
-    with NetFtDevice(RAMP) as device, sensor(device).open() as connection:
-        connection.poll()
-        monkeypatch.setattr(_arrivals, "clock_offsets", lambda: {"realtime": true()["realtime"] - 3600.0})
-        connection.poll()
-        before = time.monotonic()
-        time.sleep(0.05)
-        (got,) = connection.poll()
-        assert np.all((got.time >= before) & (got.time <= time.monotonic()))
-
-
 def test_garbage_and_strangers_are_passed_over() -> None:
     with NetFtDevice(RAMP) as device, sensor(device).open() as connection:
         client = device._client

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.capture.instruments.pose_csv import PoseCsv
-from monochord.core.errors import DeviceError, InputError
+from monochord.core.errors import InputError
 from monochord.core.types import Floats
 
 
@@ -225,13 +225,5 @@ def test_a_file_without_its_columns_is_refused(file: Path) -> None:
     with (
         pytest.raises(InputError, match="z"),
         PoseCsv(path=str(file)).open(),
-    ):
-        pass
-
-
-def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
-    with (
-        pytest.raises(DeviceError, match=r"none\.csv"),
-        PoseCsv(path=str(tmp_path / "none.csv")).open(),
     ):
         pass

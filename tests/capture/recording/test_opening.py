@@ -46,7 +46,7 @@ def interrupted(process: "subprocess.Popen[str]", number: signal.Signals) -> Non
     assert process.poll() is None
     process.send_signal(number)
     try:
-        printed, shown = process.communicate(timeout=20)  # the devices would take a minute
+        printed, shown = process.communicate(timeout=45)  # the devices would take a minute
     finally:
         process.kill()
     assert process.returncode == 130

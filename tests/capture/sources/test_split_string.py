@@ -1,6 +1,5 @@
 """The simulated string as a source."""
 
-import threading
 import time
 from typing import Any
 
@@ -28,22 +27,6 @@ def truths(at: list[tuple[float, float]], **options: Any) -> list[Truth]:
     with SplitStringSource(speed=0.0, **options).open() as stream:
         assert sum(block.samples.shape[1] for block in stream) > 0
         return [stream.truth(round(a * RATE), round(b * RATE)) for a, b in at]
-
-
-def test_blocks_follow_one_another_to_the_end() -> None:
-    with SplitStringSource(speed=0.0, duration=0.05, block=1000).open() as stream:
-        blocks = list(stream)
-        assert [b.start for b in blocks] == [0, 1000, 2000]
-        assert [b.samples.shape for b in blocks] == [(2, 1000), (2, 1000), (2, 205)]
-        assert all(b.samples.dtype == np.float32 and b.dropped == 0 for b in blocks)
-        assert (stream.health.frames, stream.pending) == (2205, 0)
-        assert (stream.signal.channels, stream.signal.sample_rate) == (2, RATE)
-        assert stream.signal.string is not None
-
-
-def test_the_size_of_blocks_does_not_matter() -> None:
-    options: dict[str, Any] = {"duration": 0.2, "script": (ScriptedTouch(start=0.1234567, position=0.3),)}
-    assert audio(block=333, **options).tobytes() == audio(block=4096, **options).tobytes()
 
 
 def test_a_seed_fixes_everything_and_another_changes_it() -> None:
@@ -109,12 +92,6 @@ def test_a_reader_that_dawdles_sees_what_is_pending() -> None:
         assert stream.pending % 256 == 0
 
 
-def test_closing_from_another_thread_ends_the_wait() -> None:
-    with SplitStringSource(speed=0.001).open() as stream:
-        threading.Timer(0.1, stream.close).start()
-        assert list(stream) == []
-
-
 @pytest.mark.parametrize("preset", ["prototype", "bass_100"])
 def test_every_string_has_about_the_given_level(preset: str) -> None:
     sound = audio(preset=preset, level=0.1, duration=1.0, script=(ScriptedTouch(start=5.0, position=0.1),))
@@ -153,7 +130,7 @@ def test_options_that_cannot_be_used_are_refused(options: dict[str, Any], given:
 def harmonics(strike: float) -> list[float]:
     """Which harmonic each side sounds at, over some touches."""
     ratios: list[float] = []
-    with SplitStringSource(speed=0.0, duration=6.0, seed=3, strike=strike, block=4410).open() as stream:
+    with SplitStringSource(speed=0.0, duration=15.0, seed=3, strike=strike, block=4410).open() as stream:
         string = stream.signal.string
         assert string is not None
         for block in stream:
@@ -167,6 +144,6 @@ def harmonics(strike: float) -> list[float]:
 
 def test_a_struck_string_sounds_at_its_fundamentals_and_a_stroked_one_as_history_has_it() -> None:
     struck, stroked = harmonics(3.0), harmonics(0.0)
-    assert len(struck) > 20
+    assert len(struck) > 50
     assert struck == pytest.approx([1.0] * len(struck), abs=0.01)
     assert max(stroked) > 1.9

@@ -93,20 +93,6 @@ def test_the_sound_is_that_of_the_touch() -> None:
     assert number / np.round(number) == pytest.approx([1.0, 1.0], abs=0.03)
 
 
-def test_the_size_of_blocks_does_not_matter() -> None:
-    options: dict[str, Any] = {
-        "duration": 0.3,
-        "script": (ScriptedTouch(start=0.1234567, position=0.09, seconds=0.07),),
-    }
-    ranges = [(0.1, 0.15), (0.15, 0.2), (0.25, 0.3)]
-    (sound, truth), (other, other_truth) = (
-        play(ranges, block=61, **options),
-        play(ranges, block=4096, **options),
-    )
-    assert sound.tobytes() == other.tobytes()
-    assert truth == other_truth
-
-
 def test_a_seed_fixes_everything_and_another_changes_it() -> None:
     options: dict[str, Any] = {"duration": 1.0, "hold": 0.5}
     first, again, other = (play(seed=seed, **options)[0] for seed in (1, 1, 2))

@@ -1,4 +1,3 @@
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -106,12 +105,6 @@ def test_a_late_reader_sees_what_is_pending(tmp_path: Path) -> None:
         assert 0.08 * RATE < stream.pending < RATE
         assert stream.pending % 512 == 0
         reader.close()  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def test_close_ends_the_wait_from_another_thread(tmp_path: Path) -> None:
-    with Wav(path=write(tmp_path / "a.wav", noise(RATE)), speed=0.01).open() as stream:
-        threading.Timer(0.1, stream.close).start()
-        assert list(stream) == []
 
 
 def cut(path: Path, part: float) -> Path:
