@@ -59,26 +59,6 @@ def test_it_ends_before_the_disk_is_full(
     assert disk.f_bavail * disk.f_frsize > DISK_SIZE // 4
 
 
-@pytest.mark.slow
-def test_a_warning_comes_before_that(
-    start_recorder: Callable[..., Any], fast: list[str], small_disk: Path
-) -> None:
-    free = ["--set", "disk.start=0", "--set", "disk.stop=0", "--set", "disk.warn=1e9", "--seconds", "30"]
-    slow = ["--set", "source.speed=4"]
-    recorder = start_recorder(*fast, *slow, *free, out=small_disk / "take.mcap")
-    summary = recorder.end()
-    assert summary["flags"]["disk_low"] == 1
-
-
-def test_a_disk_with_too_little_space_is_refused(
-    start_recorder: Callable[..., Any], fast: list[str], small_disk: Path
-) -> None:
-    recorder = start_recorder(*fast, out=small_disk / "take.mcap")
-    recorder.process.communicate(timeout=60)
-    assert recorder.process.returncode == 2
-    assert not recorder.out.exists()
-
-
 @pytest.mark.parametrize("limit", [5_300_000, 6_123_457])
 @pytest.mark.slow
 def test_a_limit_on_the_size_of_files_ends_it_cleanly(
@@ -91,6 +71,7 @@ def test_a_limit_on_the_size_of_files_ends_it_cleanly(
     assert read_session(recorder.out).complete
 
 
+@pytest.mark.slow
 def test_a_limit_too_low_for_a_session_is_refused(
     start_recorder: Callable[..., Any], fast: list[str]
 ) -> None:

@@ -166,8 +166,12 @@ def test_setting_the_wall_clock_is_recorded_and_moves_nothing(
     assert np.all(np.diff(session.audio.anchor_time) > 0.0)
 
 
-def slept(recorder: Any, seconds: float, sound: Path) -> None:
-    """Stop a recorder for a while, as a machine's sleep does, and look at what it makes of that."""
+@pytest.mark.real_time
+def test_a_machine_that_sleeps_loses_only_what_came_meanwhile(
+    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path
+) -> None:
+    """It is stopped, as a machine's sleep does; the network keeps more than two of the seconds."""
+    recorder, seconds = start_recorder(*paced(sound), *net_ft), 5.0
     recorder.wait_for_bytes(600_000)
     recorder.process.send_signal(signal.SIGSTOP)
     before = recorder.out.read_bytes()
@@ -186,19 +190,3 @@ def slept(recorder: Any, seconds: float, sound: Path) -> None:
     assert wrench.missing > 0
     assert summary["instruments"]["net_ft"]["missing"] == wrench.missing
     assert summary["flags"]["missing"] >= 1
-
-
-@pytest.mark.real_time
-def test_a_machine_that_sleeps_loses_only_what_came_meanwhile(
-    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path
-) -> None:
-    slept(start_recorder(*paced(sound), *net_ft), 5.0, sound)  # the network keeps more than two of them
-
-
-@pytest.mark.slow
-@pytest.mark.real_time
-@pytest.mark.timeout(300)
-def test_a_machine_that_sleeps_for_a_minute(
-    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path
-) -> None:
-    slept(start_recorder(*paced(sound), *net_ft), 60.0, sound)

@@ -117,6 +117,7 @@ def test_rclpy_subscribes_to_a_live_sensor() -> None:
         assert TYPE_HASHES[name].removeprefix("RIHS01_") in seen.lower()
 
 
+@pytest.mark.slow
 def test_the_node_of_the_ros_package_publishes_below_its_name() -> None:
     """The node runs under rclpy and starts Monochord in the environment of this test."""
     touch = "source.script=[{start = 0.3, position = 0.08, force = 1.0}]"

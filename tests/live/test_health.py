@@ -216,13 +216,6 @@ def test_a_new_touch_settles() -> None:
         assert keys(notes) == expected
 
 
-def test_notes_come_in_the_order_in_which_they_began_and_keep_it() -> None:
-    sound = np.concatenate([STRING[:, :RATE], clipped(STRING)], axis=1)
-    notes = watched(sound, "one driver seems silent")
-    assert keys(notes[-1]) == ["driver_silent", "clipping"]
-    assert notes[-1][0].since < notes[-1][1].since
-
-
 def lived(sound: Audio, folder: Path) -> list[Moment]:
     """Return the moments of a recording that the bundled model reads."""
     soundfile.write(folder / "sound.wav", sound.T, RATE, subtype="FLOAT")

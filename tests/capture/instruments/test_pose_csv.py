@@ -47,12 +47,6 @@ def test_a_line_that_was_begun_before_the_opening_is_read_once_complete(file: Pa
         assert connection.health.faulty == 0
 
 
-def test_from_the_start_what_is_there_counts_too(file: Path) -> None:
-    with PoseCsv(path=str(file), from_start=True).open() as connection:
-        (got,) = connection.poll()
-    assert got.values[0, 0] == 9.0
-
-
 def test_columns_are_read_by_name_with_the_orientation(tmp_path: Path) -> None:
     path = tmp_path / "pose.csv"
     path.write_bytes(b"\xef\xbb\xbfmode, QW, qx,qy,qz, z,y,x,time\r\nauto,0.8,0,0,0.6,3,2,1,7\r\n")

@@ -63,22 +63,17 @@ def test_labels_keep_their_columns_times_and_blanks(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "table", ["time;contact\r\n0.1;1\r\n", "\ufefftime\tcontact\n0.1\t1\n", " time , contact \n0.1, 1\n"]
-)
-def test_other_spreadsheets_are_read_too(tmp_path: Path, table: str) -> None:
-    sound(tmp_path / "a.wav")
-    np.testing.assert_array_equal(imported(tmp_path / "a.wav", table).labels.columns["contact"], [1.0])
-
-
-@pytest.mark.parametrize(
     "table",
     [
-        ",time,position\n0,0.1,0.05\n1,0.2,0.06\n",
+        "\ufefftime\tposition\r\n0.1\t0.05\r\n0.2\t0.06\r\n",
+        " time , position \n0.1, 0.05\n0.2, 0.06\n",
         "Unnamed: 0;time;position\n7;0.1;0.05\n3;0.2;0.06\n",
         ",Unnamed: 0,time,position\n0,0,0.1,0.05\n1,1,0.2,0.06\n",
     ],
 )
-def test_row_numbers_of_pandas_are_no_label(tmp_path: Path, table: str) -> None:
+def test_tables_of_spreadsheets_and_of_pandas_with_its_row_numbers_are_read(
+    tmp_path: Path, table: str
+) -> None:
     sound(tmp_path / "a.wav")
     labels = imported(tmp_path / "a.wav", table).labels
     assert {name: column.tolist() for name, column in labels.columns.items()} == {"position": [0.05, 0.06]}
@@ -131,16 +126,6 @@ def test_a_recorded_session_gets_labels(tmp_path: Path) -> None:
     assert session.labels.columns["force"][30] == 1.5
     with pytest.raises(InputError, match=r"b\.mcap"):
         from_files(session.path, table, tmp_path / "c.mcap")
-
-
-def test_many_labels_lie_between_the_audio(tmp_path: Path) -> None:
-    sound(tmp_path / "a.wav")
-    lines = [f"{n / 1000},{n % 2}" for n in range(1000)]
-    session = imported(tmp_path / "a.wav", "\n".join(["time,contact", *lines]))
-    np.testing.assert_array_equal(session.labels.columns["contact"], np.arange(1000) % 2)
-    stamps = [message.log_time for message in session.messages("/labels")]
-    assert len(stamps) > 5
-    assert stamps == sorted(stamps)
 
 
 def test_the_description_is_imported(tmp_path: Path) -> None:

@@ -98,37 +98,6 @@ def test_clipped_samples_and_nan_are_stored_and_reported(make_job: Any, tmp_path
     assert dict(summary.flags) == {"clipping": 1, "nan": 1}
 
 
-def test_a_force_sensor_that_falls_silent_is_flagged_and_the_rest_goes_on(make_job: Any, force: Any) -> None:
-    device, instrument = force(silence=(0.2, 1.0))
-    device.begin_at(time.monotonic())
-    summary, session = recorded(make_job(instruments={"net_ft": instrument}, seconds=1.4))
-    assert (summary.dropped, summary.failure) == (0, "")
-    assert summary.frames > 1.2 * RATE
-    (silent,) = [event for event in session.events if event.kind == "silent"]
-    (back,) = [event for event in session.events if event.kind == "back"]
-    assert silent.data["stream"] == back.data["stream"] == "net_ft"
-    assert back.data["seconds"] == pytest.approx(0.8, abs=0.3)
-    wrench = session.readings("wrench")
-    hole = np.argmax(np.diff(wrench.time))
-    assert np.diff(wrench.time)[hole] == pytest.approx(0.8, abs=0.3)
-    assert wrench.time[hole] < silent.time < back.time < wrench.time[-1]
-    assert summary.flags["silent"] == 1
-    assert summary.instruments["net_ft"].readings == len(wrench.time)
-
-
-def test_a_latched_status_is_an_event_and_stays_with_its_readings(make_job: Any, force: Any) -> None:
-    device, instrument = force(fault_after=0.2, fault_status=0x80010000)
-    device.begin_at(time.monotonic())
-    summary, session = recorded(make_job(instruments={"net_ft": instrument}, seconds=0.5))
-    wrench = session.readings("wrench")
-    faulty = wrench.status != 0
-    assert np.all(wrench.status[faulty] == 0x80010000)
-    assert summary.instruments["net_ft"].faulty == np.count_nonzero(faulty) > 50
-    faults = [event for event in session.events if event.kind == "fault"]
-    assert sum(event.data["count"] for event in faults) == np.count_nonzero(faulty)
-    assert faults[0].data["status"] == 0x80010000
-
-
 def test_a_disk_that_cannot_keep_up_loses_nothing_of_a_patient_source(make_job: Any, sound: Path) -> None:
     # The queue has space for one block only, and is emptied ten times a second.
     job = make_job(queue_bytes=1, seconds=0.8, source={"block": 512})

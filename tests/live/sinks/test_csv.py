@@ -6,11 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
-from tests.live.sinks.killed import killed
 from tests.live.sinks.made import SIGNAL, moment
 
-from monochord.core.errors import InputError
 from monochord.core.types import Estimate
 from monochord.live.events import Event
 from monochord.live.health import Note
@@ -93,19 +90,3 @@ def test_numbers_survive_exactly(tmp_path: Path) -> None:
     values = np.random.default_rng(2).standard_normal(50)
     moments = [moment({"position": Estimate(value=np.float64(v), std=math.inf, unit="m")}) for v in values]
     assert [float(row["position"]) for row in rows(tmp_path / "out.csv", *moments)] == values.tolist()
-
-
-def test_a_kill_loses_less_than_a_second(recording: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.csv"
-    last = killed(recording, f"csv={out}", windows=150)
-    text = out.read_text(encoding="utf-8")
-    assert text.endswith("\n")
-    written = list(csv.DictReader(text.splitlines(), strict=True))
-    assert float(written[-1]["time"]) > last - 1.0
-    assert {len(row) for row in written} == {len(written[0])}
-
-
-@pytest.mark.parametrize("place", ["/no/such/folder/out.csv", "/"])
-def test_a_place_that_cannot_be_written_is_refused(place: str) -> None:
-    with pytest.raises(InputError, match=place), Csv(path=place).open(Run(signal=SIGNAL)):
-        pass

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
-from tests.live.sinks.killed import killed
 
 from monochord.core.errors import InputError
 from monochord.core.types import Block, Estimate, Prediction, Signal, StreamHealth
@@ -131,14 +130,6 @@ def test_what_is_known_to_be_true_and_followed_is_beside_it(tmp_path: Path) -> N
 
 def test_a_session_without_a_window_is_a_whole_one(tmp_path: Path) -> None:
     assert written(tmp_path / "a.mcap", []).audio.samples.shape[1] == 0
-
-
-def test_a_kill_loses_less_than_a_second(recording: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.mcap"
-    last = killed(recording, f"mcap={out}", windows=200)
-    session = read_session(out)
-    assert session.readings("estimates").time[-1] > last - 1.0
-    assert session.audio.samples.shape[1] > (last - 1.0) * RATE
 
 
 def test_it_plays_again_through_the_same_loop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

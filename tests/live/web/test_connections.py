@@ -111,6 +111,10 @@ with Server(token="right") as server:
             client.sendall(b"GET / HTTP/1.1\\r\\nHost: 127.0.0.1\\r\\nCookie: monochord=right\\r\\n\\r\\n")
             return client.recv(15)
     print(ask())
+    with socket.create_connection(("127.0.0.1", server.port), 10) as client:  # what is no HTTP prints nothing
+        client.sendall(b"no http\\r\\n\\r\\n")
+        while client.recv(4096):
+            pass
     asked = [socket.socket() for _ in range(20)]
     files = []
     try:
