@@ -29,7 +29,7 @@ REAL_TIME = (
     "benchmarks/test_live.py", "benchmarks/test_recording.py", "benchmarks/test_strings.py",
     "capture/dds", "capture/instruments/test_arrivals.py", "capture/instruments/test_net_ft.py",
     "capture/instruments/test_opening.py", "capture/instruments/test_pose_dds.py",
-    "capture/instruments/test_pose_udp.py", "capture/jack/test_arena.py", "capture/jack/test_client.py",
+    "capture/instruments/test_pose_udp.py", "capture/jack/test_client.py",
     "capture/recording/test_loop.py", "capture/recording/test_opening.py",
     "capture/recording/test_pumps.py", "capture/sources/test_jack.py",
     "capture/sources/test_soundcard.py", "e2e/faults", "e2e/test_jack.py", "e2e/test_live_jack.py",

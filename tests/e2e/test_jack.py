@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
 import soundfile
 from tests.waiting import wait_for
@@ -271,21 +270,3 @@ def test_a_server_too_slow_is_refused(jack_server: Any) -> None:
     jack_server.restart(rate=8000)
     with pytest.raises(InputError, match="8000"), Jack(server=jack_server.name).open():
         pass
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(300)
-@pytest.mark.parametrize("jack_server", [64], indirect=True)
-def test_a_minute_of_capture_takes_no_more_memory(jack_server: Any) -> None:
-    process, sizes = psutil.Process(), list[int]()
-    frames = 0
-    with Jack(server=jack_server.name).open() as stream:
-        for block in stream:
-            frames += block.samples.shape[1]
-            if block.start // RATE > len(sizes):
-                sizes.append(process.memory_info().rss)
-            if block.start > 60 * RATE:
-                break
-        assert stream.health.dropped == 0
-    assert frames > 60 * RATE
-    assert max(sizes[10:]) - sizes[10] < 1 << 20

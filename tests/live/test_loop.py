@@ -318,12 +318,6 @@ def test_a_moment_has_what_the_estimator_knows_of_the_string() -> None:
     assert {m.condition for m in keep.seen} == {None}
 
 
-@pytest.mark.parametrize(("speed", "paced"), [(0.0, False), (20.0, True)])
-def test_a_stream_says_whether_a_clock_paces_it(speed: float, *, paced: bool) -> None:
-    with SOURCES.build("split_string", {"speed": speed}).open() as stream:
-        assert stream.paced is paced
-
-
 def scheduled() -> tuple[int, int]:
     return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
 

@@ -73,13 +73,6 @@ def test_repeating_runs_on_without_a_seam(tmp_path: Path, block: int) -> None:
     assert all(b.samples.shape[1] == block for b in got[:-1])
 
 
-def test_repeating_without_end_goes_on(tmp_path: Path) -> None:
-    with Wav(path=write(tmp_path / "a.wav", noise(100)), repeat=0).open() as stream:
-        for block in stream:
-            if block.start > 100_000:
-                break
-
-
 def test_real_time_pace_with_stamps(tmp_path: Path) -> None:
     file = write(tmp_path / "a.wav", noise(RATE // 2))
     began = time.monotonic()

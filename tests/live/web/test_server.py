@@ -2,7 +2,6 @@
 
 import http.client
 import json
-import re
 import socket
 import struct
 import threading
@@ -22,14 +21,13 @@ from websockets.sync.client import ClientConnection, connect
 from monochord.capture.sources.base import Controls, Setting
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
-from monochord.live.delivery import Delivery
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Moment, Writer
 from monochord.live.sinks.base import Run as SinkRun
 from monochord.live.web import messages
-from monochord.live.web.server import MAX_CLIENTS, MAX_MESSAGE, PAGE, RATE, Server
+from monochord.live.web.server import MAX_MESSAGE, PAGE, RATE, Server
 from monochord.perception.estimators.base import Condition
 from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.sessions import read_session
@@ -216,8 +214,9 @@ def test_where_a_token_is_needed_none_or_a_wrong_one_is_refused() -> None:
 
 
 def test_beyond_this_machine_there_is_always_a_token(capsys: pytest.CaptureFixture[str]) -> None:
-    with SINKS.build("web", {"at": "0.0.0.0:0"}).ahead():
-        assert len(capsys.readouterr().out.strip().partition("?token=")[2]) > 16
+    for options in ({"at": "0.0.0.0:0"}, {"allow_host": ["lab"]}):
+        with SINKS.build("web", options).ahead():
+            assert len(capsys.readouterr().out.strip().partition("?token=")[2]) > 16
     with SINKS.build("web", {"stderr": True}).ahead():
         told = capsys.readouterr()
         assert told.out == ""
@@ -314,6 +313,9 @@ def test_what_a_page_asks_is_done_and_what_is_nonsense_is_counted() -> None:
             messages_of(client, "never")
         with live(server) as another:
             messages_of(another, "moment")
+    with running() as (server, _), live(server) as client:  # nothing can be touched here
+        client.send('{"do":"release"}')
+        wait_for(lambda: server.counts["ignored"] == 1)
 
 
 def told(client: ClientConnection, condition: Any) -> dict[str, Any]:
@@ -352,16 +354,6 @@ def test_a_recording_that_cannot_be_made_is_said_and_the_page_goes_on(tmp_path: 
         messages_of(client, "moment", 3)
 
 
-def test_a_tuning_that_hears_no_string_says_so(tmp_path: Path) -> None:
-    with running(folder=tmp_path) as (server, _), live(server) as client:
-        client.send('{"do":"tune"}')
-        assert told(client, lambda tasks: "guided" in tasks)["guided"]["name"] == "tuning"
-        told(client, lambda tasks: tasks["lines"])
-        client.send('{"do":"cancel"}')
-        told(client, lambda tasks: not tasks["lines"])
-    assert not [*tmp_path.iterdir()]
-
-
 def test_a_page_chooses_among_strings_for_itself() -> None:
     with (
         Server(port=free(), first="ring") as server,
@@ -384,27 +376,6 @@ def test_a_page_chooses_among_strings_for_itself() -> None:
         assert {each["string"] for each in messages_of(client, "moment", 10)} == {"thumb"}
         assert {each["string"] for each in messages_of(other, "moment", 10)} == {"ring"}
         assert server.counts["ignored"] == 1
-
-
-def test_the_sink_shows_every_string_of_a_run(capsys: pytest.CaptureFixture[str]) -> None:
-    sink = SINKS.build("web", {"string": "ring"})
-    strings = {"thumb": SIGNAL, "ring": replace(SIGNAL, channels=1)}
-    with Delivery([sink], SinkRun(signal=SIGNAL, strings=strings), paced=True) as delivery:
-        (port,) = re.findall(r"127.0.0.1:(\d+)/", capsys.readouterr().out)
-        with connect(f"ws://127.0.0.1:{port}/live", open_timeout=30, close_timeout=0.5) as client:
-            assert messages_of(client, "hello")[0]["channels"] == 1
-            for number in range(300):
-                for name in strings:
-                    delivery.hand_over(replace(moment(number), string=name))
-                time.sleep(0.002)
-            told = messages_of(client, "moment", 3)[-1]
-            assert (told["string"], len(told["strings"])) == ("ring", 2)
-
-
-def test_without_controls_a_touch_is_ignored() -> None:
-    with running() as (server, _), live(server) as client:
-        client.send('{"do":"release"}')
-        wait_for(lambda: server.counts["ignored"] == 1)
 
 
 def test_a_page_that_goes_away_or_falls_silent_lets_go_of_the_string() -> None:
@@ -459,16 +430,6 @@ def test_two_hundred_clients_and_some_that_never_read_delay_nobody() -> None:
         assert run.written - before > 50 * passed  # the run keeps its pace of 100 a second
         assert run.longest < 0.25
         assert run.written - 100 * told[-1]["time"] < 100
-
-
-def test_more_clients_than_may_be_are_refused() -> None:
-    with ExitStack() as stack:
-        server, _ = stack.enter_context(running())
-        for _ in range(MAX_CLIENTS):
-            stack.enter_context(raw_client(server))
-        wait_for(lambda: server.counts["clients"] == MAX_CLIENTS)
-        with pytest.raises(InvalidStatus), live(server):
-            pass
 
 
 def test_it_ends_whoever_is_connected() -> None:
