@@ -1,5 +1,6 @@
 """The page in a real Chromium: it loads without a network, is touched, shows slip, resumes and reconnects."""
 
+import itertools
 import json
 import os
 import pty
@@ -10,7 +11,7 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,6 +138,18 @@ def check_estimated(page: Page, position: float) -> None:
     assert told["tracked"]["position"]["value"] == pytest.approx(position, abs=5e-3)
 
 
+def moved_until(move: Callable[[int], object], condition: Callable[[], object], steps: int = 200) -> int:
+    """Move so many steps to and fro until something is so; return the step at which it is."""
+    deadline = time.monotonic() + 60.0
+    for count in itertools.count(1):
+        step = steps - abs(count % (2 * steps) - steps)
+        move(step)
+        if condition():
+            return step
+        assert time.monotonic() < deadline
+    raise AssertionError
+
+
 def test_a_press_is_estimated_where_it_is_and_a_drag_is_slip(page: Page) -> None:
     string = String(page)
     length = page.ask("monochord.run.length")
@@ -152,12 +165,10 @@ def test_a_press_is_estimated_where_it_is_and_a_drag_is_slip(page: Page) -> None
         1,
         0,
     ]  # truth, and what is decided of contact and slip
-    slid = False
-    for step in range(200):
-        string.mouse("mouseMoved", 0.30 + 0.002 * step)
-        slid = slid or bool(shown(page)["decided"].get("slip"))
-    assert slid
-    place = 0.30 + 0.002 * 199
+    place = 0.30 + 0.002 * moved_until(
+        lambda step: string.mouse("mouseMoved", 0.30 + 0.002 * step),
+        lambda: shown(page)["decided"].get("slip"),
+    )
     page.wait("monochord.moment.decided.slip === false")
     page.wait(f"Math.abs(monochord.moment.truth.position - {place * length}) < 1e-3")
     string.mouse("mouseReleased", place)
@@ -170,11 +181,11 @@ def test_a_drag_across_the_string_is_slip_at_one_place(page: Page) -> None:
     page.ask("document.getElementById('vertical').value = 'across'")
     string.mouse("mousePressed", 0.4)
     page.wait("monochord.moment.truth.contact === 1 && monochord.moment.truth.slip === 0")
-    slid = False
-    for step in range(100):
-        string.mouse("mouseMoved", 0.4, down=2.0 * step)
-        slid = slid or shown(page)["truth"].get("slip") == 1.0
-    assert slid
+    moved_until(
+        lambda step: string.mouse("mouseMoved", 0.4, down=2.0 * step),
+        lambda: shown(page)["truth"].get("slip") == 1.0,
+        steps=100,
+    )
     page.wait("monochord.moment.truth.slip === 0")
     told = shown(page)["truth"]
     assert told["position"] == pytest.approx(0.4 * page.ask("monochord.run.length"), abs=1e-3)
@@ -192,7 +203,7 @@ def test_it_is_touched_with_keys(page: Page) -> None:
     page.ask("monochord.view.canvas.focus()")
     press(" ")
     page.wait("monochord.moment.decided.contact && monochord.moment.truth.contact === 1")
-    assert "not" not in page.ask("monochord.view.canvas.getAttribute('aria-valuetext')")
+    page.wait("!monochord.view.canvas.getAttribute('aria-valuetext').startsWith('not')")
     press("Escape")
     page.wait("monochord.moment.truth.contact === 0")
 
@@ -241,8 +252,9 @@ def test_the_pitch_that_is_followed_is_shown(page: Page) -> None:
     choose(page, "tuning", "+3 %")
     pitch = f"(1 + (monochord.moment.pitch.deviation ?? -1)) / {before}"
     page.wait(f"Math.abs({pitch} - 1.03) < 0.005")
-    words = page.ask("document.getElementById('pitch').textContent")
-    hertz, _, cents, known = (float(number) for number in re.findall(r"[\d.]+", words))
+    numbers = "document.getElementById('pitch').textContent.match(/[\\d.]+/g)"
+    page.wait(f"({numbers} ?? []).length === 4")
+    hertz, _, cents, known = map(float, page.ask(numbers))
     assert hertz == pytest.approx(1.03 * before * known, rel=0.005)
     assert cents == pytest.approx(1200.0 * np.log2(hertz / known), abs=1.0)
     choose(page, "tuning", "as built")
@@ -286,13 +298,11 @@ def test_a_finger_is_estimated_where_it_is_and_slides(page: Page) -> None:
     string, length = String(page), page.ask("monochord.run.length")
     string.finger("touchStart", 0.30)
     check_estimated(page, 0.30 * length)
-    slid = False
-    for step in range(150):
-        string.finger("touchMove", 0.30 + 0.002 * step)
-        slid = slid or bool(shown(page)["decided"].get("slip"))
-        time.sleep(0.01)
-    assert slid
-    page.wait(f"Math.abs(monochord.moment.truth.position - {(0.30 + 0.002 * 149) * length}) < 1e-3")
+    place = 0.30 + 0.002 * moved_until(
+        lambda step: string.finger("touchMove", 0.30 + 0.002 * step),
+        lambda: shown(page)["decided"].get("slip"),
+    )
+    page.wait(f"Math.abs(monochord.moment.truth.position - {place * length}) < 1e-3")
     string.finger("touchEnd")
     page.wait("monochord.moment.truth.contact === 0 && monochord.moment.decided.contact === false")
     page.size(1200, 900)
