@@ -270,7 +270,7 @@ def test_record_pressed_twice_records_and_stops(page: Page) -> None:
     stop = page.ask(words)  # at once
     page.ask(press)
     assert page.ask(words) != stop
-    page.wait("monochord.moment.tasks.saved && !monochord.moment.tasks.recording")
+    page.wait("monochord.moment.tasks.saved.includes('.mcap') && !monochord.moment.tasks.recording")
 
 
 def test_a_command_that_cannot_be_sent_is_said(tmp_path: Path) -> None:

@@ -216,7 +216,7 @@ def test_a_session_is_recorded_and_the_sensor_is_tuned(page: Page, folder: Path)
     page.wait("monochord.moment.tasks.recording?.seconds > 1")
     assert str(folder) in page.ask("document.getElementById('recorded').textContent")
     click("record")
-    page.wait("monochord.moment.tasks.saved")
+    page.wait("monochord.moment.tasks.saved.includes('.mcap')")
     (session,) = folder.glob("*.mcap")
     assert read_session(session).complete
     click("tune")
