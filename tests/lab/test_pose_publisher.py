@@ -1,9 +1,5 @@
-import json
 import os
-import subprocess
-import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +8,9 @@ from tests.ports import free_ports
 from tests.waiting import wait_for
 
 from monochord.capture.dds.participant import Participant
-from monochord.capture.instruments.base import Connection
 from monochord.capture.instruments.pose_udp import PoseUdp
 from monochord.core.errors import InputError
-from monochord.lab.pose_publisher import PosePublisher, PublisherSettings, write_script
+from monochord.lab.pose_publisher import PosePublisher, PublisherSettings
 
 DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
 POSES = np.array([[1e-3 * k, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0] for k in range(50)])
@@ -24,10 +19,6 @@ POSES = np.array([[1e-3 * k, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0] for k in range(50)])
 @pytest.fixture
 def port() -> int:
     return free_ports(1)[0]
-
-
-def poll_places(connection: Connection) -> list[float]:
-    return [round(x, 6) for part in connection.poll() for x in part.values[:, 0].tolist()]
 
 
 def stamp(message: Any) -> float:
@@ -74,26 +65,6 @@ def test_wrenches_have_a_topic_and_a_rate_of_their_own() -> None:
     poses = sum(begin < stamp(message) <= end for message in received["pose"])
     wrenches_sent = sum(begin < stamp(message) <= end for message in received["wrench"])
     assert poses == pytest.approx(2 * wrenches_sent, abs=1)
-
-
-def test_as_a_process_it_plays_a_script(tmp_path: Path, port: int) -> None:
-    write_script(tmp_path / "robot.npz", {"poses": POSES}, silent_but_udp(port))
-    command = [sys.executable, "-m", "monochord.lab.pose_publisher", str(tmp_path / "robot.npz")]
-    pipe = subprocess.PIPE
-    with (
-        PoseUdp(address=str(port)).open() as connection,
-        subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process,
-    ):
-        assert process.stdin
-        assert process.stdout
-        assert json.loads(process.stdout.readline())["udp"] == f"127.0.0.1:{port}"
-        process.stdin.write(f"{time.monotonic()}\n")
-        process.stdin.flush()
-        places = list[float]()
-        wait_for(lambda: places.extend(poll_places(connection)) or 0.049 in places)
-        process.stdin.close()
-        assert process.wait(60) == 0
-    assert set(places) >= {0.0, 0.048}
 
 
 def test_arrays_of_other_shapes_are_refused() -> None:
