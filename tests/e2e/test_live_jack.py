@@ -66,6 +66,6 @@ def test_positions_are_those_of_offline_while_the_main_thread_is_busy(
     assert (counted("dropped", ended.stderr), counted("gaps", ended.stderr)) == (0, 0)
     assert counted("frames", ended.stderr) >= 1.2 * RATE - 512
     assert counted("windows", ended.stderr) + counted("skipped", ended.stderr) == 111
-    assert len(received) == counted("windows", ended.stderr) > 10
+    assert len(received) == counted("windows", ended.stderr) > 3
     assert received == {moment: expected[moment] for moment in received}
     assert any(line["valid"] for line in received.values())
