@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
@@ -18,12 +17,9 @@ import numpy as np
 import psutil
 import pytest
 import soundfile
-from _pytest.runner import runtestprotocol
 from hypothesis import settings
-from tests.stalls import FAILED_ATTEMPTS, Stalls, watched
 
 from monochord.capture.jack.server import JackServer
-from monochord.evaluation import recordings
 
 # A time limit for each example fails on a machine that is busy, and says nothing of the code.
 settings.register_profile("monochord", deadline=None)
@@ -33,13 +29,13 @@ REAL_TIME = (
     "benchmarks/test_live.py", "benchmarks/test_recording.py", "benchmarks/test_strings.py",
     "capture/dds", "capture/instruments/test_arrivals.py", "capture/instruments/test_net_ft.py",
     "capture/instruments/test_opening.py", "capture/instruments/test_pose_dds.py",
-    "capture/instruments/test_pose_udp.py", "capture/jack/test_arena.py", "capture/jack/test_client.py",
+    "capture/instruments/test_pose_udp.py", "capture/jack/test_client.py",
     "capture/recording/test_loop.py", "capture/recording/test_opening.py",
-    "capture/recording/test_pumps.py", "capture/recording/test_view.py", "capture/sources/test_jack.py",
+    "capture/recording/test_pumps.py", "capture/sources/test_jack.py",
     "capture/sources/test_soundcard.py", "e2e/faults", "e2e/test_jack.py", "e2e/test_live_jack.py",
     "e2e/test_live_model.py", "e2e/test_own_sensor.py", "e2e/test_record_jack.py", "e2e/test_ros.py",
     "e2e/test_soak.py",
-    "live/web/test_commands.py", "studies/test_encoder_speed.py", "studies/test_fdtd.py",
+    "studies/test_encoder_speed.py", "studies/test_fdtd.py",
     "studies/test_feature_speed.py", "studies/test_strings_cost.py", "studies/test_twin_speed.py",
     "lab/test_net_ft_device.py", "lab/test_player.py", "lab/test_pose_publisher.py", "lab/test_real_time.py",
 )  # fmt: skip
@@ -62,47 +58,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path in alone:
             item.add_marker("real_time")
-
-
-WATCHING = pytest.StashKey[Stalls]()
-BEGINS = pytest.StashKey[dict[Path, float]]()
-"""When the first test of a file began, or was tried again."""
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Watch for stalls of the machine, where tests run one at a time."""
-    if not hasattr(config, "workerinput") and not config.getoption("numprocesses", default=None):
-        folder = Path(tempfile.mkdtemp(prefix="monochord-stalls-"))
-        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
-        stack = ExitStack()
-        config.add_cleanup(stack.close)
-        config.stash[BEGINS] = {}
-        config.stash[WATCHING] = stack.enter_context(watched(folder / "stalls"))
-
-
-def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """Try a test in real time again, five times at most, where it failed while this machine stood still."""
-    stalls = item.config.stash.get(WATCHING, None)
-    if stalls is None or not item.get_closest_marker("real_time"):
-        return None
-    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    # A fixture of the module may have measured what a later test looks at.
-    begin = item.config.stash[BEGINS].setdefault(item.path, time.monotonic())
-    reports = runtestprotocol(item, nextitem=nextitem, log=False)
-    for _ in range(FAILED_ATTEMPTS):
-        stall = stalls.longest_since(begin)
-        if stall == 0.0 or not any(report.failed for report in reports):
-            break
-        load = os.getloadavg()[0]
-        print(f"\n{item.nodeid} failed; this machine stood still for {stall:.3f} s, load {load:.1f}: again")  # noqa: T201
-        stalls.wait_for_quiet()
-        item.session._setupstate.teardown_exact(None)  # fixtures of modules may have failed, too
-        begin = item.config.stash[BEGINS][item.path] = time.monotonic()
-        reports = runtestprotocol(item, nextitem=nextitem, log=False)
-    for report in reports:
-        item.ihook.pytest_runtest_logreport(report=report)
-    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
-    return True
 
 
 @contextmanager
@@ -180,17 +135,11 @@ def play(jack_server: JackServer, players: "subprocess.Popen[str]") -> Iterator[
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    """A second and a half of two microphones on a real string where there is one, else of stiff partials."""
-    file, frames = tmp_path / "recording.wav", 3 * RATE // 2
-    folder = recordings.folder()
-    real = sorted(folder.glob("shiny_2ch/*.flac")) if folder else []
-    if real:
-        both = soundfile.read(real[0], frames, dtype="float32", always_2d=True)[0]
-    else:
-        t, rng = np.arange(frames) / RATE, np.random.default_rng(0)
-        partials = [n * 196.0 * np.sqrt(1 + 1e-4 * n * n) for n in range(1, 16)]
-        sound = sum(np.sin(2 * np.pi * f * t) * np.exp(-f * t / 200) / 15 for f in partials)
-        both = np.stack([sound, 0.7 * sound], axis=1) + 1e-3 * rng.standard_normal((frames, 2))
+    """A second and a half of two microphones on a string of stiff partials that die away."""
+    file, t, rng = tmp_path / "recording.wav", np.arange(3 * RATE // 2) / RATE, np.random.default_rng(0)
+    partials = [n * 196.0 * np.sqrt(1 + 1e-4 * n * n) for n in range(1, 16)]
+    sound = sum(np.sin(2 * np.pi * f * t) * np.exp(-f * t / 200) / 15 for f in partials)
+    both = np.stack([sound, 0.7 * sound], axis=1) + 1e-3 * rng.standard_normal((t.size, 2))
     soundfile.write(file, both, RATE, subtype="FLOAT")
     return file
 

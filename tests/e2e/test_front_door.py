@@ -1,9 +1,6 @@
 """What a program types first: import monochord as mc."""
 
 import asyncio
-import subprocess
-import sys
-import time
 from itertools import islice
 from pathlib import Path
 
@@ -37,12 +34,6 @@ def test_every_name_of_the_front_door_is_there() -> None:
         _ = mc.listne  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def test_the_import_is_quick() -> None:
-    code = "import time; t = time.perf_counter(); import monochord; print(time.perf_counter() - t)"
-    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, check=True) for _ in range(3)]
-    assert min(float(run.stdout) for run in runs) < 0.3
-
-
 def test_a_file_is_listened_to_with_the_bundled_model(touched: Path) -> None:
     predictions = list(mc.listen(touched, "demo", string="prototype"))
     assert len(predictions) == 41
@@ -62,10 +53,8 @@ def test_the_same_comes_of_it_asynchronously(touched: Path) -> None:
                 break
         return values
 
-    begun = time.monotonic()
     same = [prediction["position"].value for prediction in islice(mc.listen(touched, string="prototype"), 5)]
     assert asyncio.run(first(5)) == same
-    assert time.monotonic() - begun < 60.0
 
 
 def test_a_session_becomes_arrays_and_frames(tmp_path: Path) -> None:

@@ -12,11 +12,11 @@ import shlex
 import subprocess
 import time
 import venv
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from tests.e2e.requirements import link
 
 ROOT = Path(__file__).parents[2]
 README, TUTORIAL = ROOT / "README.md", ROOT / "docs" / "tutorial" / "first-sound.md"
@@ -41,24 +41,6 @@ def steps(page: Path) -> list[str]:
     return [line for line in found if line.partition("#")[0].strip() and not line.startswith(LEFT_OUT)]
 
 
-def needed(name: str, extras: tuple[str, ...] = ()) -> dict[str, Distribution]:
-    """A distribution and all that it depends on, by name, as far as it is installed here."""
-    there: dict[str, Distribution] = {}
-    waiting = [(name, extras)]
-    while waiting:
-        name, extras = waiting.pop()
-        try:
-            there[name] = found = distribution(name)
-        except PackageNotFoundError:  # of another system or another version of Python
-            continue
-        for text in found.requires or ():
-            each = Requirement(text)
-            wanted = not each.marker or any(each.marker.evaluate({"extra": extra}) for extra in ("", *extras))
-            if wanted and (each.name not in there or each.extras):
-                waiting.append((each.name, tuple(each.extras - {*extras})))
-    return there
-
-
 class Newcomer:
     """Somebody in a folder beside the examples, with a virtual environment as `make demo` makes one."""
 
@@ -67,21 +49,13 @@ class Newcomer:
         self.folder.mkdir()
         (self.folder / "examples").symlink_to(ROOT / "examples")
         venv.create(self.home, symlinks=True)
-        (self._site,) = self.home.glob("lib/python*/site-packages")
-        self.install("monochord")
+        (self.site,) = self.home.glob("lib/python*/site-packages")
+        link("monochord", self.site)
         script = self.home / "bin" / "monochord"
         script.write_text(f'#!/bin/sh\nexec {self.home}/bin/python -m monochord "$@"\n', encoding="utf-8")
         script.chmod(0o755)
         path = os.pathsep.join([str(script.parent), os.environ["PATH"]])
         self._environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT / "src")}
-
-    def install(self, name: str) -> None:
-        """Put a distribution and all that it depends on there, by links to where they are here."""
-        for each in needed(name).values():
-            for part in {file.parts[0] for file in each.files or ()} - {"..", "__pycache__"}:
-                place = self._site / part
-                if not place.exists() and not part.endswith(".pth"):
-                    place.symlink_to(str(each.locate_file(part)))
 
     def run(self, command: str) -> subprocess.CompletedProcess[str]:
         """Run a command as typed there."""
@@ -127,7 +101,7 @@ def follow(page: Path, newcomer: Newcomer, capsys: pytest.CaptureFixture[str]) -
         asked = re.search(rf"Install it: \S+ -m {INSTALL}(.+)$", ran.stderr.strip())
         if asked:
             asked_for.add(asked[1])
-            newcomer.install(Requirement(shlex.split(asked[1])[0]).name)
+            link(Requirement(shlex.split(asked[1])[0]).name, newcomer.site)
             if ran.returncode == 2:
                 began, used = time.monotonic(), seconds_of_processor()
                 ran = newcomer.run(step)

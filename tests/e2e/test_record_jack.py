@@ -90,22 +90,7 @@ def test_a_killed_server_is_a_gap_and_the_force_goes_on(
     assert begins[after] == pytest.approx(begins[after - 1], abs=0.1)
 
 
-def test_a_server_that_comes_back_at_another_rate_ends_it(
-    jack_server: Any, play: Callable[[Path], Any], recording: Path, start_recorder: Any
-) -> None:
-    play(recording)
-    recorder = start_recorder(*jack(jack_server))
-    recorder.wait_for_bytes(300_000)
-    jack_server.restart(48000)
-    summary = recorder.end()
-    assert recorder.process.returncode == 2
-    assert "came back at 48000 Hz" in recorder.shown.splitlines()[-1]
-    assert summary["stopped"] == "the source failed"
-    session = sound_session(recorder.out)
-    assert session.audio.samples.shape[1] == summary["frames"] + summary["dropped"] > 0.3 * RATE
-    assert "failed" in {event.kind for event in session.events}
-
-
+@pytest.mark.slow
 def test_a_clock_set_wrong_by_a_killed_client_is_reported(
     jack_server: Any, play: Callable[[Path], Any], recording: Path, start_recorder: Any
 ) -> None:

@@ -54,15 +54,12 @@ def look_over(path: Path, killed: float) -> dict[str, float]:
     return {"audio": killed - origin - newest, "wrench": killed - origin - float(wrench.time[-1])}
 
 
-@pytest.mark.parametrize(
-    "seed", [0, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow), 3]
-)
 def test_a_kill_costs_half_a_second_at_most(
-    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path, seed: int
+    start_recorder: Callable[..., Any], net_ft: list[str], sound: Path
 ) -> None:
     recorder = start_recorder(*paced(sound), *net_ft)
     recorder.wait_for_bytes(HEADER)
-    time.sleep(np.random.default_rng(seed).uniform(0.1, 1.5))
+    time.sleep(0.7)
     lost = look_over(recorder.out, recorder.kill())
     assert max(lost.values()) <= LOST
     recorded = read_session(recorder.out).audio.samples

@@ -12,7 +12,6 @@ import sys
 import sysconfig
 from collections.abc import Generator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -53,14 +52,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
             pytest.skip(f"no {tool}, which building messages takes")
     if not Path(sysconfig.get_path("include"), "Python.h").is_file():
         pytest.skip("no Python.h, which building messages takes")
-    return built(tmp_path_factory.getbasetemp())
-
-
-@cache  # a test in real time that is tried again makes its fixtures anew, and this takes a minute and a half
-def built(parent: Path) -> Path:
-    """Return a workspace that colcon has built below a folder."""
-    folder = parent / "ros_workspace"
-    shutil.rmtree(folder, ignore_errors=True)
+    folder = tmp_path_factory.mktemp("ros") / "workspace"
     shutil.copytree(ROOT / "ros", folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
     colcon = subprocess.run(
         [str(PYTHON.with_name("colcon")), "build", "--event-handlers", "console_direct+"],

@@ -20,8 +20,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from tests.play_count import BLOCK, RATE, SCALE
 from tests.ports import free_ports
 
@@ -173,17 +171,12 @@ def test_a_long_recording_through_five_killed_servers_has_all_or_says_what_it_la
     player.end()
     session = _sound(recorder.out)
     figures = {**_memory(looks), **_audio(session, summary, played, killed)}
-    figures |= (
-        _wrench(session, summary)
-        | _poses(session, summary, sent)
-        | _independent(recorder.out, session, summary)
-    )
+    figures |= _wrench(session, summary) | _poses(session, summary, sent)
     for name, value in figures.items():
         record_property(name, value)
     print(json.dumps(figures))  # noqa: T201
     _tells_of_kills(session, summary, killed)
     assert figures["memory_growth_share"] < 0.01, figures
-    assert figures["shared_end_mb"] < 1.01 * figures["shared_begin_mb"], figures
 
 
 def _wait_until_recorded(player: Counter, recorder: Any) -> None:
@@ -305,34 +298,3 @@ def _poses(session: SessionReader, summary: dict[str, Any], sent: int) -> dict[s
     assert (health["readings"], health["missing"]) == (len(track.time), track.missing)
     assert np.allclose(track.values[:, 0], 1e-6 * (track.sequence % 1000))
     return {"poses": len(track.time), "poses_sent": sent}
-
-
-def _independent(path: Path, session: SessionReader, summary: dict[str, Any]) -> dict[str, float]:
-    """Compare with what the readers of MCAP and ROS 2 find that Monochord does not write with."""
-    frames, sequence, poses = 0, list[np.ndarray](), 0
-    with path.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        contents = reader.get_summary()
-        assert contents
-        assert contents.statistics
-        topics = {
-            channel.topic: contents.statistics.channel_message_counts.get(number, 0)
-            for number, channel in contents.channels.items()
-        }
-        counted = dict.fromkeys(topics, 0)
-        for _, channel, _, message in reader.iter_decoded_messages():
-            counted[channel.topic] += 1
-            if channel.topic == "/audio":
-                frames += len(message.samples) // 2
-            elif channel.topic == "/wrench":
-                sequence.append(np.asarray(message.sequence))
-            poses += channel.topic == "/pose"
-    assert counted == topics == json.loads(session.ending["messages"])
-    assert frames == summary["frames"]
-    assert poses == summary["instruments"]["pose_udp"]["readings"]
-    assert np.array_equal(np.concatenate(sequence), session.readings("wrench").sequence)
-    return {
-        "messages": sum(counted.values()),
-        "bytes": path.stat().st_size,
-        "chunks": len(contents.chunk_indexes),
-    }

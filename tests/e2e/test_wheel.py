@@ -6,13 +6,11 @@ import shutil
 import subprocess
 import sys
 import tarfile
-from collections.abc import Iterator
-from importlib.metadata import Distribution, distribution
 from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
-from packaging.requirements import Requirement
+from tests.e2e.requirements import link
 
 ROOT = Path(__file__).parents[2]
 PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet")
@@ -100,36 +98,6 @@ def test_the_sdist_holds_the_package_and_no_studies(sdist: Path) -> None:
     assert not {name for name in others if name.startswith(("studies", "tests", "."))} - {".gitignore"}
 
 
-def requirements(name: str, extra: str = "") -> Iterator[str]:
-    """The distributions that one requires, on this machine."""
-    for line in distribution(name).requires or ():
-        requirement = Requirement(line)
-        if requirement.marker is None or requirement.marker.evaluate({"extra": extra}):
-            yield requirement.name
-            for wanted in requirement.extras:
-                yield from requirements(requirement.name, wanted)
-
-
-def all_requirements() -> dict[str, Distribution]:
-    """Monochord's dependencies and theirs in turn, without extras."""
-    found: dict[str, Distribution] = {}
-    waiting = ["monochord"]
-    while waiting:
-        for name in requirements(waiting.pop()):
-            if name.lower() not in found:
-                found[name.lower()] = distribution(name)
-                waiting.append(name)
-    return found
-
-
-def link_requirements(site: Path) -> None:
-    """Link what Monochord requires, and no tool of its developers, into the packages of an environment."""
-    for installed in all_requirements().values():
-        for first in {Path(file).parts[0] for file in installed.files or ()} - {"..", "__pycache__"}:
-            if not (site / first).exists():
-                (site / first).symlink_to(str(installed.locate_file(first)))
-
-
 @pytest.fixture(scope="module", params=["wheel", "sdist"])
 def environment(
     request: pytest.FixtureRequest, wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory
@@ -143,7 +111,7 @@ def environment(
     shutil.rmtree(venv, ignore_errors=True)
     run(sys.executable, "-m", "venv", "--without-pip", venv)
     (site,) = venv.glob("lib/python3*/site-packages")
-    link_requirements(site)
+    link("monochord", site, itself=False)
     run(*PIP, "--python", venv / "bin/python", "install", "--no-index", "--no-compile", wheels[request.param])
     for path in (site / "monochord").rglob("*.py"):
         os.utime(path, (0, 0))

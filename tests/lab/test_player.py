@@ -1,8 +1,4 @@
-import json
-import subprocess
-import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +7,7 @@ import pytest
 from monochord.capture.sources.jack import Jack
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Block
-from monochord.lab.player import Player, PlayerSettings, write_script
+from monochord.lab.player import Player
 
 pytestmark = pytest.mark.jack
 RATE = 44100
@@ -89,46 +85,15 @@ def test_it_notes_that_the_server_went(jack_server: Any, noise: np.ndarray) -> N
 
 
 @pytest.mark.parametrize(
-    ("shape", "rate", "line"),
-    [
-        ((2, 0), RATE, r"samples of shape \(2, 0\): allowed is \(channels, n\)"),
-        ((10,), RATE, "allowed is"),
-        ((2, 9), 48000, "samples at 48000 Hz: allowed is the JACK server's 44100 Hz; resample"),
-    ],
+    ("shape", "rate", "given"), [((2, 0), RATE, r"\(2, 0\)"), ((10,), RATE, "10"), ((2, 9), 48000, "48000")]
 )
 def test_what_cannot_be_played_is_refused(
-    jack_server: Any, shape: tuple[int, ...], rate: int, line: str
+    jack_server: Any, shape: tuple[int, ...], rate: int, given: str
 ) -> None:
-    with pytest.raises(InputError, match=line):
+    with pytest.raises(InputError, match=given):
         Player(np.zeros(shape, np.float32), rate, server=jack_server.name)
 
 
 def test_an_input_that_is_not_there_is_refused(jack_server: Any, noise: np.ndarray) -> None:
-    with pytest.raises(DeviceError, match="JACK port recorder:in_1: no such input"):
+    with pytest.raises(DeviceError, match="recorder:in_1"):
         Player(noise, RATE, server=jack_server.name, connect=("recorder:in_1",))
-
-
-def test_as_a_process_it_begins_at_its_time(jack_server: Any, noise: np.ndarray, tmp_path: Path) -> None:
-    script = tmp_path / "play.npz"
-    settings = PlayerSettings(sample_rate=RATE, client_name="tape", server=jack_server.name)
-    write_script(script, {"samples": noise.astype(np.float64)}, settings)
-    command = [sys.executable, "-m", "monochord.lab.player", str(script)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdin
-        assert process.stdout
-        assert json.loads(process.stdout.readline()) == {"ports": ["tape:out_1", "tape:out_2"]}
-        with Jack(ports="tape:", server=jack_server.name).open() as stream:
-            begin = time.monotonic() + 0.6
-            process.stdin.write(f"{begin}\n")
-            process.stdin.flush()
-            blocks: list[Block] = []
-            for block in stream:
-                blocks.append(block)
-                if block.start > RATE * 1.6:
-                    break
-        process.stdin.close()
-        assert process.wait(10.0) == 0
-    captured = np.concatenate([block.samples for block in blocks], axis=1)
-    first = int(np.flatnonzero(captured.any(axis=0))[0])
-    assert np.array_equal(captured[:, first : first + noise.shape[1]], noise)
-    assert_played_at(begin, blocks, first)

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,10 +23,16 @@ GROUPS = (
 )  # fmt: skip
 
 
-@pytest.fixture(scope="module", params=["hold_000", "slide_000"])
-def session_(request: pytest.FixtureRequest) -> tuple[Schedule, Rendering]:
-    one = session(request.param, quiet(groups=GROUPS, force_rate=7000.0))
+@cache
+def performed(name: str) -> tuple[Schedule, Rendering]:
+    """Return a session of `GROUPS` without the instruments' noise, to be read alone."""
+    one = session(name, quiet(groups=GROUPS, force_rate=7000.0))
     return schedule(one), render(one)
+
+
+@pytest.fixture(params=["hold_000", "slide_000"])
+def session_(request: pytest.FixtureRequest) -> tuple[Schedule, Rendering]:
+    return performed(request.param)
 
 
 def during(timing: Schedule, kind: str, time: Floats, after: float = 0.0) -> list[np.ndarray]:
@@ -98,8 +105,7 @@ def test_taps_are_sharp_in_all_three_streams(session_: tuple[Schedule, Rendering
 
 
 def test_slides_have_their_direction_and_friction() -> None:
-    one = session("slide_000", quiet(groups=GROUPS))
-    timing, sound = schedule(one), render(one)
+    timing, sound = performed("slide_000")
     speed = np.gradient(sound.pose[:, :2], sound.pose_time, axis=0)
     for i, (label, pose) in enumerate(
         zip(
@@ -163,10 +169,11 @@ def test_lifted_there_is_no_contact_but_in_taps() -> None:
 def test_music_is_at_its_ratio_and_pauses_for_the_taps(tmp_path: Path) -> None:
     time = np.arange(44100) / 44100.0
     soundfile.write(tmp_path / "hum.wav", 0.3 * np.sin(2.0 * np.pi * 6000.0 * time), 44100, subtype="FLOAT")
-    for music in ("synthetic", str(tmp_path / "hum.wav")):
-        groups = [Group(name="hold", grid=(1, 1), hold=0.2, music=name, snr=6.0) for name in ("", music)]
-        one, other = (session("hold_000", tiny(groups=(group,))) for group in groups)
-        timing, silent, loud = schedule(one), render(one), render(other)
+    names = ("", "synthetic", str(tmp_path / "hum.wav"))
+    groups = [Group(name="hold", grid=(1, 1), hold=0.2, music=name, snr=6.0) for name in names]
+    one, *others = (session("hold_000", tiny(groups=(group,))) for group in groups)
+    timing, silent = schedule(one), render(one)
+    for loud in map(render, others):
         added = loud.microphones - silent.microphones
         on, off = round(timing.on * 44100), round(timing.off * 44100)
         np.testing.assert_array_equal(added[:, :on], 0.0)
@@ -213,11 +220,6 @@ def test_chunks_concatenate_without_a_reading_twice_or_missing(edges: tuple[int,
     assert len(whole.events) == len(parts)
 
 
-def test_nothing_cannot_be_concatenated() -> None:
-    with pytest.raises(ValueError, match="nothing"):
-        concatenate([])
-
-
 def test_a_tool_that_hovers_never_meets_a_string_at_rest() -> None:
     hover = Group(name="hover", protocol="hover", grid=(2, 1), hold=0.3, clearances=(3e-4, 4e-4))
     one = session("hover_000", quiet(groups=(hover,)))
@@ -248,9 +250,9 @@ def test_an_oblique_press_loads_the_touch_sideways() -> None:
 
 
 def test_errors_of_pose_and_force_change_what_is_measured_and_not_what_is_true() -> None:
-    plan = quiet(groups=GROUPS)
-    wrong = replace(plan, errors=MeasurementErrors(tool=4e-4, repeat=1.5e-4, gain=0.01))
-    true, sound = render(session("hold_000", plan)), render(session("hold_000", wrong))
+    errors = MeasurementErrors(tool=4e-4, repeat=1.5e-4, gain=0.01)
+    true = performed("hold_000")[1]
+    sound = render(session("hold_000", quiet(groups=GROUPS, force_rate=7000.0, errors=errors)))
     np.testing.assert_array_equal(true.microphones, sound.microphones)
     np.testing.assert_array_equal(true.labels["position"], sound.labels["position"])
     off = sound.pose[:, 0] - true.pose[:, 0]

@@ -56,16 +56,6 @@ def test_the_median_over_the_windows_that_have_a_frequency() -> None:
     assert medians(take(-1, 110, 112, 900)) == {"frequency": 112.0}
 
 
-def test_a_take_without_a_note_is_refused_with_the_reason() -> None:
-    with pytest.raises(InputError, match=r"no window of it has a frequency \(silence\)"):
-        medians(take(-1, -1))
-
-
-def test_a_take_shorter_than_a_window_is_refused() -> None:
-    with pytest.raises(InputError, match="shorter than a window"):
-        medians(take())
-
-
 @dataclass(frozen=True, kw_only=True)
 class Deaf(Estimator):
     """Tells nothing at all."""
@@ -74,7 +64,8 @@ class Deaf(Estimator):
         return lambda window: {}  # noqa: ARG005
 
 
-def test_an_estimator_that_tells_no_frequency_cannot_be_calibrated() -> None:
+def test_a_take_without_a_frequency_is_refused() -> None:
     deaf = LiveRun(source=Levels(1.0), estimator=Deaf(), window=WindowSettings(length=0.01, hop=0.01))
-    with pytest.raises(InputError, match=r"no window of it has a frequency \(not estimated\)"):
-        medians(deaf)
+    for silent in (take(-1, -1), take(), deaf):
+        with pytest.raises(InputError):
+            medians(silent)

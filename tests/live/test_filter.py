@@ -84,7 +84,7 @@ def test_one_window_decides_nothing() -> None:
     assert all(said.decided["contact"] for _, said in steps[5:])
 
 
-@pytest.mark.parametrize("hop", [0.0025, 0.005, 0.01, 0.02])
+@pytest.mark.parametrize("hop", [0.0025, 0.02])
 def test_contact_is_decided_as_soon_at_any_hop(hop: float) -> None:
     onset = 0.5
     windows = series(1.0, hop, lambda time: touch() if time >= onset else NONE)
@@ -154,8 +154,8 @@ def test_what_leaves_the_sensing_range_has_no_place_at_once() -> None:
         assert [each.why_not for each in said[30:]] == [OUTSIDE_RANGE] * 5
 
 
-@pytest.mark.parametrize("speed", [0.005, 0.03])
-def test_a_slide_is_followed_without_lag(speed: float) -> None:
+def test_a_slide_is_followed_without_lag() -> None:
+    speed = 0.03
     rest = [touch(0.06, slip=0.02)] * 30
     noise = correlated(150, 2e-4, seed=3)
     slide = [touch(0.06 + speed * HOP * k + noise[k], slip=0.6) for k in range(150)]

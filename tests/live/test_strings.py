@@ -112,22 +112,22 @@ def test_a_string_has_the_channels_that_are_named(three: list[Audio]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("strings", "channels", "message"),
+    ("strings", "channels", "given"),
     [
-        ({}, 4, "4 channels: allowed is 1 or 2 of one string"),
-        ({"a": {}, "b": {}}, 3, "channel 4 of the string b: allowed is 1 to 3"),
-        ({"a": {}, "b": {"channels": [2]}}, 4, "channel 2 of the strings a and b: allowed is one string"),
-        ({"a": {"channels": [1, 2, 3]}}, 4, "channels 1, 2, 3 of the string a"),
-        ({"a": {"channels": [0]}}, 4, "channels 0 of the string a"),
-        ({"a/b": {}}, 4, "string called 'a/b'"),
+        ({}, 4, "4 channels"),
+        ({"a": {}, "b": {}}, 3, "4"),
+        ({"a": {}, "b": {"channels": [2]}}, 4, "2"),
+        ({"a": {"channels": [1, 2, 3]}}, 4, "1, 2, 3"),
+        ({"a": {"channels": [0]}}, 4, "0"),
+        ({"a/b": {}}, 4, "'a/b'"),
         ({"a": {"sensor": "prototipe"}}, 4, "prototipe"),
     ],
 )
 def test_strings_that_a_source_does_not_have_are_refused(
-    strings: dict[str, Any], channels: int, message: str
+    strings: dict[str, Any], channels: int, given: str
 ) -> None:
     settings = LiveSettings.read({"source": {"name": "twin"}, "strings": strings, "sinks": {}})
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=given):
         lived(Sound(np.zeros((channels, RATE), np.float32)), settings.strings)
 
 

@@ -3,6 +3,7 @@ from typing import Any
 
 import pytest
 
+from monochord.capture.jack import libjack
 from monochord.capture.jack.client import JackClient
 from monochord.core.errors import DeviceError
 
@@ -10,9 +11,15 @@ pytestmark = pytest.mark.jack
 
 
 def test_without_a_server_there_is_one_line_and_no_other(capfd: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(DeviceError, match="JACK server 'nobody': not running; start JACK"):
+    with pytest.raises(DeviceError, match="'nobody'"):
         JackClient("test", "nobody")
     assert capfd.readouterr() == ("", "")
+
+
+def test_without_the_library_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(libjack, "NAMES", ("libjack-that-nobody-has.so.0",))
+    with pytest.raises(DeviceError, match="libjack"):
+        libjack.path.__wrapped__()
 
 
 def test_it_tells_what_the_server_is(jack_server: Any) -> None:

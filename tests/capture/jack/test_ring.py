@@ -1,8 +1,13 @@
+import os
+import threading
+import time
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monochord.capture.jack.arena import OVERFLOWED
+from monochord.capture.jack.arena import OVERFLOWED, WAKE, Arena
 from monochord.capture.jack.ring import FRAME_TIME_SPAN, Period, Ring, frames_between
 
 
@@ -60,3 +65,26 @@ def test_what_was_taken_is_not_overwritten() -> None:
 @given(st.integers(0, FRAME_TIME_SPAN - 1), st.integers(-(2**31), 2**31 - 1))
 def test_frames_between_survives_the_wrap(earlier: int, step: int) -> None:
     assert frames_between(earlier, (earlier + step) % FRAME_TIME_SPAN) == step
+
+
+def test_wake_ends_a_wait_from_another_thread_and_is_remembered_once() -> None:
+    arena = Arena(1, 16, 2)
+    threading.Timer(0.05, arena.wake).start()
+    arena.wait(1e6)
+    arena.wake()
+    arena.wait(1e6)  # woken before: returns at once
+    began = time.monotonic()
+    arena.wait(0.05)
+    assert time.monotonic() - began >= 0.04
+    for _ in range(2):
+        arena.close()
+    arena.wake()
+
+
+def test_an_arena_that_nobody_holds_gives_its_descriptor_back() -> None:
+    arena = Arena(1, 16, 2)
+    descriptor = int(arena.words[WAKE])
+    os.fstat(descriptor)
+    del arena
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(descriptor)

@@ -1,4 +1,3 @@
-import dataclasses
 import itertools
 from pathlib import Path
 from typing import Any
@@ -51,7 +50,7 @@ def test_what_is_no_shift(delays: np.ndarray, dropped: dict[int, int]) -> None:
     assert shift_of((5.0 + delays).tolist(), dropped=dropped) == 0.0
 
 
-@pytest.mark.parametrize("periods", [1, 20, -3])
+@pytest.mark.parametrize("periods", [1, -3])
 def test_periods_that_were_not_counted_are(periods: int) -> None:
     lost = periods * FRAMES / RATE
     assert shift_of([5.0] * 250 + [5.0 + lost] * 250) == pytest.approx(lost, rel=1e-6)
@@ -91,17 +90,6 @@ def test_a_peak_is_held_for_a_while_and_the_highest_for_ever() -> None:
     assert (later.peak_hold, later.highest) == pytest.approx((0.1, 0.8))
 
 
-def test_clipped_samples_are_counted_and_shown_for_a_while() -> None:
-    levels = Levels(channels=2, sample_rate=RATE)
-    levels.add(levels_block([32767 / 32768, 0.9, -1.0], [0.99, 0.0, -0.99]))  # 16 bits at full scale
-    first, second = levels.look(0.0)
-    assert (first.clipped, second.clipped) == (2, 0)
-    assert first.clipping
-    levels.add(levels_block([0.1], [0.1]))
-    assert not levels.look(1.1 * PEAK_HOLD)[0].clipping
-    assert levels.look(1.1 * PEAK_HOLD)[0].clipped == 2
-
-
 @pytest.mark.parametrize("pieces", [1, 30])
 def test_silence_is_timed_up_to_now_whatever_the_blocks(pieces: int) -> None:
     faint = 1e-2 + 1e-5 * np.random.default_rng(0).standard_normal(3 * RATE)  # a constant is no sound
@@ -117,24 +105,6 @@ def test_silence_is_timed_up_to_now_whatever_the_blocks(pieces: int) -> None:
     assert [level.quiet for level in levels.look(0.0)] == [0.0, 0.0]
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_counted_and_left_out_of_the_level(bad: float) -> None:
-    levels = Levels(channels=1, sample_rate=RATE)
-    levels.add(levels_block([bad, 0.5, -0.5, bad]))
-    (level,) = levels.look(0.0)
-    assert level.not_numbers == 2
-    assert (level.rms, level.peak, level.highest) == pytest.approx((0.5, 0.5, 0.5))
-    levels.add(levels_block([bad]))
-    assert levels.look(0.0)[0].rms == 0.0
-
-
-def test_a_look_without_audio_returns_the_last() -> None:
-    levels = Levels(channels=1, sample_rate=RATE)
-    assert levels.look(0.0)[0].rms == 0.0
-    levels.add(levels_block([0.5]))
-    assert levels.look(0.1) == levels.look(0.2)
-
-
 FEED = Feed(stream="gripper", columns=("width", "force"), units=("m", "N"), rate=100.0)
 HEALTH = InstrumentHealth(missing=3)
 
@@ -143,47 +113,25 @@ def readings(count: int, *, value: float = 1.0, status: int = 0) -> Readings:
     return plain_readings("gripper", np.zeros(count), np.full((count, 2), value), status=status)
 
 
-def test_readings_are_counted_and_the_latest_is_shown() -> None:
-    counter = FeedCounter("gripper", FEED, begin=0.0)
-    counter.add(readings(40, value=1.0), 0.4)
-    counter.add(readings(60, value=2.0), 1.0)
-    now = counter.look(1.0, HEALTH)
-    assert (now.name, now.readings, now.health) == ("gripper", 100, HEALTH)
-    assert now.values == {"width": 2.0, "force": 2.0}
-    assert now.rate == pytest.approx(100.0)
-    assert now.silent == 0.0
-
-
-def test_the_rate_is_that_of_the_last_second() -> None:
+def test_the_latest_reading_is_shown_and_the_rate_is_that_of_the_last_second() -> None:
     counter = FeedCounter("gripper", FEED, begin=0.0)
     counter.add(readings(100), 1.0)
-    counter.look(1.0, HEALTH)
-    counter.add(readings(10), 2.0)
-    assert counter.look(2.0, HEALTH).rate == pytest.approx(10.0)
+    assert counter.look(1.0, HEALTH).rate == pytest.approx(100.0)
+    counter.add(readings(10, value=2.0), 2.0)
+    now = counter.look(2.0, HEALTH)
+    assert now.rate == pytest.approx(10.0)
+    assert now.values == {"width": 2.0, "force": 2.0}
+    assert (now.readings, now.health) == (110, HEALTH)
 
 
-@pytest.mark.parametrize(("rate", "patience"), [(7000.0, 0.5), (100.0, 0.5), (2.0, 2.5), (0.0, 2.0)])
+@pytest.mark.parametrize(("rate", "patience"), [(7000.0, 0.5), (2.0, 2.5), (0.0, 2.0)])
 def test_an_instrument_that_is_late_is_silent(rate: float, patience: float) -> None:
     feed = Feed(stream="gripper", columns=("width", "force"), units=("m", "N"), rate=rate)
-    counter = FeedCounter("gripper", feed, begin=0.0)
+    counter = FeedCounter("gripper", feed, begin=5.0)
+    assert counter.look(5.0 + 1.1 * patience, HEALTH).silent > 0.0  # it never sent
     counter.add(readings(1), 10.0)
     assert counter.look(10.0 + 0.9 * patience, HEALTH).silent == 0.0
     assert counter.look(10.0 + 1.1 * patience, HEALTH).silent == pytest.approx(1.1 * patience)
-
-
-def test_one_that_never_sent_is_silent_too() -> None:
-    counter = FeedCounter("gripper", FEED, begin=5.0)
-    now = counter.look(7.0, HEALTH)
-    assert (now.silent, now.values, now.readings) == (2.0, {}, 0)
-
-
-def test_faults_are_counted_and_the_newest_status_kept() -> None:
-    counter = FeedCounter("gripper", FEED, begin=0.0)
-    counter.add(readings(3, status=2), 0.1)
-    counter.add(readings(2, status=0x80010000), 0.2)
-    counter.add(readings(5), 0.3)
-    now = counter.look(0.3, HEALTH)
-    assert (now.readings, now.faulty, now.status) == (10, 5, 0x80010000)
 
 
 def block(start: int, frames: int, dropped: int = 0) -> Block:
@@ -229,20 +177,14 @@ def test_audio_that_is_late_is_silent_unless_its_blocks_are_long(
 
 def test_each_state_continues_the_one_before(make_job: Any, force: Any) -> None:
     looks: list[Progress] = []
-    record(make_job(seconds=0.5, instruments={"net_ft": force()[1]}), lambda now, _notices: looks.append(now))
+    job = make_job(seconds=0.5, instruments={"net_ft": force()[1]})
+    summary = record(job, lambda now, _notices: looks.append(now))
     assert len(looks) > 2
     assert looks[-1].space.size > looks[0].space.size
+    assert looks[-1].frames == summary.frames
     for before, after in itertools.pairwise(looks):
         assert after.time > before.time
         assert after.frames >= before.frames
         assert after.space.size >= before.space.size
         assert after.feeds[0].readings >= before.feeds[0].readings
     assert looks[-1].elapsed - looks[0].elapsed == pytest.approx(looks[-1].time - looks[0].time)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        looks[0].frames = 0  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def test_the_last_state_counts_all_frames(make_job: Any, tmp_path: Path) -> None:
-    looks: list[Progress] = []
-    summary = record(make_job(source={"speed": 0.0, "repeat": 1}), lambda now, _notices: looks.append(now))
-    assert looks[-1].frames == summary.frames == 88200

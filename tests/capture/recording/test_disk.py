@@ -4,14 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from monochord.capture.recording.disk import free_bytes, is_full, refuse_place, space, written_through
+from monochord.capture.recording.disk import free_bytes, refuse_place, space, written_through
 from monochord.core.errors import InputError
-
-
-def test_free_bytes_are_what_the_system_says(tmp_path: Path) -> None:
-    import shutil
-
-    assert free_bytes(tmp_path) == pytest.approx(shutil.disk_usage(tmp_path).free, rel=0.05)
 
 
 def test_the_time_left_follows_from_the_rate_so_far(tmp_path: Path) -> None:
@@ -25,19 +19,12 @@ def test_the_time_left_follows_from_the_rate_so_far(tmp_path: Path) -> None:
 def test_places_that_will_not_do_are_refused(tmp_path: Path) -> None:
     refuse_place(tmp_path / "new.mcap", 0.0)
     (tmp_path / "old.mcap").write_bytes(b"precious")
-    for path, min_free, words in (
-        (tmp_path / "old.mcap", 0.0, "exists"),
-        (tmp_path / "absent" / "new.mcap", 0.0, "a folder that exists"),
-        (tmp_path / "new.mcap", 1e18, "or more; free some space"),
-    ):
-        with pytest.raises(InputError, match=words):
+    for path, min_free in (
+        (tmp_path / "old.mcap", 0.0), (tmp_path / "absent" / "new.mcap", 0.0), (tmp_path / "new.mcap", 1e18),
+    ):  # fmt: skip
+        with pytest.raises(InputError):
             refuse_place(path, min_free)
     assert (tmp_path / "old.mcap").read_bytes() == b"precious"
-
-
-@pytest.mark.parametrize(("number", "full"), [(errno.ENOSPC, True), (errno.EFBIG, True), (errno.EIO, False)])
-def test_a_full_disk_differs_from_a_broken_one(number: int, full: bool) -> None:  # noqa: FBT001
-    assert is_full(OSError(number, "no")) is full
 
 
 def test_syncing_goes_on_beside_and_stops_at_the_first_error(monkeypatch: pytest.MonkeyPatch) -> None:

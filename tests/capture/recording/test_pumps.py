@@ -110,15 +110,6 @@ def test_an_impossible_time_is_reported(off: float, implausible: bool) -> None: 
         assert pumps.implausible_age == pytest.approx(-off if implausible else 0.0, abs=0.05)
 
 
-def test_what_is_put_is_taken_once_and_in_order() -> None:
-    queue = BoundedQueue[int](capacity=10)
-    assert all(queue.put(k, size=1) for k in range(5))
-    assert queue.filled == 0.5
-    assert queue.take() == [0, 1, 2, 3, 4]
-    assert queue.take() == []
-    assert queue.filled == 0.0
-
-
 def test_a_thread_that_finds_it_full_waits_and_nothing_is_lost() -> None:
     queue = BoundedQueue[int](capacity=10)
     pump = threading.Thread(target=lambda: [queue.put(k, size=4) for k in range(50)])

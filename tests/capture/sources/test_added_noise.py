@@ -27,8 +27,7 @@ def added(kind: str, ratio: float, levels: Floats) -> Audio:
 STEADY = np.ones(SECONDS * RATE // BLOCK)
 
 
-@pytest.mark.parametrize("ratio", [30.0, 10.0])
-@pytest.mark.parametrize("kind", ["white", "chord", "motor"])
+@pytest.mark.parametrize(("kind", "ratio"), [("white", 30.0), ("chord", 10.0), ("motor", 10.0)])
 def test_it_is_as_loud_as_it_is_asked_for_in_both_channels(kind: str, ratio: float) -> None:
     level = np.sqrt(np.mean(np.square(added(kind, ratio, STEADY), dtype=np.float64), axis=1))
     assert 20 * np.log10(level / LEVEL) == pytest.approx([-ratio, -ratio], abs=0.5)

@@ -24,16 +24,22 @@ def test_without_a_card_there_is_one_line(capfd: pytest.CaptureFixture[str]) -> 
         pytest.skip("PortAudio is not installed (Debian: apt install libportaudio2)")
     if any(card["max_input_channels"] for card in sounddevice.query_devices()):
         pytest.skip("this machine has a sound card")
-    with pytest.raises(DeviceError, match="no input device found; plug one in, or use"), Soundcard().open():
+    with pytest.raises(DeviceError), Soundcard().open():
         pass
     assert capfd.readouterr() == ("", "")
 
 
 VIRTUAL_CARD = "pcm.!default { type null }\npcm.nothing { type null }\n"
 CAPTURE = """
-import itertools, sys
+import itertools
 from monochord.capture.sources.soundcard import Soundcard
-with Soundcard(device=sys.argv[1]).open() as stream:
+from monochord.core.errors import MonochordError
+try:
+    with Soundcard(device="theremin").open():
+        pass
+except MonochordError as error:
+    print(error)
+with Soundcard(device="nothing").open() as stream:
     for block in itertools.islice(stream, 200):
         print(block.start, block.dropped, *block.samples.shape, block.adc_time is not None)
 """
@@ -44,17 +50,14 @@ def test_a_real_stream_runs_on_a_virtual_card(tmp_path: Path) -> None:
     config.write_text(VIRTUAL_CARD, encoding="ascii")
     virtual = {**os.environ, "ALSA_CONFIG_PATH": str(config)}
 
-    def capture(device: str) -> "subprocess.CompletedProcess[str]":
-        command = [sys.executable, "-c", CAPTURE, device]
-        return subprocess.run(command, env=virtual, capture_output=True, text=True, timeout=60, check=False)
-
-    unknown = capture("theremin").stderr.splitlines()[-1]
-    if "sound card 'theremin'" not in unknown:
+    command = [sys.executable, "-c", CAPTURE]
+    run = subprocess.run(command, env=virtual, capture_output=True, text=True, timeout=60, check=False)
+    unknown, *lines = run.stdout.splitlines()
+    if "'theremin'" not in unknown:
         pytest.skip(f"no virtual card here ({unknown})")
-    assert "nothing" in unknown
-    run = capture("nothing")
+    assert "nothing" in unknown  # the cards that are there
     assert run.returncode == 0, run.stderr
-    blocks = [[int(word) for word in line.split()[:4]] for line in run.stdout.splitlines()]
+    blocks = [[int(word) for word in line.split()[:4]] for line in lines]
     assert len(blocks) == 200
     assert {tuple(block[2:]) for block in blocks} == {(2, BLOCK)}
     # This card is faster than any reader, so frames are lost; the indices tell all of them.
@@ -69,20 +72,16 @@ def test_without_the_library_there_is_one_line(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.delitem(sys.modules, "sounddevice", raising=False)
     monkeypatch.setattr(sys, "meta_path", [Absent(), *sys.meta_path])
-    with pytest.raises(DeviceError, match="PortAudio: not found; install it"), Soundcard().open():
+    with pytest.raises(DeviceError, match="PortAudio"), Soundcard().open():
         pass
 
 
 @pytest.mark.parametrize(
-    ("card", "line"),
-    [
-        (Soundcard(sample_rate=8000), "sound card at 8000 Hz: allowed is 16000 to 96000 Hz"),
-        (Soundcard(channels=65), "65 channels: allowed is 1 or 2, or up to 64"),
-        (Soundcard(block=0), "block of 0 frames"),
-    ],
+    ("card", "given"),
+    [(Soundcard(sample_rate=8000), "8000"), (Soundcard(channels=65), "65"), (Soundcard(block=0), "0")],
 )
-def test_options_out_of_range_are_refused(card: Soundcard, line: str) -> None:
-    with pytest.raises(InputError, match=line), card.open():
+def test_options_out_of_range_are_refused(card: Soundcard, given: str) -> None:
+    with pytest.raises(InputError, match=given), card.open():
         pass
 
 
@@ -167,6 +166,6 @@ def test_close_ends_the_wait() -> None:
 def test_a_card_that_stopped_is_an_error() -> None:
     stream = SoundcardStream(RATE, 2)
     stream.watch(lambda: False)
-    with pytest.raises(DeviceError, match="sound card: stopped"):
+    with pytest.raises(DeviceError):
         next(iter(stream))
     stream.release()

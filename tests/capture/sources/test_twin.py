@@ -54,25 +54,21 @@ def test_a_plausible_world_sounds_otherwise_and_is_labelled_alike() -> None:
         play(duration=0.1, world="real")
 
 
-@pytest.mark.parametrize("speed", [0.02, -0.02])
 @pytest.mark.parametrize("direction", ["across", "along"])
-def test_a_slide_shows_in_the_truth_with_its_sign(direction: str, speed: float) -> None:
-    motion: dict[str, Any] = {direction: speed, "still": 0.2, "moving": 0.3, "seconds": 0.8}
-    touch = ScriptedTouch(start=0.1, position=0.09, force=1.0, **motion)
-    still, sliding, after = play([(0.22, 0.29), (0.4, 0.5), (0.75, 0.85)], duration=0.9, script=(touch,))[1]
-    assert (still["slip"], sliding["slip"], after["slip"]) == (0.0, 1.0, 0.0)
-    assert sliding["slip_velocity"] == pytest.approx(0.02, rel=0.2)
-    assert abs(sliding[f"slip_{direction}"]) == pytest.approx(0.02, rel=0.2)
-    moved = 0.3 * speed if direction == "along" else 0.0
-    assert after["position"] == pytest.approx(0.09 + moved, abs=1e-5)
-
-
-def test_the_two_directions_of_a_slide_differ_in_sign() -> None:
-    def sliding(speed: float) -> float:
-        touch = ScriptedTouch(start=0.1, position=0.09, across=speed, still=0.1, moving=0.3)
-        return play([(0.3, 0.4)], duration=0.45, script=(touch,))[1][0]["slip_across"]
-
-    assert sliding(0.02) * sliding(-0.02) < 0.0
+def test_a_slide_shows_in_the_truth_with_its_sign(direction: str) -> None:
+    signed: list[float] = []
+    for speed in (0.02, -0.02):
+        motion: dict[str, Any] = {direction: speed, "still": 0.2, "moving": 0.3, "seconds": 0.8}
+        touch = ScriptedTouch(start=0.1, position=0.09, force=1.0, **motion)
+        ranges = [(0.22, 0.29), (0.4, 0.5), (0.75, 0.85)]
+        still, sliding, after = play(ranges, duration=0.9, script=(touch,))[1]
+        assert (still["slip"], sliding["slip"], after["slip"]) == (0.0, 1.0, 0.0)
+        assert sliding["slip_velocity"] == pytest.approx(0.02, rel=0.2)
+        signed.append(sliding[f"slip_{direction}"])
+        moved = 0.3 * speed if direction == "along" else 0.0
+        assert after["position"] == pytest.approx(0.09 + moved, abs=1e-5)
+    assert [abs(each) for each in signed] == pytest.approx([0.02, 0.02], rel=0.2)
+    assert signed[0] * signed[1] < 0.0
 
 
 def test_an_object_that_rolls_does_not_slip() -> None:
@@ -95,21 +91,6 @@ def test_the_sound_is_that_of_the_touch() -> None:
     # A segment's lines lie within a few per cent of its series: stiffness and the drivers' pull move them.
     assert np.round(number).min() >= 1.0
     assert number / np.round(number) == pytest.approx([1.0, 1.0], abs=0.03)
-
-
-@pytest.mark.parametrize("block", [61, 333])
-def test_the_size_of_blocks_does_not_matter(block: int) -> None:
-    options: dict[str, Any] = {
-        "duration": 0.3,
-        "script": (ScriptedTouch(start=0.1234567, position=0.09, seconds=0.07),),
-    }
-    ranges = [(0.1, 0.15), (0.15, 0.2), (0.25, 0.3)]
-    (sound, truth), (other, other_truth) = (
-        play(ranges, block=block, **options),
-        play(ranges, block=4096, **options),
-    )
-    assert sound.tobytes() == other.tobytes()
-    assert truth == other_truth
 
 
 def test_a_seed_fixes_everything_and_another_changes_it() -> None:
@@ -136,15 +117,11 @@ def test_ambient_noise_is_added_at_its_ratio(tmp_path: Path) -> None:
     script = (ScriptedTouch(start=0.1, position=0.09),)
 
     def level(snr: float) -> float:
-        with TwinSource(speed=0.0, duration=0.4, script=script, noise=str(path), snr=snr).open() as stream:
-            outside = stream._twin.scene.outside  # pyright: ignore[reportAttributeAccessIssue]
-            assert outside is not None
-            assert outside.samples.size == RATE
-            return outside.level
+        """Return the level at 3 kHz of a fifth of a second, within what the hum adds there."""
+        late = play(duration=0.4, script=script, noise=str(path), snr=snr)[0][0, -8820:]
+        return float(np.abs(np.mean(late * np.exp(2j * np.pi * 3000.0 * np.arange(8820) / RATE))))
 
-    assert level(10.0) / level(30.0) == pytest.approx(10.0)
-    quiet, loud = (play(duration=0.4, script=script, noise=str(path), snr=snr)[0] for snr in (60.0, 0.0))
-    assert np.std(loud[:, -8820:] - quiet[:, -8820:]) > 0.02
+    assert level(0.0) / level(10.0) == pytest.approx(10.0**0.5, rel=0.1)
 
 
 def test_random_touches_keep_to_their_ranges_and_do_everything() -> None:
@@ -168,25 +145,6 @@ def test_random_touches_keep_to_their_ranges_and_do_everything() -> None:
     assert {t.rolls for t in slips if t.along} == {True, False}
     assert {t.material for t in touches} == {"wood", "plastic"}
     assert any(t.then is not None for t in touches)
-
-
-@pytest.mark.parametrize(
-    ("scripted", "keys"),
-    [
-        (ScriptedTouch(start=1.0, position=0.08), 3),
-        (ScriptedTouch(start=1.0, position=0.08, seconds=1.0), 6),
-        (ScriptedTouch(start=1.0, position=0.08, seconds=2.0, across=0.01), 10),
-        (ScriptedTouch(start=1.0, position=0.08, along=0.01), 7),
-    ],
-)
-def test_a_scripted_touch_becomes_a_motion(scripted: ScriptedTouch, keys: int) -> None:
-    touch = scripted.touch(SENSOR.string, "rubber")
-    assert len(touch.motion) == keys
-    assert touch.material.name == "rubber"
-    assert touch.motion[0].time == pytest.approx(scripted.begin)
-    if math.isfinite(scripted.seconds):
-        assert touch.motion[-1].time == pytest.approx(scripted.end)
-        assert touch.motion[-1].force == 0.0
 
 
 def test_truth_of_short_old_and_future_ranges() -> None:
@@ -216,34 +174,28 @@ def test_truth_of_short_old_and_future_ranges() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "line"),
+    ("options", "given"),
     [
-        ({"sensor": "prototypo"}, "did you mean 'prototype'"),
-        ({"materials": ("plastik",)}, "did you mean 'plastic'"),
-        ({"materials": ()}, "no materials"),
-        ({"speed": -1.0}, "speed -1"),
-        ({"block": 0}, "block 0"),
-        ({"day": -1}, "seeds of 0 or more"),
-        ({"hold": 0.0}, "hold 0 s"),
-        ({"forces": (0.5, 0.1)}, "forces 0.5 to 0.1 N"),
-        ({"places": (0.0, 2.0)}, "places 0 to 2"),
-        ({"slips": 1.5}, "slips 1.5"),
-        ({"noise": "nowhere.wav"}, "not there"),
-        ({"sample_rate": 8000}, "sample rate 8000 Hz"),
-        ({"script": (ScriptedTouch(position=0.3),)}, "position 0.3 m"),
-        ({"script": (ScriptedTouch(position=0.1, along=0.3, moving=1.0),)}, "position 0.4 m"),
-        (
-            {"script": (ScriptedTouch(position=0.1, across=0.01, seconds=0.5),)},
-            "seconds 0.5: allowed is 0.94 s",
-        ),
-        ({"script": (ScriptedTouch(position=0.1, force=-1.0),)}, "force -1"),
-        ({"script": (ScriptedTouch(position=0.1, material="plastik"),)}, "did you mean 'plastic'"),
-        (
-            {"script": (ScriptedTouch(position=0.1), ScriptedTouch(start=1.0, position=0.1))},
-            "touches one after another",
-        ),
+        ({"sensor": "prototypo"}, "prototypo"),
+        ({"materials": ("plastik",)}, "plastik"),
+        ({"materials": ()}, "materials"),
+        ({"speed": -1.0}, "-1"),
+        ({"block": 0}, "0"),
+        ({"day": -1}, "seed"),
+        ({"hold": 0.0}, "0"),
+        ({"forces": (0.5, 0.1)}, "0.5 to 0.1"),
+        ({"places": (0.0, 2.0)}, "0 to 2"),
+        ({"slips": 1.5}, "1.5"),
+        ({"noise": "nowhere.wav"}, "nowhere.wav"),
+        ({"sample_rate": 8000}, "8000"),
+        ({"script": (ScriptedTouch(position=0.3),)}, "0.3"),
+        ({"script": (ScriptedTouch(position=0.1, along=0.3, moving=1.0),)}, "0.4"),
+        ({"script": (ScriptedTouch(position=0.1, across=0.01, seconds=0.5),)}, "0.5"),
+        ({"script": (ScriptedTouch(position=0.1, force=-1.0),)}, "-1"),
+        ({"script": (ScriptedTouch(position=0.1, material="plastik"),)}, "plastik"),
+        ({"script": (ScriptedTouch(position=0.1), ScriptedTouch(start=1.0, position=0.1))}, "touch"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(options: dict[str, Any], line: str) -> None:
-    with pytest.raises(InputError, match=line), TwinSource(**options).open():
+def test_what_cannot_be_is_refused(options: dict[str, Any], given: str) -> None:
+    with pytest.raises(InputError, match=given), TwinSource(**options).open():
         pass

@@ -157,7 +157,7 @@ def test_tuning_moves_the_pitch_and_noise_is_as_loud_as_it_says() -> None:
 
 
 def test_without_a_clock_there_is_no_hand_and_an_idle_one_changes_nothing() -> None:
-    options = {**FAST, "duration": 3.0}
+    options = {**FAST, "duration": 1.5}
     with SOURCES.build("twin", {**options, "speed": 0.0}).open() as stream:
         assert stream.controls is None
         plain = np.concatenate([block.samples for block in stream], axis=1)
@@ -171,9 +171,9 @@ def test_the_others_touches_go_on_after_a_hand() -> None:
     with SOURCES.build("twin", FAST).open() as stream:
         controls, blocks = opened(stream)
         controls.touch(Contact(position=0.06, force=1.0))
-        take(blocks, 300)
+        take(blocks, 100)
         controls.change("touches", "automatic")
-        felt = [truth(stream, take(blocks, 1)) for _ in range(800)]
+        felt = [truth(stream, take(blocks, 1)) for _ in range(600)]
         places = {round(each["position"], 4) for each in felt if each.get("contact") == 1.0}
         assert len(places) > 1
         assert any(each.get("contact") == 0.0 for each in felt)

@@ -65,14 +65,6 @@ def test_a_consumer_that_pauses_for_two_seconds_misses_nothing(
     assert left_out(live, "jsonl") == 0
 
 
-def fill(disk: Path) -> Path:
-    """Leave no space on a disk; return the file that takes it."""
-    free = os.statvfs(disk)
-    filler = disk / "filler"
-    filler.write_bytes(bytes(free.f_bavail * free.f_frsize))
-    return filler
-
-
 def test_a_disk_that_fills_up_ends_the_recording_alone(
     play: Any, touch: Path, start_live: StartLive, small_disk: Path
 ) -> None:
@@ -80,7 +72,8 @@ def test_a_disk_that_fills_up_ends_the_recording_alone(
     take = small_disk / "take.mcap"
     live = start_live("--sink", f"mcap={take}")
     live.wait_for_touch()
-    fill(small_disk)
+    free = os.statvfs(small_disk)
+    (small_disk / "filler").write_bytes(bytes(free.f_bavail * free.f_frsize))
     live.wait_for_note("mcap_closed")
     later(live)
     live.end(1)
@@ -89,26 +82,6 @@ def test_a_disk_that_fills_up_ends_the_recording_alone(
     report = check(take)
     assert report.sound, report.faults
     assert read_session(take).audio.samples.shape[1] > RATE
-
-
-def test_a_disk_that_fills_up_ends_the_table_alone(
-    play: Any, touch: Path, start_live: StartLive, small_disk: Path, tmp_path: Path
-) -> None:
-    play(touch)
-    lines = tmp_path / "live.jsonl"
-    live = start_live("--sink", f"jsonl={lines}", table=small_disk / "live.csv")
-    live.wait_for_touch()
-    fill(small_disk)
-    wait_for(lambda: '"csv_closed"' in lines.read_text(encoding="utf-8"))
-    count = lines.read_text(encoding="utf-8").count("\n")
-    wait_for(lambda: lines.read_text(encoding="utf-8").count("\n") > count + 100)
-    live.process.send_signal(signal.SIGTERM)
-    summary, shown = live.process.communicate(timeout=60)
-    assert live.process.returncode == 1
-    assert "Traceback" not in shown
-    assert "csv" in shown
-    assert "left out" in summary
-    assert len(live.rows()) > 10
 
 
 def test_a_ros_subscriber_that_is_killed_costs_nothing_and_the_next_one_hears(
@@ -192,10 +165,7 @@ def never_reading(stack: ExitStack, port: int) -> socket.socket:
     return client
 
 
-@pytest.mark.parametrize("count", [1, 200])
-def test_browsers_that_never_read_delay_nothing(
-    play: Any, touch: Path, start_live: StartLive, count: int
-) -> None:
+def test_browsers_that_never_read_delay_nothing(play: Any, touch: Path, start_live: StartLive) -> None:
     play(touch)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -203,7 +173,7 @@ def test_browsers_that_never_read_delay_nothing(
     live = start_live("--sink", f"web=127.0.0.1:{port}")
     live.wait_for_touch()
     with ExitStack() as stack:
-        for client in [never_reading(stack, port) for _ in range(count)]:
+        for client in [never_reading(stack, port) for _ in range(200)]:
             assert client.recv(12) == b"HTTP/1.1 101"
         later(live, 1000)
         connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0)

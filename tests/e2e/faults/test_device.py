@@ -79,4 +79,4 @@ def test_a_port_that_is_unplugged_is_named_until_it_is_plugged_in_again(
     live.wait_for(lambda row: touched(row) and "no_sound" not in notes(row))
     ended_well(live)
     said = [event.text for event in read_session(estimates).events if event.data.get("key") == "no_sound"]
-    assert said[0] == f"No sound comes: {ports[1]} not connected in JACK."
+    assert ports[1] in said[0]

@@ -13,7 +13,6 @@ from tests.e2e.faults.conftest import POSITION, RATE, Row, StartLive, notes, sou
 
 import monochord as mc
 from monochord.physics.sensors import load_sensor
-from monochord.sessions import read_session
 
 pytestmark = [pytest.mark.jack, pytest.mark.slow]
 BEGIN, LENGTH, TOTAL = 8 * RATE, 8 * RATE, 30.0
@@ -107,12 +106,9 @@ def test_a_driver_that_goes_off_is_named_and_outlived(
     assert sum(map(wrong, live.rows())) < 100, "1 s"
 
 
-@pytest.mark.parametrize(
-    ("ratio", "key", "says"),
-    [(1.02, "detuned", "estimates follow it"), (1.15, "abstaining", "run monochord tune")],
-)
-def test_a_string_that_is_detuned_is_followed_or_said_to_need_tuning(
-    play: Any, tmp_path: Path, start_live: StartLive, ratio: float, key: str, says: str
+@pytest.mark.parametrize(("ratio", "key"), [(1.02, "detuned"), (1.15, "abstaining")])
+def test_a_string_that_is_detuned_is_followed_or_not_estimated(
+    play: Any, tmp_path: Path, start_live: StartLive, ratio: float, key: str
 ) -> None:
     design = load_sensor("prototype")
     string = replace(design.string, tension=design.string.tension * ratio**2)
@@ -122,8 +118,7 @@ def test_a_string_that_is_detuned_is_followed_or_said_to_need_tuning(
     sound = np.concatenate([untouched, sensor.advance(16.0)[0]], axis=1)
     soundfile.write(tmp_path / "detuned.wav", sound.T, RATE, subtype="FLOAT")
     play(tmp_path / "detuned.wav")
-    take = tmp_path / "take.mcap"
-    live = start_live("--sink", f"mcap={take}")
+    live = start_live()
     follows = key == "detuned"
     live.wait_for_note(key)
     if follows:
@@ -131,8 +126,6 @@ def test_a_string_that_is_detuned_is_followed_or_said_to_need_tuning(
     time.sleep(8.0)
     live.end()
     rows = live.rows()
-    said = {event.text for event in read_session(take).events}
-    assert any(says in text for text in said), said
     print(f"{ratio:g}: {sum(map(touched, rows))} windows right, {sum(map(wrong, rows))} wrong of {len(rows)}")  # noqa: T201
     assert sum(map(wrong, rows)) <= 0.02 * len(rows)
     assert follows or not any(row["position"] for row in rows)

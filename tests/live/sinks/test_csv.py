@@ -2,34 +2,19 @@ import csv
 import json
 import math
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
-from tests.live.sinks.killed import killed
+from tests.live.sinks.made import SIGNAL, moment
 
-from monochord.core.errors import InputError
-from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.core.types import Estimate
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks.base import Moment, Run
 from monochord.live.sinks.csv import Csv
 
-SIGNAL = Signal(sample_rate=44100, channels=2)
 POSITION = Estimate(value=0.2275, std=2e-4, unit="m")
-
-
-def moment(estimates: Mapping[str, Estimate], truth: Mapping[str, float] | None = None) -> Moment:
-    return Moment(
-        prediction=Prediction(start=441, time=0.01, estimates=estimates, latency=0.002),
-        window=Window(samples=np.zeros((2, 4410), np.float32), start=441, sample_rate=44100),
-        health=StreamHealth(dropped=64, gaps=1, xruns=5),
-        truth=truth or {},
-        skipped=3,
-        adc_time=time.monotonic() - 100.0,
-    )
 
 
 def rows(path: Path, *moments: Moment) -> list[dict[str, str]]:
@@ -46,6 +31,7 @@ def test_a_row_has_estimates_reasons_truth_and_counters(tmp_path: Path) -> None:
         moment({"position": POSITION, "force": force}, {"position": 0.22}),
         tracked={"position": Estimate(value=0.22, std=math.inf, unit="m")},
         decided={"contact": True},
+        adc_time=time.monotonic() - 100.0,
         events=(Event(name="contact", on=True, time=0.11, delay=0.0, confidence=0.9),),
         notes=tuple(
             Note(key=key, level="warning", sentence="", remedy="", since=0.0) for key in ("hum", "clipping")
@@ -104,22 +90,3 @@ def test_numbers_survive_exactly(tmp_path: Path) -> None:
     values = np.random.default_rng(2).standard_normal(50)
     moments = [moment({"position": Estimate(value=np.float64(v), std=math.inf, unit="m")}) for v in values]
     assert [float(row["position"]) for row in rows(tmp_path / "out.csv", *moments)] == values.tolist()
-
-
-def test_a_kill_loses_less_than_a_second(recording: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.csv"
-    last = killed(recording, f"csv={out}", windows=150)
-    text = out.read_text(encoding="utf-8")
-    assert text.endswith("\n")
-    written = list(csv.DictReader(text.splitlines(), strict=True))
-    assert float(written[-1]["time"]) > last - 1.0
-    assert {len(row) for row in written} == {len(written[0])}
-
-
-@pytest.mark.parametrize("place", ["/no/such/folder/out.csv", "/"])
-def test_a_place_that_cannot_be_written_is_refused(place: str) -> None:
-    with (
-        pytest.raises(InputError, match="allowed is a path that can"),
-        Csv(path=place).open(Run(signal=SIGNAL)),
-    ):
-        pass

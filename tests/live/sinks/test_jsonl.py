@@ -1,33 +1,22 @@
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.live.sinks.made import SIGNAL, moment
 
-from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.core.types import Estimate
 from monochord.live.health import Note
 from monochord.live.sinks.base import Moment, Run
 from monochord.live.sinks.jsonl import Jsonl
 from monochord.perception.estimators.base import Condition
 
-SIGNAL = Signal(sample_rate=44100, channels=1)
 POSITION = Estimate(value=0.2275, std=2e-4, unit="m")
 FREQUENCY = Estimate(value=169.2307692307692, std=0.05, unit="Hz")
 CORE = ["time", "frequency", "position", "position_std", "valid", "why_not"]
-
-
-def moment(estimates: Mapping[str, Estimate], truth: Mapping[str, float] | None = None) -> Moment:
-    return Moment(
-        prediction=Prediction(start=441, time=0.01, estimates=estimates, latency=0.002),
-        window=Window(samples=np.zeros((1, 4410), np.float32), start=441, sample_rate=44100),
-        health=StreamHealth(dropped=64, gaps=1, xruns=5),
-        truth=truth or {},
-        skipped=3,
-    )
 
 
 def lines(path: Path, *moments: Moment, everything: bool = True) -> list[dict[str, Any]]:

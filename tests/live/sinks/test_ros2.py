@@ -7,18 +7,18 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.live.sinks.made import SIGNAL, moment
 from tests.waiting import wait_for
 
 from monochord.capture.dds import messages as ros
 from monochord.capture.dds.participant import Participant
 from monochord.core.errors import DeviceError, InputError
-from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.core.types import Estimate
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
@@ -28,7 +28,6 @@ from monochord.sessions.codec import decode
 
 pytestmark = pytest.mark.real_time
 DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
-SIGNAL = Signal(sample_rate=44100, channels=2)
 TOUCHED = {
     "contact": Estimate(value=0.98, std=0.01, unit="1"),
     "position": Estimate(value=0.08, std=2e-4, unit="m"),
@@ -40,17 +39,6 @@ UNTOUCHED = {
     **{name: Estimate.abstain("", "no contact") for name in ("position", "force", "slip")},
 }
 UNKNOWN = {name: Estimate.abstain("", "gap") for name in TOUCHED}
-
-
-def moment(estimates: Mapping[str, Estimate], **more: Any) -> Moment:
-    return Moment(
-        prediction=Prediction(start=441, time=0.01, estimates=estimates, latency=0.002),
-        window=Window(samples=np.zeros((2, 4410), np.float32), start=441, sample_rate=44100),
-        health=StreamHealth(dropped=64, gaps=1, xruns=5),
-        truth={},
-        skipped=3,
-        **more,
-    )
 
 
 def published(*moments: Moment, **options: Any) -> dict[str, list[Any]]:
@@ -176,21 +164,20 @@ def test_a_subscriber_that_stalls_or_dies_delays_nothing(fate: signal.Signals) -
                 time.sleep(0.002)
             process.kill()
     assert np.median(spans) < 5e-3
-    assert max(spans) < 1.0
 
 
 @pytest.mark.parametrize(
-    ("options", "error", "line"),
+    ("options", "error", "given"),
     [
-        ({"domain": 233}, InputError, "DDS domain 233: allowed is 0 to 232"),
-        ({"namespace": "/two words"}, InputError, "topic 'two words/touch'"),
-        ({"interface": "not an interface"}, InputError, "interface 'not an interface'"),
-        ({"interface": "absent0"}, DeviceError, "DDS over 'absent0'"),
+        ({"domain": 233}, InputError, "233"),
+        ({"namespace": "/two words"}, InputError, "two words"),
+        ({"interface": "not an interface"}, InputError, "'not an interface'"),
+        ({"interface": "absent0"}, DeviceError, "'absent0'"),
     ],
 )
 def test_an_option_that_cannot_be_used_is_refused(
-    options: dict[str, Any], error: type[Exception], line: str
+    options: dict[str, Any], error: type[Exception], given: str
 ) -> None:
     sink = SINKS.build("ros2", {"domain": DOMAIN, **options})
-    with pytest.raises(error, match=line), sink.open(Run(signal=SIGNAL)):
+    with pytest.raises(error, match=given), sink.open(Run(signal=SIGNAL)):
         pass

@@ -11,7 +11,6 @@ from tests.live.web.test_server import SIGNAL, TOKEN, free, get, live, messages_
 from websockets.exceptions import InvalidStatus
 
 from monochord.core.errors import InputError
-from monochord.live.sinks import SINKS
 from monochord.live.web.access import FREE, INTERVAL, MAX_ATTEMPTS, page_name
 from monochord.live.web.server import Server
 
@@ -24,7 +23,7 @@ def cookie_of(server: Server, **headers: str) -> str:
     return (answer.getheader("set-cookie") or "").partition(";")[0]
 
 
-@pytest.mark.parametrize("token", ["a&b", "a#b", "a+b c", "äß€ 😀", "100%41", "x;y,z=:", 'q"u\\o', "\t\n"])
+@pytest.mark.parametrize("token", ["a&b#c+d e", "äß€ 😀 100%41", 'x;y,z=:q"u\\o\t\n'])
 def test_a_token_of_any_characters_is_that_of_the_link_and_of_the_cookie(token: str) -> None:
     with running(token=token) as (server, _):
         assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w.~%-]+", server.address, re.ASCII)
@@ -78,6 +77,7 @@ def tried(server: Server, token: str, source: str = "127.0.0.1") -> int:
     return status
 
 
+@pytest.mark.slow
 @pytest.mark.real_time
 def test_wrong_tokens_are_slowed_down_and_lock_nobody_out() -> None:
     with running(token=TOKEN) as (server, _):
@@ -146,7 +146,7 @@ def test_a_name_of_the_page_is_allowed_and_a_refusal_says_how(capsys: pytest.Cap
             assert get(server, "/", Host=host).status == 200, host
         answer = get(server, "/", Host="other.example.org:8420")
         assert answer.status == 421
-        assert b"--allow-host other.example.org" in answer.body  # pyright: ignore[reportAttributeAccessIssue]
+        assert b"other.example.org" in answer.body  # pyright: ignore[reportAttributeAccessIssue]
         for host in ("evil<b>", "", "a b", "x" * 300, "lab.example.org.evil.org", "[::1"):
             answer = get(server, "/", Host=host)
             assert answer.status in (400, 421), host
@@ -159,9 +159,8 @@ def test_a_name_of_the_page_is_allowed_and_a_refusal_says_how(capsys: pytest.Cap
         for origin in ("https://lab.example.org:8443", "https://proxy", "https://evil.org", "null"):
             with pytest.raises(InvalidStatus), live(server, additional_headers={"Origin": origin}):
                 pass
-        told = capsys.readouterr().err.splitlines()
-        assert len(told) == 1
-        assert "--allow-host lab.example.org:8443" in told[0]
+        (told,) = capsys.readouterr().err.splitlines()
+        assert "lab.example.org:8443" in told
         assert get(server, "/", **{"X-Forwarded-Host": "lab.example.org"}).status == 200
         assert get(server, "/", **{"X-Forwarded-Host": "other"}).status == 421
 
@@ -170,13 +169,8 @@ def test_a_name_that_is_none_is_refused() -> None:
     assert page_name("Bücher.example:8443") == "xn--bcher-kva.example:8443"
     assert page_name("fd00::1") == page_name("[fd00::1]:443") == "[fd00::1]"
     for name in ("", "*", "https://lab", "lab/page", "a b", "lab:x", "lab:99999", "u@lab", "a..b", "[::1"):
-        with pytest.raises(InputError, match="NAME or NAME:PORT"):
+        with pytest.raises(InputError):
             page_name(name)
-
-
-def test_who_allows_another_name_has_a_token(capsys: pytest.CaptureFixture[str]) -> None:
-    with SINKS.build("web", {"allow_host": ["lab"]}).ahead():
-        assert len(capsys.readouterr().out.strip().partition("?token=")[2]) > 16
 
 
 @pytest.mark.parametrize(("path", "location"), [("/", "./"), ("/static/page.js", None)])
