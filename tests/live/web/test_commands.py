@@ -16,7 +16,7 @@ from websockets.sync.client import ClientConnection
 
 from monochord.core.types import Signal
 from monochord.live.loop import opened
-from monochord.live.settings import LiveSettings
+from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Moment, Writer
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor, with_sensor
@@ -43,7 +43,7 @@ def moments() -> tuple[Moment, ...]:
     source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible", "build": 131}
     estimator = {"name": "model", "path": "demo"}
     tree = {"source": source, "estimator": estimator, "sinks": {}, "seconds": 9.0, "window": {"hop": 0.05}}
-    with opened(LiveSettings.read(tree).build()) as run:
+    with opened(LiveRun.read(tree)) as run:
         return tuple(run)
 
 
