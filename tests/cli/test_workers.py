@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Generator
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -20,7 +21,9 @@ def cluster() -> Generator[str]:
     """Address of a cluster of two processes."""
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as started:
+    options: Any = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    started: Any = LocalCluster(host="127.0.0.1", **options)
+    with started:
         yield started.scheduler_address
 
 
@@ -107,7 +110,7 @@ def test_features_have_the_same_bytes(
     settings = ("feature.name=log_mel", "context.on=false", "optimiser.epochs=1", "noise.copies=1")
     given = [part for each in (*settings, f"cache={tmp_path / 'cache'}") for part in ("--set", each)]
     dataset = ["--dataset", str(small / "dataset")]
-    assert run(["train", *dataset, *given, "--out", str(tmp_path / "run"), *spread]) == 0
+    assert run(["train", "paper", *dataset, *given, "--out", str(tmp_path / "run"), *spread]) == 0
     files = sorted((tmp_path / "cache").rglob("*.npy"))
     assert len(files) > 4
     lines = [f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in files]

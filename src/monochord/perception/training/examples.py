@@ -393,5 +393,5 @@ def noises_of(settings: TrainingSettings, sample_rate: int) -> tuple[Noise, ...]
     """Return the noise of each copy that the settings ask for."""
     if not settings.noise.copies:
         return ()
-    about = {"augmentation": settings.noise, "seed": settings.seed, "sample_rate": sample_rate}
-    return tuple(Noise(copy=copy, **about) for copy in range(1, settings.noise.copies + 1))
+    first = Noise(augmentation=settings.noise, copy=1, seed=settings.seed, sample_rate=sample_rate)
+    return tuple(dataclasses.replace(first, copy=copy) for copy in range(1, settings.noise.copies + 1))
