@@ -126,9 +126,10 @@ def test_a_string_has_the_channels_that_are_named(three: list[Audio]) -> None:
 def test_strings_that_a_source_does_not_have_are_refused(
     strings: dict[str, Any], channels: int, message: str
 ) -> None:
-    settings = LiveRun.read({"source": {"name": "twin"}, "strings": strings, "sinks": {}})
+    silence = Sound(np.zeros((channels, RATE), np.float32))
     with pytest.raises(InputError, match=message):
-        lived(Sound(np.zeros((channels, RATE), np.float32)), settings.strings)
+        run = LiveRun.read({"source": {"name": "twin"}, "strings": strings, "sinks": {}})
+        lived(silence, run.strings)
 
 
 def test_a_source_is_asked_for_the_channels_of_all_strings(tmp_path: Path) -> None:
