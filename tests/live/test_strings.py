@@ -127,9 +127,9 @@ def test_strings_that_a_source_does_not_have_are_refused(
     strings: dict[str, Any], channels: int, message: str
 ) -> None:
     silence = Sound(np.zeros((channels, RATE), np.float32))
+    tree = {"source": {"name": "twin"}, "strings": strings, "sinks": {}}
     with pytest.raises(InputError, match=message):
-        run = LiveRun.read({"source": {"name": "twin"}, "strings": strings, "sinks": {}})
-        lived(silence, run.strings)
+        lived(silence, LiveRun.read(tree).strings)
 
 
 def test_a_source_is_asked_for_the_channels_of_all_strings(tmp_path: Path) -> None:
