@@ -35,7 +35,7 @@ def main() -> None:
         train = split.train[dataset.usable[split.train] & dataset.valid["force"][split.train]]
         rows = np.random.default_rng(0).choice(train, 64, replace=False)
         clean = dataset.batch(rows)
-        noisy = Augmentation(seed=1)(clean, rows, epoch=0)
+        noisy = Augmentation()(clean, rows, seed=1)
         ratio = 20.0 * np.log10(clean.std(axis=(1, 2)) / (noisy - clean).std(axis=(1, 2)))
         force = dataset.label("force")[rows]
         print(f"a batch of {noisy.shape[0]} windows, {noisy.shape[1]} microphones, {noisy.shape[2]} frames")

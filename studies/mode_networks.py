@@ -149,7 +149,7 @@ def _examples(
 ) -> Iterator[Example]:
     contact, position = dataset.label("contact"), dataset.label("position")
     random = np.random.default_rng(seed)
-    noise = Augmentation(kinds=tuple(NOISES), share=NOISY_SHARE, ratios=RATIOS, seed=seed)
+    noise = Augmentation(kinds=tuple(NOISES), share=NOISY_SHARE, ratios=RATIOS)
     touched = (contact == 1.0) & np.isfinite(position) & dataset.usable
     touched &= np.isin(np.arange(len(dataset)), chosen)
     rate, size, length = dataset.manifest.sample_rate, dataset.manifest.window, design.length
@@ -161,7 +161,7 @@ def _examples(
             window: Audio = np.array(dataset.window(row))
             string = own
             if not clean:
-                window = noise(window[np.newaxis], [row])[0]
+                window = noise(window[np.newaxis], [row], seed=seed)[0]
                 window = window[:, : size // 2] if random.random() < HALF_SHARE else window
                 off = (
                     random.uniform(*UNTUNED)

@@ -20,7 +20,7 @@ from monochord import cli
 from monochord.core.config import load_toml
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
-from monochord.live import LiveSettings
+from monochord.live import LiveRun
 from monochord.perception.training.settings import TrainingSettings
 from monochord.physics.sensors import load_sensor, sensor_design, sensor_tuning
 from monochord.sessions.check import check
@@ -154,9 +154,8 @@ def test_a_configuration_of_live_runs(home: Path, capsys: pytest.CaptureFixture[
 
 
 def test_settings_of_live_mean_what_they_did(home: Path) -> None:
-    tree = load_toml(home / "live.toml")
-    settings = LiveSettings.read(tree)
-    assert settings.source == {
+    settings = LiveRun.read({**load_toml(home / "live.toml"), "sinks": {}})
+    assert settings.resolved()["source"] == {
         "name": "session", "path": "touches.mcap", "block": 512, "speed": 0.0, "aligned": True,
     }  # fmt: skip
     assert (settings.window.length, settings.window.hop) == (0.1, 0.01)

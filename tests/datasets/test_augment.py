@@ -1,5 +1,6 @@
 """Noise is added at the ratio drawn, and depends on seed, epoch and window alone."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -34,20 +35,20 @@ def test_ratios_are_drawn_from_the_whole_range_against_each_windows_own_level(wi
 
 
 def test_a_windows_noise_does_not_depend_on_its_batch(windows: Audio) -> None:
-    noisy = Augmentation(seed=3)
-    whole = noisy(windows, range(60), epoch=2)
+    noisy = partial(Augmentation(), seed=3, epoch=2)
+    whole = noisy(windows, range(60))
     order = np.random.default_rng(1).permutation(60)
-    shuffled = np.concatenate([noisy(windows[part], part, epoch=2) for part in np.array_split(order, 7)])
+    shuffled = np.concatenate([noisy(windows[part], part) for part in np.array_split(order, 7)])
     assert (shuffled == whole[order]).all()
 
 
 @pytest.mark.parametrize("other", [{"seed": 4}, {"epoch": 1}, {"first": 60}])
 def test_seed_epoch_and_row_change_the_noise(windows: Audio, other: dict[str, int]) -> None:
     first = other.get("first", 0)
-    usual = Augmentation(seed=3)(windows, range(60))
-    changed = Augmentation(seed=other.get("seed", 3))(
-        windows, range(first, first + 60), epoch=other.get("epoch", 0)
-    )
+    noisy = Augmentation()
+    usual = noisy(windows, range(60), seed=3)
+    seed, epoch = other.get("seed", 3), other.get("epoch", 0)
+    changed = noisy(windows, range(first, first + 60), seed=seed, epoch=epoch)
     assert not (usual == changed).all(axis=(1, 2)).any()
 
 
@@ -83,7 +84,8 @@ def test_recordings_are_resampled_and_reach_both_microphones(windows: Audio, tmp
 
 
 @pytest.mark.parametrize(
-    "options", [{"kinds": ("pnik",)}, {"kinds": ()}, {"ratios": (20.0, 10.0)}, {"share": 1.5}]
+    "options",
+    [{"kinds": ("pnik",)}, {"kinds": ()}, {"ratios": (20.0, 10.0)}, {"share": 1.5}, {"copies": 101}],
 )
 def test_options_that_cannot_be_are_refused(options: dict[str, object]) -> None:
     with pytest.raises(InputError):

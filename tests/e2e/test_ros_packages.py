@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from monochord.live import LiveSettings
+from monochord.live import LiveRun
 from monochord.live.sinks.ros2 import Ros2
 from monochord.sessions.codec import own_definitions
 
@@ -59,5 +59,5 @@ def test_the_nodes_command_line_is_one_that_monochord_takes() -> None:
     assert settings["source.seed"] == "1"
     options = {key.removeprefix("sinks.ros2."): value for key, value in settings.items() if "sinks" in key}
     tree = {"sinks": {"ros2": {"namespace": words[words.index("--sink") + 1].split("=")[1], **options}}}
-    (sink,) = LiveSettings.read({**tree, "estimator": {"name": "closed_form"}}).build().sinks
+    (sink,) = LiveRun.read({**tree, "estimator": {"name": "closed_form"}}).sinks
     assert sink == Ros2(namespace="/lab/left", frame="nut", interface="lo", tracked=False)

@@ -11,10 +11,11 @@ from tests.lab.tiny import quiet, session, tiny
 from monochord.core.types import Floats
 from monochord.lab import render as renderer
 from monochord.lab.plan import Group, MeasurementErrors
-from monochord.lab.render import Rendering, SimulatedEvent, concatenate, first_reading, pieces, render
+from monochord.lab.render import Rendering, concatenate, first_reading, pieces, render
 from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.twin.outside import untouched_power
 from monochord.physics.twin.trajectory import depth_under
+from monochord.sessions import Event
 
 GROUPS = (
     Group(name="hold", grid=(2, 1), forces=(0.8, 1.2), hold=0.5),
@@ -201,7 +202,7 @@ def chunk(start: int, stop: int) -> Rendering:
         wrench=np.repeat(np.array(columns["wrench"])[:, None], 6, axis=1),
         pose=np.repeat(np.array(columns["pose"])[:, None], 7, axis=1),
         labels={"contact": np.array(columns["labels"])},
-        events=(SimulatedEvent(time=start / 44100, kind="phase", text="hold"),),
+        events=(Event(time=start / 44100, kind="phase", text="hold"),),
     )
 
 

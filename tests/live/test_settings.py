@@ -5,7 +5,7 @@ import pytest
 
 from monochord.core.config import dump_toml, load_toml
 from monochord.core.errors import InputError
-from monochord.live import LiveSettings, WindowSettings
+from monochord.live import LiveRun, WindowSettings
 
 TREE = {
     "source": {"name": "wav", "path": "take.wav"},
@@ -31,7 +31,7 @@ def test_impossible_windows_are_refused(span: float) -> None:
 
 
 def test_a_tree_becomes_plug_ins() -> None:
-    session = LiveSettings.read(TREE).build()
+    session = LiveRun.read(TREE)
     assert type(session.source).__name__ == "Wav"
     assert session.window == WindowSettings(length=0.1, hop=0.02)
     assert [type(sink).__name__ for sink in session.sinks] == ["Jsonl", "Terminal"]
@@ -39,11 +39,11 @@ def test_a_tree_becomes_plug_ins() -> None:
 
 
 def test_the_resolved_tree_is_complete_and_means_the_same(tmp_path: Path) -> None:
-    settings = LiveSettings.read(TREE)
+    settings = LiveRun.read(TREE)
     saved = tmp_path / "run.toml"
     saved.write_text(dump_toml(settings.resolved()), encoding="utf-8")
-    again = LiveSettings.read(load_toml(saved))
-    assert again.build() == settings.build()
+    again = LiveRun.read(load_toml(saved))
+    assert again == settings
     assert again.resolved() == settings.resolved()
     assert load_toml(saved)["window"] == {"length": 0.1, "hop": 0.02}
     assert load_toml(saved)["source"]["name"] == "wav"
@@ -66,4 +66,4 @@ def test_the_resolved_tree_is_complete_and_means_the_same(tmp_path: Path) -> Non
 )
 def test_the_error_names_the_setting(change: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        LiveSettings.read({**TREE, **change}).build()
+        LiveRun.read({**TREE, **change})

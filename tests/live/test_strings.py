@@ -14,7 +14,7 @@ from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Block, Signal
-from monochord.live import LiveRun, LiveSettings, run
+from monochord.live import LiveRun, run
 from monochord.live.settings import StringSettings
 from monochord.live.sinks.base import Listener, Moment
 from monochord.perception.estimators.model import ModelEstimator
@@ -126,14 +126,15 @@ def test_a_string_has_the_channels_that_are_named(three: list[Audio]) -> None:
 def test_strings_that_a_source_does_not_have_are_refused(
     strings: dict[str, Any], channels: int, given: str
 ) -> None:
-    settings = LiveSettings.read({"source": {"name": "twin"}, "strings": strings, "sinks": {}})
+    silence = Sound(np.zeros((channels, RATE), np.float32))
+    tree = {"source": {"name": "twin"}, "strings": strings, "sinks": {}}
     with pytest.raises(InputError, match=given):
-        lived(Sound(np.zeros((channels, RATE), np.float32)), settings.strings)
+        lived(silence, LiveRun.read(tree).strings)
 
 
 def test_a_source_is_asked_for_the_channels_of_all_strings(tmp_path: Path) -> None:
     tree = {"source": {"name": "jack"}, "strings": {"a": {}, "b": {"channels": [7, 8]}}}
-    resolved = LiveSettings.read(tree).resolved()
+    resolved = LiveRun.read(tree).resolved()
     assert resolved["source"]["channels"] == 8
-    assert LiveSettings.read(resolved).resolved() == resolved
-    assert LiveSettings.read({**tree, "strings": {"a": {}}}).resolved()["source"]["channels"] == 2
+    assert LiveRun.read(resolved).resolved() == resolved
+    assert LiveRun.read({**tree, "strings": {"a": {}}}).resolved()["source"]["channels"] == 2

@@ -18,7 +18,7 @@ from monochord.core.errors import InputError
 from monochord.core.timing import Histogram
 from monochord.core.types import Estimate, Estimates, Prediction
 from monochord.core.units import Seconds
-from monochord.live import LiveRun, LiveSettings, Summary, run
+from monochord.live import LiveRun, Summary, run
 from monochord.live.filter import FilterSettings, FilterState, step
 from monochord.live.sinks.base import Listener, Moment
 from monochord.physics.strings import load_string
@@ -119,8 +119,8 @@ class Live(Benchmark):
         }
 
     def _session(self, tree: Tree, seconds: Seconds, sink: Listener) -> LiveRun:
-        settings = LiveSettings.read({**tree, "window": {"hop": self.hop}, "sinks": {}, "seconds": seconds})
-        return dataclasses.replace(settings.build(), sinks=(sink,))
+        setup = LiveRun.read({**tree, "window": {"hop": self.hop}, "sinks": {}, "seconds": seconds})
+        return dataclasses.replace(setup, sinks=(sink,))
 
 
 class _Autocorrelation(Listener):

@@ -19,12 +19,13 @@ from monochord.benchmarks._process import resident
 from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Instrument
-from monochord.capture.recording import Notice, Progress, RecordingJob, RecordingSummary, record
+from monochord.capture.recording import Progress, RecordingJob, RecordingSummary, record
 from monochord.capture.recording.view import viewed
 from monochord.capture.sources import SOURCES
 from monochord.core.errors import InputError
 from monochord.core.units import Hertz, Seconds
 from monochord.lab.net_ft_device import NetFtSettings, write_script
+from monochord.sessions import Event
 
 RATE = 44100
 BOUND = 25.0
@@ -89,7 +90,7 @@ class Recording(Benchmark):
         console = Console(file=_Nowhere(), force_terminal=True, _environ=shown)
         with viewed(path, console) as view:
 
-            def show(now: Progress, notices: Sequence[Notice]) -> None:
+            def show(now: Progress, notices: Sequence[Event]) -> None:
                 meter.look(now)
                 view.show(now, notices)
 

@@ -28,7 +28,7 @@ from monochord.core.priority import before_other_programs
 from monochord.core.types import Audio
 from monochord.core.units import Samples, Seconds
 from monochord.lab.player import PlayerSettings, write_script
-from monochord.live import LiveRun, LiveSettings, Summary, WindowSettings, run
+from monochord.live import LiveRun, Summary, WindowSettings, run
 from monochord.live.sinks.base import Listener, Moment
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
@@ -164,7 +164,7 @@ class Sinks(Benchmark):
             "seconds": seconds,
             "real_time": self.real_time,
         }
-        setup: LiveRun = LiveSettings.read(tree).build()
+        setup = LiveRun.read(tree)
         summary = run(replace(setup, sinks=(*setup.sinks, *listeners)))
         if summary.interrupted:
             raise KeyboardInterrupt  # part of a run is no measurement

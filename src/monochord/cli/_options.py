@@ -16,7 +16,7 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.files import similar_name
 from monochord.core.registry import Registry
 from monochord.core.units import Metres
-from monochord.live import LiveRun, LiveSettings, Summary
+from monochord.live import LiveRun, Summary
 from monochord.live.calibration import medians
 from monochord.live.settings import MODEL, recording_source
 from monochord.perception.estimators import ESTIMATORS
@@ -172,6 +172,37 @@ def window_options(command: F) -> F:
     return command
 
 
+def worker_options(command: F) -> F:
+    """Add the number of worker processes, or the cluster that has its own; not both at once."""
+    for option in (
+        click.option(
+            "--cluster",
+            default="",
+            metavar="ADDRESS",
+            callback=_one_of_both,
+            help="Address of a running dask scheduler, whose workers do the work.",
+        ),
+        click.option(
+            "--workers",
+            type=click.IntRange(min=1),
+            metavar="N",
+            callback=_one_of_both,
+            help="Worker processes.  [default: one a core, where that is faster]",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def _one_of_both(context: click.Context, parameter: click.Parameter, value: Any) -> Any:
+    """Return the value of --workers or --cluster; refuse it beside the other."""
+    given = {**context.params, parameter.name: value}
+    workers, cluster = given.get("workers"), given.get("cluster")
+    if workers and cluster:
+        raise InputError("--workers beside --cluster", "one of both", "a cluster has its own workers")
+    return value
+
+
 def refuse_without(options: str, effect: str, *names: str) -> None:
     """Refuse parameters of the running command that were given on the command line and have no effect.
 
@@ -299,9 +330,9 @@ def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
     """Return the tree with the medians of takes (frequency, position, inharmonicity) as calibration."""
     rows: list[list[float]] = []
     for path, position in takes:
-        settings = LiveSettings.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})
+        take = LiveRun.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})
         try:
-            median = medians(settings.build())
+            median = medians(take)
         except InputError as error:
             if Path(path).name in error.given:
                 raise

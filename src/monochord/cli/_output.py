@@ -1,16 +1,13 @@
 """What the commands print, and the bar that shows progress meanwhile."""
 
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
-from typing import TypeAlias
 
 import click
 
 from monochord.core.printable import printable
-
-Progress: TypeAlias = Callable[[str, int, int], None]
-"""Takes the name of what is worked on, how many are done, and of how many."""
+from monochord.core.types import Progress
 
 
 def echo(*lines: str, err: bool = False) -> None:

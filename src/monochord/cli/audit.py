@@ -7,9 +7,8 @@ from pathlib import Path
 import click
 
 from monochord.cli._output import echo
-from monochord.cli.build import SPLIT_FILE
 from monochord.datasets.audit import audit as audit_split
-from monochord.datasets.split import Split
+from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import open_dataset
 
 

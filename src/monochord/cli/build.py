@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import amount, completes, sensor_option
+from monochord.cli._options import amount, completes, sensor_option, worker_options
 from monochord.cli._output import echo, progress_bar
 from monochord.core.errors import InputError
 from monochord.datasets.audit import audit as audit_split
@@ -20,15 +20,17 @@ from monochord.datasets.build import (
     named_sessions,
 )
 from monochord.datasets.kinds import KINDS, table_of
-from monochord.datasets.split import PARTS, Split, refuse_impossible, refuse_too_few, split_dataset
+from monochord.datasets.split import (
+    PARTS,
+    SPLIT_FILE,
+    Split,
+    refuse_impossible,
+    refuse_too_few,
+    split_dataset,
+)
 from monochord.datasets.store import Dataset
 from monochord.perception.tuning.sessions import estimate_tension
 from monochord.sessions import Description, read_session
-
-SPLIT_FILE = "split.json"
-"""Where the split stands in a dataset's folder."""
-MANY = 16
-"""Sessions from which on several processes are worth their start."""
 
 
 @click.command()
@@ -64,13 +66,7 @@ MANY = 16
 @click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
 @sensor_option
 @click.option("--skip", is_flag=True, help="Leave out sessions that cannot be used.")
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    metavar="N",
-    help="Worker processes.  [default: one a core for many sessions]",
-)
-@click.option("--cluster", default="", metavar="ADDRESS", help="Address of a running dask scheduler.")
+@worker_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def build(
     sessions: tuple[str, ...],
@@ -104,9 +100,8 @@ def build(
         window=window, hop=hop, labels=labels or "", force=force, skip=skip, sensor=sensor or ""
     )
     with progress_bar() as progress:
-        number = workers or (1 if len(files) < MANY else None)
         dataset = build_dataset(
-            files, out, options, progress, estimate_tension, workers=number, cluster=cluster
+            files, out, options, progress, estimate_tension, workers=workers, cluster=cluster
         )
     for line in dataset.manifest.refused.values():
         echo(f"left out: {line}", err=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import completes, set_option
+from monochord.cli._options import completes, set_option, worker_options
 from monochord.cli._output import echo
 from monochord.core.errors import InputError
 from monochord.core.ownership import sole_use
@@ -31,10 +31,7 @@ from monochord.lab.schedule import schedule
     required=True,
     help="Folder for the sessions; created if missing.",
 )
-@click.option(
-    "--workers", type=click.IntRange(min=1), metavar="N", help="Worker processes.  [default: one a core]"
-)
-@click.option("--cluster", default="", metavar="ADDRESS", help="Address of a running dask scheduler.")
+@worker_options
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @set_option("monochord list settings collect")
 @click.option("--only", default="", metavar="NAME", help="Collect one session or one group of the plan.")
@@ -78,8 +75,6 @@ def _collected(
 ) -> Iterator[CollectedSession]:
     """Yield the results as the sessions are finished, and show the progress."""
     if not real_time:
-        if workers and cluster:
-            raise InputError("--workers beside --cluster", "one of both", "a cluster has its own workers")
         if server:
             raise InputError("--server", "with --real-time", "offline there is no server")
         with closing(carry_out(sessions, out, workers=workers, cluster=cluster)) as results:

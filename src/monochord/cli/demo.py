@@ -18,7 +18,7 @@ from monochord.cli._output import echo
 from monochord.core.errors import DeviceError, InputError, did_you_mean
 from monochord.core.interruption import interruption
 from monochord.core.ownership import scratch_folder
-from monochord.live import LiveSettings, Scorer, run
+from monochord.live import LiveRun, Scorer, run
 from monochord.live.tuning import tuned
 from monochord.perception.tuning.sessions import LENGTH_TOLERANCE
 from monochord.physics.materials import load_material, material_names
@@ -115,9 +115,7 @@ def demo(sensor: str, **options: Any) -> None:
         "allow_host": [*options["allow_host"]],
     }
     sinks = {} if quiet else {"web": page, "terminal": {}}
-    setup = LiveSettings.read(
-        {"source": source, "estimator": estimator, "sinks": sinks, "seconds": seconds}
-    ).build()
+    setup = LiveRun.read({"source": source, "estimator": estimator, "sinks": sinks, "seconds": seconds})
     with ExitStack() as stack:
         if options["jack"]:
             from monochord.lab.jack_twin import JackTwin  # noqa: PLC0415

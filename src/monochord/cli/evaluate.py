@@ -9,7 +9,7 @@ import click
 from monochord import evaluation
 from monochord.cli._drawings import drawings, note_missing_figures
 from monochord.cli._moved import refuse_moved
-from monochord.cli._options import completes, refuse_without, set_option
+from monochord.cli._options import completes, refuse_without, set_option, worker_options
 from monochord.cli._output import echo, progress_bar
 from monochord.core.config import override
 from monochord.core.errors import InputError
@@ -65,6 +65,7 @@ WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
     "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep rows of the table in FILE, a JSON."
 )
 @click.option("--feature", metavar="NAME", help="Name of these rows.  [default: the feature, or MODEL]")
+@worker_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def evaluate(
     model: str | None,
@@ -76,6 +77,8 @@ def evaluate(
     assignments: tuple[str, ...],
     as_json: bool,
     suite: str | None,
+    workers: int | None,
+    cluster: str,
     **options: Any,
 ) -> None:
     """Test MODEL, or the estimator NAME, on sessions that it was not trained on.
@@ -112,7 +115,7 @@ def evaluate(
     if out is not None:
         refuse_unwritable(out)
     with progress_bar() as progress:
-        outcome = evaluation.evaluate(settings, progress=progress)
+        outcome = evaluation.evaluate(settings, progress=progress, workers=workers, cluster=cluster)
     if out is not None:
         evaluation.write(out, outcome, drawings)
         note_missing_figures()

@@ -20,7 +20,8 @@ from monochord.core.errors import InputError, MonochordError, did_you_mean
 from monochord.core.registry import Registry
 from monochord.lab.plan import Plan
 from monochord.lab.plans import load_plan, plan_names
-from monochord.live import LiveSettings
+from monochord.live import LiveRun
+from monochord.live.settings import DEFAULTS
 from monochord.perception.model import load
 from monochord.perception.model.bundled import bundled_names
 from monochord.perception.training.settings import TrainingSettings
@@ -31,7 +32,7 @@ from monochord.physics.strings import load_string, string_names
 
 Entry: TypeAlias = dict[str, Any]
 SETTINGS: Mapping[str, tuple[str, type]] = {
-    "live": ("A run of 'monochord live', also its --config.", LiveSettings),
+    "live": ("A run of 'monochord live', also its --config.", LiveRun),
     "record": ("A run of 'monochord record', also its --config.", recording.RecordingSettings),
     "collect": ("A plan of 'monochord collect'.", Plan),
     "train": ("A run of 'monochord train', also its CONFIG.", TrainingSettings),
@@ -143,7 +144,11 @@ def _plain(value: Any) -> Any:
 
 def _settings() -> Iterable[Entry]:
     for name, (summary, kind) in SETTINGS.items():
-        yield {"name": name, "summary": summary, "options": _options(kind)}
+        options = _options(kind)
+        for option in options if kind is LiveRun else ():
+            if option["name"] in DEFAULTS:
+                option |= {"required": False, "default": DEFAULTS[option["name"]], "allowed": "a table"}
+        yield {"name": name, "summary": summary, "options": options}
 
     def entry(name: str) -> Entry:
         summary = f"The setup of 'monochord simulate' with --model {name}."

@@ -28,7 +28,7 @@ from monochord.cli._output import echo
 from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
-from monochord.live import LiveSettings, run
+from monochord.live import LiveRun, run
 from monochord.live.settings import NAME
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Listener, Moment, Run, Sink, Writer
@@ -95,13 +95,12 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     tree |= {"strings": strings} if strings else {}
     tree = override(tree, options["assignments"])
     tree = calibrated(tree, options["calibrate"])
-    settings = LiveSettings.read(tree)
-    setup = settings.build()
+    setup = LiveRun.read(tree)
     saving: tuple[Sink, ...] = ()
     if options["save_config"]:
-        saving = (_SavedSettings(options["save_config"], dump_toml(settings.resolved())),)
+        saving = (_SavedSettings(options["save_config"], dump_toml(setup.resolved())),)
     summary = run(dataclasses.replace(setup, sinks=(*saving, *setup.sinks)))
-    refuse_short(opened or settings.source["name"], setup, summary)
+    refuse_short(opened or table(tree, "source")["name"], setup, summary)
     # Standard output may carry data, of which the summary is no part.
     echo(*summary.lines(), err=options["as_json"])
     return int(any(each.failure for each in summary.delivered))

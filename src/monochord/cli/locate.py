@@ -27,7 +27,7 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
-from monochord.live import LiveSettings, run
+from monochord.live import LiveRun, run
 from monochord.live.sinks.base import Listener, Moment, Run, Writer
 from monochord.perception.model.bundled import bundled_names
 
@@ -68,7 +68,7 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
     tree: Tree = {"source": source, "sinks": {"jsonl": {"everything": False}} if as_json else {}}
     put_estimator(tree, options, model)
     tree = override(tree, options["assignments"])
-    setup = LiveSettings.read(calibrated(tree, options["calibrate"])).build()
+    setup = LiveRun.read(calibrated(tree, options["calibrate"]))
     table = _Table(stopped=options["open_frequency"] is not None, by_pitch=model is None)
     summary = run(setup if as_json else dataclasses.replace(setup, sinks=(table,)))
     refuse_short(file, setup, summary)

@@ -1,23 +1,19 @@
 """The command `train`: a dataset into a model."""
 
 import json
-import sys
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import click
 
-from monochord.cli._options import set_option
-from monochord.cli._output import echo
+from monochord.cli._options import set_option, worker_options
+from monochord.cli._output import echo, progress_bar
 from monochord.core.config import load_toml, override
-from monochord.core.printable import printable
 from monochord.figures import FIGURES
 from monochord.perception.heads.base import Task
 from monochord.perception.training.configs import DEFAULT, config_path
-from monochord.perception.training.rows import Progress
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import HeadScores, TrainingResult
 from monochord.perception.training.train import train as train_model
@@ -33,14 +29,22 @@ LEARNING = "learning"
 )
 @click.option("--dataset", type=click.Path(), metavar="DIR", help="Dataset that monochord build made.")
 @set_option("monochord list settings train")
+@worker_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def train(
-    config: str, *, out: Path, dataset: str | None, assignments: tuple[str, ...], as_json: bool
+    config: str,
+    *,
+    out: Path,
+    dataset: str | None,
+    assignments: tuple[str, ...],
+    workers: int | None,
+    cluster: str,
+    as_json: bool,
 ) -> None:
     """Train a model by CONFIG, a preset's name or a TOML file; by default that of the published results.
 
     The folder of the run holds its settings, its history, also drawn, the model and its scores on
-    validation. After an interruption the same command goes on.
+    validation. After an interruption the same command goes on. Worker processes compute the features.
 
     \b
     monochord train --dataset dataset --out run
@@ -50,8 +54,8 @@ def train(
     if dataset is not None:
         tree["dataset"] = dataset
     settings = TrainingSettings.read(override(tree, assignments))
-    with _progress() as progress:
-        result = train_model(settings, out, progress)
+    with progress_bar("windows") as progress:
+        result = train_model(settings, out, progress, workers=workers, cluster=cluster)
     _draw(out)
     echo(*([json.dumps(_tree(result))] if as_json else _lines(result)))
 
@@ -107,29 +111,3 @@ def score_lines(scores: Mapping[str, HeadScores], tasks: Mapping[str, Task]) -> 
             text += f" ({count}; the mean label: {mean})"
         lines.append(f"  {name:<10} {text}")
     return lines
-
-
-@contextmanager
-def _progress() -> Generator[Progress]:
-    """Yield a function that shows progress: as a bar, if there is a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda *_: None
-        return
-    from rich.console import Console  # noqa: PLC0415
-    from rich.markup import escape  # noqa: PLC0415
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn  # noqa: PLC0415
-    from rich.progress import Progress as Bar  # noqa: PLC0415
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None)
-        current = ""
-
-        def show(what: str, done: int, of: int) -> None:
-            nonlocal current
-            if what != current:
-                bar.reset(task)
-            current = what
-            bar.update(task, description=escape(printable(what)), completed=done, total=of)
-
-        yield show

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from monochord.capture.sources import SOURCES
 from monochord.cli._options import (
     amount,
     put_source,
@@ -21,7 +22,7 @@ from monochord.cli._output import echo
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
-from monochord.live import LiveSettings
+from monochord.live import LiveRun
 from monochord.live.tuning import SECONDS, WINDOW, SensorAsTuned, tuned
 from monochord.physics.sensors import sensor_tuning
 
@@ -67,16 +68,16 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
     refuse_unwritable(path, (".toml",))
     if path.exists() and not force:
         raise InputError(f"file '{path}', which is there already", "a new file", "replace it with --force")
-    settings = [_settings(opened, options) for opened in inputs or (None,)]
+    runs = [_run(opened, options) for opened in inputs or (None,)]
     names = [
-        opened or str(one.source["name"]) for opened, one in zip(inputs or (None,), settings, strict=True)
+        opened or SOURCES.name_of(run.source) for opened, run in zip(inputs or (None,), runs, strict=True)
     ]
     result = tuned(
-        [one.build().source for one in settings],
+        [run.source for run in runs],
         names,
         sensor=options["sensor"] or "",
-        seconds=settings[0].seconds,
-        window=settings[0].window,
+        seconds=runs[0].seconds,
+        window=runs[0].window,
     )
     result = dataclasses.replace(result, time=datetime.now(UTC).isoformat(timespec="seconds"))
     _write(path, result.toml())
@@ -87,12 +88,12 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
     echo(*result.lines(), f"written to {path}; use it by --sensor {path}")
 
 
-def _settings(opened: str | None, options: dict[str, Any]) -> LiveSettings:
-    """Return the settings of a run that would open this input; only its source, window and time are used."""
+def _run(opened: str | None, options: dict[str, Any]) -> LiveRun:
+    """Return a run that would open this input, of which only source, window and time are used."""
     tree: Tree = {"sinks": {}, "seconds": options["seconds"]}
     put_source(tree, options, opened)
     tree["window"] = {"length": options["window"] or WINDOW.length, "hop": options["hop"] or WINDOW.hop}
-    return LiveSettings.read(override(tree, options["assignments"]))
+    return LiveRun.read(override(tree, options["assignments"]))
 
 
 def _facts(result: SensorAsTuned) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import parent_process, resource_tracker
 from typing import Any
 
@@ -19,18 +19,32 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_
 """Environment of a worker: one thread each, since every core has a worker."""
 
 
-def pack(work: Any, job: Any) -> bytes:
-    """Return a job and its function as bytes, which no scheduler tries to read."""
-    return pickle.dumps((work, job))
+_last = threading.local()
+"""The function of the last job of each thread, as bytes and unpacked, with what it has loaded."""
 
 
-def call(packed: bytes) -> Any:
-    """Run a packed job; raises `DeviceError` where this worker lacks its module."""
+def pack(value: Any) -> bytes:
+    """Return a job, or its function, as bytes, which no scheduler tries to read."""
+    return pickle.dumps(value)
+
+
+def call(work: bytes, job: bytes) -> Any:
+    """Run a packed job by its packed function; raises `DeviceError` where this worker lacks its module."""
     try:
-        work, job = pickle.loads(packed)  # noqa: S301  (from the process that started this one)  # nosec B301
+        if getattr(_last, "packed", None) != work:
+            _last.work = pickle.loads(work)  # noqa: S301  (from the process that started this one)  # nosec B301
+            _last.packed = work
+        argument = pickle.loads(job)  # noqa: S301  (likewise)  # nosec B301
     except (ImportError, AttributeError) as error:
         raise DeviceError(unreadable(error)) from error
-    return work(job)
+    return _last.work(argument)
+
+
+def call_in(folder: str, work: bytes, job: bytes) -> Any:
+    """Run a packed job in the folder of the program that sent it, by which relative paths go."""
+    with suppress(OSError):
+        os.chdir(folder)
+    return call(work, job)
 
 
 def unreadable(error: BaseException) -> str:

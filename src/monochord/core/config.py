@@ -313,6 +313,8 @@ def _leaf(kind: Any, value: Any, where: str, allowed: str = "") -> Any:
 
 
 def _path(kind: type, value: Any) -> Any:
+    if isinstance(value, kind):  # an object that is built already
+        return value
     if issubclass(kind, Path) and isinstance(value, str):
         return kind(value)
     raise TypeError(f"{value!r} is no {kind.__name__}")

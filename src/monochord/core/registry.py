@@ -86,6 +86,18 @@ class Registry(Generic[T]):
         """
         return from_tree(self.load(name), options or {}, where=name if where is None else where)
 
+    def name_of(self, plug_in: T) -> str:
+        """Return the name of a plug-in; raises `InputError` for one of a class that is in no list."""
+        kind = type(plug_in)
+        package, _, name = kind.__module__.rpartition(".")
+        if package == self.package and name in self._own_names():
+            return name
+        for name in installed(self.folder):
+            with suppress(InputError):
+                if self.load(name) is kind:
+                    return name
+        raise InputError(f"{self.kind} {kind.__name__}, which has no name", ", ".join(self.names()))
+
     def _own_names(self) -> set[str]:
         names = (module.name for module in pkgutil.iter_modules(import_module(self.package).__path__))
         return {name for name in names if name != "base" and not name.startswith("_")}

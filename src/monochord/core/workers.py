@@ -10,11 +10,13 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, TypeVar
 
 from monochord.core._worker import (
     MAX_DEATHS,
     call,
+    call_in,
     one_thread_each,
     pack,
     prepare,
@@ -37,21 +39,22 @@ def run_all(
     """Run every job and yield it with its result, in the order in which they finish.
 
     A single job, or a single worker, runs in this process. Several workers are processes of this machine, of
-    one thread each; with an address the jobs run on a dask cluster. A job whose worker dies runs again on
-    another: it may be started twice, so a job that writes should write to a temporary file and rename it.
-    Each job is yielded exactly once. The first error of a job ends the others and is raised here unchanged;
-    closing the iterator ends them too.
+    one thread each; with an address the jobs run on a dask cluster, in the working folder of this process. A
+    job whose worker dies runs again on another: it may be started twice, so a job that writes should write to
+    a temporary file and rename it. Each job is yielded exactly once. The first error of a job ends the others
+    and is raised here unchanged; closing the iterator ends them too.
 
     Parameters
     ----------
     jobs
         Arguments, each picklable. A job contains its own seed, so that no result depends on its worker.
     work
-        The function of one job, of a module that the workers can import too.
+        The function of one job, of a module that the workers can import too. A worker unpacks it once for
+        all its jobs: what these have in common belongs into it, as by `functools.partial`.
     cluster
         Address of a running dask scheduler, such as ``"tcp://10.0.0.5:8786"``; empty for this machine.
     workers
-        Number of processes on this machine; None for one a core.
+        Number of processes on this machine; None for one a core, and for none beside a job's own process.
 
     Yields
     ------
@@ -74,7 +77,8 @@ def run_all(
     if cluster:
         _require_dask(f"Cluster {cluster}")
         return _on_cluster(jobs, work, cluster)
-    number = min(workers or len(os.sched_getaffinity(0)), len(jobs))
+    cores = 1 if multiprocessing.parent_process() else len(os.sched_getaffinity(0))
+    number = min(workers or cores, len(jobs))
     if number <= 1:
         return ((job, work(job)) for job in jobs)
     return _on_this_machine(jobs, work, number)
@@ -144,7 +148,8 @@ def _pool(
     pool = ProcessPoolExecutor(number, multiprocessing.get_context("spawn"), initializer=prepare)
     try:
         with shielded(), one_thread_each(), without_main():
-            futures = {pool.submit(call, pack(work, job)): number for number, job in jobs.items()}
+            packed = pack(work)
+            futures = {pool.submit(call, packed, pack(job)): number for number, job in jobs.items()}
         yield futures
     finally:
         with shielded():
@@ -161,8 +166,9 @@ def _results(client: Any, jobs: Sequence[Job], work: Callable[[Job], Result]) ->
     from distributed import as_completed as finished  # noqa: PLC0415
     from distributed.client import FutureCancelledError  # noqa: PLC0415
 
+    here, packed = str(Path.cwd()), pack(work)
     futures: dict[Any, int] = {
-        client.submit(call, pack(work, job), pure=False): number for number, job in enumerate(jobs)
+        client.submit(call_in, here, packed, pack(job), pure=False): number for number, job in enumerate(jobs)
     }
     try:
         for future in finished(list(futures), loop=client.loop):

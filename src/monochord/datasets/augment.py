@@ -1,8 +1,8 @@
 """Noise added to windows for training; pitch and time stay, since they tell where the touch is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -16,17 +16,19 @@ RECORDED = "recorded"
 """The kind of noise that is drawn from files of music or speech."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Augmentation:
     """Adds noise to windows: of a kind drawn for each, at a signal-to-noise ratio drawn for each.
 
-    What a window gets depends on `seed`, the epoch and the window's row in the dataset alone: on no order,
+    What a window gets depends on the seed, the epoch and the window's row in the dataset alone: on no order,
     no batch size and no number of workers. Microphones get independent noise of "white", "pink" and "band",
     which stands for what arises in each preamplifier, and the same of "hum" and of recordings, which reach
     both.
 
     Parameters
     ----------
+    copies
+        Noisy copies of each window that a training adds beside the clean one; 0 adds none.
     kinds
         Of `monochord.dsp.noise.NOISES`, drawn with equal chances; with `recordings`, "recorded" is one more.
     ratios
@@ -35,33 +37,31 @@ class Augmentation:
         Of the windows that get noise; the others stay as they are.
     recordings
         Files of music or speech, of which excerpts are drawn. They are read and resampled once.
-    seed
-        Random seed.
-    sample_rate
-        Of the windows in Hz.
 
     Raises
     ------
     InputError
-        For an unknown kind, ratios or share out of range, or a recording that cannot be read or is too short.
+        For an unknown kind, copies, ratios or share out of range, or a recording that cannot be read or is
+        too short.
 
     Examples
     --------
     >>> windows = np.random.default_rng(0).normal(size=(2, 2, 4410)).astype(np.float32)
-    >>> noisy = Augmentation(seed=1)(windows, [7, 8], epoch=0)
-    >>> alone = Augmentation(seed=1)(windows[1:], [8], epoch=0)
+    >>> noisy = Augmentation()(windows, [7, 8], seed=1)
+    >>> alone = Augmentation()(windows[1:], [8], seed=1)
     >>> bool((noisy[1] == alone[0]).all()), bool((noisy[0] == windows[0]).any())
     (True, False)
     """
 
+    copies: int = 0
     kinds: tuple[str, ...] = STEADY
     ratios: tuple[float, float] = (5.0, 25.0)
     share: float = 1.0
-    recordings: tuple[Path, ...] = field(default=())
-    seed: int = 0
-    sample_rate: int = 44100
+    recordings: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
+        if not 0 <= self.copies <= 100:
+            raise InputError(f"noise.copies {self.copies}", "0 to 100")
         for kind in self.kinds:
             if kind not in NOISES:
                 raise InputError(f"noise '{kind}'", ", ".join(NOISES), did_you_mean(kind, NOISES))
@@ -73,48 +73,58 @@ class Augmentation:
         if not 0.0 <= self.share <= 1.0:
             raise InputError(f"share {self.share:g} of windows with noise", "0 to 1")
 
-    def __call__(self, windows: Audio, rows: Sequence[int] | NDArray[np.int64], *, epoch: int = 0) -> Audio:
+    def __call__(
+        self,
+        windows: Audio,
+        rows: Sequence[int] | NDArray[np.int64],
+        *,
+        seed: int = 0,
+        epoch: int = 0,
+        sample_rate: int = 44100,
+    ) -> Audio:
         """Return windows (n, channels, frames) with noise added, as a copy.
 
-        `rows` (n,) are their rows in the dataset. A window that is silent, or holds what is no number, is
-        returned as it is: it has no level that a ratio could refer to.
+        `rows` (n,) are their rows in the dataset, and `sample_rate` is in Hz. A window that is silent, or
+        holds what is no number, is returned as it is: it has no level that a ratio could refer to.
         """
         out = windows.copy()
         for number, row in enumerate(rows):
-            out[number] = self._noisy(windows[number], int(row), epoch)
+            out[number] = self._noisy(windows[number], (seed, epoch, int(row)), sample_rate)
         return out
 
-    def _noisy(self, window: Audio, row: int, epoch: int) -> Audio:
+    def _noisy(self, window: Audio, seeds: tuple[int, int, int], sample_rate: int) -> Audio:
         power = float(np.vdot(window, window))
         if not 0.0 < power < np.inf:
             return window
-        stream = np.random.Generator(np.random.SFC64(np.random.SeedSequence((self.seed, epoch, row))))
+        stream = np.random.Generator(np.random.SFC64(np.random.SeedSequence(seeds)))
         if stream.random() >= self.share:
             return window
         kinds = (*self.kinds, RECORDED) if self.recordings else self.kinds
         kind = kinds[int(stream.integers(len(kinds)))]
         ratio = stream.uniform(*self.ratios)
         if kind == RECORDED:
-            noise = self._excerpt(stream, window.shape)
+            noise = self._excerpt(stream, window.shape, sample_rate)
         else:
-            noise = NOISES[kind](stream, window.shape, float(self.sample_rate))
+            noise = NOISES[kind](stream, window.shape, float(sample_rate))
         return mixed(window.astype(np.float64), noise, ratio).astype(np.float32)
 
-    def _excerpt(self, stream: np.random.Generator, shape: tuple[int, ...]) -> Floats:
-        sound = self._sounds[int(stream.integers(len(self._sounds)))]
+    def _excerpt(self, stream: np.random.Generator, shape: tuple[int, ...], sample_rate: int) -> Floats:
+        sounds = _sounds(self.recordings, sample_rate)
+        sound = sounds[int(stream.integers(len(sounds)))]
         if sound.size < shape[-1]:
-            given = f"a recording of {sound.size / self.sample_rate:.3g} s"
+            given = f"a recording of {sound.size / sample_rate:.3g} s"
             raise InputError(given, "one as long as a window or longer")
         for _ in range(8):  # a pause in speech has no level
             begin = int(stream.integers(sound.size - shape[-1] + 1))
             excerpt = sound[begin : begin + shape[-1]].astype(np.float64)
             if excerpt.any():
                 return np.broadcast_to(excerpt, shape)
-        return NOISES["white"](stream, shape, float(self.sample_rate))
+        return NOISES["white"](stream, shape, float(sample_rate))
 
-    @cached_property
-    def _sounds(self) -> tuple[Audio, ...]:
-        return tuple(_read(path, self.sample_rate) for path in self.recordings)
+
+@lru_cache(maxsize=1)
+def _sounds(recordings: tuple[Path, ...], sample_rate: int) -> tuple[Audio, ...]:
+    return tuple(_read(path, sample_rate) for path in recordings)
 
 
 def _read(path: Path, sample_rate: int) -> Audio:

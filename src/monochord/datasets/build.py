@@ -15,7 +15,7 @@ from monochord.core import labels as label_rules
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
-from monochord.core.types import Audio, StringParams
+from monochord.core.types import Audio, Progress, StringParams
 from monochord.core.units import Newtons, Samples, Seconds
 from monochord.core.workers import run_all
 from monochord.datasets.checksums import FileSums, file_sums
@@ -36,11 +36,11 @@ from monochord.physics.sensors import load_sensor
 from monochord.sessions import TUNING, AudioTrack, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
 
+MANY = 16
+"""Sessions from which on several processes are worth their start."""
 FULL_SCALE = 1.0 - 2.0**-15
 """A sample of this amount or more is clipped: the greatest that a converter of 16 bits gives."""
 Labelling: TypeAlias = Literal["", "recorded", "measured"]
-Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called with the name of each session, how many are done, and how many there are."""
 Listen: TypeAlias = Callable[[Audio, int, StringParams | None, Newtons | None], Newtons | None]
 """Gives the tension of a session's string from sound (channels, n), its rate, its string and the tension that
 was recorded; None where none is known.
@@ -175,7 +175,8 @@ def build_dataset(
     listen
         Gives the tension of a session's string from its sound, its string and the tension that was recorded.
     workers, cluster
-        Processes, None for one a core, or a cluster: see `monochord.core.workers.run_all`.
+        As in `monochord.core.workers.run_all`, but that None means this process for fewer than `MANY`
+        sessions.
 
     Raises
     ------
@@ -197,6 +198,7 @@ def build_dataset(
         )
     files = named_sessions(sessions)
     names = [*files, ""]
+    workers = workers or (1 if len(files) < MANY else None)
     with part_folder(out) as part:
         (part / "audio").mkdir()
         jobs = [

@@ -31,7 +31,7 @@ FAULTS = ("microphone 1 dead", "microphone 2 dead", "microphones swapped", "clip
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """Makes windows of one fault; what a window gets depends on `seed`, the epoch and its row alone.
+    """Makes windows of one fault; what a window gets depends on the seed, the epoch and its row alone.
 
     A dead microphone's channel is silent, or has hiss and the mains; swapped microphones are exchanged; with
     clipping most of a window lies beyond full scale; hum is louder than the string. A second string is the
@@ -41,10 +41,6 @@ class Fault:
     ----------
     kind
         Of `FAULTS`.
-    seed
-        Random seed.
-    sample_rate
-        Of the windows in Hz.
 
     Raises
     ------
@@ -59,22 +55,31 @@ class Fault:
     """
 
     kind: str
-    seed: int = 0
-    sample_rate: int = 44100
 
     def __post_init__(self) -> None:
         if self.kind not in FAULTS:
             raise InputError(f"fault '{self.kind}'", ", ".join(FAULTS), did_you_mean(self.kind, FAULTS))
 
-    def __call__(self, windows: Audio, rows: Sequence[int] | NDArray[np.int64], *, epoch: int = 0) -> Audio:
-        """Return windows (n, 2, frames) with the fault, as a copy; `rows` (n,) are theirs in the dataset."""
+    def __call__(
+        self,
+        windows: Audio,
+        rows: Sequence[int] | NDArray[np.int64],
+        *,
+        seed: int = 0,
+        epoch: int = 0,
+        sample_rate: int = 44100,
+    ) -> Audio:
+        """Return windows (n, 2, frames) with the fault, as a copy.
+
+        `rows` (n,) are their rows in the dataset, and `sample_rate` is in Hz.
+        """
         out = windows.copy()
         for window, row in zip(out, rows, strict=True):
-            seeds = np.random.SeedSequence((self.seed, epoch, int(row), FAULTS.index(self.kind)))
-            self._spoil(window, np.random.Generator(np.random.SFC64(seeds)))
+            seeds = np.random.SeedSequence((seed, epoch, int(row), FAULTS.index(self.kind)))
+            self._spoil(window, np.random.Generator(np.random.SFC64(seeds)), float(sample_rate))
         return out
 
-    def _spoil(self, window: Audio, random: np.random.Generator) -> None:
+    def _spoil(self, window: Audio, random: np.random.Generator, sample_rate: Hertz) -> None:
         if self.kind == "microphones swapped":
             window[:] = window[::-1].copy()
         elif self.kind == "clipping":
@@ -82,7 +87,7 @@ class Fault:
             np.clip(window * (_between(random, OVERDRIVE) / peak), -1.0, 1.0, out=window)
         elif self.kind == "hum":
             rms = float(np.sqrt(np.mean(np.square(window, dtype=float))))
-            mains = hum(random, window.shape, float(self.sample_rate))
+            mains = hum(random, window.shape, sample_rate)
             np.clip(window + rms * _between(random, HUM) * mains, -1.0, 1.0, out=window)
         elif self.kind == "second string":
             level = _between(random, SECOND_LEVEL)
@@ -91,15 +96,15 @@ class Fault:
                 window[channel] += level * _at_pitch(window[channel], pitch)
             window /= max(float(np.abs(window).max()), 1.0)
         else:
-            window[int(self.kind == "microphone 2 dead")] = self._dead(random, window.shape[1])
+            window[int(self.kind == "microphone 2 dead")] = self._dead(random, window.shape[1], sample_rate)
 
-    def _dead(self, random: np.random.Generator, frames: int) -> Floats:
+    def _dead(self, random: np.random.Generator, frames: int, sample_rate: Hertz) -> Floats:
         """Return what is in the channel of a dead microphone, (frames,)."""
         if random.random() < SILENT_SHARE:
             return np.zeros(frames)
         sound = _between(random, HISS) * random.standard_normal(frames)
         if random.random() < MAINS_SHARE:
-            mains = hum(random, (1, frames), float(self.sample_rate), mains=float(random.choice(MAINS)))
+            mains = hum(random, (1, frames), sample_rate, mains=float(random.choice(MAINS)))
             sound += _between(random, MAINS_LEVEL) * mains[0]
         return sound
 

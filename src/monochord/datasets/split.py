@@ -40,6 +40,8 @@ from monochord.datasets.manifest import MAX_WINDOWS
 from monochord.datasets.store import Dataset
 
 By: TypeAlias = Literal["session", "object", "time", "day", "build"]
+SPLIT_FILE = "split.json"
+"""Where the split stands in a dataset's folder."""
 MORE = "record more, or split by time"
 SHARES = (0.7, 0.15, 0.15)
 """Of the windows, by default."""

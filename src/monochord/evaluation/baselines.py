@@ -6,17 +6,27 @@ augmentation.
 """
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.types import Audio, Floats, Indices, Signal, StringParams
+from monochord.core.types import Audio, Floats, Indices, Progress, Signal, StringParams
 from monochord.core.units import Samples
+from monochord.core.workers import run_all
 from monochord.evaluation.noise import Disturbance
-from monochord.evaluation.replay import Progress, Selection, disturbed_audio, results_of
+from monochord.evaluation.replay import (
+    Condition,
+    Selection,
+    conditions_of,
+    disturbed_audio,
+    jobs_of,
+    processes,
+    results_of,
+)
 from monochord.evaluation.results import Results, join
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
@@ -94,28 +104,71 @@ def features_of(
     progress
         Called before each session.
     """
+    condition = Condition(selections=(selection,), disturbance=noise)
+    ((_, features),) = _features_in([condition], feature, design, progress)
+    return features
+
+
+def _features_in(
+    conditions: Sequence[Condition],
+    feature: Mapping[str, Any],
+    design: StringParams | None,
+    progress: Progress,
+    *,
+    workers: int | None = 1,
+    cluster: str = "",
+) -> Iterator[tuple[int, FeatureRows]]:
+    """Yield the number of each condition with the features of its windows, as soon as these are there."""
+    jobs, work = jobs_of(conditions), partial(_features_of_session, tuple(conditions), feature, design)
+    names = [*(f"{name}, baselines" for name in jobs.values()), ""]
+    parts: list[dict[int, FeatureRows]] = [{} for _ in conditions]
+    progress(names[0], 0, len(jobs))
+    spread = run_all(list(jobs), work, workers=processes(workers, conditions), cluster=cluster)
+    for done, ((number, session), part) in enumerate(spread, start=1):
+        progress(names[done], done, len(jobs))
+        parts[number][session] = part
+        if len(parts[number]) == len(conditions[number].sessions):
+            rows, scales = zip(
+                *(parts[number].pop(each) for each in conditions[number].sessions), strict=True
+            )
+            yield number, (np.concatenate(rows), np.concatenate(scales))
+
+
+def _features_of_session(
+    conditions: tuple[Condition, ...],
+    feature: Mapping[str, Any],
+    design: StringParams | None,
+    job: tuple[int, int],
+) -> FeatureRows:
+    """Return the features of the selected windows of one session in one condition."""
+    number, session = job
+    (selection,), noise = conditions[number].selections, conditions[number].disturbance
     dataset, size = selection.dataset, selection.dataset.manifest.window
+    starts = dataset.start[selection.rows[dataset.session[selection.rows] == session]]
+    signal, scale = selection.signal_of(session), np.ones(len(starts))
+    if design is not None and signal.string is not None and signal.string != design:
+        scale[:] = force_scale(signal.string, design)
+        signal = replace(signal, design=design)
+    extractor = prepared(feature, signal, size)
+    audio = disturbed_audio(dataset, session, noise)
     parts: list[Audio] = []
-    scale = np.ones(len(selection.rows))
-    for done, session in enumerate(selection.sessions):
-        progress(f"{dataset.manifest.parts[session].name}, baselines", done, len(selection.sessions))
-        signal, own = selection.signal_of(session), dataset.session[selection.rows] == session
-        if design is not None and signal.string is not None and signal.string != design:
-            scale[own] = force_scale(signal.string, design)
-            signal = replace(signal, design=design)
-        extractor = prepared(feature, signal, size)
-        audio = disturbed_audio(dataset, session, noise)
-        starts = dataset.start[selection.rows[own]]
-        for at in range(0, len(starts), BATCH):
-            windows = [audio[:, start : start + size] for start in starts[at : at + BATCH].tolist()]
-            parts.append(extractor(np.array(windows, np.float32)))
+    for at in range(0, len(starts), BATCH):
+        windows = [audio[:, start : start + size] for start in starts[at : at + BATCH].tolist()]
+        parts.append(extractor(np.array(windows, np.float32)))
     return np.concatenate(parts), scale
 
 
 def fit_baselines(
-    training: Selection, feature: Mapping[str, Any], names: Sequence[str] = BASELINES
+    training: Selection,
+    feature: Mapping[str, Any],
+    names: Sequence[str] = BASELINES,
+    *,
+    workers: int | None = 1,
+    cluster: str = "",
 ) -> Baselines:
     """Return the baselines fitted to usable training windows, on a feature of this name and these options.
+
+    `workers` and `cluster` compute the features, see `baseline_results`.
 
     Raises
     ------
@@ -127,7 +180,9 @@ def fit_baselines(
     ``monochord evaluate`` fits them to the training windows of a model.
     """
     step = -(-len(training.rows) // MAX_TRAINING_WINDOWS)
-    fitted = _fitted(training, training.rows[::step], feature, names)
+    rows = training.rows[::step]
+    features = training_features(training, rows, feature, workers=workers, cluster=cluster)
+    fitted = _fitted(training, rows, features.astype(np.float64), names)
     return Baselines(feature=feature, fitted=fitted, design=training.string)
 
 
@@ -137,19 +192,36 @@ def prepared(feature: Mapping[str, Any], signal: Signal, size: Samples) -> Extra
     return FEATURES.build(options.pop("name"), options).prepare(signal, size)
 
 
-def training_features(training: Selection, rows: Indices, feature: Mapping[str, Any]) -> Audio:
+def training_features(
+    training: Selection,
+    rows: Indices,
+    feature: Mapping[str, Any],
+    *,
+    workers: int | None = 1,
+    cluster: str = "",
+) -> Audio:
     """Return the features (k, columns) of rows in rising order, relative to the string of each session."""
-    dataset, design, size = training.dataset, training.string, training.dataset.manifest.window
-    strings = own_strings(dataset, design) if design is not None else {}
-    usual = prepared(feature, training.signal, size)
-    parts: list[Audio] = []
-    for session in np.unique(dataset.session[rows]).tolist():
-        extractor, own = usual, rows[dataset.session[rows] == session]
-        if session in strings:
-            signal = replace(training.signal, string=strings[session], design=design)
-            extractor = prepared(feature, signal, size)
-        parts += [extractor(dataset.batch(own[at : at + BATCH])) for at in range(0, len(own), BATCH)]
-    return np.concatenate(parts)
+    design = training.string
+    strings = own_strings(training.dataset, design) if design is not None else {}
+    chosen = replace(training, rows=rows)
+    number = processes(workers, [Condition(selections=(chosen,))])
+    work = partial(_training_features_of_session, chosen, feature, strings)
+    parts = dict(run_all(chosen.sessions, work, workers=number, cluster=cluster))
+    return np.concatenate([parts[session] for session in chosen.sessions])
+
+
+def _training_features_of_session(
+    training: Selection, feature: Mapping[str, Any], strings: Mapping[int, StringParams], session: int
+) -> Audio:
+    """Return the features (k, columns) of the selected windows of one session."""
+    dataset, signal = training.dataset, training.signal
+    if session in strings:
+        signal = replace(signal, string=strings[session], design=training.string)
+    extractor = prepared(feature, signal, dataset.manifest.window)
+    own = training.rows[dataset.session[training.rows] == session]
+    return np.concatenate(
+        [extractor(dataset.batch(own[at : at + BATCH])) for at in range(0, len(own), BATCH)]
+    )
 
 
 def baseline_results(
@@ -158,6 +230,9 @@ def baseline_results(
     feature: Mapping[str, Any],
     noises: Sequence[Disturbance] = (),
     progress: Progress = lambda *_: None,
+    *,
+    workers: int | None = 1,
+    cluster: str = "",
 ) -> dict[str, Results]:
     """Return the results of every baseline, as recorded and in each noise.
 
@@ -173,6 +248,8 @@ def baseline_results(
         Noise that is added to the evaluated sessions, each in a pass of its own.
     progress
         Called for every session.
+    workers, cluster
+        What computes the features, as in `monochord.evaluation.evaluate.evaluate`.
 
     Raises
     ------
@@ -183,20 +260,21 @@ def baseline_results(
     --------
     ``monochord evaluate`` prints them below the estimator.
     """
-    baselines = fit_baselines(training, feature)
-    quiet = selection.quiet_part
-    conditions: list[tuple[Selection, Disturbance | None]] = [(selection, None)]
-    conditions += [(quiet, noise) for noise in noises if quiet]
-    parts = [baselines.results(chosen, noise, progress) for chosen, noise in conditions]
-    return {name: join([part[name] for part in parts]) for name in BASELINES}
+    baselines = fit_baselines(training, feature, workers=workers, cluster=cluster)
+    conditions = conditions_of(selection, noises)
+    computed = _features_in(conditions, feature, baselines.design, progress, workers=workers, cluster=cluster)
+    parts: dict[int, dict[str, Results]] = {}
+    for number, features in computed:
+        (chosen,), noise = conditions[number].selections, conditions[number].disturbance
+        parts[number] = baselines.results(chosen, noise, features=features)
+    return {name: join([parts[at][name] for at in range(len(conditions))]) for name in BASELINES}
 
 
 def _fitted(
-    training: Selection, rows: Indices, feature: Mapping[str, Any], names: Sequence[str]
+    training: Selection, rows: Indices, features: Floats, names: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
     """Return by baseline the fitted regressor or classifier of each label that the training windows have."""
     dataset, design = training.dataset, training.string
-    features = training_features(training, rows, feature).astype(np.float64)
     touched = dataset.label("contact")[rows] == 1.0
     fitted: dict[str, dict[str, Any]] = {baseline: {} for baseline in names}
     for name in (*PROBABILITIES, *QUANTITIES):

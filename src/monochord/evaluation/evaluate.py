@@ -14,10 +14,11 @@ from typing import TypeAlias
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.core.ownership import scratch_folder
+from monochord.core.types import Progress
 from monochord.dsp.music import loop
 from monochord.evaluation.baselines import baseline_results
 from monochord.evaluation.noise import RECORDED, Disturbance, noise_recordings, noise_suite, parse_noise
-from monochord.evaluation.replay import Progress, Selection, replay
+from monochord.evaluation.replay import conditions_of, replay_all
 from monochord.evaluation.report import page
 from monochord.evaluation.results import Results, join, write_csv, write_results
 from monochord.evaluation.scorecard import Scorecard, scorecard
@@ -43,8 +44,12 @@ def evaluate(
     settings: EvaluationSettings,
     *,
     progress: Progress = lambda *_: None,
+    workers: int | None = None,
+    cluster: str = "",
 ) -> Evaluation:
     """Return the estimates and scores of an estimator on sessions that it was not trained on.
+
+    They are the same in however many processes.
 
     Parameters
     ----------
@@ -52,6 +57,9 @@ def evaluate(
         What is evaluated.
     progress
         Called for every session.
+    workers, cluster
+        As in `monochord.core.workers.run_all`, but that without any few sessions and windows are done in this
+        process.
 
     Raises
     ------
@@ -64,10 +72,27 @@ def evaluate(
     """
     with ExitStack() as stack:
         candidate = load(settings)
-        data = select(settings, candidate, stack.enter_context(scratch_folder()), progress)
+        data = select(
+            settings,
+            candidate,
+            stack.enter_context(scratch_folder()),
+            progress,
+            workers=workers,
+            cluster=cluster,
+        )
         noises = _noises(settings, data.selection.dataset.manifest.sample_rate)
-        results = replay_conditions(data, candidate, noises, progress)
-        beside = _baselines(settings, data, candidate, noises, progress)
+        results = replay_conditions(data, candidate, noises, progress, workers=workers, cluster=cluster)
+        beside: dict[str, Results] = {}
+        if settings.baselines and data.training is not None:
+            beside = baseline_results(
+                data.selection,
+                data.training,
+                candidate.feature,
+                noises,
+                progress,
+                workers=workers,
+                cluster=cluster,
+            )
         card = score(results, data, beside)
     return Evaluation(results=results, card=card, label=candidate.label)
 
@@ -77,10 +102,14 @@ def replay_conditions(
     candidate: Candidate,
     noises: Sequence[Disturbance] = (),
     progress: Progress = lambda *_: None,
+    *,
+    workers: int | None = 1,
+    cluster: str = "",
 ) -> Results:
     """Return the estimates of all windows as recorded, then in each noise.
 
-    Sessions that were recorded with ambient noise get no noise on top.
+    Sessions that were recorded with ambient noise get no noise on top. `workers` and `cluster` are as in
+    `evaluate`.
 
     Raises
     ------
@@ -91,14 +120,15 @@ def replay_conditions(
     --------
     ``examples/evaluate_an_estimator.py`` replays without the other steps.
     """
-    quiet = data.selection.quiet_part
-    conditions: list[tuple[Selection, Disturbance | None]] = [(data.selection, None)]
-    conditions += [(quiet, noise) for noise in noises if quiet]
-    parts = [
-        replay(selection, candidate.estimator, name=candidate.name, disturbance=noise, progress=progress)
-        for selection, noise in conditions
-    ]
-    results = join(parts)
+    parts = replay_all(
+        conditions_of(data.selection, noises),
+        [candidate.estimator],
+        name=candidate.name,
+        progress=progress,
+        workers=workers,
+        cluster=cluster,
+    )
+    results = join([part for (part,) in parts])
     return replace(results, notes=data.notes, options={**results.options, **candidate.about})
 
 
@@ -176,15 +206,3 @@ def _noises(settings: EvaluationSettings, sample_rate: int) -> list[Disturbance]
     recordings = noise_recordings(sample_rate, loop(0)) if recorded else {}
     noises = [parse_noise(text, recordings, settings.seed) for text in settings.noises]
     return [*noises, *(noise_suite(recordings, seed=settings.seed) if settings.suite else ())]
-
-
-def _baselines(
-    settings: EvaluationSettings,
-    data: EvaluationData,
-    candidate: Candidate,
-    noises: Sequence[Disturbance],
-    progress: Progress,
-) -> dict[str, Results]:
-    if not settings.baselines or data.training is None:
-        return {}
-    return baseline_results(data.selection, data.training, candidate.feature, noises, progress)

@@ -1,25 +1,27 @@
 """Test sessions played again, window by window, through an estimator, as in live inference."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
-from typing import Any, TypeAlias
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Estimates, Floats, Indices, Signal, StringParams, Window
+from monochord.core.types import Audio, Estimates, Floats, Indices, Progress, Signal, StringParams, Window
 from monochord.core.units import Metres
+from monochord.core.workers import run_all
 from monochord.datasets.manifest import Part
 from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.results import Results, Trial
 from monochord.perception.estimators.base import Estimator
 
-Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called with what is replayed, how many sessions are done, and how many there are."""
+MANY = 4000
+"""Windows from which on several processes are worth their start."""
 MUSIC, RECORDED = "music", "recorded"
 AMBIENT_NOISE: Mapping[str, str] = {"music*": MUSIC}
 """Noise present during the recording, by pattern of session name, of sessions that do not state it."""
@@ -129,6 +131,41 @@ def replay(
     return results
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """The windows of one condition: a selection for each estimator, and what disturbs them."""
+
+    selections: tuple[Selection, ...]
+    disturbance: Disturbance | None = None
+
+    @property
+    def sessions(self) -> list[int]:
+        """Numbers of the sessions that have a row of any selection, in rising order."""
+        return np.unique(np.concatenate([each.sessions for each in self.selections])).tolist()
+
+
+def conditions_of(selection: Selection, noises: Sequence[Disturbance]) -> list[Condition]:
+    """Return the selection as recorded, then in each noise, but for sessions that had ambient noise."""
+    quiet = selection.quiet_part
+    noisy = [Condition(selections=(quiet,), disturbance=noise) for noise in noises if quiet]
+    return [Condition(selections=(selection,)), *noisy]
+
+
+def jobs_of(conditions: Sequence[Condition]) -> dict[tuple[int, int], str]:
+    """Return the jobs of conditions, of each session by itself: by their numbers, the session's name."""
+    return {
+        (number, session): condition.selections[0].dataset.manifest.parts[session].name
+        for number, condition in enumerate(conditions)
+        for session in condition.sessions
+    }
+
+
+def processes(workers: int | None, conditions: Sequence[Condition]) -> int | None:
+    """Return the number of worker processes: as given, or 1 where conditions have few windows."""
+    windows = sum(len(each.rows) for condition in conditions for each in condition.selections)
+    return workers or (1 if windows < MANY else None)
+
+
 def replay_together(
     selections: Sequence[Selection],
     estimators: Sequence[Estimator],
@@ -147,25 +184,71 @@ def replay_together(
     InputError
         If an estimator refuses the signal.
     """
-    first = selections[0]
-    dataset = first.dataset
-    sessions = np.unique(np.concatenate([each.sessions for each in selections])).tolist()
-    estimates: list[list[Estimates]] = [[] for _ in selections]
-    for done, session in enumerate(sessions):
-        progress(dataset.manifest.parts[session].name, done, len(sessions))
-        prepared = [each.prepare(first.signal_of(session), dataset.manifest.window) for each in estimators]
-        wanted = [set(each.rows[dataset.session[each.rows] == session].tolist()) for each in selections]
-        audio = disturbed_audio(dataset, session, disturbance)
-        for row, window in _windows(dataset, session, audio, max(set().union(*wanted))):
-            for rows, estimate, own in zip(wanted, prepared, estimates, strict=True):
-                each = estimate(window)
-                if row in rows:
-                    own.append(each)
-    progress("", len(sessions), len(sessions))
+    condition = Condition(selections=tuple(selections), disturbance=disturbance)
+    (results,) = replay_all([condition], estimators, name=name, progress=progress)
+    return results
+
+
+def replay_all(
+    conditions: Sequence[Condition],
+    estimators: Sequence[Estimator],
+    *,
+    name: str,
+    progress: Progress = lambda *_: None,
+    workers: int | None = 1,
+    cluster: str = "",
+) -> list[list[Results]]:
+    """Return the results of conditions one after another, each as of `replay_together`.
+
+    Sessions are replayed in this process, in several, or on a cluster: see `monochord.core.workers.run_all`,
+    but that None means this process for few windows. The results are the same to the bit.
+
+    Raises
+    ------
+    InputError
+        If an estimator refuses the signal.
+    """
+    jobs, work = jobs_of(conditions), partial(_replayed, tuple(conditions), tuple(estimators))
+    names = [*jobs.values(), ""]
+    estimates: dict[tuple[int, int], list[list[Estimates]]] = {}
+    progress(names[0], 0, len(jobs))
+    for job, each in run_all(list(jobs), work, workers=processes(workers, conditions), cluster=cluster):
+        estimates[job] = each
+        progress(names[len(estimates)], len(estimates), len(jobs))
     return [
-        results_of(selection, columns(own), name=name, disturbance=disturbance, options=to_tree(estimator))
-        for selection, estimator, own in zip(selections, estimators, estimates, strict=True)
+        [
+            results_of(
+                selection,
+                columns(
+                    [each for session in condition.sessions for each in estimates[number, session][place]]
+                ),
+                name=name,
+                disturbance=condition.disturbance,
+                options=to_tree(estimator),
+            )
+            for place, (selection, estimator) in enumerate(zip(condition.selections, estimators, strict=True))
+        ]
+        for number, condition in enumerate(conditions)
     ]
+
+
+def _replayed(
+    conditions: tuple[Condition, ...], estimators: tuple[Estimator, ...], job: tuple[int, int]
+) -> list[list[Estimates]]:
+    """Return the estimates by each estimator of one session in one condition, of the selected windows."""
+    number, session = job
+    selections, disturbance = conditions[number].selections, conditions[number].disturbance
+    first, dataset = selections[0], selections[0].dataset
+    prepared = [each.prepare(first.signal_of(session), dataset.manifest.window) for each in estimators]
+    wanted = [set(each.rows[dataset.session[each.rows] == session].tolist()) for each in selections]
+    audio = disturbed_audio(dataset, session, disturbance)
+    estimates: list[list[Estimates]] = [[] for _ in selections]
+    for row, window in _windows(dataset, session, audio, max(set().union(*wanted))):
+        for rows, estimate, own in zip(wanted, prepared, estimates, strict=True):
+            each = estimate(window)
+            if row in rows:
+                own.append(each)
+    return estimates
 
 
 def results_of(

@@ -13,15 +13,15 @@ import numpy as np
 
 from monochord.core.config import Tree, load_toml
 from monochord.core.errors import InputError
-from monochord.core.types import StringParams
-from monochord.core.units import Newtons
+from monochord.core.types import Progress, StringParams
+from monochord.core.units import Newtons, Seconds
 from monochord.datasets.audit import audit
 from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
-from monochord.datasets.split import Split
+from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.evaluation.limits import force_floor
 from monochord.evaluation.paper import labelled
-from monochord.evaluation.replay import Progress, Selection
+from monochord.evaluation.replay import Selection
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import load as load_model
@@ -33,8 +33,6 @@ from monochord.sessions import read_session
 
 LABELS = ("contact", "position", "force", "slip")
 """Labels that estimates are scored by."""
-SPLIT = "split.json"
-"""File of the split in a dataset's folder."""
 RANDOM = "random"
 """Prefix of the columns of a feature with random weights."""
 DEFAULT_FEATURE: Tree = {"name": "fft_harmonic"}
@@ -172,9 +170,17 @@ def load(settings: EvaluationSettings) -> Candidate:
 
 
 def select(
-    settings: EvaluationSettings, candidate: Candidate, scratch: Path, progress: Progress = lambda *_: None
+    settings: EvaluationSettings,
+    candidate: Candidate,
+    scratch: Path,
+    progress: Progress = lambda *_: None,
+    *,
+    workers: int | None = 1,
+    cluster: str = "",
 ) -> EvaluationData:
     """Return the windows to evaluate: a part of a split, or whole sessions as a dataset in `scratch`.
+
+    `workers` and `cluster` read the sessions, see `monochord.datasets.build.build_dataset`.
 
     Raises
     ------
@@ -194,7 +200,10 @@ def select(
     if settings.sessions:
         if settings.dataset is not None:
             raise InputError("--sessions beside --dataset", "one of both")
-        dataset, floors, own = _dataset_of_sessions(settings.sessions, definition, scratch, progress)
+        files, window, dataset = _dataset_of_sessions(
+            settings.sessions, definition, scratch, progress, workers=workers, cluster=cluster
+        )
+        floors, own = _known_of_sessions(files, window)
         rows = np.arange(len(dataset))
         string = string or own
         notes: tuple[str, ...] = ()
@@ -204,7 +213,7 @@ def select(
             raise InputError("no sessions to evaluate", "--dataset DIR or --sessions FILES", "name some")
         trained_with = config.get("split") if settings.dataset is None else None
         dataset, floors = open_dataset(folder), dict[str, Newtons]()
-        split = Split.read(settings.split or Path(trained_with or folder / SPLIT))
+        split = Split.read(settings.split or Path(trained_with or folder / SPLIT_FILE))
         notes = audited(dataset, split, learned=definition is not None)
         if settings.part != "test":
             notes += (f"the {settings.part} part, by which choices were made, and no test",)
@@ -289,22 +298,37 @@ def refuse_unusable_labels(selection: Selection) -> None:
 
 
 def _dataset_of_sessions(
-    names: Sequence[str], definition: Definition | None, scratch: Path, progress: Progress
-) -> tuple[Dataset, dict[str, Newtons], StringParams | None]:
-    """Return the dataset of sessions, the errors of their force sensors, and the string they all state."""
+    names: Sequence[str],
+    definition: Definition | None,
+    scratch: Path,
+    progress: Progress,
+    *,
+    workers: int | None,
+    cluster: str,
+) -> tuple[list[Path], Seconds, Dataset]:
+    """Return the files of sessions, the length of a window, and the dataset of them."""
     files = find_sessions(names)
     window = hop = 0.1
     if definition is not None:
         window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
     options = BuildOptions(window=window, hop=hop)
     listen = tension_estimator(definition.string if definition else None)
-    dataset = build_dataset(files, scratch / "dataset", options, progress, listen)
+    dataset = build_dataset(
+        files, scratch / "dataset", options, progress, listen, workers=workers, cluster=cluster
+    )
+    return files, window, dataset
+
+
+def _known_of_sessions(
+    files: Sequence[Path], window: Seconds
+) -> tuple[dict[str, Newtons], StringParams | None]:
+    """Return the errors of the force sensors of sessions, and the string that they all state."""
     sessions = {path.stem: read_session(path) for path in files}
     strings = [session.description.string for session in sessions.values()]
     floors = {name: force_floor(session, window) for name, session in sessions.items()}
     known = {name: floor for name, floor in floors.items() if floor is not None}
     is_one = all(_is_same_wire(string, strings[0]) for string in strings)
-    return dataset, known, strings[0] if is_one else None
+    return known, strings[0] if is_one else None
 
 
 def _is_same_wire(string: StringParams | None, other: StringParams | None) -> bool:
@@ -326,7 +350,7 @@ def training_of(candidate: Candidate, string: StringParams | None) -> Selection 
     if folder is None or not folder.is_dir():
         return None
     return _fitting_rows(
-        open_dataset(folder), Split.read(Path(config.get("split") or folder / SPLIT)), string
+        open_dataset(folder), Split.read(Path(config.get("split") or folder / SPLIT_FILE)), string
     )
 
 

@@ -18,7 +18,7 @@ from monochord.capture.sources import SOURCES
 from monochord.core.errors import InputError
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
-from monochord.live import LiveSettings, WindowSettings, run
+from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.settings import MODEL
 from monochord.live.sinks.base import Listener, Moment
 
@@ -91,7 +91,7 @@ def strings_cost(
         path = Path(folder) / "strings.wav"
         soundfile.write(path, sound.T, rate, subtype="FLOAT")
         played = {"path": str(path), "speed": 1.0, "repeat": 0, "block": 64}
-        settings = LiveSettings.read(
+        setup = LiveRun.read(
             {
                 "source": {"name": "wav", **played},
                 "estimator": {"name": MODEL, "path": model},
@@ -101,7 +101,7 @@ def strings_cost(
                 "seconds": seconds,
             }
         )
-        summary = run(dataclasses.replace(settings.build(), sinks=(clock,)))
+        summary = run(dataclasses.replace(setup, sinks=(clock,)))
     total = summary.windows + summary.skipped
     return StringsCost(
         strings=strings,

@@ -8,8 +8,7 @@ from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from monochord.capture.jack.atomics import store
 from monochord.capture.jack.client import JackClient
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Controls, Setting, Source, Stream
+from monochord.core.closing import Closing
 from monochord.core.errors import DeviceError, MonochordError
 from monochord.core.types import Audio, Block, Contact, Signal, StreamHealth, Truth
 from monochord.core.units import Metres, Newtons, Samples, Seconds
@@ -35,7 +35,7 @@ PATIENCE: Seconds = 60.0
 ENDING: Seconds = 10.0
 
 
-class Relay:
+class Relay(Closing):
     """A JACK client that plays what is written to it, frame for frame by the server's clock.
 
     Frame 0 is played once all ports are connected. One that was not written in time is silence, and the next
@@ -61,14 +61,6 @@ class Relay:
             self.close()
             raise
         self._written: Samples = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     @property
     def sample_rate(self) -> int:

@@ -18,13 +18,13 @@ from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from socketserver import TCPServer
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.capture.instruments import _rdt as rdt
+from monochord.core.closing import Closing
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Seconds
@@ -223,7 +223,7 @@ class RecordStream:
             self._in_flight.clear()
 
 
-class NetFtDevice:
+class NetFtDevice(Closing):
     """A Net F/T with a known load, in a thread of its own.
 
     Like the real one it samples all the time, streams to one client, the last to send a request, and restarts
@@ -317,14 +317,6 @@ class NetFtDevice:
             thread.join()
         self._web.server_close()
         self._socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _stream(self) -> None:
         while not self._ended.is_set():

@@ -11,8 +11,6 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -21,6 +19,7 @@ from monochord.capture.jack import libjack
 from monochord.capture.jack.arena import Arena
 from monochord.capture.jack.atomics import store
 from monochord.capture.jack.client import JackClient
+from monochord.core.closing import Closing
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio
 from monochord.core.units import Samples, Seconds
@@ -42,7 +41,7 @@ class PlayerSettings:
     server: str = ""
 
 
-class Player:
+class Player(Closing):
     """A JACK client with one output a channel, which plays once all of them are connected.
 
     The whole signal lies in memory and a compiled callback plays it, so that another client captures every
@@ -96,14 +95,6 @@ class Player:
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     @property
     def position(self) -> Samples:

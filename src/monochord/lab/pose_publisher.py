@@ -16,13 +16,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from monochord.capture.dds.participant import Participant
 from monochord.core.clock import clock_offsets
+from monochord.core.closing import Closing
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Seconds
@@ -79,7 +79,7 @@ class PublisherSettings:
             raise InputError(f"udp '{self.udp}'", "HOST:PORT")
 
 
-class PosePublisher:
+class PosePublisher(Closing):
     """A robot that publishes its pose, in a thread of its own.
 
     Before its begin it rests at the first pose and after its end at the last, and publishes at the same rate.
@@ -147,14 +147,6 @@ class PosePublisher:
         self._ended.set()
         self._thread.join()
         self._output.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _publish(self) -> None:
         while not self._ended.is_set():

@@ -21,7 +21,7 @@ import numpy as np
 
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Connection, Instrument
-from monochord.capture.recording import Notice, Progress, RecordingJob, RecordingSummary, record
+from monochord.capture.recording import Progress, RecordingJob, RecordingSummary, record
 from monochord.capture.sources import SOURCES
 from monochord.core.errors import DeviceError
 from monochord.core.ownership import scratch_folder
@@ -34,7 +34,7 @@ from monochord.lab.plan import Assignment
 from monochord.lab.player import PlayerSettings
 from monochord.lab.pose_publisher import PublisherSettings
 from monochord.lab.render import Rendering, render
-from monochord.sessions import Description
+from monochord.sessions import Description, Event
 
 LEAD: Seconds = 1.0
 """From the order to begin to the start: the player schedules its first frame 0.2 s before."""
@@ -47,10 +47,10 @@ SENSOR_SILENCE: Seconds = 2.0
 UNITS = {"position": "m", "force": "N", "slip_across": "m/s", "slip_along": "m/s"}
 
 
-Show = Callable[[Progress, Sequence[Notice]], None]
+Show = Callable[[Progress, Sequence[Event]], None]
 
 
-def _ignore(_now: Progress, _notices: Sequence[Notice]) -> None:
+def _ignore(_now: Progress, _notices: Sequence[Event]) -> None:
     """Show nothing."""
 
 
@@ -109,7 +109,7 @@ def perform(
             finished=lambda now: labels.over(now - max(delay.values()) - TAIL),
         )
 
-        def shown(now: Progress, notices: Sequence[Notice]) -> None:
+        def shown(now: Progress, notices: Sequence[Event]) -> None:
             if labels.begin is None:
                 begin = time.monotonic() + LEAD
                 for device in devices.values():
@@ -296,15 +296,13 @@ class _LabelsFeed(Instrument, Connection):
         """Return whether the session had ended at a time."""
         return self.begin is not None and time >= self.begin + self._seconds
 
-    def events(self, now: Seconds) -> list[Notice]:
+    def events(self, now: Seconds) -> list[Event]:
         """Return the events that have happened since the last call."""
-        notices: list[Notice] = []
+        notices: list[Event] = []
         while self.begin is not None and self._events_delivered < len(self._due_events):
             due, event = self._due_events[self._events_delivered]
             if self.begin + due > now:
                 break
             self._events_delivered += 1
-            notices.append(
-                Notice(time=self.begin + due, kind=event.kind, text=event.text, data=dict(event.data))
-            )
+            notices.append(replace(event, time=self.begin + due))
         return notices

@@ -4,8 +4,8 @@ A rendering has no delays, jitter or losses: its times are true. The code that p
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +23,7 @@ from monochord.lab.plan import Assignment
 from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.twin import Labels, Outside, Scene, Sensor, Touch, Twin, advance, begin, switch
 from monochord.physics.twin.outside import outside_at
+from monochord.sessions import Event
 
 CHUNK: Seconds = 2.0
 """Duration that is simulated at once."""
@@ -35,16 +36,6 @@ NEAREST_END = 0.03
 DOWNWARD = (1.0, 0.0, 0.0, 0.0)
 """Orientation of the tool, as a quaternion: half a turn about x, so that it looks down on the string."""
 LABELS = ("contact", "position", "reaction", "slip", "across", "along")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedEvent:
-    """An event at a time in s: the start of a phase, a tap, the drivers switched on or off."""
-
-    time: Seconds
-    kind: str
-    text: str = ""
-    data: Mapping[str, float | str | bool] = field(default_factory=dict[str, float | str | bool])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +56,7 @@ class Rendering:
     wrench: Floats
     pose: Floats
     labels: dict[str, Floats]
-    events: tuple[SimulatedEvent, ...]
+    events: tuple[Event, ...]
 
     @property
     def begin(self) -> Seconds:
@@ -355,16 +346,12 @@ def _columns(labels: Labels) -> dict[str, Floats]:
     return columns
 
 
-def _events(timing: Schedule) -> list[SimulatedEvent]:
-    events = [
-        SimulatedEvent(time=phase.start, kind="phase", text=phase.kind) for phase in timing.motion.phases
-    ]
+def _events(timing: Schedule) -> list[Event]:
+    events = [Event(time=phase.start, kind="phase", text=phase.kind) for phase in timing.motion.phases]
+    events += [Event(time=time, kind="tap", data={"number": i}) for i, time in enumerate(timing.taps)]
     events += [
-        SimulatedEvent(time=time, kind="tap", data={"number": i}) for i, time in enumerate(timing.taps)
-    ]
-    events += [
-        SimulatedEvent(time=timing.on, kind="drivers", text="on"),
-        SimulatedEvent(time=timing.off, kind="drivers", text="off"),
+        Event(time=timing.on, kind="drivers", text="on"),
+        Event(time=timing.off, kind="drivers", text="off"),
     ]
     return sorted(events, key=lambda event: event.time)
 

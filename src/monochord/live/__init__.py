@@ -1,13 +1,12 @@
 """The live loop: a source, windows, an estimator and sinks; the same offline and live.
 
-`LiveSettings` is what a person configures, `LiveRun` what is built from it, `run` the loop and `Summary`
-what it counted.
+`LiveRun` is what is run, as a person configures it, `run` the loop and `Summary` what it counted.
 """
 
 from monochord.live.filter import FilterSettings, FilterState, Tracked, step
 from monochord.live.loop import LiveStream, run
 from monochord.live.score import Scorer
-from monochord.live.settings import MODEL, LiveRun, LiveSettings, WindowSettings
+from monochord.live.settings import MODEL, LiveRun, WindowSettings
 from monochord.live.summary import Summary
 from monochord.live.switches import SwitchSettings
 
@@ -16,7 +15,6 @@ __all__ = [
     "FilterSettings",
     "FilterState",
     "LiveRun",
-    "LiveSettings",
     "LiveStream",
     "Scorer",
     "Summary",

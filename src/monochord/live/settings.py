@@ -1,16 +1,16 @@
-"""What a person configures of a live run, and the plug-ins that are built from it."""
+"""A live run, as a person configures it and as the loop takes it."""
 
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import MAX_CHANNELS, Source
-from monochord.core.config import Tree, from_tree, to_tree
+from monochord.core.config import Tree, from_tree, table, to_tree
 from monochord.core.errors import InputError
 from monochord.core.registry import Registry
 from monochord.core.units import Samples, Seconds
@@ -112,9 +112,15 @@ def channels_of(strings: Mapping[str, StringSettings]) -> dict[str, tuple[int, .
     return channels
 
 
+DEFAULTS: Mapping[str, Any] = MappingProxyType(
+    {"source": {"name": "jack"}, "estimator": {"name": "closed_form"}, "sinks": {"terminal": {}}}
+)
+"""The tables of plug-ins that a configuration need not hold."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveRun:
-    """A live run, ready to start: built plug-ins, the window, and when to end.
+    """A live run: built plug-ins, the window, and when to end.
 
     `string` names the preset of the string for a source that does not know its own, and is refused by one
     that does. `sensor` names a sensor, or the file of one as tuned: its string counts, whatever the source
@@ -127,100 +133,65 @@ class LiveRun:
 
     source: Source
     estimator: Estimator
-    sinks: tuple[Sink, ...] = ()
     window: WindowSettings = WindowSettings()
     filter: FilterSettings = field(default_factory=FilterSettings)
     health: HealthSettings = field(default_factory=HealthSettings)
+    sinks: tuple[Sink, ...] = ()
     string: str = ""
     sensor: str = ""
     strings: Mapping[str, StringSettings] = field(default_factory=lambda: ONE_STRING)
     seconds: Seconds = math.inf
     real_time: bool = False
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LiveSettings:
-    """A live run as configured: each plug-in as a table with its name and its options.
-
-    `source` and `estimator` hold ``name`` and options; `sinks` holds options by sink name, `strings` what is
-    known of each of several strings by its name. A source with an option for its channels has as many as
-    they need.
-    """
-
-    source: dict[str, Any] = field(default_factory=lambda: {"name": "jack"})
-    estimator: dict[str, Any] = field(default_factory=lambda: {"name": "closed_form"})
-    window: WindowSettings = WindowSettings()
-    filter: FilterSettings = field(default_factory=FilterSettings)
-    health: HealthSettings = field(default_factory=HealthSettings)
-    sinks: dict[str, dict[str, Any]] = field(default_factory=lambda: {"terminal": {}})
-    string: str = ""
-    sensor: str = ""
-    strings: dict[str, StringSettings] = field(default_factory=dict[str, StringSettings])
-    seconds: Seconds = math.inf
-    real_time: bool = False
-
-    @classmethod
-    def read(cls, tree: Mapping[str, Any]) -> "LiveSettings":
-        """Build from plain values, strictly."""
-        return from_tree(cls, tree)
-
     def __post_init__(self) -> None:
         if not self.seconds > 0.0:
             raise InputError(f"{self.seconds:g} seconds", "more than 0")
 
-    def build(self) -> LiveRun:
-        """Build every plug-in; raises `InputError` for an unknown name or option."""
-        estimator = _build(ESTIMATORS, self.estimator)
-        sinks = [SINKS.build(name, options, where=f"sinks.{name}") for name, options in self.sinks.items()]
-        return LiveRun(
-            source=self._source(),
-            estimator=estimator,
-            sinks=tuple(sinks),
-            window=self.window,
-            filter=self.filter,
-            health=self.health,
-            string=self.string,
-            sensor=self.sensor,
-            strings=self.strings,
-            seconds=self.seconds,
-            real_time=self.real_time,
-        )
+    @classmethod
+    def read(cls, tree: Mapping[str, Any]) -> "LiveRun":
+        """Build from plain values, strictly.
 
-    def _source(self) -> Source:
-        """Return the source, with the channels that the strings need where it has an option for that."""
-        source = _build(SOURCES, self.source)
-        needed = max((max(each) for each in channels_of(self.strings).values()), default=0)
-        if needed > getattr(source, "channels", needed):
-            return _build(SOURCES, {**self.source, "channels": needed})
-        return source
+        `source` and `estimator` are tables of a plug-in's ``name`` and its options, `sinks` holds options by
+        sink name; `DEFAULTS` stand for those that are left out. A source with an option for its channels has
+        as many as the strings need.
+
+        Raises
+        ------
+        InputError
+            For an unknown name or option, or a value that it does not allow.
+        """
+        given = {**DEFAULTS, **tree}
+        source, sinks = table(given, "source"), table(given, "sinks")
+        built = {
+            "source": _build(SOURCES, source),
+            "estimator": _build(ESTIMATORS, table(given, "estimator")),
+            "sinks": [SINKS.build(name, table(sinks, name), where=f"sinks.{name}") for name in sinks],
+        }
+        run = from_tree(cls, {**given, **built})
+        needed = max((max(each) for each in channels_of(run.strings).values()), default=0)
+        if needed > getattr(run.source, "channels", needed):
+            return replace(run, source=_build(SOURCES, {**source, "channels": needed}))
+        return run
 
     def resolved(self) -> Tree:
-        """Return every option with its value, defaults too: what is saved beside a result."""
-        setup = self.build()
-        sinks = zip(self.sinks, setup.sinks, strict=True)
-        return {
-            "source": _named(self.source, setup.source),
-            "estimator": _named(self.estimator, setup.estimator),
-            "window": to_tree(self.window),
-            "filter": to_tree(self.filter),
-            "health": to_tree(self.health),
-            "sinks": {name.replace("-", "_"): to_tree(sink) for name, sink in sinks},
-            "string": self.string,
-            "sensor": self.sensor,
-            "strings": {name: to_tree(each) for name, each in self.strings.items()},
-            "seconds": self.seconds,
-            "real_time": self.real_time,
-        }
+        """Return every option with its value, defaults too, as `read` takes it.
+
+        Raises
+        ------
+        InputError
+            For a plug-in that has no name.
+        """
+        source = {"name": SOURCES.name_of(self.source), **to_tree(self.source)}
+        estimator = {"name": ESTIMATORS.name_of(self.estimator), **to_tree(self.estimator)}
+        sinks = {SINKS.name_of(sink): to_tree(sink) for sink in self.sinks}
+        plain = {each.name: getattr(self, each.name) for each in fields(self) if each.name not in DEFAULTS}
+        return {**to_tree(plain), "source": source, "estimator": estimator, "sinks": sinks}
 
 
-def _build(registry: Registry[T], table: Mapping[str, Any]) -> T:
-    options = dict(table)
+def _build(registry: Registry[T], given: Mapping[str, Any]) -> T:
+    options = dict(given)
     name = options.pop("name", None)
     if not isinstance(name, str):
-        given = f"{registry.kind} without a name"
-        raise InputError(given, ", ".join(registry.names()), f"write {registry.kind}.name")
+        remedy = f"write {registry.kind}.name"
+        raise InputError(f"{registry.kind} without a name", ", ".join(registry.names()), remedy)
     return registry.build(name, options, where=registry.kind)
-
-
-def _named(table: Mapping[str, Any], built: object) -> Tree:
-    return {"name": str(table["name"]).replace("-", "_"), **to_tree(built)}

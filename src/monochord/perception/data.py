@@ -12,7 +12,7 @@ from monochord.core.errors import InputError
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats, Indices, Signal
 from monochord.core.units import Seconds
-from monochord.datasets.split import Split
+from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset, open_dataset, window_starts
 from monochord.perception.features import FEATURES
 from monochord.perception.training.rows import Rows
@@ -105,7 +105,7 @@ def load_dataset(path: str | Path, split: str | Path | None = None) -> "Labelled
         If there is no dataset, or it or its split is damaged.
     """
     dataset = open_dataset(Path(path))
-    return LabelledData(dataset=dataset, split=Split.read(Path(split or dataset.path / "split.json")))
+    return LabelledData(dataset=dataset, split=Split.read(Path(split or dataset.path / SPLIT_FILE)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,7 @@
 """What a session holds, as arrays; all times are seconds since the session's begin."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -105,12 +106,12 @@ class ReadingTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """Something that happened at a time."""
+    """Something that happened at a time; `text` is for a reader, `data` for a program."""
 
     time: Seconds
     kind: str
     text: str = ""
-    data: dict[str, Any]
+    data: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

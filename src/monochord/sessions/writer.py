@@ -7,11 +7,11 @@ import struct
 from array import array
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monochord.core.closing import Closing
 from monochord.core.errors import InputError
 from monochord.core.types import Block, Floats, Readings
 from monochord.core.units import Samples, Seconds
@@ -40,7 +40,7 @@ CHUNKS = "_Writer__chunk_indices"
 """Where mcap's writer remembers what it wrote."""
 
 
-class SessionWriter:
+class SessionWriter(Closing):
     """An open session. All its times are seconds of the monotonic clock, as `Block` and `Readings` have them.
 
     What was given before a `flush` is in the file whole and readable, whatever becomes of the program. Where
@@ -85,14 +85,6 @@ class SessionWriter:
             self._file.close()
             path.unlink(missing_ok=True)
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     @property
     def size(self) -> int:

@@ -12,8 +12,8 @@ from rich.console import Console
 from monochord.capture.recording.counters import FeedNow, Level, Progress
 from monochord.capture.recording.disk import Space
 from monochord.capture.recording.view import draw, plain_line, viewed
-from monochord.capture.recording.watch import Notice
 from monochord.core.types import WRENCH, Feed, InstrumentHealth, StreamHealth
+from monochord.sessions import Event
 
 WRENCHES = Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3, rate=7000.0)
 NOW = Progress(
@@ -69,7 +69,7 @@ def test_silence_and_what_is_no_number_are_shown() -> None:
 
 def test_without_a_terminal_lines_are_printed_and_every_notice() -> None:
     out = io.StringIO()
-    notice = Notice(time=1000.0, kind="gap", text="audio: 64 frames lost in 1 gap")
+    notice = Event(time=1000.0, kind="gap", text="audio: 64 frames lost in 1 gap")
     with viewed(TAKE, Console(file=out)) as view:
         for _ in range(3):
             view.show(NOW, [notice])

@@ -5,8 +5,9 @@ import pytest
 
 from monochord.capture.recording.counters import FeedNow, Level, Progress
 from monochord.capture.recording.disk import Space
-from monochord.capture.recording.watch import Notice, Watch
+from monochord.capture.recording.watch import Watch
 from monochord.core.types import Feed, InstrumentHealth, StreamHealth
+from monochord.sessions import Event
 
 SPACE = Space(free=1e12, size=1e6, left=1e6)
 START = Progress(
@@ -33,7 +34,7 @@ def at(time: float, **more: Any) -> Progress:
     return replace(START, time=100.0 + time, elapsed=time, **more)
 
 
-def kinds(notices: list[Notice]) -> list[str]:
+def kinds(notices: list[Event]) -> list[str]:
     return [notice.kind for notice in notices]
 
 
@@ -53,7 +54,7 @@ def test_a_gap_is_reported_with_its_frames() -> None:
 def test_a_microphone_that_picks_up_nothing_is_reported_until_it_does() -> None:
     watch = Watch(600.0)
 
-    def look(time: float, *quiet: float) -> list[Notice]:
+    def look(time: float, *quiet: float) -> list[Event]:
         return watch.look(at(time, levels=tuple(Level(quiet=each) for each in quiet)))
 
     assert not look(0.9, 0.9, 0.9)

@@ -14,7 +14,7 @@ from monochord.core.config import dump_toml, load_toml, override
 from monochord.core.errors import InputError
 from monochord.lab.collection import chosen
 from monochord.lab.plans import load_plan
-from monochord.live import LiveSettings
+from monochord.live import LiveRun
 from monochord.perception.training.settings import TrainingSettings
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
@@ -74,13 +74,12 @@ title="a text"
 def _train(file: Path, assignments: Sequence[str]) -> None:
     settings = TrainingSettings.read(override(load_toml(file), assignments))
     settings.tasks()
-    settings.noise.augmentation(settings.seed, 44100)
     dump_toml(settings.resolved())
 
 
 def _live(file: Path, assignments: Sequence[str]) -> None:
     tree = live_command._tree(None, None, {**UNSAID, "config": file, "sinks": (), "as_json": False})
-    dump_toml(LiveSettings.read(override(tree, assignments)).resolved())
+    dump_toml(LiveRun.read(override(tree, assignments)).resolved())
 
 
 def _record(file: Path, assignments: Sequence[str]) -> None:

@@ -16,7 +16,7 @@ from websockets.sync.client import ClientConnection
 
 from monochord.core.types import Signal
 from monochord.live.loop import opened
-from monochord.live.settings import LiveSettings
+from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Moment, Writer
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor, with_sensor
@@ -38,7 +38,7 @@ def lived(seconds: float) -> tuple[Moment, ...]:
     """Return three touches of the twin as a run hands them over: untouched for 2.5 s before them."""
     source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible", "build": 131}
     tree = {"source": source, "estimator": {"name": "model", "path": "demo"}, "sinks": {}, "seconds": seconds}
-    with opened(LiveSettings.read({**tree, "window": {"hop": 0.05}}).build()) as run:
+    with opened(LiveRun.read({**tree, "window": {"hop": 0.05}})) as run:
         return tuple(run)
 
 

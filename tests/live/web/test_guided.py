@@ -11,7 +11,7 @@ import pytest
 from monochord.capture.sources import SOURCES
 from monochord.core.types import Signal
 from monochord.live.loop import opened
-from monochord.live.settings import LiveSettings
+from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Moment
 from monochord.live.web.guided import MAX_WAITING, Bench
 from monochord.live.web.steps import Calibration
@@ -28,7 +28,7 @@ def performed(bench: Bench, seconds: float, during: Callable[[Moment], Moment]) 
     """Let a run pass by, and return what the page shows once the step is over."""
     source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible", "build": 131}
     tree = {"source": source, "estimator": {"name": "model", "path": "demo"}, "sinks": {}, "seconds": seconds}
-    setup = LiveSettings.read({**tree, "window": {"hop": 0.05}}).build()
+    setup = LiveRun.read({**tree, "window": {"hop": 0.05}})
     with opened(setup) as live:
         for moment in live:
             bench.take(during(moment))
@@ -120,7 +120,7 @@ def test_a_touch_outside_the_sensing_range_is_told_and_not_counted(bench: Bench)
     source = {"name": "twin", "speed": 0.0, "script": script}
     tree = {"source": source, "estimator": {"name": "closed_form"}, "sinks": {}, "seconds": 6.6}
     says: list[tuple[float, str]] = []
-    with opened(LiveSettings.read({**tree, "window": {"hop": 0.05}}).build()) as live:
+    with opened(LiveRun.read({**tree, "window": {"hop": 0.05}})) as live:
         for moment in live:
             bench.take(moment)
             says.append((moment.prediction.time, bench.state()["guided"]["says"]))
@@ -136,7 +136,7 @@ def test_a_touch_that_cannot_be_is_not_taken_and_the_page_says_why(bench: Bench)
     assert bench.calibrate(3)
     begun(bench)
     tree = {"source": {"name": "twin", "speed": 0.0, "script": [TOUCHES[0]]}, "sinks": {}, "seconds": 2.4}
-    with opened(LiveSettings.read({**tree, "estimator": {"name": "tuning"}}).build()) as live:
+    with opened(LiveRun.read({**tree, "estimator": {"name": "tuning"}})) as live:
         for moment in live:
             bench.take(replace(moment, truth={}))
     for position, force in ((0.1, 51.0), (0.1, -1.0), (0.3, 1.0)):

@@ -14,7 +14,7 @@ from monochord.core.config import from_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.datasets.store import open_dataset
-from monochord.live import LiveSettings, run
+from monochord.live import LiveRun, run
 from monochord.live.sinks.base import Listener, Moment
 from monochord.perception import features
 from monochord.perception.estimators import ESTIMATORS
@@ -65,14 +65,14 @@ def test_live_is_offline_to_the_bit(trained: Path, learnable: Path, offline: lis
     dataset, recorder = open_dataset(learnable), Recorder()
     for number in SESSIONS:
         name = dataset.manifest.parts[number].name
-        live = LiveSettings.read(
+        live = LiveRun.read(
             {
                 "source": {"name": "session", "path": str(learnable.parent / f"{name}.mcap"), "block": block},
                 "estimator": {"name": "model", "path": str(trained)},
                 "window": {"length": 0.1, "hop": 0.1},
                 "sinks": {},
             }
-        ).build()
+        )
         run(from_sinks(live, recorder))
     assert recorder.estimates == offline
     assert len(offline) == 480

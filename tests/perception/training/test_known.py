@@ -30,9 +30,8 @@ def reasons(model: Model, dataset: Path, fault: str = "") -> list[str]:
     for row in Split.read(dataset / "split.json").test.tolist():
         window = window_of(data, row)
         if fault:
-            spoilt: Audio = Fault(kind=fault, seed=5, sample_rate=window.sample_rate)(
-                window.samples[None], [row]
-            )[0]
+            add, rate = Fault(kind=fault), window.sample_rate
+            spoilt: Audio = add(window.samples[None], [row], seed=5, sample_rate=rate)[0]
             window = dataclasses.replace(window, samples=spoilt)
         state, estimates = model.predict(state, window)
         result.append(estimates["contact"].why_not)

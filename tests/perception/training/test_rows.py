@@ -1,6 +1,7 @@
 """Rows of a feature: computed once, cached, and computed again when anything differs."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +41,12 @@ def rows_of(dataset: Dataset, folder: Path, factor: float = 1.0, **options: Any)
     signal = Signal(sample_rate=dataset.manifest.sample_rate, channels=2)
     inner = FEATURES.build("bands", options).prepare(signal, dataset.manifest.window)
     extractor = Counting(inner, factor)
-    return Rows(dataset=dataset, name="bands", options=options, extractor=extractor, folder=folder), extractor
+    about: Any = {"dataset": dataset, "signal": signal, "name": "bands", "options": options}
+    return Rows(**about, extractor=extractor, folder=folder), extractor
 
 
 SOME = np.arange(40, 140)
-NOISE = Noise(augmentation=Augmentation(seed=1, sample_rate=16000), copy=1)
+NOISE = Noise(augmentation=Augmentation(), copy=1, seed=1, sample_rate=16000)
 PROBE = 3  # windows of the fingerprint
 
 pytestmark = pytest.mark.usefixtures("made_up_features")
@@ -68,10 +70,10 @@ def test_the_second_time_they_come_from_disk(dataset: Dataset, tmp_path: Path) -
 def test_noise_is_of_its_copy_and_leaves_the_clean_rows_alone(dataset: Dataset, tmp_path: Path) -> None:
     rows, _ = rows_of(dataset, tmp_path)
     clean, one = rows.of(SOME), rows.of(SOME, NOISE)
-    other = rows.of(SOME, Noise(augmentation=NOISE.augmentation, copy=2))
+    other = rows.of(SOME, replace(NOISE, copy=2))
     assert not np.array_equal(clean, one)
     assert not np.array_equal(one, other)
-    samples = NOISE.augmentation(dataset.batch(SOME[:1]), SOME[:1], epoch=1)
+    samples = NOISE.added(dataset.batch(SOME[:1]), SOME[:1])
     np.testing.assert_array_equal(one[:1], rows.extractor(samples))
 
 

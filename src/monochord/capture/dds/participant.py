@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from monochord.core.closing import Closing
 from monochord.core.errors import DeviceError, InputError, MissingLibraryError
 from monochord.core.units import Seconds
 
@@ -38,7 +38,7 @@ OnMessage = Callable[[Any, Seconds], None]
 _CONFIGURING = threading.Lock()
 
 
-class Participant:
+class Participant(Closing):
     """A participant of a domain; its writers and readers end with it.
 
     Parameters
@@ -112,14 +112,6 @@ class Participant:
             part.close()
         self._parts.clear()
         self._participant = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 class TopicWriter:

@@ -8,13 +8,11 @@ from monochord.capture.recording.counters import Progress
 from monochord.capture.recording.loop import record
 from monochord.capture.recording.settings import About, DiskLimits, RecordingJob, RecordingSettings
 from monochord.capture.recording.summary import FeedSummary, RecordingSummary
-from monochord.capture.recording.watch import Notice
 
 __all__ = [
     "About",
     "DiskLimits",
     "FeedSummary",
-    "Notice",
     "Progress",
     "RecordingJob",
     "RecordingSettings",

@@ -14,12 +14,12 @@ from monochord.capture.recording.pumps import Polled, Pumps, pumping
 from monochord.capture.recording.settings import RecordingJob
 from monochord.capture.recording.streams import with_unique_streams
 from monochord.capture.recording.summary import REQUESTED, RecordingSummary
-from monochord.capture.recording.watch import Notice, Watch
+from monochord.capture.recording.watch import Watch
 from monochord.core.clock import clock_offsets
 from monochord.core.errors import InputError, MonochordError
 from monochord.core.interruption import interruption
 from monochord.core.units import Seconds
-from monochord.sessions import SessionClock, SessionWriter
+from monochord.sessions import Event, SessionClock, SessionWriter
 from monochord.sessions.file import size_limit
 
 WRITE_INTERVAL: Seconds = 0.1
@@ -33,7 +33,7 @@ STOP_TIMEOUT: Seconds = 5.0
 NICE = -11
 """Priority of sound servers."""
 
-Show = Callable[[Progress, Sequence[Notice]], None]
+Show = Callable[[Progress, Sequence[Event]], None]
 
 
 def record(job: RecordingJob, show: Show = lambda _now, _notices: None) -> RecordingSummary:
@@ -138,10 +138,10 @@ class Ending:
 
     def look(
         self, now: Progress, pumps: Pumps, *, requested: bool, disk_errors: Sequence[OSError], audio: Seconds
-    ) -> list[Notice]:
+    ) -> list[Event]:
         """Check for a reason to end, `audio` being the recorded duration; return notices about it."""
         notices = [
-            Notice(time=now.time, kind="failed", text=f"{name}: {_line(error)}", data={"stream": name})
+            Event(time=now.time, kind="failed", text=f"{name}: {_line(error)}", data={"stream": name})
             for name, error in list(pumps.failures.items())
             if name not in self._reported
         ]
@@ -162,7 +162,7 @@ class Ending:
             self.reason = "the time is over"
         if self.reason:
             self._since = time.monotonic()
-            notices.append(Notice(time=now.time, kind="stop", text=self.reason))
+            notices.append(Event(time=now.time, kind="stop", text=self.reason))
         return notices
 
     def full(self, error: OSError | None) -> None:

@@ -11,7 +11,6 @@ from typing import Any, Protocol
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Instrument
 from monochord.capture.recording.streams import NamedInstrument
-from monochord.capture.recording.watch import Notice
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source
 from monochord.core.config import Tree, from_tree, to_tree
@@ -19,7 +18,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Feed, Signal
 from monochord.core.units import Metres, Seconds
 from monochord.physics.sensors import load_sensor, sensor_tuning
-from monochord.sessions import TUNING, Description
+from monochord.sessions import TUNING, Description, Event
 
 
 def kind_of(name: str, table: Mapping[str, Any]) -> str:
@@ -124,7 +123,7 @@ class RecordingJob:
     disk: DiskLimits = DiskLimits()
     seconds: Seconds = math.inf
     queue_bytes: int = 1 << 25
-    events: Callable[[Seconds], Sequence[Notice]] = lambda _now: ()
+    events: Callable[[Seconds], Sequence[Event]] = lambda _now: ()
     finished: Callable[[Seconds], bool] = lambda _now: False
 
 

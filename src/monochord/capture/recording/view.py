@@ -12,10 +12,10 @@ from rich.console import Console
 from rich.text import Text
 
 from monochord.capture.recording.counters import FeedNow, Level, Progress
-from monochord.capture.recording.watch import Notice
 from monochord.core.printable import printable
 from monochord.core.screen import Screen, can_draw
 from monochord.core.units import Seconds, decibels
+from monochord.sessions import Event
 
 DRAW_INTERVAL: Seconds = 0.125
 """Shortest time between two drawings."""
@@ -46,7 +46,7 @@ class RecordingView:
         draw = self._draw if can_draw(console) else self._print
         self._thread = threading.Thread(target=draw, name="record view", daemon=True)
 
-    def show(self, now: Progress, notices: Sequence[Notice]) -> None:
+    def show(self, now: Progress, notices: Sequence[Event]) -> None:
         """Receive the state of the recording, and new notices."""
         with self._lock:
             self._latest = now

@@ -1,27 +1,17 @@
 """Decides which changes of a recording become events: those that a reader of the session needs to know."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 
 from monochord.capture.recording.counters import FeedNow, Progress
 from monochord.core.clock import MIN_CLOCK_STEP
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.units import Seconds
+from monochord.sessions import Event
 
 EVENT_INTERVAL: Seconds = 1.0
 """Shortest time between events of one kind and stream; what happens between is counted together."""
 MIN_BLOCKED: Seconds = 0.25
 """Waiting for the disk is reported from this time on."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Notice:
-    """One event of a recording; `time` is the monotonic clock's, `text` is for the reader."""
-
-    time: Seconds
-    kind: str
-    text: str
-    data: Mapping[str, str | float | bool] = field(default_factory=dict[str, str | float | bool])
 
 
 class Watch:
@@ -36,7 +26,7 @@ class Watch:
         self._offsets: Mapping[str, Seconds] = {}
         self._disk_low = self._implausible = False
 
-    def look(self, now: Progress, *, last: bool = False) -> list[Notice]:
+    def look(self, now: Progress, *, last: bool = False) -> list[Event]:
         """Return the new notices; with `last`, also those that are still being counted together."""
         notices = [
             *self._audio(now, last=last),
@@ -45,12 +35,12 @@ class Watch:
         ]
         return [notice for notice in notices if notice]
 
-    def clocks(self, time: Seconds, offsets: Mapping[str, Seconds]) -> list[Notice]:
+    def clocks(self, time: Seconds, offsets: Mapping[str, Seconds]) -> list[Event]:
         """Return a notice for each clock that was set since the last call."""
         before, self._offsets = self._offsets, dict(offsets)
         steps = {name: offset - before[name] for name, offset in offsets.items() if name in before}
         return [
-            Notice(
+            Event(
                 time=time,
                 kind="clock_step",
                 text=f"clock {name} was set by {step:+.3f} s",
@@ -60,7 +50,7 @@ class Watch:
             if abs(step) > MIN_CLOCK_STEP
         ]
 
-    def _audio(self, now: Progress, *, last: bool) -> Iterator[Notice | None]:
+    def _audio(self, now: Progress, *, last: bool) -> Iterator[Event | None]:
         def rise(kind: str, total: float) -> float:
             return self._rise(kind, "audio", total, now.time, last=last)
 
@@ -91,7 +81,7 @@ class Watch:
             text = f"audio: {count:.0f} samples that are not numbers"
             yield _about("audio", now.time, "nan", text, samples=count)
 
-    def _sound(self, now: Progress) -> Iterator[Notice]:
+    def _sound(self, now: Progress) -> Iterator[Event]:
         """Yield a notice where a microphone falls silent, and where it picks up sound again."""
         before, self._quiet = self._quiet, {k + 1 for k, level in enumerate(now.levels) if level.is_silent}
         for kind, numbers, more in (
@@ -102,9 +92,9 @@ class Watch:
                 microphones = ", ".join(map(str, sorted(numbers)))
                 text = f"audio: {kind}, microphone {microphones}{more}"
                 data = {"stream": "audio", "microphones": microphones}
-                yield Notice(time=now.time, kind=kind, text=text, data=data)
+                yield Event(time=now.time, kind=kind, text=text, data=data)
 
-    def _feed(self, feed: FeedNow, time: Seconds, *, last: bool) -> Iterator[Notice | None]:
+    def _feed(self, feed: FeedNow, time: Seconds, *, last: bool) -> Iterator[Event | None]:
         name, health = feed.name, feed.health
         yield self._silence(name, feed.silent, time)
         for kind, total, words in (
@@ -118,20 +108,20 @@ class Watch:
                 more: dict[str, float] = {"status": feed.status} if kind == "fault" else {}
                 yield _about(name, time, kind, f"{name}: {words.format(readings)}", count=count, **more)
 
-    def _disk(self, now: Progress, *, last: bool) -> Iterator[Notice]:
+    def _disk(self, now: Progress, *, last: bool) -> Iterator[Event]:
         low = now.elapsed > 1.0 and now.space.left < self._disk_warning
         if low and not self._disk_low:
             left, free = now.space.left, 1e-6 * now.space.free
             text = f"disk: space for {left:.0f} s, {free:.0f} MB free"
-            yield Notice(time=now.time, kind="disk_low", text=text, data={"seconds": left, "megabytes": free})
+            yield Event(time=now.time, kind="disk_low", text=text, data={"seconds": left, "megabytes": free})
         self._disk_low = low
         if now.blocked - self._totals.get(("disk_slow", "disk"), 0.0) > MIN_BLOCKED and (
             seconds := self._rise("disk_slow", "disk", now.blocked, now.time, last=last)
         ):
             text = f"disk: too slow, capture waited {seconds:.2f} s"
-            yield Notice(time=now.time, kind="disk_slow", text=text, data={"seconds": seconds})
+            yield Event(time=now.time, kind="disk_slow", text=text, data={"seconds": seconds})
 
-    def _silence(self, name: str, silent: Seconds, time: Seconds) -> Notice | None:
+    def _silence(self, name: str, silent: Seconds, time: Seconds) -> Event | None:
         """Return a notice where a stream falls silent or comes back."""
         since = self._silent.get(name)
         if silent and since is None:
@@ -158,8 +148,8 @@ class Watch:
         return rise
 
 
-def _about(stream: str, time: Seconds, kind: str, text: str, **data: float) -> Notice:
-    return Notice(time=time, kind=kind, text=text, data={"stream": stream, **data})
+def _about(stream: str, time: Seconds, kind: str, text: str, **data: float) -> Event:
+    return Event(time=time, kind=kind, text=text, data={"stream": stream, **data})
 
 
 def _counted(number: float, noun: str) -> str:

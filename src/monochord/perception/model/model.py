@@ -214,7 +214,7 @@ class Model:
             if outputs:
                 estimates = model.at_own_tension(estimates_of(trained, outputs, model.corrections))
             why_not, withheld = model.withheld(reading, estimates)
-            for name in withheld:
+            for name in (each for each in trained.heads if each in withheld):  # in their order
                 estimates[name] = Estimate.abstain(trained.heads[name].task.unit, why_not)
             results.append((reading.state, estimates))
         return results

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Flags, Floats, Indices
+from monochord.core.types import Flags, Floats, Indices, Progress
 from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
@@ -19,7 +19,6 @@ from monochord.perception.model.model import Model
 from monochord.perception.training.adaptation import Adaptation, HeadAdaptation, Suggestion, Trust
 from monochord.perception.training.correct import KnownErrors, Replayed, known_errors, with_correction
 from monochord.perception.training.examples import stream_of, touches_of
-from monochord.perception.training.rows import Progress
 from monochord.perception.training.touch_labels import refuse_impossible
 from monochord.perception.training.train import as_of_the_design, read_in_turn
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
+from monochord.core.types import Progress
 from monochord.core.units import Metres
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
@@ -17,7 +18,6 @@ from monochord.perception.model import load, save
 from monochord.perception.training.adapt import Objects, adapt, judge
 from monochord.perception.training.adaptation import Adaptation
 from monochord.perception.training.examples import touches_of
-from monochord.perception.training.rows import Progress
 from monochord.perception.training.touch_labels import refuse_impossible
 from monochord.perception.tuning.sessions import tension_estimator
 from monochord.sessions import read_session

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Flags, Floats, Indices, Signal
+from monochord.core.types import Audio, Flags, Floats, Indices, Progress, Signal
 from monochord.core.units import Metres
-from monochord.datasets.split import Split
+from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset
 from monochord.perception.features.base import SupportsCompliance
 from monochord.perception.heads.base import CONTACT, POSITION, Task
 from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.probe import probed
-from monochord.perception.training.rows import Noise, Progress, Rows
+from monochord.perception.training.rows import Noise, Rows
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.tuning.sessions import force_scales
 from monochord.physics.sensors import load_sensor
@@ -64,7 +64,7 @@ class Examples:
 
 def read_split(settings: TrainingSettings, dataset: Dataset) -> Split:
     """Return the split that the settings name; raises `InputError` if it is not one of this dataset."""
-    file = settings.split or dataset.path / "split.json"
+    file = settings.split or dataset.path / SPLIT_FILE
     split = Split.read(file)
     if split.dataset and split.dataset != dataset.checksum:
         raise InputError(f"split {file} of another dataset", f"one of {dataset.path}", "split that one again")
@@ -73,8 +73,17 @@ def read_split(settings: TrainingSettings, dataset: Dataset) -> Split:
     return split
 
 
-def training_data(settings: TrainingSettings, dataset: Dataset, split: Split) -> TrainingData:
+def training_data(
+    settings: TrainingSettings,
+    dataset: Dataset,
+    split: Split,
+    *,
+    workers: int | None = None,
+    cluster: str = "",
+) -> TrainingData:
     """Return features and definition of what is to be trained, with every head still in a scale of 1.
+
+    `workers` and `cluster` compute the features, see `rows.Rows`.
 
     Raises
     ------
@@ -87,7 +96,7 @@ def training_data(settings: TrainingSettings, dataset: Dataset, split: Split) ->
     folder = settings.cache or dataset.path / "features"
 
     def rows_of(name: str, options: dict[str, Any]) -> tuple[Rows, FeatureRecord]:
-        rows = Rows.prepared(dataset, signal, name, options, folder)
+        rows = Rows.prepared(dataset, signal, name, options, folder, workers=workers, cluster=cluster)
         return rows, FeatureRecord(name=name, options=options, columns=rows.extractor.columns)
 
     feature, record = rows_of(*settings.feature_named())
@@ -384,5 +393,5 @@ def noises_of(settings: TrainingSettings, sample_rate: int) -> tuple[Noise, ...]
     """Return the noise of each copy that the settings ask for."""
     if not settings.noise.copies:
         return ()
-    augmentation = settings.noise.augmentation(settings.seed, sample_rate)
-    return tuple(Noise(augmentation=augmentation, copy=copy) for copy in range(1, settings.noise.copies + 1))
+    first = Noise(augmentation=settings.noise, copy=1, seed=settings.seed, sample_rate=sample_rate)
+    return tuple(dataclasses.replace(first, copy=copy) for copy in range(1, settings.noise.copies + 1))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Flags, Floats, Indices, Signal
+from monochord.core.types import Audio, Flags, Floats, Indices, Progress, Signal
 from monochord.datasets.faults import Fault
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.heads.base import CONTACT
@@ -24,7 +24,7 @@ from monochord.perception.model.known import Detector, KnownState, score
 from monochord.perception.model.network import scaled
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.examples import Examples, TrainingData
-from monochord.perception.training.rows import Noise, Progress, Rows
+from monochord.perception.training.rows import Noise, Rows
 from monochord.perception.training.settings import KnownSettings, TrainingSettings
 
 ORDINARY = "ordinary"
@@ -157,7 +157,7 @@ def _faults(
     whole = [each.rows[~spared[each.rows]] for each in examples]
     rows = whole[0][::FAULT_SHARE], whole[1]
     for name, reason in options.faults.items():
-        noise = Noise(augmentation=Fault(kind=name, seed=seed, sample_rate=rate), copy=0)
+        noise = Noise(augmentation=Fault(kind=name), copy=0, seed=seed, sample_rate=rate)
         parts = [scale(data.feature.of(each, noise, progress)) for each in rows]
         places = _places(data.dataset, rows[1])
         kinds.append(Kind(name=name, reason=reason, learned=parts[0], judged=parts[1], **places))
@@ -185,7 +185,8 @@ def _unlike(
     signal = Signal(sample_rate=form[0], channels=form[1], string=definition.string)
     folder = settings.cache or dataset.path / "features"
     name, feature_options = settings.feature_named()
-    rows = Rows.prepared(dataset, signal, name, feature_options, folder)
+    workers, cluster = data.feature.workers, data.feature.cluster
+    rows = Rows.prepared(dataset, signal, name, feature_options, folder, workers=workers, cluster=cluster)
     kinds: list[Kind] = []
     for pattern, reason in options.reasons.items():
         own_rows = _rows_of(dataset, pattern, only_touched=pattern in options.touches)

@@ -1,6 +1,6 @@
 """Rows of a feature for windows of a dataset, computed once and cached on disk.
 
-Other processes help, each from elsewhere in the order: what one has put into the cache no other computes.
+Of many windows several processes compute a part each, and put it into the cache, where the caller reads it.
 
 The cache key is the feature's name and options, the window, the dataset's checksum, the noise that was added,
 the rows that were requested, and a fingerprint: the feature of three probe windows. So a feature whose code
@@ -10,18 +10,20 @@ changed is computed again, and so is a damaged file: behind the array is its SHA
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Indices, Signal
+from monochord.core.types import Audio, Indices, Progress, Signal
 from monochord.core.units import Samples
+from monochord.core.workers import run_all
 from monochord.datasets.augment import Augmentation
 from monochord.datasets.faults import Fault
 from monochord.datasets.manifest import FILE, file_checksum
@@ -29,13 +31,12 @@ from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.probe import probed
-from monochord.perception.training.shared_work import helped
 from monochord.perception.tuning.sessions import own_strings
 
-Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called with what is being done, how much of it is done, and of how much."""
 CHUNK = 2048
-"""Rows in a file: the most that are computed again after a kill."""
+"""Rows in a file: the most that are computed again after a kill, and what one process computes at a time."""
+MANY = 8
+"""Files from which on several processes are worth their start."""
 BATCH = 64
 SEAL, MAX_HEADER = 32, 1024
 """Bytes of the SHA-256 behind the array, and at most before it."""
@@ -47,6 +48,18 @@ class Noise:
 
     augmentation: Augmentation | Fault
     copy: int
+    seed: int = 0
+    sample_rate: int = 44100
+
+    def added(self, windows: Audio, rows: Indices) -> Audio:
+        """Return windows (n, channels, frames), of these rows (n,) of the dataset, with it."""
+        return self.augmentation(windows, rows, seed=self.seed, epoch=self.copy, sample_rate=self.sample_rate)
+
+    def key(self) -> dict[str, Any]:
+        """Return all that it depends on, as plain values."""
+        about = to_tree(self.augmentation)
+        about.pop("copies", None)  # on whose number no copy depends
+        return {**about, "copy": self.copy, "seed": self.seed, "sample_rate": self.sample_rate}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,19 +67,35 @@ class Rows:
     """A feature on a dataset, by the name and the options that the feature was built from.
 
     `own` are the extractors of sessions whose string is tuned otherwise than the design, by their number, and
-    `extractor` is that of all others.
+    `extractor` is that of all others. `workers` and `cluster` are as in `monochord.core.workers.run_all`, but
+    that without any fewer than `MANY` files are computed in this process.
     """
 
     dataset: Dataset
+    signal: Signal
     name: str
     options: dict[str, object]
     extractor: Extractor
     folder: Path
     own: Mapping[int, Extractor] = field(default_factory=dict[int, Extractor])
+    workers: int | None = None
+    cluster: str = ""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Have another process prepare the feature for itself."""
+        return Rows.prepared, (self.dataset, self.signal, self.name, self.options, self.folder)
 
     @classmethod
     def prepared(
-        cls, dataset: Dataset, signal: Signal, name: str, options: dict[str, Any], folder: Path
+        cls,
+        dataset: Dataset,
+        signal: Signal,
+        name: str,
+        options: dict[str, Any],
+        folder: Path,
+        *,
+        workers: int | None = None,
+        cluster: str = "",
     ) -> "Rows":
         """Return the feature of a dataset, relative to the string of each session as it is tuned.
 
@@ -79,6 +108,7 @@ class Rows:
         strings = own_strings(dataset, design) if design else {}
         return cls(
             dataset=dataset,
+            signal=signal,
             name=name,
             options=options,
             extractor=feature.prepare(signal, size),
@@ -87,6 +117,8 @@ class Rows:
                 number: feature.prepare(replace(signal, string=string, design=design), size)
                 for number, string in strings.items()
             },
+            workers=workers,
+            cluster=cluster,
         )
 
     def of(self, rows: Indices, noise: Noise | None = None, progress: Progress = lambda *_: None) -> Audio:
@@ -99,18 +131,19 @@ class Rows:
         """
         place = self.folder / self._key(rows, noise)
         what = self.name if noise is None else f"{self.name}, with noise {noise.copy}"
-        count = -(-len(rows) // CHUNK)
-
-        def chunk(number: int) -> Audio:
-            some = rows[number * CHUNK : (number + 1) * CHUNK]
-            return self._chunk(place / f"{number:04d}.npy", some, noise)
-
-        parts: list[Audio] = []
-        with helped(chunk, count if count > 1 and not (place / f"{count - 1:04d}.npy").exists() else 0):
-            for number in range(count):
-                progress(what, number * CHUNK, len(rows))
-                parts.append(chunk(number))
-        progress(what, len(rows), len(rows))
+        chunks = {
+            place / f"{number:04d}.npy": rows[first : first + CHUNK]
+            for number, first in enumerate(range(0, len(rows), CHUNK))
+        }
+        absent = [(file, some) for file, some in chunks.items() if not file.exists()]
+        workers = self.workers or (1 if len(absent) < MANY else None)
+        work = partial(_compute, self, noise)
+        done = len(rows) - sum(len(some) for _, some in absent)
+        progress(what, done, len(rows))
+        for (_, some), _ in run_all(absent, work, workers=workers, cluster=self.cluster):
+            done += len(some)
+            progress(what, done, len(rows))
+        parts = [self._chunk(file, some, noise) for file, some in chunks.items()]
         return np.concatenate([np.zeros((0, len(self.extractor.columns)), np.float32), *parts])
 
     def _chunk(self, file: Path, rows: Indices, noise: Noise | None) -> Audio:
@@ -123,7 +156,7 @@ class Rows:
             some = rows[first : first + BATCH]
             windows = self.dataset.batch(some)
             if noise is not None:
-                windows = noise.augmentation(windows, some, epoch=noise.copy)
+                windows = noise.added(windows, some)
             batch = self._features(windows, some)
             if batch.shape != (len(some), shape[1]) or not np.isfinite(batch).all():
                 given = f"feature '{self.name}' with rows {batch.shape} or values that are not finite"
@@ -155,11 +188,17 @@ class Rows:
             "does": fingerprint(self.extractor, self.dataset.manifest.channels, self.dataset.manifest.window),
             "window": self.dataset.manifest.window,
             "dataset": file_checksum(self.dataset.path / FILE),
-            "noise": None if noise is None else {"copy": noise.copy, **to_tree(noise.augmentation)},
+            "noise": None if noise is None else noise.key(),
             **({"own": sorted(self.own)} if self.own else {}),
             "rows": hashlib.sha256(np.ascontiguousarray(rows, np.int64).tobytes()).hexdigest(),
         }
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _compute(rows: Rows, noise: Noise | None, job: tuple[Path, Indices]) -> None:
+    """Put the feature of some windows into its file, in whatever process."""
+    file, some = job
+    rows._chunk(file, some, noise)  # noqa: SLF001
 
 
 def fingerprint(extractor: Extractor, channels: int, size: Samples) -> str:

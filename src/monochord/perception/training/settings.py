@@ -12,7 +12,6 @@ from monochord.core.registry import Registry
 from monochord.core.units import Seconds
 from monochord.datasets.augment import Augmentation
 from monochord.datasets.faults import FAULTS
-from monochord.dsp.noise import STEADY
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
 from monochord.perception.heads import HEADS
@@ -54,35 +53,6 @@ class ContextSettings:
             every=self.every,
             settle=self.settle,
             guard=self.guard,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoiseSettings:
-    """Noise that is added to training windows: `copies` of each beside the clean one; 0 adds none.
-
-    `kinds`, `ratios` (dB), `share` and `recordings` are those of `monochord.datasets.augment.Augmentation`.
-    """
-
-    copies: int = 0
-    kinds: tuple[str, ...] = STEADY
-    ratios: tuple[float, float] = (5.0, 25.0)
-    share: float = 1.0
-    recordings: tuple[Path, ...] = ()
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.copies <= 100:
-            raise InputError(f"noise.copies {self.copies}", "0 to 100")
-
-    def augmentation(self, seed: int, sample_rate: int) -> Augmentation:
-        """Return what adds the noise."""
-        return Augmentation(
-            kinds=self.kinds,
-            ratios=self.ratios,
-            share=self.share,
-            recordings=self.recordings,
-            seed=seed,
-            sample_rate=sample_rate,
         )
 
 
@@ -246,7 +216,7 @@ class TrainingSettings:
     heads
         Options by name of each head that is trained.
     noise
-        Noise that is added to training windows.
+        Noisy copies of training windows.
     objects
         Contact-compliance augmentation of training windows.
     known
@@ -273,7 +243,7 @@ class TrainingSettings:
     heads: dict[str, dict[str, Any]] = field(
         default_factory=lambda: dict[str, dict[str, Any]]((name, {}) for name in DEFAULT_HEADS)
     )
-    noise: NoiseSettings = NoiseSettings()
+    noise: Augmentation = field(default_factory=Augmentation)
     objects: ObjectSettings = ObjectSettings()
     known: KnownSettings = KnownSettings()
     corrections: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])

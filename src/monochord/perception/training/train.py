@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
-from monochord.core.types import Floats, Indices, Signal, Window
+from monochord.core.types import Floats, Indices, Progress, Signal, Window
 from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
@@ -39,7 +39,6 @@ from monochord.perception.training.examples import (
 )
 from monochord.perception.training.known import with_detector
 from monochord.perception.training.loop import TrainingSetup, fit
-from monochord.perception.training.rows import Progress
 from monochord.perception.training.run_folder import (
     BOARD,
     CHECKPOINT,
@@ -65,7 +64,14 @@ class TrainingResult:
     epochs: int
 
 
-def train(settings: TrainingSettings, out: Path, progress: Progress = lambda *_: None) -> TrainingResult:
+def train(
+    settings: TrainingSettings,
+    out: Path,
+    progress: Progress = lambda *_: None,
+    *,
+    workers: int | None = None,
+    cluster: str = "",
+) -> TrainingResult:
     """Train a model into the folder `out`, or go on where a run of the same settings was interrupted.
 
     Parameters
@@ -76,6 +82,8 @@ def train(settings: TrainingSettings, out: Path, progress: Progress = lambda *_:
         Folder of the run; new, or one with the same settings.
     progress
         Called with the progress.
+    workers, cluster
+        Processes that compute the features, or a cluster; see `rows.Rows`.
 
     Raises
     ------
@@ -92,7 +100,7 @@ def train(settings: TrainingSettings, out: Path, progress: Progress = lambda *_:
         summary_writer()
     dataset = open_dataset(settings.dataset)
     split = read_split(settings, dataset)
-    data = training_data(settings, dataset, split)
+    data = training_data(settings, dataset, split, workers=workers, cluster=cluster)
     for name in ("train", "validation"):
         chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,23 +64,27 @@ def estimate_tension(
 def tension_estimator(
     design: StringParams | None,
 ) -> Callable[[Audio, int, StringParams | None, Newtons | None], Newtons | None]:
-    """Return `estimate_tension` for sessions that a model of this design reads.
+    """Return `estimate_tension` for sessions that a model of this design reads; workers can have it too.
 
     Those that name no string are of the design; those on a string of another length are refused. Of another
     wire the tension is that at which the design's wire has the same pitch.
     """
+    return partial(_tension_for, design)
 
-    def listen(
-        samples: Audio, rate: int, string: StringParams | None, recorded: Newtons | None = None
-    ) -> Newtons | None:
-        if string and design:
-            refuse_other_length(string, design)
-        tension = estimate_tension(samples, rate, string or design, recorded)
-        if tension is None or string is None or design is None:
-            return tension
-        return tension * design.linear_density / string.linear_density
 
-    return listen
+def _tension_for(
+    design: StringParams | None,
+    samples: Audio,
+    rate: int,
+    string: StringParams | None,
+    recorded: Newtons | None = None,
+) -> Newtons | None:
+    if string and design:
+        refuse_other_length(string, design)
+    tension = estimate_tension(samples, rate, string or design, recorded)
+    if tension is None or string is None or design is None:
+        return tension
+    return tension * design.linear_density / string.linear_density
 
 
 def refuse_other_length(string: StringParams, trained: StringParams) -> None:
