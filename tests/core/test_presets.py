@@ -68,9 +68,9 @@ def test_an_unknown_name_is_refused_with_the_nearest_and_a_missing_file_too(
 ) -> None:
     load, names = KINDS[kind]
     assert names == preset_names(f"monochord.physics.{kind}") == sorted(names)
-    with pytest.raises(InputError, match=f"did you mean '{names[0]}'"):
+    with pytest.raises(InputError, match=f"'{names[0]}'"):
         load(names[0] + "x")
-    with pytest.raises(InputError, match="No such file"):
+    with pytest.raises(InputError, match=r"absent\.toml"):
         load(str(tmp_path / "absent.toml"))
     assert preset_path(f"monochord.physics.{kind}", kind, "of/mine.toml") == Path("of/mine.toml")
 
@@ -78,16 +78,16 @@ def test_an_unknown_name_is_refused_with_the_nearest_and_a_missing_file_too(
 @pytest.mark.parametrize(
     ("load", "text", "before", "after", "message"),
     [
-        (load_string, STRING, "tension", "tensoin", "did you mean 'tension'"),
-        (load_string, STRING, "source", "sauce", "did you mean 'source'"),
+        (load_string, STRING, "tension", "tensoin", "'tension'"),
+        (load_string, STRING, "source", "sauce", "'source'"),
         (load_string, STRING, "65.0", "-65.0", "tension -65"),
         (load_string, STRING, "65.0", "'tight'", "tension"),
         (load_string, STRING, "65.0", "65.0\ndamping = -0.1", "damping -0.1"),
         (load_string, STRING, "65.0", "65.0\n[contact]\nposition = 0.7\nforce = 1.0", "position 0.7"),
-        (load_string, STRING, "65.0", "65.0\n[contact]\nposition = 0.2\nforc = 1.0", "did you mean 'force'"),
+        (load_string, STRING, "65.0", "65.0\n[contact]\nposition = 0.2\nforc = 1.0", "'force'"),
         (load_string, STRING, 'title = "My string"', "", "title"),
         (load_string, STRING, "=", "", "TOML"),
-        (load_material, MATERIAL, "young_modulus", "young_modulos", "did you mean 'young_modulus'"),
+        (load_material, MATERIAL, "young_modulus", "young_modulos", "'young_modulus'"),
         (load_material, MATERIAL, "2.0e5", "-2.0e5", "young_modulus -200000 Pa"),
         (load_material, MATERIAL, "2.0e5", "inf", "young_modulus inf Pa"),
         (load_material, MATERIAL, "2.0e5", "nan", "young_modulus"),
@@ -98,11 +98,11 @@ def test_an_unknown_name_is_refused_with_the_nearest_and_a_missing_file_too(
         (load_material, MATERIAL, "2.0e-5", "2.0e-2", "roughness 0.02 m"),
         (load_material, MATERIAL, "4.0e-4", "0.0", "roughness_length 0 m"),
         (load_material, MATERIAL, "8.0e-3", "8.0", "radius 8 m"),
-        (load_sensor, SENSOR, 'string = "prototype"', "", "name of a string preset"),
-        (load_sensor, SENSOR, 'string = "prototype"', 'string = "protoype"', "did you mean 'prototype'"),
-        (load_sensor, SENSOR, "[pickups]", "[override]\ntensoin = 70.0\n[pickups]", "did you mean 'tension'"),
+        (load_sensor, SENSOR, 'string = "prototype"', "", "string"),
+        (load_sensor, SENSOR, 'string = "prototype"', 'string = "protoype"', "'prototype'"),
+        (load_sensor, SENSOR, "[pickups]", "[override]\ntensoin = 70.0\n[pickups]", "'tension'"),
         (load_sensor, SENSOR, "[pickups]", "[override]\ntension = 0.0\n[pickups]", "tension 0 N"),
-        (load_sensor, SENSOR, "support =", "suport =", "did you mean 'support'"),
+        (load_sensor, SENSOR, "support =", "suport =", "'support'"),
         (load_sensor, SENSOR, "support = 4.0e-3", "support = -1.0", "support -1"),
         (load_sensor, SENSOR, "quality = 0.6", "quality = 60.0", "quality"),
         (load_sensor, SENSOR, "range = [0.05, 0.15]", "range = [0.05, 0.25]", "place 0.25 m"),
