@@ -4,6 +4,7 @@ The lines of the table name what was given, or what was expected instead of it.
 """
 
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ REFUSED = {
     "live demo nosuch": "'nosuch'",
     "live demmo prototype --source twin": "demmo",
     "live twin": "--source twin",
-    "live demo long --source twin": "0.2 m",
+    "live demo {short} --source twin": "0.195 m",  # of which the twin has as many modes
     "live --source split_string --string apendix": "'appendix'",
     f"live {{one}} --source wave {STRING}": "'wav'",
     f"live {{one}} {STRING} --sink terminl": "'terminal'",
@@ -98,7 +99,7 @@ REFUSED = {
     "locate {session} --calibrate {session}:0.1": "calibration",
     "locate {session} --string prototype": "prototype",
     # demo
-    "demo long": "--estimator closed_form",
+    "demo {short}": "{short} --estimator closed_form",
     "demo --json --allow-host lab": "--allow-host",
     "demo --no-browser --allow-host https://lab": "https://lab",
     "demo --estimator modle": "'model'",
@@ -235,7 +236,7 @@ REFUSED = {
 
 @pytest.fixture(scope="module")
 def material(small: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Sound of one and of two microphones, silence, a session of two microphones, a folder, a dataset."""
+    """Sound of one and of two microphones, silence, a session, a sensor of 195 mm, a folder, a dataset."""
     folder = tmp_path_factory.mktemp("material")
     tone = 0.3 * np.sin(2.0 * np.pi * 500.0 * np.arange(22050) / 44100)
     soundfile.write(folder / "one.wav", tone, 44100, subtype="FLOAT")
@@ -246,7 +247,10 @@ def material(small: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
         writer.audio(Block(samples=np.stack([tone, tone]).astype(np.float32), start=0, adc_time=0.0))
     soundfile.write(folder / "silence.wav", np.zeros(44100), 44100, subtype="FLOAT")
     files = {name: folder / f"{name}.wav" for name in ("one", "two", "silence")}
-    return files | {"session": folder / "session.mcap", "folder": folder, "dataset": small / "dataset"}
+    prototype = (resources.files("monochord.physics.sensors") / "prototype.toml").read_text(encoding="utf-8")
+    (folder / "short.toml").write_text(f"{prototype}\n[override]\nlength = 0.195\n", encoding="utf-8")
+    files |= {"session": folder / "session.mcap", "short": folder / "short.toml", "folder": folder}
+    return files | {"dataset": small / "dataset"}
 
 
 @pytest.mark.parametrize("line", REFUSED)

@@ -125,7 +125,7 @@ def test_a_damaged_model_is_refused(
         "evaluate": ["--sessions", session, "--out", str(out)],
     }
     line = refusal(capsys, *[command, str(tmp_path / "run"), *more[command]])
-    assert any(word in line for word in words.split("|"))
+    assert words in line
     assert not out.exists()
 
 
@@ -230,8 +230,8 @@ DAMAGED: dict[str, tuple[Damage, str]] = {
     "masks": (changed("valid/slip.npy"), "valid/slip.npy"),
     "table": (changed("windows/start.npy"), "windows/start.npy"),
     "a column lost": (lambda folder: (folder / "labels" / "force.npy").unlink(), "force.npy"),
-    "an older dataset": (rewritten("manifest.json", format=1), "manifest.json|format 1"),
-    "manifest cut": (lambda folder: os.truncate(folder / "manifest.json", 999), "manifest.json|format 1"),
+    "an older dataset": (rewritten("manifest.json", format=1), "build"),
+    "manifest cut": (lambda folder: os.truncate(folder / "manifest.json", 999), "manifest.json"),
     "split cut": (lambda folder: os.truncate(folder / "split.json", 99), "split.json"),
     "split of no rows": (rewritten("split.json", parts={"train": "all"}), "split.json.parts.train"),
     "split too large": (rewritten("split.json", parts={"train": [[0, 1 << 60]]}), "split.json"),
@@ -256,7 +256,7 @@ def test_a_damaged_dataset_is_one_line_that_names_the_file(
         "evaluate": ["demo", "--dataset", dataset],
     }
     line = refusal(capsys, *[command, *more[command]])
-    assert any(word in line for word in words.split("|"))
+    assert words in line
     assert not (tmp_path / "run").exists()
 
 
@@ -284,7 +284,7 @@ def test_data_that_cannot_test_is_refused(
     damage(tmp_path / "dataset")
     reseal(tmp_path / "dataset")
     line = refusal(capsys, *["evaluate", "demo", "--dataset", str(tmp_path / "dataset")])
-    assert any(word in line for word in words.split("|"))
+    assert words in line
 
 
 @pytest.mark.parametrize("out", ["{session}", "{session}/below"])

@@ -75,6 +75,11 @@ def test_json_is_one_object(sessions: Path, tmp_path: Path, capsys: pytest.Captu
     assert result["leaks"] == []
 
 
+def test_a_single_session_is_split_by_time(sessions: Path, tmp_path: Path) -> None:
+    assert run(["build", str(sessions / "take0.mcap"), "--out", str(tmp_path / "out")]) == 0
+    assert json.loads((tmp_path / "out" / "split.json").read_text())["by"] == "time"
+
+
 def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copy(sessions / "take1.mcap", sessions / "take9.mcap")
     assert run(["build", str(sessions), "--out", str(tmp_path / "out"), "--split", "time"]) == 2
@@ -100,7 +105,7 @@ def test_a_session_that_cannot_be_used_is_told_in_one_line(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("--split window", "'window'"),
+        ("--split window", "window"),
         ("--split time --held-out wood", "split"),
         ("--split day", "day"),
         ("--held-out wod", "'wood'"),

@@ -98,7 +98,7 @@ def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit
     ("number", "sign"),
     [
         (signal.SIGINT, "temporary/monochord-scratch-*/player.npz"),
-        (signal.SIGTERM, "out/hold_000.mcap.part"),
+        pytest.param(signal.SIGTERM, "out/hold_000.mcap.part", marks=pytest.mark.slow),
         pytest.param(signal.SIGHUP, "out/hold_000.mcap.part", marks=pytest.mark.slow),
     ],
 )

@@ -191,6 +191,12 @@ def test_a_users_own_files_are_of_the_sensor_as_tuned(tmp_path: Path) -> None:
     assert json.loads(description.more[TUNING])["open_frequency"] == 990.0
 
 
+def test_what_an_objects_name_tells_is_told_once(tmp_path: Path, capsys: Capture) -> None:
+    description: dict[str, Any] = {"object": "plastic, radius 5 mm", "material": "plastic", "radius": 0.005}
+    run(["sessions", "show", str(write(tmp_path / "bench.mcap", **description))])
+    assert capsys.readouterr().out.count("plastic") == 1
+
+
 def test_an_export_that_fails_leaves_nothing(tmp_path: Path, capsys: Capture) -> None:
     one, other = write(tmp_path / "one.mcap"), write(tmp_path / "other.mcap", feeds=FEEDS[:1])
     out = tmp_path / "out"
