@@ -54,10 +54,7 @@ def test_the_same_plan_with_one_driver(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [
-        (["--set", "sensor=prototipe"], "'prototype'"),
-        (["--real-time", "--server", "nobody"], "'nobody'"),
-    ],
+    [(["--set", "sensor=prototipe"], "'prototype'"), (["--real-time", "--server", "nobody"], "'nobody'")],
 )
 def test_what_a_worker_refuses_is_one_line(
     options: list[str], words: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]

@@ -123,8 +123,5 @@ def test_what_cannot_be_opened_is_one_line(name: str) -> None:
 
 @each_instrument
 def test_a_rate_that_makes_no_sense_is_refused(name: str, silent: Callable[[str], Options]) -> None:
-    with (
-        pytest.raises(InputError, match="-1"),
-        build(name, {**silent(name), "rate": -1.0}).open(),
-    ):
+    with pytest.raises(InputError, match="-1"), build(name, {**silent(name), "rate": -1.0}).open():
         pass

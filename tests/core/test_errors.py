@@ -6,14 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monochord.core.errors import (
-    TORCH,
-    DeviceError,
-    InputError,
-    MonochordError,
-    did_you_mean,
-    installation,
-)
+from monochord.core.errors import TORCH, DeviceError, InputError, MonochordError, did_you_mean, installation
 
 
 @given(st.text(), st.text(), st.text())
