@@ -65,18 +65,9 @@ def test_an_instrument_is_opened_where_it_is_and_set_by_its_name(
 ) -> None:
     out = tmp_path / "take.mcap"
     with NetFtDevice(LOAD, NetFtSettings(rate=1000.0)) as device:
-        beside = [
-            "--instrument",
-            f"net-ft={device.address}",
-            "--set",
-            f"net_ft.http_port={device.http_port}",
-            "--set",
-            "source.speed=1",
-            "--seconds",
-            "0.6",
-            "--json",
-        ]
-        assert run(words(out, sound, *beside)) == 0
+        beside = f"--instrument net-ft={device.address} --set net_ft.http_port={device.http_port}"
+        more = "--set source.speed=1 --seconds 0.6 --json"
+        assert run(words(out, sound, *beside.split(), *more.split())) == 0
     captured = capsys.readouterr()
     summary = json.loads(captured.out)
     assert summary["instruments"]["net_ft"]["readings"] > 400
@@ -156,17 +147,8 @@ def test_settings_come_from_a_file_then_options_then_set(
         '[about]\nobject = "wood"\nnote = "of the file"\nmaterial = "oak"\n',
         encoding="utf-8",
     )
-    arguments = [
-        "--config",
-        str(config),
-        "--object",
-        "metal",
-        "--set",
-        "about.material=steel",
-        "--seconds",
-        "9",
-    ]
-    assert run(["record", str(out), *arguments]) == 0
+    arguments = ["--object", "metal", "--set", "about.material=steel", "--seconds", "9"]
+    assert run(["record", str(out), "--config", str(config), *arguments]) == 0
     description = read_session(out).description
     assert (description.object, description.notes, description.material) == ("metal", "of the file", "steel")
     assert read_session(out).audio.samples.shape[1] == 44100

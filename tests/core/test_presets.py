@@ -14,7 +14,7 @@ from monochord.core.errors import InputError
 from monochord.core.presets import preset_names, preset_path
 from monochord.core.types import Contact
 from monochord.physics.materials import load_material, material_names
-from monochord.physics.sensors import load_sensor, sensor_names
+from monochord.physics.sensors import SensorTuning, load_sensor, sensor_names, sensor_toml, sensor_tuning
 from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import harmonic_frequencies, hertz_stiffness, inharmonicity, open_frequency
 from monochord.physics.twin import Pluck, Scene, advance, begin, hold
@@ -50,6 +50,7 @@ radius = 8.0e-3
 """
 PROTOTYPE = Path(str(files("monochord.physics.sensors") / "prototype.toml"))
 SENSOR = PROTOTYPE.read_text()
+TUNED = sensor_toml("prototype", SensorTuning(open_frequency=990.0))
 
 
 @pytest.mark.parametrize(("load", "name"), ALL)
@@ -107,6 +108,12 @@ def test_an_unknown_name_is_refused_with_the_nearest_and_a_missing_file_too(
         (load_sensor, SENSOR, "quality = 0.6", "quality = 60.0", "quality"),
         (load_sensor, SENSOR, "range = [0.05, 0.15]", "range = [0.05, 0.25]", "place 0.25 m"),
         (load_sensor, SENSOR, "range = [0.05, 0.15]", "", "range"),
+        (load_sensor, TUNED, 'design = "prototype"', 'design = "protoype"', "'prototype'"),
+        (load_sensor, TUNED, 'design = "prototype"', "design = 1", "design"),
+        (load_sensor, TUNED, "[tuning]", "range = [0.05, 0.15]\n[tuning]", "range"),
+        (load_sensor, TUNED, "open_frequency = 990.0", "open_frequency = 2000.0", "2000 Hz"),
+        (load_sensor, TUNED, "open_frequency = 990.0", "open_frequncy = 990.0", "'open_frequency'"),
+        (load_sensor, TUNED, "[tuning]", "[tunings]", "tuning"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(
@@ -122,6 +129,9 @@ def test_a_wrong_file_is_refused_in_one_line(
 
 def test_files_of_ones_own(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
+    path.write_text(TUNED)
+    assert open_frequency(load_sensor(str(path)).string) == pytest.approx(990.0)
+    assert sensor_tuning(str(path)) == SensorTuning(open_frequency=990.0)
     path.write_text(STRING)
     preset = load_string(str(path))
     assert (preset.name, preset.contact) == ("mine", None)
