@@ -1,7 +1,6 @@
-"""What the documents tell people to type works, and what they name exists."""
+"""What the documents tell people to type works."""
 
 import json
-import pkgutil
 import re
 import shlex
 import subprocess
@@ -10,17 +9,11 @@ from pathlib import Path
 
 import click
 import pytest
+from tests.contract.test_layout import PAGES, ROOT
 
 from monochord.cli import monochord as commands
 from monochord.cli import run
 
-ROOT = Path(__file__).parents[2]
-GENERATED = {"commands.md", "plugins.md", "presets.md"}
-PAGES = {
-    page: page.read_text(encoding="utf-8")
-    for page in (*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md")))
-    if page.name not in GENERATED and page.parent.name != "library" and "_build" not in page.parts
-}
 README = PAGES[ROOT / "README.md"]
 
 
@@ -61,26 +54,6 @@ def test_every_make_target_in_a_document_exists() -> None:
     }
     assert {"demo", "test"} <= named
     assert named <= targets
-
-
-def test_names_paths_and_links_lead_somewhere() -> None:
-    absent: list[str] = []
-    for page, text in PAGES.items():
-        targets = re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", text)
-        targets = [each for each in targets if Path(each).name not in GENERATED and "library/" not in each]
-        absent += [f"{page.name}: {each}" for each in targets if not (page.parent / each).exists()]
-        if page.parent.name == "design" or page.name == "CHANGELOG.md":  # may name what stood once
-            continue
-        for names in re.findall(r"`(monochord(?:\.[a-z]\w*)+)`|\.\. auto\w+:: (\S+)", text):
-            try:
-                pkgutil.resolve_name("".join(names))
-            except (ImportError, AttributeError):
-                absent.append(f"{page.name}: {''.join(names)}")
-    # Paths in backquotes: what holds a slash or ends like a file, and neither spaces nor blanks to fill.
-    quoted = re.findall(r"`([\w./-]*(?:/|\.(?:py|md|toml))[\w./-]*)`", PAGES[ROOT / "ARCHITECTURE.md"])
-    assert len(quoted) > 20
-    absent += [f"ARCHITECTURE.md: {path}" for path in quoted if not (ROOT / path).exists()]
-    assert not absent
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
-"""The repository's own rules: what a package may import, and what an import loads."""
+"""The repository's own rules: what may import what, what an import loads, and that what pages name exists."""
 
 import ast
+import pkgutil
 import re
 import subprocess
 import sys
@@ -9,6 +10,12 @@ from importlib import import_module
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+GENERATED = {"commands.md", "plugins.md", "presets.md"}
+PAGES = {
+    page: page.read_text(encoding="utf-8")
+    for page in (*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md")))
+    if page.name not in GENERATED and page.parent.name != "library" and "_build" not in page.parts
+}
 SRC = ROOT / "src" / "monochord"
 HEAVY = {"numba", "scipy", "matplotlib", "torch", "jack", "sounddevice", "soundfile", "soxr", "rich.live"}
 QUICK = (
@@ -58,3 +65,23 @@ def test_studies_import_public_names_alone_and_nothing_imports_a_study() -> None
     assert not private
     sources = [file for file in SRC.rglob("*.py") if "studies" in file.read_text(encoding="utf-8")]
     assert not [file for file in sources for module, _ in imported(file) if module.split(".")[0] == "studies"]
+
+
+def test_names_paths_and_links_lead_somewhere() -> None:
+    absent: list[str] = []
+    for page, text in PAGES.items():
+        targets = re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", text)
+        targets = [each for each in targets if Path(each).name not in GENERATED and "library/" not in each]
+        absent += [f"{page.name}: {each}" for each in targets if not (page.parent / each).exists()]
+        if page.parent.name == "design" or page.name == "CHANGELOG.md":  # may name what stood once
+            continue
+        for names in re.findall(r"`(monochord(?:\.[a-z]\w*)+)`|\.\. auto\w+:: (\S+)", text):
+            try:
+                pkgutil.resolve_name("".join(names))
+            except (ImportError, AttributeError):
+                absent.append(f"{page.name}: {''.join(names)}")
+    # Paths in backquotes: what holds a slash or ends like a file, and neither spaces nor blanks to fill.
+    quoted = re.findall(r"`([\w./-]*(?:/|\.(?:py|md|toml))[\w./-]*)`", PAGES[ROOT / "ARCHITECTURE.md"])
+    assert len(quoted) > 20
+    absent += [f"ARCHITECTURE.md: {path}" for path in quoted if not (ROOT / path).exists()]
+    assert not absent
