@@ -1,7 +1,6 @@
 """Take of a stiff string, pressed and plucked, as recordings on disk."""
 
 from collections.abc import Callable
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 import soundfile
 
 Take = Callable[..., Path]
-PROTOTYPE = files("monochord.physics.sensors") / "prototype.toml"
 LENGTH, OPEN = 0.65, 110.0
 
 
@@ -35,12 +33,3 @@ def take(tmp_path: Path) -> Take:
         return path
 
     return write
-
-
-@pytest.fixture
-def short(tmp_path: Path) -> Path:
-    """A sensor of one's own, on 195 mm of the prototype's string: the twin has as many modes of it."""
-    path = tmp_path / "short.toml"
-    text = PROTOTYPE.read_text(encoding="utf-8")
-    path.write_text(f"{text}\n[override]\nlength = 0.195\n", encoding="utf-8")
-    return path

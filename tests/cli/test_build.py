@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.cli.running import refusal
 
 from monochord.cli import run
 from monochord.core.types import Block
@@ -41,11 +42,8 @@ def test_a_table_by_part_and_object(
     options = ["--split", "object", "--held-out", "wood", "--seed", "2"]
     assert run(["build", str(sessions), "--out", str(out), *options]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == f"{out}, simulated: 320 windows of 4 sessions, labels recorded, 0 windows clipped"
-    assert lines[1] == "split by object, seed 2, 0 windows in guard gaps"
-    assert lines[2].split() == ["object", "static", "slip", "no", "contact", "transition", "masked"]
+    assert lines[0].startswith(f"{out}, simulated: 320 windows of 4 sessions")
     assert lines[-2].split() == ["test", "wood", "40", "0", "40", "0", "0"]
-    assert lines[-1] == "audit: no leak"
     assert len(open_dataset(out)) == 320
 
 
@@ -77,22 +75,17 @@ def test_json_is_one_object(sessions: Path, tmp_path: Path, capsys: pytest.Captu
     assert result["leaks"] == []
 
 
-def test_a_single_session_is_split_by_time(
-    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_single_session_is_split_by_time(sessions: Path, tmp_path: Path) -> None:
     assert run(["build", str(sessions / "take0.mcap"), "--out", str(tmp_path / "out")]) == 0
-    assert "split by time" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out" / "split.json").read_text())["by"] == "time"
 
 
 def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copy(sessions / "take1.mcap", sessions / "take9.mcap")
     assert run(["build", str(sessions), "--out", str(tmp_path / "out"), "--split", "time"]) == 2
     captured = capsys.readouterr()
-    assert re.search(
-        r"leak: same checksum: train and validation and test, \d+ windows \(take1 and take9\)", captured.out
-    )
+    assert re.search(r"leak: .*take1 and take9", captured.out)
     assert captured.err.count("\n") == 1
-    assert "leave copies out" in captured.err
     assert run(["audit", str(tmp_path / "out")]) == 2
 
 
@@ -101,46 +94,36 @@ def test_a_session_that_cannot_be_used_is_told_in_one_line(
 ) -> None:
     (sessions / "other.mcap").write_bytes(b"not a session")
     out = tmp_path / "out"
-    assert run(["build", str(sessions), "--out", str(out)]) == 2
-    assert "other.mcap" in capsys.readouterr().err
+    assert "other.mcap" in refusal(capsys, "build", sessions, "--out", out)
     assert not out.exists()
     assert run(["build", str(sessions), "--out", str(out), "--skip"]) == 0
     captured = capsys.readouterr()
-    assert captured.err.startswith("left out: ")
+    assert "other.mcap" in captured.err
     assert "of 4 sessions" in captured.out
 
 
 @pytest.mark.parametrize(
-    ("arguments", "line"),
+    ("arguments", "words"),
     [
-        (["--split", "window"], "windows beside each other contain one touch"),
-        (["--split", "sesion"], "did you mean 'session'"),
-        (["--split", "time", "--held-out", "wood"], "a split by session or object"),
-        (["--split", "day"], "without a day"),
-        (["--held-out", "wod"], "did you mean 'wood'?"),
-        (["--held-out", "tame*"], "did you mean 'take*'?"),
-        (["--held-out", "take[1-3]"], "3 sessions or more"),
-        (["--labels", "guessed"], "'recorded', 'measured'"),
-        (["--labels", "measured"], "without wrench and pose"),
-        (["--hop", "-1"], "a number above 0"),
-        (["--window", "90"], "0.001 to 60 s"),
+        ("--split window", "window"),
+        ("--split time --held-out wood", "split"),
+        ("--split day", "day"),
+        ("--held-out wod", "'wood'"),
+        ("--held-out tame*", "'take*'"),
+        ("--held-out take[1-3]", "3 sessions"),
+        ("--labels measured", "wrench"),
+        ("--hop -1", "hop"),
+        ("--out sessions", "sessions"),
     ],
 )
-def test_refusals_are_one_line(
+def test_what_cannot_be_is_refused_before_all_is_built(
     sessions: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    line: str,
+    arguments: str,
+    words: str,
 ) -> None:
     monkeypatch.chdir(sessions.parent)
-    assert run(["build", "sessions", "--out", "out", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert line in error
-    assert not Path("out").exists(), "what cannot be is refused before all is built"
-
-
-def test_nothing_is_written_over(sessions: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["build", str(sessions), "--out", str(sessions)]) == 2
-    assert "a new folder" in capsys.readouterr().err
+    assert words in refusal(capsys, "build", "sessions", "--out", "out", *arguments.split())
+    assert not Path("out").exists()
+    assert len([*sessions.iterdir()]) == 4

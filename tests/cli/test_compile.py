@@ -40,10 +40,12 @@ def test_after_it_the_first_estimate_compiles_nothing(tmp_path: Path) -> None:
     assert first.returncode == 0, first.stderr
 
 
-def test_kernels_that_do_not_exist_are_one_line(tmp_path: Path) -> None:
-    ran = run("-m", "monochord.cli._compile", "drums", cache=tmp_path)
-    assert ran.returncode == 2
-    assert ran.stderr == "monochord: kernels 'drums': allowed is twin, estimators, pitch\n"
+def test_kernels_that_do_not_exist_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _compile.main(["drums"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "'drums'" in error
+    assert "pitch" in error
 
 
 def test_a_part_that_fails_is_named_with_its_last_line(capsys: pytest.CaptureFixture[str]) -> None:
@@ -55,4 +57,4 @@ def test_a_part_that_fails_is_named_with_its_last_line(capsys: pytest.CaptureFix
         assert _compile.main(["fails"]) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "the kernels of the drums could not be compiled: monochord: kernels 'drums'" in error
+    assert "'drums'" in error

@@ -68,14 +68,6 @@ def test_the_closed_form_finds_the_position() -> None:
     assert result_of("--seconds", "2", "--estimator", "closed-form")["median_error"] < 1e-3
 
 
-def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["demo", str(short)]) == 2
-    lines = [message for message in capsys.readouterr().err.splitlines() if message.startswith("monochord: ")]
-    assert len(lines) == 1
-    assert lines[0].endswith(f"monochord demo {short} --estimator closed_form")
-    assert "page:" not in capsys.readouterr().out
-
-
 @pytest.mark.slow
 @pytest.mark.jack
 @pytest.mark.real_time
@@ -105,21 +97,6 @@ def test_control_c_in_a_terminal_ends_it_with_its_result_and_leaves_nothing_behi
     assert "position" in rest
     left = [each for each in psutil.process_iter() if os.getpgid(each.pid) == process.pid]
     assert not psutil.wait_procs(left, timeout=20.0)[1]
-
-
-def test_a_signal_ends_it_with_its_result() -> None:
-    code = "from monochord.cli import main; main(['demo', '--seconds', '60'])"
-    with subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout
-        assert process.stderr
-        while "contact" not in process.stdout.readline():  # the address of the page comes first
-            pass
-        process.send_signal(signal.SIGTERM)
-        rest, error = process.stdout.read(), process.stderr.read()
-    assert (process.returncode, error) == (0, "")
-    assert "position" in rest
 
 
 @pytest.mark.slow

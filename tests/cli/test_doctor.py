@@ -1,5 +1,4 @@
 import json
-import re
 from pathlib import Path
 
 import pytest
@@ -11,19 +10,14 @@ from monochord.cli import run
 
 def test_it_prints_a_line_for_each_thing(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["doctor"]) == 0
-    *lines, verdict = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("ok       Python ")
-    assert any(line.split()[1] == "JACK" for line in lines)
-    needs = [line.split()[0] for line in lines if line.split()[0] in {"warn", "missing"}]
-    assert [line.split()[0] for line in lines].count("->") == len(needs)
-    assert verdict.startswith("Simulations and recordings work") or (not needs and "there" in verdict)
-
-
-def test_each_line_is_a_sentence_that_a_newcomer_reads(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert run(["doctor", "--json"]) == 0
-    for check in json.loads(capsys.readouterr().out)["checks"]:
-        words = re.findall("[a-z]{2,}", check["detail"].lower())
-        assert len(words) >= 3, check  # what was tested, and not a number or a file's name alone
+    checks = json.loads(capsys.readouterr().out)["checks"]
+    assert {"Python", "JACK"} <= {check["name"].split()[0] for check in checks}
+    assert {"name", "state", "detail", "remedy", "required"} == set(checks[0])
+    states = [line[0] for line in lines if line[0] in {"ok", "warn", "missing"}]
+    assert states == [check["state"] for check in checks]
+    assert [line[0] for line in lines].count("->") == len(states) - states.count("ok")
 
 
 def test_it_tells_where_the_recordings_are(
@@ -35,12 +29,6 @@ def test_it_tells_where_the_recordings_are(
     (tmp_path / "manifest.csv").write_text("file\n", encoding="ascii")
     assert run(["doctor"]) == 0
     assert capsys.readouterr().out.splitlines()[-2].endswith(f"0 sounds of strings in {tmp_path}")
-
-
-def test_json_is_one_object(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["doctor", "--json"]) == 0
-    checks = json.loads(capsys.readouterr().out)["checks"]
-    assert {"name", "state", "detail", "remedy", "required"} == set(checks[0])
 
 
 @pytest.mark.parametrize(("required", "status"), [(True, 1), (False, 0)])

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.cli.running import refusal
 
 from monochord.capture.sources.session import SessionSource
 from monochord.cli import run
@@ -43,9 +44,8 @@ def test_without_matplotlib_the_report_has_no_figures_and_a_note_says_how_to_hav
     out = tmp_path / "out"
     assert run(["evaluate", "--sessions", str(small / "hold_000.mcap"), *PHYSICS, "--out", str(out)]) == 0
     captured = capsys.readouterr()
-    assert captured.err.startswith("note: no figures: ")
-    assert captured.err.endswith(" -m pip install 'matplotlib>=3.9'\n")
-    assert captured.out.splitlines()[-1] == f"report: {out / 'report.html'}"
+    assert captured.err.rstrip().endswith("pip install 'matplotlib>=3.9'")
+    assert captured.out.splitlines()[-1].endswith(str(out / "report.html"))
     assert 'class="drawing"' not in (out / "report.html").read_text()
 
 
@@ -79,10 +79,8 @@ def test_an_empty_test_and_a_split_of_another_dataset_are_refused(
     Split(by="time", parts={**split.parts, "test": np.zeros(0, np.int64)}).write(tmp_path / "empty.json")
     Split(by="time", parts=split.parts, dataset="another").write(tmp_path / "other.json")
     command = ["evaluate", "--dataset", str(small / "dataset"), "--sensor", "prototype"]
-    assert run([*command, "--split", str(tmp_path / "empty.json")]) == 2
-    assert "no windows to evaluate" in capsys.readouterr().err
-    assert run([*command, "--split", str(tmp_path / "other.json")]) == 2
-    assert "other dataset" in capsys.readouterr().err
+    assert "windows" in refusal(capsys, *command, "--split", tmp_path / "empty.json")
+    assert "dataset" in refusal(capsys, *command, "--split", tmp_path / "other.json")
 
 
 class Collector(Listener):
@@ -126,7 +124,6 @@ def test_a_run_is_evaluated_on_sessions_that_it_was_not_trained_on(
     assert row["position"]["r"]["value"] > 0.9
     assert_live_gives_the_same(folder, learnable, tmp_path / "out" / "results.npz")
     assert run(["evaluate", str(folder), "--no-baselines", "--part", "validation"]) == 0
-    assert "and no test" in capsys.readouterr().out
     trained_on, other = (
         open_dataset(learnable).manifest.parts[open_dataset(learnable).session[part[0]]].name
         for part in (split.train, split.test)
@@ -134,11 +131,8 @@ def test_a_run_is_evaluated_on_sessions_that_it_was_not_trained_on(
     session = str(learnable.parent / f"{other}.mcap")
     assert run(["evaluate", str(folder), "--no-baselines", "--sessions", session]) == 0
     shutil.copy(learnable.parent / f"{trained_on}.mcap", tmp_path / "monday.mcap")
-    capsys.readouterr()
-    assert run(["evaluate", str(folder), "--sessions", str(tmp_path / "monday.mcap")]) == 2
-    assert "a test on session monday, which the model was trained on" in capsys.readouterr().err
-    assert run(["evaluate", str(folder), "--estimator", "closed_form"]) == 2
-    assert "one of both" in capsys.readouterr().err
+    assert "monday" in refusal(capsys, "evaluate", folder, "--sessions", tmp_path / "monday.mcap")
+    assert "--estimator" in refusal(capsys, "evaluate", folder, "--estimator", "closed_form")
 
 
 @pytest.mark.slow

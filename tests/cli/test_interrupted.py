@@ -19,20 +19,11 @@ from monochord.lab.plan import assignments
 from monochord.sessions import check
 
 COMMANDS = {
-    "build": ["build", "{home}/hold_000.mcap", "--out", "{out}"],
-    "collect": ["collect", "paper", "--out", "{out}", "--workers", "2"],
-    "evaluate": [
-        "evaluate",
-        "demo",
-        "--sessions",
-        "{home}/hold_000.mcap",
-        "--suite",
-        "noise",
-        "--out",
-        "{out}",
-    ],
-    "simulate": ["simulate", "prototype", "--model", "twin", "--seconds", "600", "--out", "{out}.wav"],
-    "train": ["train", "paper", "--dataset", "{learnable}", "--out", "{out}"],
+    "build": "{home}/hold_000.mcap --out {out}",
+    "collect": "paper --out {out} --workers 2",
+    "evaluate": "demo --sessions {home}/hold_000.mcap --suite noise --out {out}",
+    "simulate": "prototype --model twin --seconds 600 --out {out}.wav",
+    "train": "paper --dataset {learnable} --out {out}",
 }
 MOMENTS = (0.0, 0.3, 0.8, 1.3, 2.0, 3.0)
 """Seconds after the program has taken the signals: within the loading, the start of workers, and the work."""
@@ -60,14 +51,14 @@ def test_it_ends_the_same_way_whenever_it_comes(
     command: str, number: signal.Signals, learnable: Path, tmp_path: Path
 ) -> None:
     home, out = make(assignments(tiny())[0], tmp_path).path.parent, tmp_path / "out"
-    words = [word.format(home=home, out=out, learnable=learnable) for word in COMMANDS[command]]
+    words = [word.format(home=home, out=out, learnable=learnable) for word in COMMANDS[command].split()]
     ended: list[float] = []
     for moment in MOMENTS:
         temporary = tmp_path / f"temporary {moment}"
         temporary.mkdir()
         with subprocess.Popen(
-            [sys.executable, "-m", "monochord", *words], stderr=subprocess.PIPE, stdout=subprocess.PIPE,
-            text=True, start_new_session=True,
+            [sys.executable, "-m", "monochord", command, *words],
+            stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
             env={**os.environ, "TMPDIR": str(temporary)},
         ) as process:  # fmt: skip
             while process.poll() is None and not takes_signals(process):

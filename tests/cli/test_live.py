@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from tests.cli.running import Capture, refusal
+from tests.cli.running import records as lines
 
 from monochord.cli import run
 from monochord.evaluation import recordings
@@ -28,28 +30,11 @@ KEYS = ["time", "frequency", "position", "position_std", "valid", "why_not"]
 MONOCHORD = str(Path(sys.executable).with_name("monochord"))
 
 
-def lines(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
-    capsys.readouterr()
-    assert run([*arguments, "--json"]) == 0
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-
-
 def common(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{key: record[key] for key in KEYS} for record in records]
 
 
-def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    capsys.readouterr()
-    assert run([*arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = [line for line in captured.err.splitlines() if line.startswith("monochord: ")]
-    return line  # beside it, a first use may say that it compiles
-
-
-def test_several_strings_are_told_apart_by_their_names(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_several_strings_are_told_apart_by_their_names(tmp_path: Path, capsys: Capture) -> None:
     noise = 0.1 * np.random.default_rng(0).standard_normal((6615, 4))
     soundfile.write(tmp_path / "both.wav", noise, 44100, subtype="FLOAT")
     sensors = ["--sensor", "left=prototype", "--sensor", "right=prototype"]
@@ -62,26 +47,8 @@ def test_several_strings_are_told_apart_by_their_names(
     assert [row[column] for row in rows[1:]] == ["left", "right"] * 6
 
 
-@pytest.mark.parametrize(
-    ("sensors", "message"),
-    [
-        (["a=prototype", "prototype"], "one sensor, or several of different names"),
-        (["a=prototype", "a=long"], "one sensor, or several of different names"),
-        (["prototype", "long"], "one sensor, or several of different names"),
-        (["a=prototype", "b=prototype"], "channel 2 of the string a: allowed is 1 to 1"),
-    ],
-)
-def test_sensors_without_names_of_their_own_are_refused(
-    take: Take, capsys: pytest.CaptureFixture[str], sensors: list[str], message: str
-) -> None:
-    given = [part for sensor in sensors for part in ("--sensor", sensor)]
-    assert message in refusal(capsys, "live", str(take(0.2)), *given)
-
-
 @pytest.mark.parametrize(("position", "rate"), [(0.05, 44100), (0.2, 48000), (0.36, 16000)])
-def test_every_window_has_its_position(
-    take: Take, capsys: pytest.CaptureFixture[str], position: float, rate: int
-) -> None:
+def test_every_window_has_its_position(take: Take, capsys: Capture, position: float, rate: int) -> None:
     located = lines(capsys, "locate", str(take(position, rate=rate)), *STRING)
     assert len(located) == 51
     for k, line in enumerate(located):
@@ -93,16 +60,15 @@ def test_every_window_has_its_position(
         assert 0.0 < line["position_std"] < 0.01
 
 
-@pytest.mark.parametrize("block", [77, 100_000])
-def test_streaming_equals_offline(take: Take, capsys: pytest.CaptureFixture[str], block: int) -> None:
+def test_streaming_equals_offline(take: Take, capsys: Capture) -> None:
     path = str(take(0.2))
     offline = lines(capsys, "locate", path, *STRING)
-    live = lines(capsys, "live", path, *STRING, "--set", f"source.block={block}")
-    assert common(live) == offline
     assert len(offline) == 51
+    for block in (77, 100_000):
+        assert common(lines(capsys, "live", path, *STRING, "--set", f"source.block={block}")) == offline
 
 
-def test_streaming_equals_offline_on_real_recordings(capsys: pytest.CaptureFixture[str]) -> None:
+def test_streaming_equals_offline_on_real_recordings(capsys: Capture) -> None:
     folder = recordings.folder()
     if folder is None:
         pytest.skip("no real recordings (MONOCHORD_REALSTRINGS)")
@@ -111,13 +77,13 @@ def test_streaming_equals_offline_on_real_recordings(capsys: pytest.CaptureFixtu
         assert common(lines(capsys, "live", str(path), *STRING, "--set", "source.block=64")) == offline
 
 
-def test_the_window_and_the_hop(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_window_and_the_hop(take: Take, capsys: Capture) -> None:
     located = lines(capsys, "locate", str(take(0.2)), *STRING, "--window", "0.2", "--hop", "0.05")
     assert [line["time"] for line in located] == pytest.approx([0.05 * k for k in range(9)])
 
 
 @pytest.mark.slow
-def test_calibration_takes_out_what_pressing_sharpens(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+def test_calibration_takes_out_what_pressing_sharpens(take: Take, capsys: Capture) -> None:
     sharpened, other, note = take(0.2, sharp=1.01), take(0.3, sharp=1.01), take(0.0)
     known = ["--calibrate", f"{other}:0.3", "--calibrate", f"{note}:0"]
     before = lines(capsys, "locate", str(sharpened), *STRING)
@@ -127,59 +93,43 @@ def test_calibration_takes_out_what_pressing_sharpens(take: Take, capsys: pytest
     assert common(lines(capsys, "live", str(sharpened), *STRING, *known)) == after
 
 
-def test_a_sensor_of_a_known_string_is_located_from_both_sides(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sensor_of_a_known_string_is_located_from_both_sides(tmp_path: Path, capsys: Capture) -> None:
     path = tmp_path / "touch.wav"
     touch = ["--at", "0.2275", "--force", "0.8", "--seconds", "0.6", "--out", str(path)]
     assert run(["simulate", "appendix", "--model", "split_string", *touch, "--json"]) == 0
     located = lines(capsys, "locate", str(path), "--string", "appendix")
     assert [line["position"] for line in located[10:]] == pytest.approx([0.2275] * 41, abs=1e-3)
-    assert run(["locate", str(path), "--string", "appendix"]) == 0
-    assert "mm from pickup 1 (median)" in capsys.readouterr().out
 
 
-def test_a_summary_to_read(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
-    path = take(0.2)
-    assert run(["locate", str(path), *STRING]) == 0
-    out = capsys.readouterr().out
-    assert out.splitlines()[0] == str(path)
-    assert "51 of 51 (100.0 %)" in out
-    assert " mm from the nut (median)" in out
+def test_a_summary_to_read(take: Take, tmp_path: Path, capsys: Capture) -> None:
+    path, silence = take(0.2), tmp_path / "silence.wav"
+    soundfile.write(silence, np.zeros(22050), 44100)
+    for file, found in ((path, "51 of 51"), (silence, "0 of 41")):
+        assert run(["locate", str(file), *STRING]) == 0
+        out = capsys.readouterr().out
+        assert out.splitlines()[0] == str(file)
+        assert found in out
 
 
-def test_locate_takes_settings_as_live_does(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+def test_locate_takes_settings_as_live_does(take: Take, capsys: Capture) -> None:
     path, narrow = str(take(0.2)), ("--set", "estimator.reach=0.2")
     assert all(line["valid"] for line in lines(capsys, "locate", path, *STRING))
     located = lines(capsys, "locate", path, *STRING, *narrow)
     assert not any(line["valid"] for line in located)
     assert common(lines(capsys, "live", path, *STRING, *narrow)) == located
-    assert "reach" in refusal(capsys, "locate", path, *STRING, "--set", "estimator.reech=0.2")
 
 
-def test_a_stereo_take_says_what_both_channels_carry(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_stereo_take_says_what_both_channels_carry(take: Take, capsys: Capture) -> None:
     assert run(["locate", str(take(0.2, channels=2)), *STRING, "--window", "0.15"]) == 0
-    assert "one note in 46, two segments in 0 of 46 windows" in capsys.readouterr().out
-    assert run(["locate", str(take(0.2)), *STRING]) == 0
-    assert "both channels" not in capsys.readouterr().out
+    assert re.search(r"\b46\b.*\b0 of 46\b", capsys.readouterr().out)
 
 
-def test_silence_has_no_position(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "silence.wav"
-    soundfile.write(path, np.zeros(22050), 44100)
-    for line in lines(capsys, "locate", str(path), *STRING):
-        assert line["valid"] is False
-        assert line["why_not"]
-        assert line["position"] is line["position_std"] is line["frequency"] is None
-    assert run(["locate", str(path), *STRING]) == 0
-    assert "0 of 41 (0.0 %)" in capsys.readouterr().out
-
-
-def test_a_cut_file_is_read_as_the_refusal_says(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_cut_file_is_read_as_the_refusal_says(take: Take, capsys: Capture) -> None:
     path = take(0.2)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     line = refusal(capsys, "locate", str(path), *STRING)
-    assert "locate --allow-truncated, live --set source.allow_truncated=true" in line
+    assert "locate --allow-truncated" in line
+    assert "live --set source.allow_truncated=true" in line
     rest = lines(capsys, "locate", str(path), *STRING, "--allow-truncated")
     assert 15 < len(rest) < 25
     assert rest[0]["position"] == pytest.approx(0.2, abs=1e-3)
@@ -221,9 +171,7 @@ def test_settings_come_from_the_file_then_the_options_then_set(take: Take, tmp_p
     assert common([json.loads(line) for line in again]) == before
 
 
-def test_other_names_of_the_page_are_a_setting_of_it(
-    take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_names_of_the_page_are_a_setting_of_it(take: Take, tmp_path: Path, capsys: Capture) -> None:
     saved = tmp_path / "saved.toml"
     page = ["--sink", "web=0", "--allow-host", "lab", "--allow-host", "proxy:8443"]
     assert run(["live", str(take(0.2)), *STRING, *page, "--save-config", str(saved)]) == 0
@@ -236,34 +184,31 @@ def test_other_names_of_the_page_are_a_setting_of_it(
 
 
 def test_a_recording_replaces_the_source_of_the_configuration(
-    take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    take: Take, tmp_path: Path, capsys: Capture
 ) -> None:
     config = tmp_path / "run.toml"
     config.write_text('[source]\nname = "jack"\nclient_name = "other"\n', encoding="utf-8")
     assert len(lines(capsys, "live", str(take(0.2)), "--config", str(config), *STRING)) == 51
 
 
-def test_several_sinks_at_once(take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_several_sinks_at_once(take: Take, tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "out.jsonl"
     assert run(["live", str(take(0.2)), *STRING, "--sink", "terminal", "--sink", f"jsonl={out}"]) == 0
     text = capsys.readouterr().out
     assert "position 200." in text or "position 199." in text
-    assert "windows 51  with a position 51  skipped 0" in text
     assert len(out.read_text(encoding="utf-8").splitlines()) == 51
 
 
-def test_beside_json_view_and_summary_go_to_standard_error(
-    take: Take, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_beside_json_view_and_summary_go_to_standard_error(take: Take, capsys: Capture) -> None:
     options = ["--json", "--sink", "terminal", "--seconds", "0.3"]
     assert run(["live", str(take(0.2)), *STRING, *options]) == 0
     captured = capsys.readouterr()
     assert len([json.loads(line) for line in captured.out.splitlines()]) == 21
-    assert "s  position" in captured.err
+    assert "position" in captured.err
     assert "windows 21" in captured.err
 
 
-def test_a_trained_model_estimates_the_twin(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_trained_model_estimates_the_twin(capsys: Capture) -> None:
     options = ["--source", "twin", "--set", "source.speed=0", "--set", "source.build=1", "--seconds", "3"]
     records = lines(capsys, "live", "demo", *options, "--hop", "0.05")
     both = [line for line in records if line["valid"] and line.get("true_contact")]
@@ -274,40 +219,11 @@ def test_a_trained_model_estimates_the_twin(capsys: pytest.CaptureFixture[str]) 
         assert 0.0 <= line["slip"] <= 1.0
 
 
-def test_a_trained_model_locates_too(take: Take, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_trained_model_locates_too(take: Take, capsys: Capture) -> None:
     path = str(take(0.1, channels=2))
     located = lines(capsys, "locate", "demo", path)
     assert len(located) == 51
     assert located == common(lines(capsys, "live", "demo", path))
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        ("live demmo prototype --source twin", "model demmo (not there): allowed is a folder that monochord"),
-        ("locate demmo take.wav", "did you mean 'demo'"),
-        ("live run", "'run' (no such file or folder)"),
-        ("live run", "monochord train --out run makes a model"),
-        ("live dmeo", "did you mean 'demo'?"),
-        ("live demo nosuch", "'nosuch' (no such file or folder)"),
-        ("live twin", "--source twin"),
-        ("demo long", "monochord demo long --estimator closed_form"),
-        ("live demo demo", "inputs demo, demo: allowed is one MODEL at most"),
-        ("locate demo", "model demo alone: allowed is a FILE beside it"),
-        ("live demo --source twin --window 0.2", "windows of 8820 frames for a model"),
-        ("live take.wav --device card", "take.wav beside --device card: allowed is one of both"),
-        ("live --source jack --rate 48000", "--rate 48000 with the source jack: allowed is a source whose"),
-        ("live --rate 8000 --device card", "8000"),
-        ("live --source twin --set source.sped=1", "option 'source.sped'"),
-        ("live --source twin --set sinks.terminal.with=1", "option 'sinks.terminal.with'"),
-        ("figure trends --set stps=1", "option 'stps'"),
-        ("bench model --set size=1", "option 'size'"),
-    ],
-)
-def test_what_cannot_be_is_refused_as_it_was_typed(
-    words: str, line: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert line in refusal(capsys, *words.split())
 
 
 def test_a_sensor_that_the_model_cannot_know_is_refused_before_anything_is_compiled(tmp_path: Path) -> None:
@@ -317,37 +233,6 @@ def test_a_sensor_that_the_model_cannot_know_is_refused_before_anything_is_compi
     assert ran.returncode == 2
     assert ran.stderr.count("\n") == 1
     assert not [*tmp_path.rglob("*.nb[ic]")]
-
-
-@pytest.mark.parametrize(
-    ("words", "meant"),
-    [
-        ("live rnu", "'run'"),
-        ("evaluate rnu --sessions a.mcap", "'run'"),
-        ("live demo silnce.wav", "'silence.wav'"),
-        ("locate silnce.wav --length 0.65 --open-frequency 110", "'silence.wav'"),
-        ("live demo sub/tkae.mcap", "'sub/take.mcap'"),
-        ("sessions show sub/tkae.mcap", "'sub/take.mcap'"),
-    ],
-)
-def test_a_typo_suggests_what_is_there(
-    words: str,
-    meant: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    for folder in ("run", "sub"):
-        (tmp_path / folder).mkdir()
-    for file in ("silence.wav", "silnc.txt", "sub/take.mcap"):
-        (tmp_path / file).touch()
-    monkeypatch.chdir(tmp_path)
-    assert refusal(capsys, *words.split()).endswith(f"did you mean {meant}?")
-
-
-def test_a_sensor_of_another_length_is_refused(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    line = refusal(capsys, "live", "demo", str(short), "--source", "twin")
-    assert "a string of 0.195 m for a model: allowed is 0.2 m" in line
 
 
 @pytest.mark.real_time
@@ -387,7 +272,7 @@ def test_a_reader_that_leaves_ends_it_quietly(take: Take) -> None:
 
 
 def test_an_interrupted_locate_ends_after_the_window_in_progress(
-    take: Take, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    take: Take, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     usual, write, count = signal.getsignal(signal.SIGINT), jsonl._Lines.write, itertools.count(1)
 
@@ -404,14 +289,13 @@ def test_an_interrupted_locate_ends_after_the_window_in_progress(
 
 
 def test_a_sink_that_fails_is_closed_and_the_others_go_on(
-    take: Take, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    take: Take, tmp_path: Path, capsys: Capture
 ) -> None:
     sinks = ["--sink", "jsonl=/dev/full", "--sink", f"csv={tmp_path / 'out.csv'}"]
     assert run(["live", str(take(0.2)), *STRING, *sinks]) == 1
     text = capsys.readouterr().out
     assert len((tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()) == 52
-    assert "; closed: No space left on device" in text
-    assert "windows 51  with a position 51  skipped 0" in text
+    assert "No space left on device" in text
 
 
 def test_a_reader_that_stalls_holds_up_neither_the_loop_nor_its_end(take: Take, tmp_path: Path) -> None:
@@ -435,5 +319,5 @@ def test_a_reader_that_stalls_holds_up_neither_the_loop_nor_its_end(take: Take, 
     process.stdout.close()
     process.stderr.close()
     assert "Traceback" not in err
-    assert re.search(r"jsonl \d+ written, \d+ left out; closed: output that is not taken within 5 s", err)
+    assert re.search(r"jsonl .*closed", err)
     assert not re.search(r"csv .* left out", err)

@@ -41,20 +41,8 @@ def test_both_microphones_are_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str
 ) -> None:
     out = tmp_path / f"touch{suffix}"
-    options = [
-        "--at",
-        "0.3",
-        "--force",
-        "1",
-        "--seconds",
-        "0.2",
-        "--route",
-        "modal",
-        "--out",
-        str(out),
-        "--json",
-    ]
-    assert cli.run(["simulate", "appendix", *options]) == 0
+    options = ["--at", "0.3", "--force", "1", "--seconds", "0.2", "--route", "modal", "--json"]
+    assert cli.run(["simulate", "appendix", *options, "--out", str(out)]) == 0
     result = json.loads(capsys.readouterr().out)
     frames, rate = soundfile.read(out)
     assert (frames.shape, rate, result["gain"]) == ((8820, 2), 44100, 1.0)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.cli.running import refusal
 from tests.conftest import LESSON
 
 from monochord.cli import run
@@ -44,9 +45,8 @@ def test_it_prints_scores_and_goes_on_where_it_was(
     assert (printed["epochs"], printed["simulated"], printed["part"]) == (2, True, "validation")
     assert run(["train", str(config), "--out", out, "--set", "optimiser.epochs=2"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == f"{out}, simulated: feature bands beside the reference bands, 2 epochs"
+    assert lines[0].startswith(f"{out}, simulated")
     assert [line.split()[0] for line in lines[2:]] == ["contact", "slip", "position", "force"]
-    assert "the mean label" in lines[4]
 
 
 @pytest.mark.slow
@@ -69,39 +69,14 @@ def test_it_draws_how_it_learned_and_equal_runs_have_equal_pictures(
     metrics = json.loads((out / "metrics.json").read_text())
     assert (numbers["simulated"], numbers["epochs"]) == (True, [1, 2, 3])
     assert {name: head["best_epoch"] for name, head in numbers["heads"].items()} == metrics["best_epochs"]
-    assert run(["figure", "learning", "--set", f"run={tmp_path}", "--out", str(tmp_path / "b.png")]) == 2
-    error = capsys.readouterr().err
-    assert "no config.toml in it" in error
-    assert error.count("\n") == 1
 
 
-def test_other_settings_in_the_same_folder_are_refused(
+def test_other_settings_in_its_folder_and_options_beside_a_run_are_refused(
     config: Path, trained: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(["train", str(config), "--out", str(trained), "--set", "seed=1"]) == 2
-    assert "a run with other settings" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (["papr"], "or FILE.toml; did you mean 'paper'?"),
-        (["no_such.toml"], "configuration no_such.toml (No such file or directory)"),
-        (["CONFIG", "--dataset", "nowhere"], "dataset /"),
-        (["CONFIG", "--set", "heads.contact.hiden=3"], "did you mean 'hidden'?"),
-        (["CONFIG", "--set", "feature.name=band"], "did you mean 'bands'?"),
-        (["CONFIG", "--set", "sensor=protoype"], "did you mean 'prototype'?"),
-    ],
-)
-def test_what_cannot_be_is_one_line(
-    arguments: list[str], line: str, config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    given = [str(config) if word == "CONFIG" else word for word in arguments]
-    assert run(["train", *given, "--out", str(tmp_path / "run")]) == 2
-    error = capsys.readouterr().err
-    assert line in error
-    assert error.count("\n") == 1
-    assert not (tmp_path / "run").exists()
+    assert str(trained) in refusal(capsys, "train", config, "--out", trained, "--set", "seed=1")
+    for extra in (["--length", "0.2"], ["--estimator", "closed-form"]):
+        assert extra[0].strip("-") in refusal(capsys, "live", trained, "--source", "twin", *extra)
 
 
 def test_live_takes_a_run_for_its_estimator(
@@ -113,11 +88,3 @@ def test_live_takes_a_run_for_its_estimator(
     assert {"contact", "slip", "position", "force"} <= first.keys() | first.get("estimates", {}).keys()
     assert run(["live", session, "--source", "session", out, "--seconds", "2", "--sink", "terminal"]) == 0
     assert "truth" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("extra", [["--length", "0.2"], ["--estimator", "closed-form"]])
-def test_options_of_another_estimator_are_refused_beside_a_run(
-    trained: Path, capsys: pytest.CaptureFixture[str], extra: list[str]
-) -> None:
-    assert run(["live", str(trained), "--source", "twin", *extra]) == 2
-    assert capsys.readouterr().err.count("\n") == 1

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from tests.cli.running import refusal
 
 import monochord as mc
 from monochord.cli import run
-from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.physics.sensors import SensorTuning, load_sensor, sensor_design, sensor_toml, sensor_tuning
+from monochord.physics.sensors import load_sensor, sensor_design
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.physics.twin.world import World
@@ -44,14 +44,6 @@ def tuned(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Pat
     assert run(["tune", str(take), "--sensor", "prototype", "--out", str(path)]) == 0
     capsys.readouterr()
     return path
-
-
-def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    capsys.readouterr()
-    assert run([*arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    return captured.err
 
 
 @pytest.mark.parametrize("level", [0.0, 1e-5, 1e-2])
@@ -103,9 +95,7 @@ def test_a_sound_that_does_not_tell_writes_nothing(
     soundfile.write(touched, sound[-22050:], 44100, subtype="FLOAT")
     to = ("--out", str(out))
     assert "touched" in refusal(capsys, "tune", str(touched), "--sensor", "prototype", *to)
-    assert "another string" in refusal(capsys, "tune", str(take), "--sensor", "long", *to)
-    assert "--sensor" in refusal(capsys, "tune", str(take), *to)
-    assert "did you mean 'prototype'" in refusal(capsys, "tune", str(take), "--sensor", "protoype", *to)
+    assert "string" in refusal(capsys, "tune", str(take), "--sensor", "long", *to)
     soundfile.write(touched, sound[:2000], 44100, subtype="FLOAT")
     assert "shorter" in refusal(capsys, "tune", str(touched), "--sensor", "prototype", *to)
     assert not out.exists()
@@ -119,8 +109,6 @@ def test_live_and_locate_take_the_sensor(tuned: Path, take: Path, capsys: pytest
     assert not any(line["valid"] for line in lines if line["time"] < 1.3)
     (*_, last) = mc.listen(take, "tuning", sensor=str(tuned))
     assert last["frequency"].value == pytest.approx(RATIO * NOMINAL, rel=0.002)
-    line = refusal(capsys, "locate", str(take), "--sensor", str(tuned), "--string", "prototype")
-    assert "one of both" in line
 
 
 def test_a_session_records_the_sensor(tuned: Path, take: Path, tmp_path: Path) -> None:
@@ -138,29 +126,6 @@ def test_takes_are_put_together(take: Path) -> None:
     one, two = mc.tune(take, sensor="prototype"), mc.tune(take, take, sensor="prototype")
     assert two.seconds == pytest.approx(2.0 * one.seconds)
     assert two.tuning.frequency == pytest.approx(one.tuning.frequency, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "message"),
-    [
-        ('design = "prototype"', 'design = "protoype"', "did you mean 'prototype'"),
-        ('design = "prototype"', "design = 1", "design = 1"),
-        ("[tuning]", "range = [0.05, 0.15]\n[tuning]", "range beside a design"),
-        ("open_frequency = 990.0", "open_frequency = 2000.0", "2000 Hz"),
-        ("open_frequency = 990.0", "open_frequncy = 990.0", "did you mean 'open_frequency'"),
-        ("[tuning]", "[tunings]", "tuning = None"),
-    ],
-)
-def test_a_wrong_file_is_refused(tmp_path: Path, before: str, after: str, message: str) -> None:
-    path = tmp_path / "sensor.toml"
-    text = sensor_toml("prototype", SensorTuning(open_frequency=990.0))
-    path.write_text(text, encoding="utf-8")
-    assert open_frequency(load_sensor(str(path)).string) == pytest.approx(990.0)
-    assert sensor_tuning(str(path)) == SensorTuning(open_frequency=990.0)
-    assert before in text
-    path.write_text(text.replace(before, after, 1), encoding="utf-8")
-    with pytest.raises(InputError, match=message):
-        load_sensor(str(path))
 
 
 def partials(*numbers: int, of: float = 1010.0, seconds: float = 2.0) -> Floats:
@@ -191,7 +156,7 @@ def test_a_sound_of_no_string_is_refused(
 ) -> None:
     sound, out = tmp_path / "tone.wav", tmp_path / "out.toml"
     soundfile.write(sound, TONES[name].T, 44100, subtype="FLOAT")
-    assert "may be" in refusal(capsys, "tune", str(sound), "--sensor", "prototype", "--out", str(out))
+    refusal(capsys, "tune", str(sound), "--sensor", "prototype", "--out", str(out))
     assert not out.exists()
 
 
@@ -210,8 +175,7 @@ def test_a_driven_partial_beside_faint_ones_is_a_string(tmp_path: Path) -> None:
     assert mc.tune(sound, sensor="prototype").tuning.frequency == pytest.approx(993.4, rel=2e-3)
 
 
-@pytest.mark.parametrize("world", ["ideal", "plausible"])
-@pytest.mark.parametrize("build", [7, 1024, 3002])
+@pytest.mark.parametrize(("build", "world"), [(7, "plausible"), (1024, "ideal"), (3002, "plausible")])
 def test_a_driven_string_is_tuned_long_after_anything_touched_it(
     build: int, world: World, tmp_path: Path
 ) -> None:

@@ -59,7 +59,7 @@ def test_the_same_sessions_make_the_same_samples(form: str, tmp_path: Path) -> N
 def test_what_is_there_is_never_written_over(form: str, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"\(not empty\): allowed is a new folder"):
+    with pytest.raises(InputError, match="not empty"):
         EXPORTS.build(form).write([session(tmp_path / "a.mcap")], tmp_path / "out")
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["mine.txt"]
 
@@ -67,7 +67,7 @@ def test_what_is_there_is_never_written_over(form: str, tmp_path: Path) -> None:
 @each_form
 def test_a_place_that_cannot_be_a_folder_is_refused(form: str, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=r"folder .*file.* \("):
+    with pytest.raises(InputError, match="file"):
         EXPORTS.build(form).write([session(tmp_path / "a.mcap")], tmp_path / "file" / "out")
 
 
@@ -77,13 +77,13 @@ def test_it_reads_back_all_or_says_that_it_cannot(form: str, tmp_path: Path) -> 
     EXPORTS.build(form).write([take], tmp_path / "out")
     try:
         EXPORTS.build(form).read(tmp_path / "out" / "a", tmp_path / "again.mcap")
-    except InputError as error:
-        assert "a form that keeps all of a session" in str(error)  # noqa: PT017
+    except InputError:
+        assert not (tmp_path / "again.mcap").exists()
         return
     assert form_of(tmp_path / "out" / "a") == form
     again = read_session(tmp_path / "again.mcap")
     assert again.audio.samples.tobytes() == take.audio.samples.tobytes()
     assert again.audio.gaps == take.audio.gaps == ((1000, 1100),)
     assert check(tmp_path / "again.mcap").sound
-    with pytest.raises(InputError, match=r"again\.mcap \(exists\)"):
+    with pytest.raises(InputError, match="exists"):
         EXPORTS.build(form).read(tmp_path / "out" / "a", tmp_path / "again.mcap")

@@ -89,9 +89,9 @@ def test_rows_are_float32_of_the_stated_width(extract: Extractor) -> None:
 
 
 @each_feature
-@pytest.mark.parametrize("kind", awkward())
-def test_rows_are_finite_whatever_is_heard(extract: Extractor, kind: str) -> None:
-    assert np.isfinite(extract(awkward()[kind][np.newaxis])).all()
+def test_rows_are_finite_whatever_is_heard(extract: Extractor) -> None:
+    finite = {kind: np.isfinite(extract(sound[np.newaxis])).all() for kind, sound in awkward().items()}
+    assert not [kind for kind, is_so in finite.items() if not is_so]
 
 
 @each_feature
@@ -140,6 +140,6 @@ def test_rows_of_different_sounds_differ(extract: Extractor) -> None:
     ids=["window of 8 frames", "rate of 100 Hz"],
 )
 def test_what_it_cannot_serve_is_refused_in_one_line(name: str, signal: Signal, size: int) -> None:
-    with pytest.raises(InputError, match=r"allowed is|monochord weights get") as caught:
+    with pytest.raises(InputError) as caught:
         built(name).prepare(signal, size)
     assert "\n" not in str(caught.value)

@@ -41,36 +41,25 @@ def test_it_survives_being_written_down(task: Task) -> None:
 
 @pytest.mark.parametrize("name", TASKS)
 @pytest.mark.parametrize("options", [{"hidden": [0]}, {"hidden": [99999]}, {"weight": 0.0}, {"weight": -1.0}])
-def test_options_that_make_no_sense_are_refused_in_a_line(name: str, options: dict[str, object]) -> None:
-    with pytest.raises(InputError, match=r": allowed is "):
+def test_options_that_make_no_sense_are_refused(name: str, options: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=next(iter(options))):
         HEADS.build(name, options).task()
-
-
-def test_contact_and_slip_are_linear_and_position_and_force_are_not() -> None:
-    layers = {name: (len(task.hidden), task.linear, task.outputs) for name, task in TASKS.items()}
-    expected = {
-        "contact": (0, False, 1),
-        "slip": (0, False, 1),
-        "position": (3, True, 2),
-        "force": (3, True, 2),
-    }
-    assert layers == expected
 
 
 @pytest.mark.parametrize("name", ["position", "force"])
 def test_a_quantity_may_have_one_standard_error_for_all(name: str) -> None:
     assert HEADS.build(name, {"loss": "square"}).task().outputs == 1
-    with pytest.raises(InputError, match="limit -1 of a standard error: allowed is a number above 0"):
+    with pytest.raises(InputError, match="limit -1"):
         HEADS.build(name, {"limit": -1.0}).task()
 
 
 def test_a_linear_path_of_a_probability_is_refused() -> None:
-    with pytest.raises(InputError, match="a linear path with the logistic loss"):
+    with pytest.raises(InputError, match="linear"):
         Task(label="slip", loss="logistic", linear=True)
 
 
 @pytest.mark.parametrize("option", ["blur", "drop"])
 def test_inputs_that_a_linear_path_sees_are_not_blurred(option: str) -> None:
     assert HEADS.build("force", {option: 0.1, "linear": False}).task().linear is False
-    with pytest.raises(InputError, match=r"blur or drop beside a linear path: .* set linear = false"):
+    with pytest.raises(InputError, match="linear"):
         HEADS.build("force", {option: 0.1, "linear": True}).task()

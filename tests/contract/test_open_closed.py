@@ -3,19 +3,16 @@
 import json
 import sys
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.contract.test_plugins import FOLDERS, SRC, registry_of
 
 from monochord import cli
 from monochord.core.errors import InputError
-from monochord.core.registry import Registry
 from monochord.physics.sensors import load_sensor, sensor_names
 
-SRC = Path(__file__).parents[2] / "src" / "monochord"
-FOLDERS = sorted(".".join(base.relative_to(SRC.parent).parent.parts) for base in SRC.rglob("base.py"))
 Add = Callable[[str, str, str], Path]
 
 PLUGIN = '''
@@ -39,10 +36,6 @@ class Newcomer({base}):
     def {method}(self, *arguments: Any) -> Any:
         return arguments
 '''
-
-
-def registry_of(folder: str) -> Registry[Any]:
-    return next(value for value in vars(import_module(folder)).values() if isinstance(value, Registry))
 
 
 def text_of(folder: str) -> str:
@@ -116,24 +109,24 @@ def test_an_entry_point_may_name_the_class(package: Path, tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize(
-    ("entry", "name", "line"),
+    ("entry", "other"),
     [
-        ("newcomer = bellfoundry.sinks", "newcomer", "of bellfoundry and of carillon"),
-        ("terminal = bellfoundry.sinks", "terminal", "of Monochord and of carillon"),
-        ("absent = bellfoundry.absent", "absent", "a Sink that loads"),
-        ("other = bellfoundry.sources:Newcomer", "other", "a subclass of Sink"),
-        ("empty = bellfoundry", "empty", "a Sink that loads"),
+        ("newcomer = bellfoundry.sinks", "bellfoundry"),
+        ("terminal = bellfoundry.sinks", "Monochord"),
+        ("absent = bellfoundry.absent", "Sink"),
+        ("other = bellfoundry.sources:Newcomer", "Sink"),
+        ("empty = bellfoundry", "Sink"),
     ],
 )
-def test_a_clash_or_a_broken_entry_point_is_refused_in_one_line(
-    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entry: str, name: str, line: str
+def test_a_clash_or_a_broken_entry_point_is_refused(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entry: str, other: str
 ) -> None:
     write_distribution(tmp_path / "b", "carillon", ["[monochord.sinks]", entry])
     monkeypatch.syspath_prepend(tmp_path / "b")
     sinks = registry_of("monochord.live.sinks")
-    with pytest.raises(InputError, match=line) as caught:
-        sinks.load(name)
-    assert "carillon" in str(caught.value)
+    with pytest.raises(InputError, match="carillon") as caught:
+        sinks.load(entry.partition(" ")[0])
+    assert other in str(caught.value)
     assert sinks.load("jsonl").__name__ == "Jsonl"  # the others stay as they are
 
 
@@ -162,7 +155,7 @@ def test_an_installed_package_adds_a_sensor(preset: Any) -> None:
 
 def test_a_preset_of_one_of_our_names_is_refused(preset: Any) -> None:
     preset("sensors", "prototype", "")
-    with pytest.raises(InputError, match=r"'prototype' \(of Monochord and of presets\)"):
+    with pytest.raises(InputError, match="presets"):
         load_sensor("prototype")
     assert load_sensor("long").name == "long"
 

@@ -106,11 +106,11 @@ def test_its_defaults_survive_a_saved_configuration(registry: Registry[Any], nam
 
 @each_plugin
 def test_an_option_it_has_not_is_refused(registry: Registry[Any], name: str) -> None:
-    with pytest.raises(InputError, match=rf"^option '{name}\.no_such_option': allowed is "):
+    with pytest.raises(InputError, match=rf"{name}\.no_such_option"):
         registry.build(name, {"no_such_option": 1})
     for field in dataclasses.fields(registry.load(name)):
         if field.init:
-            with pytest.raises(InputError, match="did you mean '"):
+            with pytest.raises(InputError, match=f"'{field.name}'"):
                 registry.build(name, {f"{field.name}x": 1})
 
 
@@ -118,18 +118,21 @@ def test_an_option_it_has_not_is_refused(registry: Registry[Any], name: str) -> 
 def test_a_name_mistyped_is_answered_with_it(registry: Registry[Any], name: str) -> None:
     assert registry.load(name.replace("_", "-")) is registry.load(name)
     if len(name) > 3:
-        with pytest.raises(InputError, match=rf"did you mean '{name}'\?$"):
+        with pytest.raises(InputError, match=f"'{name}'"):
             registry.load(name[:-1] + "qq")
 
 
 def test_loading_plug_ins_needs_no_device_library() -> None:
-    """Options can be listed and checked on a machine without JACK, PortAudio or a plotting library."""
+    """Options can be listed and checked on a machine without JACK, PortAudio, DDS or a plotting library."""
     code = (
         "import sys; from importlib import import_module; from monochord.core.registry import Registry\n"
-        f"for folder in {FOLDERS}:\n"
+        f"for folder in ['monochord.capture.instruments', *{FOLDERS}]:\n"
         "    for registry in [v for v in vars(import_module(folder)).values() if isinstance(v, Registry)]:\n"
         "        [registry.load(name) for name in registry.names()]\n"
-        "    print(folder, {'jack', 'sounddevice', 'matplotlib', 'torch'} & set(sys.modules) or 'none')"
+        "    print(*sys.modules)"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.splitlines() == [f"{folder} none" for folder in FOLDERS]
+    instruments, *_, every = (set(line.split()) for line in run.stdout.splitlines())
+    devices = {"jack", "sounddevice", "matplotlib", "torch", "cyclonedds"}
+    assert not instruments & (devices | {"monochord.capture.dds.participant", "numba", "scipy"})
+    assert not every & devices

@@ -86,7 +86,7 @@ def test_no_garbage_is_looked_for_while_something_is_compiled(*, on: bool) -> No
     before = gc.isenabled()
     try:
         (gc.enable if on else gc.disable)()
-        assert collections_while_compiling() <= 1  # the one that is due at the end
+        assert collections_while_compiling() < 5  # those due at the end; else they are a hundred
         assert gc.isenabled() == on
     finally:
         (gc.enable if before else gc.disable)()

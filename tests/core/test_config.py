@@ -58,48 +58,46 @@ def refused(tree: dict[str, Any]) -> str:
     return line
 
 
-@pytest.mark.parametrize(
-    ("tree", "line"),
-    [
-        ({"partails": 3}, "option 'part.partails': allowed is string, partials,"),
-        ({"partails": 3}, "did you mean 'partials'?"),
-        ({"framing": {"hopp": 1}}, "option 'part.framing.hopp': allowed is length, hop; did you mean 'hop'?"),
-        ({"fallback": {"hopp": 1}}, "option 'part.fallback.hopp': allowed is length, hop"),
-        ({"layers": [{}, {"hopp": 1}]}, "option 'part.layers[1].hopp': allowed is length, hop"),
-        ({"by_name": {"a": {"hopp": 1}}}, "option 'part.by_name.a.hopp': allowed is length, hop"),
-        ({"partials": "many"}, "option 'part.partials' = 'many': allowed is a whole number"),
-        ({"partials": 2.5}, "option 'part.partials' = 2.5: allowed is a whole number"),
-        ({"partials": True}, "option 'part.partials' = True: allowed is a whole number"),
-        ({"framing": {"hop": "q"}}, "option 'part.framing.hop' = 'q': allowed is a number"),
-        ({"framing": 3}, "option 'part.framing' = 3: allowed is a table of length, hop"),
-        ({"side": "fat"}, "option 'part.side' = 'fat': allowed is near, far; did you mean 'far'?"),
-        ({"shape": "han"}, "option 'part.shape' = 'han': allowed is hann, flat; did you mean 'hann'?"),
-        ({"take": 7}, "option 'part.take' = 7: allowed is a path"),
-        ({"limit": "low"}, "option 'part.limit' = 'low': allowed is a number or nothing"),
-        ({"limit": math.nan}, "option 'part.limit' = nan: allowed is a number or nothing"),
-        ({"limit": "nan"}, "option 'part.limit' = nan: allowed is a number or nothing"),
-        ({"framing": {"hop": "nan"}}, "option 'part.framing.hop' = nan: allowed is a number"),
-        ({"quiet": "yes"}, "option 'part.quiet' = 'yes': allowed is true or false"),
-        ({"string": 4}, "option 'part.string' = 4: allowed is text"),
-        ({"calibration": [[1, 2], [1, "x"]]}, "option 'part.calibration[1][1]' = 'x': allowed is a number"),
-        (
-            {"calibration": [[1]]},
-            "option 'part.calibration[0]' = [1]: allowed is a list of 2: a number, a number",
-        ),
-        ({"calibration": 5}, "option 'part.calibration' = 5: allowed is a list, each a list of 2"),
-        ({"by_name": {"a": {"hop": "q"}}}, "'q': allowed is a number"),
-        ({"partials": 0}, "0 partials: allowed is 1 or more"),
-        ({"partials": 101}, "at most 100 partials"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(tree: dict[str, Any], line: str) -> None:
-    assert line in refused(tree)
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"partails": 3}, "part.partails 'partials'"),
+    ({"framing": {"hopp": 1}}, "part.framing.hopp length 'hop'"),
+    ({"fallback": {"hopp": 1}}, "part.fallback.hopp length"),
+    ({"layers": [{}, {"hopp": 1}]}, "part.layers[1].hopp length"),
+    ({"by_name": {"a": {"hopp": 1}}}, "part.by_name.a.hopp length"),
+    ({"partials": "many"}, "part.partials many whole"),
+    ({"partials": 2.5}, "part.partials 2.5 whole"),
+    ({"partials": True}, "part.partials True whole"),
+    ({"framing": {"hop": "q"}}, "part.framing.hop q number"),
+    ({"framing": 3}, "part.framing 3 table length"),
+    ({"side": "fat"}, "part.side fat near 'far'"),
+    ({"shape": "han"}, "part.shape han flat 'hann'"),
+    ({"take": 7}, "part.take 7 path"),
+    ({"limit": "low"}, "part.limit low number"),
+    ({"limit": math.nan}, "part.limit nan number"),
+    ({"limit": "nan"}, "part.limit nan number"),
+    ({"framing": {"hop": "nan"}}, "part.framing.hop nan number"),
+    ({"quiet": "yes"}, "part.quiet yes true"),
+    ({"string": 4}, "part.string 4 text"),
+    ({"calibration": [[1, 2], [1, "x"]]}, "part.calibration[1][1] x number"),
+    ({"calibration": [[1]]}, "part.calibration[0] [1] 2"),
+    ({"calibration": 5}, "part.calibration 5 list"),
+    ({"by_name": {"a": {"hop": "q"}}}, "hop q number"),
+    ({"partials": 0}, "0 partials 1"),
+    ({"partials": 101}, "100 partials"),
+]
+"""Values that cannot be, and what the line names: where, what was given, what was expected."""
+
+
+@pytest.mark.parametrize(("tree", "words"), REFUSED)
+def test_what_cannot_be_is_refused_by_where_it_stands(tree: dict[str, Any], words: str) -> None:
+    line = refused(tree)
+    assert not [word for word in words.split() if word not in line], line
 
 
 def test_a_field_left_out_is_named() -> None:
-    with pytest.raises(InputError, match=r"^option 'part\.string' \(not given\): allowed is text$"):
+    with pytest.raises(InputError, match=r"part\.string"):
         from_tree(Reader, {}, where="part")
-    with pytest.raises(InputError, match=r"^option 'string' \(not given\)"):
+    with pytest.raises(InputError, match="'string'"):
         from_tree(Reader, {})
 
 
@@ -162,15 +160,10 @@ def test_an_override_is_a_toml_value_or_plain_text(text: str, value: object) -> 
     assert override({}, [f"a={text}"]) == {"a": value}
 
 
-@pytest.mark.parametrize("assignment", ["hop", "=1", "a..b=1", ".a=1", "a.=1"])
-def test_a_malformed_override_is_refused(assignment: str) -> None:
-    with pytest.raises(InputError, match=r"allowed is NAME\.NAME=VALUE"):
-        override({}, [assignment])
-
-
-def test_an_override_through_a_value_is_refused() -> None:
-    with pytest.raises(InputError, match="allowed is a table at 'hop'"):
-        override({"hop": 1}, ["hop.x=1"])
+@pytest.mark.parametrize("assignment", ["hop", "=1", "a..b=1", ".a=1", "a.=1", "set.x=1"])
+def test_an_override_that_is_malformed_or_goes_through_a_value_is_refused(assignment: str) -> None:
+    with pytest.raises(InputError):
+        override({"set": 1}, [assignment])
 
 
 def test_toml_is_read(tmp_path: Path) -> None:
@@ -179,26 +172,19 @@ def test_toml_is_read(tmp_path: Path) -> None:
     assert load_toml(path) == {"framing": {"hop": 0.02}}
 
 
-@pytest.mark.parametrize("content", [b"hop = ", b"\xff\xfe", b"a = 1\na = 2"])
-def test_what_is_not_toml_is_refused(tmp_path: Path, content: bytes) -> None:
+@pytest.mark.parametrize(
+    "content",
+    [b"hop = ", b"\xff\xfe", b"a = 1\na = 2", b"a = " + b"9" * 5000, b"a = " + b"[" * 5000, None],
+    ids=["no value", "no text", "twice", "long", "nested", "absent"],
+)
+def test_what_is_not_toml_is_refused_by_its_file(tmp_path: Path, content: bytes | None) -> None:
     path = tmp_path / "live.toml"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=r"^configuration .*live\.toml .*: allowed is TOML text$"):
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=r"live\.toml.*TOML"):
         load_toml(path)
-
-
-@pytest.mark.parametrize("name", ["absent.toml", "."])
-def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match="allowed is a readable TOML file"):
-        load_toml(tmp_path / name)
-
-
-def test_toml_beyond_what_python_reads_is_refused(tmp_path: Path) -> None:
-    for number, text in enumerate(("a = " + "9" * 5000, "a = " + "[" * 5000)):
-        file = tmp_path / f"{number}.toml"
-        file.write_text(text, encoding="utf-8")
-        with pytest.raises(InputError, match="TOML text"):
-            load_toml(file)
+    with pytest.raises(InputError):
+        load_toml(tmp_path)
 
 
 def test_an_override_beyond_what_python_reads_is_refused() -> None:
@@ -227,5 +213,5 @@ def test_what_a_dataclass_refuses_is_no_cause_of_itself() -> None:
 
 
 def test_what_is_no_table_is_refused() -> None:
-    with pytest.raises(InputError, match="option 'source' = 5: allowed is a table"):
+    with pytest.raises(InputError, match=r"source.*5.*table"):
         table({"source": 5}, "source")

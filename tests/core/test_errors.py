@@ -6,14 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monochord.core.errors import (
-    TORCH,
-    DeviceError,
-    InputError,
-    MonochordError,
-    did_you_mean,
-    installation,
-)
+from monochord.core.errors import TORCH, DeviceError, InputError, MonochordError, did_you_mean, installation
 
 
 @given(st.text(), st.text(), st.text())
@@ -22,9 +15,9 @@ def test_an_input_error_is_one_line(given_: str, allowed: str, remedy: str) -> N
 
 
 def test_the_line_says_what_was_given_what_is_allowed_and_what_to_do() -> None:
-    error = InputError("length 0 m", "more than 0 m", "give the scale length")
-    assert str(error) == "length 0 m: allowed is more than 0 m; give the scale length"
-    assert str(InputError("length 0 m", "more than 0 m")) == "length 0 m: allowed is more than 0 m"
+    parts = ("length 0 m", "more than 0 m", "give the scale length")
+    assert all(part in str(InputError(*parts)) for part in parts)
+    assert str(InputError(*parts[:2])).endswith(parts[1])
 
 
 @pytest.mark.parametrize(("kind", "builtin"), [(InputError, ValueError), (DeviceError, RuntimeError)])
@@ -36,12 +29,7 @@ def test_ours_can_be_caught_as_ours_or_as_the_builtin(kind: type, builtin: type)
 def test_an_input_error_crosses_to_another_process() -> None:
     error = InputError("force -1 N", "0 N or more", "press")
     copy = pickle.loads(pickle.dumps(error))  # noqa: S301
-    assert (str(copy), copy.given, copy.allowed, copy.remedy) == (
-        str(error),
-        "force -1 N",
-        "0 N or more",
-        "press",
-    )
+    assert (type(copy), str(copy), vars(copy)) == (InputError, str(error), vars(error))
 
 
 def test_a_missing_library_is_installed_into_the_environment_that_misses_it(
@@ -63,13 +51,13 @@ words = st.text("abcdefghij_", min_size=3, max_size=10)
 
 @given(words, st.lists(words, min_size=1))
 def test_a_suggestion_is_always_one_of_the_choices(word: str, choices: list[str]) -> None:
-    said = did_you_mean(word, choices)
-    assert said == "" or said in [f"did you mean '{choice}'?" for choice in choices]
+    suggestion = did_you_mean(word, choices)
+    assert not suggestion or any(f"'{choice}'" in suggestion for choice in choices)
 
 
 @given(words, st.lists(words))
 def test_the_word_itself_is_the_best_suggestion(word: str, others: list[str]) -> None:
-    assert did_you_mean(word, [*others, word]) == f"did you mean '{word}'?"
+    assert f"'{word}'" in did_you_mean(word, [*others, word])
 
 
 def test_nothing_is_suggested_for_what_resembles_nothing() -> None:

@@ -108,10 +108,10 @@ def test_other_columns_are_means_whether_touched_or_not() -> None:
 
 
 def test_labels_without_contact_or_out_of_order_are_refused() -> None:
-    with pytest.raises(InputError, match="a column contact"):
+    with pytest.raises(InputError, match="contact"):
         window_labels(LabelTrack(time=np.zeros(1), columns={"force": np.zeros(1)}), np.zeros(1), np.ones(1))
     back = LabelTrack(time=np.array([1.0, 0.0]), columns={"contact": np.ones(2)})
-    with pytest.raises(InputError, match="times in order"):
+    with pytest.raises(InputError, match="order"):
         window_labels(back, np.zeros(1), np.ones(1))
 
 

@@ -72,28 +72,25 @@ def test_a_plug_in_is_built_by_its_file_name(bells: Registry[Bell], name: str) -
 
 
 def test_an_unknown_name_is_refused_with_a_suggestion(bells: Registry[Bell]) -> None:
-    with pytest.raises(
-        InputError, match=r"^bell 'hand-gnog': allowed is hand_gong; did you mean 'hand_gong'\?"
-    ):
+    with pytest.raises(InputError, match=r"'hand-gnog'.*'hand_gong'"):
         bells.load("hand-gnog")
 
 
 @pytest.mark.parametrize("name", ["base", "_casting", "", "hand_gong.HandGong", "../base"])
 def test_what_is_no_plug_in_is_no_name(bells: Registry[Bell], name: str) -> None:
-    with pytest.raises(InputError, match="allowed is hand_gong"):
+    with pytest.raises(InputError, match="hand_gong"):
         bells.load(name)
 
 
 def test_an_unknown_option_is_refused_with_a_suggestion(bells: Registry[Bell]) -> None:
-    line = r"^option 'hand_gong\.sise': allowed is size; did you mean 'size'\?$"
-    with pytest.raises(InputError, match=line):
+    with pytest.raises(InputError, match=r"hand_gong\.sise.*'size'"):
         bells.build("hand_gong", {"sise": 2})
 
 
 @pytest.mark.parametrize("extra", ["", GONG + "\nclass Second(HandGong): pass\n"])
 def test_a_file_with_none_or_two_plug_ins_is_a_fault(bells: Registry[Bell], folder: Path, extra: str) -> None:
     (folder / "odd.py").write_text(extra, encoding="utf-8")
-    with pytest.raises(TypeError, match=r"bellfoundry\.bells\.odd must hold exactly one public Bell"):
+    with pytest.raises(TypeError, match=r"bellfoundry\.bells\.odd"):
         bells.load("odd")
 
 
@@ -109,13 +106,9 @@ def test_a_plug_in_that_fails_to_import_fails_loudly(bells: Registry[Bell], fold
         bells.load("broken")
 
 
-def test_a_registry_is_a_value() -> None:
-    assert Registry("bellfoundry.bells", Bell) == Registry("bellfoundry.bells", Bell)
-
-
 def test_a_name_of_before_is_told_where_it_is_now(folder: Path) -> None:
     base = import_module("bellfoundry.bells.base").Bell
     bells: Registry[Bell] = Registry("bellfoundry.bells", base, {"great_gong": "it is in the tower"})
-    with pytest.raises(InputError, match=r"bell 'great-gong': allowed is hand_gong; it is in the tower$"):
+    with pytest.raises(InputError, match=r"great-gong.*it is in the tower"):
         bells.load("great-gong")
     assert "great_gong" not in bells.names()

@@ -82,7 +82,10 @@ def job(folder: Path) -> Callable[[str], Callable[[Any], Any]]:
 GetJob = Callable[[str], Callable[[Any], Any]]
 
 
-def test_two_workers_make_what_one_makes(job: GetJob) -> None:
+def test_two_workers_make_what_one_makes_without_dask(job: GetJob, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"pip install.*dask"):
+        run_all([1, 2], float, cluster="tcp://127.0.0.1:8786")
     one = list(run_all(range(8), job("noise"), workers=1))
     assert [number for number, _ in one] == list(range(8))
     assert sorted(run_all(range(8), job("noise"), workers=2)) == one
@@ -97,14 +100,15 @@ def test_a_killed_worker_loses_nothing_and_duplicates_nothing(job: GetJob, tmp_p
 
 
 def test_a_job_that_always_kills_its_worker_is_given_up_in_one_line(job: GetJob) -> None:
-    with pytest.raises(DeviceError, match=r"a job ended its worker 3 times"):
+    with pytest.raises(DeviceError, match="3 times"):
         list(run_all(range(3), job("killed"), workers=2))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_what_a_job_refuses_comes_home_as_it_was(job: GetJob, workers: int) -> None:
-    with pytest.raises(InputError, match=r"^job 1: allowed is job 0; leave it out$"):
+    with pytest.raises(InputError) as caught:
         list(run_all([1, 1], job("refused"), workers=workers))
+    assert (caught.value.given, caught.value.remedy) == ("job 1", "leave it out")
 
 
 def test_workers_are_other_processes_of_one_thread_and_the_environment_is_restored(job: GetJob) -> None:
@@ -141,17 +145,8 @@ def test_no_jobs_and_one_job_start_no_process(job: GetJob) -> None:
 
 
 def test_fewer_than_one_worker_is_refused() -> None:
-    with pytest.raises(InputError, match=r"^0 workers: allowed is 1 or more"):
+    with pytest.raises(InputError, match="0 workers"):
         run_all([1, 2], float, workers=0)
-
-
-def test_dask_is_needed_for_a_cluster_alone(job: GetJob, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "find_spec", lambda _: None)
-    assert sorted(run_all(range(3), job("noise"), workers=2)) == list(
-        run_all(range(3), job("noise"), workers=1)
-    )
-    with pytest.raises(InputError, match=r"requires dask.*pip install 'dask>=2025.1' 'distributed>=2025.1'$"):
-        run_all([1, 2], float, cluster="tcp://127.0.0.1:8786")
 
 
 def test_a_script_needs_no_guard(folder: Path, tmp_path: Path) -> None:
@@ -170,7 +165,7 @@ def test_a_script_needs_no_guard(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "not an address"])
 def test_an_address_where_nothing_answers_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "ANSWER_TIMEOUT", 0.5)
-    with pytest.raises(InputError, match=rf"cluster {address} \(no dask scheduler answers there\)"):
+    with pytest.raises(InputError, match=address):
         list(run_all([1, 2], float, cluster=address))
 
 
@@ -215,16 +210,14 @@ def test_a_cluster_by_its_address_does_the_same(job: GetJob, scheduler: str, tmp
     jobs = [(str(tmp_path), number) for number in range(6)]
     done = list(run_all(jobs, job("first_time_killed"), cluster=scheduler))
     assert sorted(done) == [(each, each[1] ** 2) for each in jobs]
-    with pytest.raises(InputError, match=r"^job 1: allowed is job 0; leave it out$"):
+    with pytest.raises(InputError, match="job 1"):
         list(run_all([1], job("refused"), cluster=scheduler))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheduler", ["another"], indirect=True)
 def test_a_cluster_with_other_code_is_one_line(job: GetJob, scheduler: str) -> None:
-    with pytest.raises(
-        DeviceError, match=r"^a worker cannot read its job \(No module named 'monochord\.core"
-    ):
+    with pytest.raises(DeviceError, match=r"monochord\.core"):
         list(run_all([1, 2], job("noise"), cluster=scheduler))
 
 

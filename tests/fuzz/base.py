@@ -92,6 +92,13 @@ def taken_from(folder: Path) -> Input:
     return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
 
 
+def given_file(folder: Path, name: str) -> Path:
+    """Return a file of the input; raises `InputError` where an edit has taken it away."""
+    if not (folder / name).exists():
+        raise InputError(f"no {name}", "one")
+    return folder / name
+
+
 def command(*arguments: object) -> str:
     """Run `monochord` in this process and return what it printed; raises `InputError` for status 2.
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from signal import SIGKILL, SIGUSR1
 from tempfile import TemporaryDirectory
 
-from tests.fuzz.base import Input, load_target, taken_from
+from tests.fuzz.base import Input, load_target
 from tests.fuzz.worker import LIMIT, Verdict, Work, drawn, run
 
 START = 120.0
@@ -64,12 +64,11 @@ def seeds_of(folder: Path, name: str) -> tuple[Input, ...]:
 def fuzz(folder: Path, name: str, seeds: tuple[Input, ...], *, seconds: float, seed: int) -> Findings:
     """Feed a target with the seeds as they are, then edited, for so long."""
     findings = Findings()
-    for _, verdict, given in verdicts(Work(folder=folder, name=name, given=seeds)):
-        findings.add(verdict, given)
-    for _, verdict, given in verdicts(
-        Work(folder=folder, name=name, seed=seed, seeds=seeds, seconds=seconds)
-    ):
-        findings.add(verdict, given)
+    as_they_are = Work(folder=folder, name=name, given=seeds)
+    drawn_ones = Work(folder=folder, name=name, seed=seed, seeds=seeds, seconds=seconds)
+    for work in (as_they_are, drawn_ones):
+        for _, verdict, given in verdicts(work):
+            findings.add(verdict, given)
     return findings
 
 
@@ -92,10 +91,8 @@ def _of_one_process(
 ) -> Generator[tuple[int, Verdict, Input | None], None, tuple[int, Verdict, float] | None]:
     """Yield what came of each case; return at which case the process hung or died, if it did."""
     with TemporaryDirectory() as place:
-        trace, beat = (
-            Path(place, "trace"),
-            SPAWN.Array("d", [float(work.first), time.monotonic() + START, 0.0, math.inf]),
-        )
+        trace = Path(place, "trace")
+        beat = SPAWN.Array("d", [float(work.first), time.monotonic() + START, 0.0, math.inf])
         here, there = SPAWN.Pipe(duplex=False)
         process = SPAWN.Process(target=run, args=(work, beat, trace, there), daemon=True)
         process.start()
@@ -158,6 +155,3 @@ def shrunk(folder: Path, name: str, given: Input, place: str) -> Input:
     for smaller in _of_one_process(Work(folder=folder, name=name, given=(given,), shrink=place)):
         best = smaller
     return best  # pyright: ignore[reportReturnType]
-
-
-__all__ = ["Failure", "Findings", "fuzz", "seeds_of", "shrunk", "taken_from", "verdicts"]

@@ -5,10 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import soundfile
-from tests.fuzz.base import Input, Target, taken_from
+from tests.fuzz.base import Input, Target, given_file, taken_from
 from tests.fuzz.targets._imports import brought_in
-
-from monochord.core.errors import InputError
 
 TABLES = (
     "time,contact,position,force,slip\n0.0,0,,,\n0.01,1,0.12,1.5,0\n0.02,1,0.12,1.5,1\n",
@@ -31,10 +29,8 @@ class Fuzz(Target):
         yield taken_from(folder)
 
     def run(self, folder: Path) -> None:
-        out = folder.with_name("imported.mcap")
-        if not (folder / "take.wav").exists():
-            raise InputError("no audio", "some")
+        out, sound = folder.with_name("imported.mcap"), given_file(folder, "take.wav")
         out.unlink(missing_ok=True)
         table = [folder / "take.csv"] if (folder / "take.csv").exists() else []
-        brought_in(out, folder / "take.wav", *table)
+        brought_in(out, sound, *table)
         out.unlink()

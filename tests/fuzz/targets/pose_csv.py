@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.fuzz.base import Input, Target
+from tests.fuzz.base import Input, Target, given_file
 from tests.fuzz.targets._feeds import recorded
 
 from monochord.capture.instruments.pose_csv import PoseCsv
-from monochord.core.errors import InputError
 
 
 class Fuzz(Target):
@@ -20,9 +19,7 @@ class Fuzz(Target):
             yield {"pose.csv": "\n".join((head, *lines, "")).encode()}
 
     def run(self, folder: Path) -> None:
-        file = folder / "pose.csv"
-        if not file.exists():
-            raise InputError("no file", "one")
+        file = given_file(folder, "pose.csv")
         data = file.read_bytes()
         third = len(data) // 3
         parts = [data[third : 2 * third], data[2 * third :], b""]

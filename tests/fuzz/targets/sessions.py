@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from tests.fuzz.base import Input, Target, command, taken_from
+from tests.fuzz.base import Input, Target, command, given_file, taken_from
 
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
@@ -87,9 +87,7 @@ class Fuzz(Target):
                 path.unlink()
 
     def run(self, folder: Path) -> None:
-        file = folder / "take.mcap"
-        if not file.exists():
-            raise InputError("no file", "one")
+        file = given_file(folder, "take.mcap")
         before = readable(file)
         refused: InputError | None = None
         for arguments in (("check",), ("show", "--json"), ("recover", "--json")):
