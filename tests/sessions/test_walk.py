@@ -1,5 +1,6 @@
 from pathlib import Path
 
+from mcap.records import Metadata
 from mcap.writer import CompressionType, Writer
 
 from monochord.sessions import walk
@@ -30,7 +31,7 @@ def test_files_of_any_compression_are_walked(tmp_path: Path) -> None:
         assert [m.publish_time for m in messages] == list(range(0, 200, 2))
         assert [m.sequence for m in messages] == list(range(0, 300, 3))
         assert bytes(messages[7].data) == bytes([7]) * 20
-        assert [walk.metadata(r.body) for r in records if r.opcode == walk.METADATA] == [("note", {"b": "c"})]
+        assert [r.content for r in records if r.opcode == walk.METADATA] == [Metadata("note", {"b": "c"})]
 
 
 def test_a_walk_ends_where_the_file_was_cut(tmp_path: Path) -> None:
