@@ -157,12 +157,12 @@ def torn(view: memoryview, offset: int) -> bool:
     """Return whether a file ends, from `offset` on, within what was being written, with nothing whole."""
     if bytes(view[-len(MAGIC) :]) == MAGIC:
         return False
-    record = _record(view, offset)
-    if record and record.opcode == DATA_END:
-        for each in _summary(view, record.end):
-            if each.opcode == FOOTER:
-                return len(view) - each.end < len(MAGIC) and MAGIC.startswith(view[each.end :])
-        offset = record.end
+    data_end = _record(view, offset)
+    if data_end and data_end.opcode == DATA_END:
+        last = [data_end, *_summary(view, data_end.end)][-1]
+        if last.opcode == FOOTER:
+            return len(view) - last.end < len(MAGIC) and MAGIC.startswith(view[last.end :])
+        offset = last.end
     rest = view[offset:]
     if len(rest) < HEAD.size or not any(rest):
         return True
