@@ -1,4 +1,4 @@
-"""What is read of damaged sessions: by the mcap library, by it in every chunk it can unpack, after our repair.
+"""What is read of damaged sessions: by the mcap library, in every chunk it can unpack, after our repair.
 
 Makes the table of `docs/design/0016-locks-and-repair.md`, in some two minutes: ``python -m studies.repair``.
 """
@@ -194,7 +194,7 @@ def damages(content: bytes, rng: np.random.Generator) -> dict[str, Callable[[], 
 
 
 def measured(seconds: Seconds, number: int, seed: int) -> list[list[str]]:
-    """Return a line for each damage: what there was and what each way reads, and how often it reads nothing."""
+    """Return a line for each damage: what there was, what each way reads, how often it reads nothing."""
     rng = np.random.default_rng(seed)
     lines: list[list[str]] = []
     with tempfile.TemporaryDirectory() as name, progress_bar("sessions") as progress:
