@@ -6,15 +6,14 @@ from collections import defaultdict
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema
 
 from monochord.sessions import walk
 from monochord.sessions._digest import Digest
 from monochord.sessions._layout import ending_is_sound
 from monochord.sessions.description import SessionClock
-
-if TYPE_CHECKING:
-    from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema
 
 UNREADABLE = "unreadable chunk"
 """Kind of damage that may be none: a compression that is not known here."""
@@ -66,11 +65,11 @@ class Contents:
     ending_at: Damage | None = None
     text: str | None = None
     epoch_ns: int = 0
-    schemas: "dict[int, Schema]" = field(default_factory=dict)
-    channels: "dict[int, Channel]" = field(default_factory=dict)
-    chunks: "list[ChunkIndex]" = field(default_factory=list)
-    attachments: "list[AttachmentIndex]" = field(default_factory=list)
-    metadata: "list[MetadataIndex]" = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
     digests: dict[int, Digest] = field(default_factory=lambda: defaultdict(Digest))
     span: tuple[int, int] | None = None
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
+from mcap.records import Channel, McapRecord
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
@@ -23,14 +24,16 @@ def places(
     found: dict[str, array[int]] = {}
     begin, end = 0, 0
     for part, opcode, start, content in records_of(parts):
-        number = number_in(content)
         if opcode == walk.CHANNEL:
-            names[number] = topic_in(content)
-        elif opcode == walk.MESSAGE and (topic := names.get(number)):
-            message = walk.message(content) if len(content) >= walk.MIN_MESSAGE else None
-            end = message.log_time if message else end
+            names |= named(walk.parsed(opcode, content))
+        elif opcode == walk.MESSAGE:
+            message = walk.message(content)
+            topic = names.get(message.channel)
+            if topic is None:
+                continue
+            end = message.log_time or end
             begin = begin or end
-            key = _key(topic, message, as_written=as_written) if message else 0
+            key = _key(topic, message, as_written=as_written)
             found.setdefault(topic, array("Q")).extend((key, part, start, start + len(content)))
     tables = {topic: np.frombuffer(each, np.uint64).reshape(-1, 4) for topic, each in found.items()}
     return {topic: _sorted(rows, backwards=begin > end and not as_written) for topic, rows in tables.items()}
@@ -41,7 +44,7 @@ def records_of(parts: list[walk.Record]) -> Iterator[tuple[int, int, int, memory
     for part, record in enumerate(parts):
         chunk = walk.contents(record)
         for opcode, offset, body in walk.inside(chunk.records) if chunk.sound else ():
-            yield part, opcode, offset + walk.HEAD_SIZE, body
+            yield part, opcode, offset + walk.HEAD.size, body
 
 
 def _key(topic: str, message: walk.Message, *, as_written: bool) -> int:
@@ -59,12 +62,6 @@ def _sorted(rows: NDArray[np.uint64], *, backwards: bool) -> NDArray[np.uint64]:
     return rows[np.argsort(rows[:, 0], kind="stable")]
 
 
-def number_in(content: memoryview) -> int:
-    """Return the channel's number that the body of a channel or a message begins with."""
-    return int.from_bytes(content[:2], "little")
-
-
-def topic_in(channel: memoryview) -> str:
-    """Return the topic that a channel record's body names, whatever else is wrong with it."""
-    length = int.from_bytes(channel[4:8], "little")
-    return bytes(channel[8 : 8 + length]).decode(errors="replace")
+def named(record: McapRecord | None) -> dict[int, str]:
+    """Return the topic of a channel, by its number; nothing for another record."""
+    return {record.id: record.topic} if isinstance(record, Channel) else {}

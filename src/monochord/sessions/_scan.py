@@ -3,48 +3,55 @@
 import struct
 import zlib
 from contextlib import suppress
-from typing import TYPE_CHECKING
+
+from mcap.data_stream import RecordBuilder
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+)
 
 from monochord.sessions import codec, walk
 from monochord.sessions._contents import UNREADABLE, Contents, Damage, Patch, identity_of
 from monochord.sessions._layout import BEGIN, END, FORMAT, GUARD, ending_is_sound, opening, rewritten
 from monochord.sessions._packing import unreadable
 
-if TYPE_CHECKING:
-    from mcap.records import ChunkIndex
-
-_INDEX = struct.Struct("<BQHI")
-_ENTRY = struct.Struct("<QQ")
-_INDEX_HEAD = 6
+_TIMES = struct.Struct("<QQ")
+"""The first and the last time in a chunk, which its record begins with and no checksum guards."""
+Entries = dict[int, list[tuple[int, int]]]
+"""Log times and places of the messages of each channel of a chunk."""
 
 
 def scan(view: memoryview) -> Contents:
     """Return what a file holds up to its last sound record."""
     contents, edges, group = Contents(), set[int](), _Group()
-    walked, data_end = len(walk.MAGIC), 0
-    for record in walk.records(view):
-        if data_end:
-            _add_summary(contents, record)
-            continue
+    walked, data_ended = len(walk.MAGIC), False
+    records = walk.records(view)
+    for record in records:
         walked = record.end
-        if record.opcode == walk.DATA_END:
-            data_end = walked = record.offset
-            crc = int.from_bytes(record.body, "little")
+        if isinstance(record.content, DataEnd):
+            walked, data_ended = record.offset, True
+            crc = record.content.data_section_crc
             contents.closed = crc in (0, zlib.crc32(view[: record.offset]))
-            contents.ended = contents.closed and _summary_is_sound(view, data_end)
-            continue
-        if record.opcode == walk.FOOTER:
+            _add_summary(view, contents, record.end, list(records))
+        elif record.opcode == walk.FOOTER:
             walked, contents.closed = record.offset, True
-            break
-        edges.add(record.end)
-        if group.takes(record):
-            if group.full:
+        else:
+            edges.add(record.end)
+            if not group.takes(record):
                 group.close(view, contents)
-            continue
-        group.close(view, contents)
-        group = _add(view, contents, record)
-    group.close(view, contents, last=not contents.closed and not data_end)
-    contents.closed = contents.closed or data_end > 0 or bytes(view[-len(walk.MAGIC) :]) == walk.MAGIC
+                group = _add(view, contents, record)
+            elif group.full:
+                group.close(view, contents)
+    group.close(view, contents, last=not contents.closed and not data_ended)
+    contents.closed = contents.closed or data_ended or bytes(view[-len(walk.MAGIC) :]) == walk.MAGIC
     contents.torn = walk.torn(view, walked)
     _mend_opening(view, contents, edges)
     if contents.ending and contents.ending_at and not ending_is_sound(contents.ending):
@@ -57,10 +64,10 @@ def _add(view: memoryview, contents: Contents, record: walk.Record) -> "_Group":
     """Take a record in; return what must follow."""
     if record.opcode == walk.CHUNK:
         return _add_chunk(view, contents, record)
-    if record.opcode == walk.METADATA:
-        _add_metadata(view, contents, record)
-    elif record.opcode == walk.ATTACHMENT:
-        _add_attachment(contents, record)
+    if isinstance(record.content, Metadata):
+        _add_metadata(view, contents, record, record.content)
+    elif isinstance(record.content, Attachment):
+        _add_attachment(contents, record, record.content)
     elif record.opcode == walk.DAMAGED:
         contents.damage.append(Damage(record.offset, record.end, "record"))
     else:
@@ -75,12 +82,9 @@ def _add(view: memoryview, contents: Contents, record: walk.Record) -> "_Group":
 class _Group:
     """A chunk's index of messages: what it must be, and the records that stand in its place."""
 
-    def __init__(
-        self, chunk: "ChunkIndex | None" = None, start: int = 0, index: dict[int, bytes] | None = None
-    ) -> None:
-        self._chunk, self._index = chunk, index or {}
+    def __init__(self, chunk: ChunkIndex | None = None, start: int = 0, index: bytes = b"") -> None:
+        self._chunk, self._bytes = chunk, index
         self._start = self._end = start
-        self._bytes = b"".join(self._index.values())
 
     @property
     def full(self) -> bool:
@@ -100,32 +104,32 @@ class _Group:
         chunk, self._chunk = self._chunk, None
         if chunk is None:
             return
-        if _entries(view[self._start : self._end]) == _entries(memoryview(self._bytes)):
-            contents.end = self._end  # other programs write the same in another order
-            chunk.message_index_length = self._end - self._start
-            chunk.message_index_offsets = offsets(view[self._start : self._end], self._start)
-        elif self.full:
+        there = view[self._start : self._end]
+        same = bytes(there) == self._bytes or _entries(there) == _entries(memoryview(self._bytes))
+        if not same and self.full:
             _patch(view, contents, self._start, self._bytes)
+            there = memoryview(self._bytes)
+        if same or self.full:  # other programs write the same in another order
             contents.end = self._end
-            chunk.message_index_length = len(self._bytes)
-            chunk.message_index_offsets = offsets(memoryview(self._bytes), self._start)
+            chunk.message_index_length = len(there)
+            chunk.message_index_offsets = offsets(there, self._start)
         elif last:
             contents.index = self._bytes
         elif self._end > self._start:
             contents.damage.append(Damage(self._start, self._end, "index"))
 
 
-def _entries(index: memoryview) -> dict[int, list[tuple[int, int]]] | None:
-    """Return times and places of the messages of each channel, as an index has them; None if damaged."""
-    entries: dict[int, list[tuple[int, int]]] = {}
+def _entries(index: memoryview) -> Entries | None:
+    """Return what an index says; None if damaged."""
+    entries: Entries = {}
     reached = 0
     for opcode, offset, body in walk.inside(index):
-        reached = offset + walk.HEAD_SIZE + len(body)
-        if opcode != walk.MESSAGE_INDEX or not walk.index_fits(body):
+        reached = offset + walk.HEAD.size + len(body)
+        content = walk.parsed(opcode, body)
+        if not isinstance(content, MessageIndex) or not walk.index_fits(body):
             return None
-        if body[_INDEX_HEAD:]:
-            number = int.from_bytes(body[:2], "little")
-            entries.setdefault(number, []).extend(_ENTRY.iter_unpack(body[_INDEX_HEAD:]))
+        if content.records:
+            entries.setdefault(content.channel_id, []).extend(content.records)
     return {number: sorted(each) for number, each in entries.items()} if reached == len(index) else None
 
 
@@ -145,8 +149,6 @@ def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what:
 
 def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Group:
     """Take a chunk in; return what its index must be."""
-    from mcap.records import ChunkIndex  # noqa: PLC0415
-
     chunk = walk.chunk(record.body)
     if not chunk.sound:
         maybe = unreadable(chunk.compression, chunk.uncompressed_size)
@@ -154,8 +156,8 @@ def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Gr
         return _Group()
     entries = _add_messages(contents, chunk.records)
     begin, stop = _span(entries) or (0, 0)
-    if not chunk.compression and entries and any(record.body[24:28]) and not contents.rewritten:
-        _patch(view, contents, record.offset, walk.chunk_head(begin, stop, chunk.records))
+    if entries and not chunk.compression and not contents.rewritten:
+        _patch(view, contents, record.offset + walk.HEAD.size, _TIMES.pack(begin, stop))
     contents.end = record.end
     contents.chunks.append(
         ChunkIndex(
@@ -170,25 +172,17 @@ def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Gr
             uncompressed_size=chunk.uncompressed_size,
         )
     )
-    index = {
-        number: _INDEX.pack(walk.MESSAGE_INDEX, 6 + 16 * len(each), number, 16 * len(each))
-        + b"".join(_ENTRY.pack(*entry) for entry in each)
-        for number, each in entries.items()
-    }
-    return _Group(contents.chunks[-1], record.end, index)
+    index = RecordBuilder()
+    for number, each in entries.items():
+        MessageIndex(number, each).write(index)
+    return _Group(contents.chunks[-1], record.end, index.end())
 
 
-def _add_messages(contents: Contents, records: memoryview) -> dict[int, list[tuple[int, int]]]:
-    """Take schemas, channels and messages in; return log times and places of the messages of each channel."""
-    entries: dict[int, list[tuple[int, int]]] = {}
+def _add_messages(contents: Contents, records: memoryview) -> Entries:
+    """Take schemas, channels and messages in; return where the messages are."""
+    entries: Entries = {}
     for opcode, offset, body in walk.inside(records):
-        if opcode == walk.SCHEMA:
-            schema = walk.schema(body)
-            contents.schemas |= {schema.id: schema} if schema else {}
-        elif opcode == walk.CHANNEL:
-            channel = walk.channel(body)
-            contents.channels |= {channel.id: channel} if channel else {}
-        elif opcode == walk.MESSAGE and len(body) >= walk.MIN_MESSAGE:
+        if opcode == walk.MESSAGE and len(body) >= walk.MIN_MESSAGE:
             message = walk.message(body)
             entries.setdefault(message.channel, []).append((message.log_time, offset))
             contents.digests[message.channel].add(
@@ -197,25 +191,39 @@ def _add_messages(contents: Contents, records: memoryview) -> dict[int, list[tup
             channel = contents.channels.get(message.channel)
             if channel and channel.topic == "/description" and contents.text is None:
                 contents.text, contents.epoch_ns = _text(message), message.log_time
+        elif opcode in (walk.SCHEMA, walk.CHANNEL):
+            content = walk.parsed(opcode, body)
+            if isinstance(content, Schema):
+                contents.schemas[content.id] = content
+            elif isinstance(content, Channel):
+                contents.channels[content.id] = content
     if here := _span(entries):
         begin, stop = contents.span or here
         contents.span = min(begin, here[0]), max(stop, here[1])
     return entries
 
 
-def _span(entries: dict[int, list[tuple[int, int]]]) -> tuple[int, int] | None:
+def _span(entries: Entries) -> tuple[int, int] | None:
     times = [time for each in entries.values() for time, _ in each]
     return (min(times), max(times)) if times else None
 
 
-def _add_summary(contents: Contents, record: walk.Record) -> None:
-    """Take in what only the summary tells, where the chunk that told it is damaged; ours is known without."""
-    if not (contents.rewritten and contents.ended):
+def _add_summary(view: memoryview, contents: Contents, begin: int, records: list[walk.Record]) -> None:
+    """Take in whether the summary is what its checksum, where there is one, and its place say.
+
+    Where the chunk that told of a channel is damaged, it tells of it; ours is known without.
+    """
+    footer = records[-1] if records else None
+    if not footer or not isinstance(footer.content, Footer) or bytes(view[footer.end :]) != walk.MAGIC:
         return
-    if record.opcode == walk.SCHEMA and (schema := walk.schema(record.body)):
-        contents.schemas.setdefault(schema.id, schema)
-    elif record.opcode == walk.CHANNEL and (channel := walk.channel(record.body)):
-        contents.channels.setdefault(channel.id, channel)
+    start, crc = footer.content.summary_start, footer.content.summary_crc
+    in_place = start == (0 if footer.offset == begin else begin)  # a summary of nothing begins nowhere
+    contents.ended = contents.closed and in_place and crc in (0, zlib.crc32(view[begin : footer.end - 4]))
+    for record in records if contents.rewritten and contents.ended else ():
+        if isinstance(record.content, Schema):
+            contents.schemas.setdefault(record.content.id, record.content)
+        elif isinstance(record.content, Channel):
+            contents.channels.setdefault(record.content.id, record.content)
 
 
 def _text(message: walk.Message) -> str | None:
@@ -224,13 +232,8 @@ def _text(message: walk.Message) -> str | None:
     return None
 
 
-def _add_metadata(view: memoryview, contents: Contents, record: walk.Record) -> None:
-    from mcap.records import MetadataIndex  # noqa: PLC0415
-
-    name, content = walk.metadata(record.body)
-    if not name:
-        contents.damage.append(Damage(record.offset, record.end, "record"))
-        return
+def _add_metadata(view: memoryview, contents: Contents, record: walk.Record, metadata: Metadata) -> None:
+    name, content = metadata.name, metadata.metadata
     if len(name) == len(END) and GUARD in content and ending_is_sound(content):
         _patch(view, contents, record.offset + 13, END.encode())  # behind opcode and two lengths
         name = END
@@ -245,11 +248,8 @@ def _add_metadata(view: memoryview, contents: Contents, record: walk.Record) -> 
     contents.end = record.end
 
 
-def _add_attachment(contents: Contents, record: walk.Record) -> None:
-    from mcap.records import AttachmentIndex  # noqa: PLC0415
-
-    attachment, crc = walk.attachment(record.body), int.from_bytes(record.body[-4:], "little")
-    if attachment is None or crc not in (0, zlib.crc32(record.body[:-4])):
+def _add_attachment(contents: Contents, record: walk.Record, attachment: Attachment) -> None:
+    if int.from_bytes(record.body[-4:], "little") not in (0, zlib.crc32(record.body[:-4])):
         contents.damage.append(Damage(record.offset, record.end, "record"))
         return
     contents.attachments.append(
@@ -264,18 +264,6 @@ def _add_attachment(contents: Contents, record: walk.Record) -> None:
         )
     )
     contents.end = record.end
-
-
-def _summary_is_sound(view: memoryview, data_end: int) -> bool:
-    """Return whether summary and footer are what their checksum, where there is one, and their places say."""
-    footer = len(view) - len(walk.MAGIC) - 29
-    if footer <= data_end or bytes(view[-len(walk.MAGIC) :]) != walk.MAGIC:
-        return False
-    opcode, length, start, _, crc = struct.unpack_from("<BQQQI", view, footer)
-    begin = data_end + 13  # behind the end of the data; a summary of nothing begins nowhere
-    if (opcode, length) != (walk.FOOTER, 20) or start != (0 if footer == begin else begin):
-        return False
-    return crc in (0, zlib.crc32(view[begin : footer + 25]))
 
 
 def _mend_opening(view: memoryview, contents: Contents, edges: set[int]) -> None:

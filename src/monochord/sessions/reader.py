@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mcap.records import Metadata
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError, MissingLibraryError, did_you_mean
@@ -13,7 +14,7 @@ from monochord.core.labels import LabelTrack
 from monochord.core.types import Feed, Floats
 from monochord.sessions import codec, walk
 from monochord.sessions._layout import BEGIN, END, rewritten
-from monochord.sessions._places import number_in, places, records_of, topic_in
+from monochord.sessions._places import named, places, records_of
 from monochord.sessions.bounds import (
     MAX_COLUMNS,
     MAX_DURATION,
@@ -70,15 +71,14 @@ class SessionReader:
         self.ending: dict[str, str] = {}
         self.recovered = False
         for record in walk.records(self._view):
-            if self._ended:
-                if record.opcode == walk.CHANNEL:  # in the summary
-                    self._names[number_in(record.body)] = topic_in(record.body)
-            elif record.opcode == walk.METADATA:
-                name, values = walk.metadata(record.body)
-                opening = values if name == BEGIN else opening
-                moved |= name == BEGIN and bool(self._parts)
-                self.ending = values if name == END else self.ending
-                self.recovered = self.recovered or name == walk.RECOVERED
+            content = record.content
+            if self._ended:  # the summary
+                self._names |= named(content)
+            elif isinstance(content, Metadata):
+                opening = content.metadata if content.name == BEGIN else opening
+                moved |= content.name == BEGIN and bool(self._parts)
+                self.ending = content.metadata if content.name == END else self.ending
+                self.recovered = self.recovered or content.name == walk.RECOVERED
             elif record.opcode in (walk.CHUNK, walk.LOOSE):
                 self._parts.append(record)
             elif record.opcode == walk.HEADER:
@@ -112,14 +112,13 @@ class SessionReader:
         except ValueError:
             origin = "0.0"  # no time that is read depends on it
         names: dict[int, str] = {}
-        for _, opcode, _, content in records_of(parts):
-            number = number_in(content)
+        for _, opcode, _, body in records_of(parts):
             if opcode == walk.CHANNEL:
-                names[number] = topic_in(content)
-            elif opcode == walk.MESSAGE and names.get(number) == "/description":
-                if len(content) < walk.MIN_MESSAGE:
-                    return {}
-                message = walk.message(content)
+                names |= named(walk.parsed(opcode, body))
+            if opcode != walk.MESSAGE:
+                continue
+            message = walk.message(body)
+            if names.get(message.channel) == "/description":
                 try:
                     text = codec.decode(codec.TEXT, message.data).data
                 except InputError:
@@ -161,11 +160,7 @@ class SessionReader:
             for _, part, start, stop in rows[first : first + PIECE].tolist():
                 if part != held:
                     held, records = part, walk.contents(self._parts[part]).records
-                content = records[start:stop]
-                if len(content) < walk.MIN_MESSAGE:
-                    yield walk.Message(number_in(content), 0, 0, 0, content[:0])
-                else:
-                    yield walk.message(content)
+                yield walk.message(records[start:stop])
 
     @cached_property
     def _places(self) -> dict[str, NDArray[np.uint64]]:

@@ -11,6 +11,10 @@ from itertools import count
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, SummaryOffset
+
 from monochord.core.errors import InputError
 from monochord.core.files import refuse_endless
 from monochord.core.units import Seconds
@@ -199,17 +203,6 @@ def _save_beside(path: Path, pieces: Iterable[memoryview]) -> Path:
 
 def ending_after(contents: Contents, notes: Mapping[str, Mapping[str, str]]) -> bytes:
     """Return what belongs behind the sound part: the last chunk's index, notes by name, the summary."""
-    from mcap.data_stream import RecordBuilder  # noqa: PLC0415
-    from mcap.opcode import Opcode  # noqa: PLC0415
-    from mcap.records import (  # noqa: PLC0415
-        DataEnd,
-        Footer,
-        Metadata,
-        MetadataIndex,
-        Statistics,
-        SummaryOffset,
-    )
-
     out = RecordBuilder()
     if contents.index:
         contents.chunks[-1].message_index_length = len(contents.index)

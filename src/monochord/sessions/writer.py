@@ -3,13 +3,13 @@
 import hashlib
 import json
 import os
-import struct
 from array import array
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from mcap.records import ChunkIndex
 
 from monochord.core.closing import Closing
 from monochord.core.errors import InputError
@@ -23,10 +23,7 @@ from monochord.sessions.description import LATEST_STAMP, Description, SessionClo
 from monochord.sessions.file import SessionFile
 from monochord.sessions.recover import recover
 from monochord.sessions.tracks import LABELS
-from monochord.sessions.walk import MESSAGE_INDEX
-
-if TYPE_CHECKING:
-    from mcap.records import ChunkIndex
+from monochord.sessions.walk import CHUNK_HEAD, HEAD, MESSAGE_INDEX
 
 AUDIO_MESSAGE: Seconds = 0.1
 """Audio in a message, at most."""
@@ -300,10 +297,6 @@ def _refuse_too_many(what: str, count: int) -> None:
         raise InputError(f"{what} {count} names", f"{MAX_COLUMNS} at most")
 
 
-_HEAD = struct.Struct("<BQ")
-_CHUNK = struct.Struct("<QQQII")
-
-
 class ChunkList:
     """Stands in for the list in which an MCAP writer remembers its chunks until the file's end.
 
@@ -314,28 +307,26 @@ class ChunkList:
     def __init__(self, file: SessionFile) -> None:
         self._file, self._begins = file, array("Q")
 
-    def append(self, index: "ChunkIndex") -> None:
+    def append(self, index: ChunkIndex) -> None:
         """Remember a chunk that was written, with the indexes of its messages behind it."""
         self._begins.append(index.chunk_start_offset)
 
-    def __iter__(self) -> "Iterator[ChunkIndex]":
+    def __iter__(self) -> Iterator[ChunkIndex]:
         return map(self._entry, self._begins)
 
-    def _entry(self, begin: int) -> "ChunkIndex":
-        from mcap.records import ChunkIndex  # noqa: PLC0415
-
-        body = begin + _HEAD.size
-        _, length = _HEAD.unpack(self._file.read(begin, _HEAD.size))
-        first, last, size, _, name = _CHUNK.unpack(self._file.read(body, _CHUNK.size))
-        compression = self._file.read(body + _CHUNK.size, name).decode()
+    def _entry(self, begin: int) -> ChunkIndex:
+        body = begin + HEAD.size
+        _, length = HEAD.unpack(self._file.read(begin, HEAD.size))
+        first, last, size, _, name = CHUNK_HEAD.unpack(self._file.read(body, CHUNK_HEAD.size))
+        compression = self._file.read(body + CHUNK_HEAD.size, name).decode()
         end = at = body + length
         offsets: dict[int, int] = {}
-        while len(head := self._file.read(at, _HEAD.size + 2)) > _HEAD.size:
-            opcode, length_here = _HEAD.unpack_from(head)
+        while len(head := self._file.read(at, HEAD.size + 2)) > HEAD.size:
+            opcode, length_here = HEAD.unpack_from(head)
             if opcode != MESSAGE_INDEX:
                 break
-            offsets[int.from_bytes(head[_HEAD.size :], "little")] = at
-            at += _HEAD.size + length_here
+            offsets[int.from_bytes(head[HEAD.size :], "little")] = at
+            at += HEAD.size + length_here
         return ChunkIndex(
             chunk_start_offset=begin,
             chunk_length=end - begin,
@@ -344,6 +335,6 @@ class ChunkList:
             message_index_offsets=offsets,
             message_index_length=at - end,
             compression=compression,
-            compressed_size=length - _CHUNK.size - name - 8,
+            compressed_size=length - CHUNK_HEAD.size - name - 8,
             uncompressed_size=size,
         )
