@@ -38,5 +38,5 @@ def test_a_random_model_can_be_run() -> None:
 
 
 def test_no_windows_are_refused() -> None:
-    with pytest.raises(InputError, match="0 windows: allowed is 1 or more"):
+    with pytest.raises(InputError, match="count' = 0: allowed is a whole number of 1 or more"):
         BENCHMARKS.build("model", {"count": 0})

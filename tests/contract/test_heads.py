@@ -60,7 +60,7 @@ def test_contact_and_slip_are_linear_and_position_and_force_are_not() -> None:
 @pytest.mark.parametrize("name", ["position", "force"])
 def test_a_quantity_may_have_one_standard_error_for_all(name: str) -> None:
     assert HEADS.build(name, {"loss": "square"}).task().outputs == 1
-    with pytest.raises(InputError, match="limit -1 of a standard error: allowed is a number above 0"):
+    with pytest.raises(InputError, match="limit -1: allowed is a number above 0"):
         HEADS.build(name, {"limit": -1.0}).task()
 
 

@@ -126,7 +126,7 @@ def test_what_cannot_be_opened_is_one_line(name: str) -> None:
 @each_instrument
 def test_a_rate_that_makes_no_sense_is_refused(name: str, silent: Callable[[str], Options]) -> None:
     with (
-        pytest.raises(InputError, match=r"rate of -1\.0 Hz"),
+        pytest.raises(InputError, match=r"rate.* -1\.0"),
         build(name, {**silent(name), "rate": -1.0}).open(),
     ):
         pass

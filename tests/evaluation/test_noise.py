@@ -48,7 +48,7 @@ def test_a_recording_replaces_synthetic_speech() -> None:
     ("text", "line"),
     [
         ("pinc:10", "did you mean 'pink'"),
-        ("pink:nan", "noise at nan dB"),
+        ("pink:nan", "ratio nan dB"),
         ("hum", "write hum:10"),
         ("song:10", r"recording of song \(silent"),
     ],

@@ -205,7 +205,7 @@ def test_other_files_and_datasets_are_refused(write: Write, rows: Path, small: P
         PaperTables(rows=tmp_path / "other.json").draw()
     for options, line in (
         ({"features": ()}, "no features"),
-        ({"windows": 10}, "windows 10: allowed is 100 to 5000"),
+        ({"windows": 10}, "windows 10: allowed is a whole number from 100 to 5000"),
         ({"perplexity": 400.0}, "perplexity 400"),
         ({"features": ("log_mell",)}, "did you mean 'log_mel'"),
         ({"dataset": tmp_path}, "a folder that monochord build made"),

@@ -89,7 +89,7 @@ def test_a_long_curve_is_thinned_and_keeps_its_peaks() -> None:
 
 
 def test_a_step_of_zero_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"^step 0\.0 s: allowed is more than 0 s$"):
+    with pytest.raises(InputError, match=r"step 0 s: allowed is a number above 0 s$"):
         SessionFigure(path=write(tmp_path / "a.mcap"), step=0.0).draw()
 
 

@@ -131,17 +131,18 @@ def test_plans_that_cannot_be(groups: tuple[Group, ...], line: str) -> None:
 
 @pytest.mark.parametrize(
     "options", [{"name": "A b"}, {"name": "a", "forces": (2.0, 1.0)}, {"name": "a", "forces": (1.0, 9.0)},
-                {"name": "a", "days": ()}, {"name": "a", "oblique": (0.0, 3.0)},
+                {"name": "a", "days": ()}, {"name": "a", "days": (10**400,)},
+                {"name": "a", "oblique": (0.0, 3.0)},
                 {"name": "a", "clearances": (0.0, 1e-4)}, {"name": "a", "grid": (100000, 100000)}],
 )  # fmt: skip
 def test_groups_that_cannot_be(options: dict[str, object]) -> None:
-    with pytest.raises(InputError, match="group"):
+    with pytest.raises(InputError, match=r"(?i)group"):
         Group(**options)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("span", [(0.1, 0.05), (-0.1, 0.1), (0.0, 60.0)])
 def test_delays_that_cannot_be(span: tuple[float, float]) -> None:
-    with pytest.raises(InputError, match="delays of pose"):
+    with pytest.raises(InputError, match=r"(?i)delays:? pose"):
         Delays(pose=span)
 
 

@@ -51,7 +51,7 @@ def test_columns_are_read_by_name() -> None:
         ({"columns": ("a", "a")}, "columns a, a"),
         ({"columns": ("a", "b"), "units": ("m",)}, "1 units for 2 columns"),
         ({"stream": "wrench"}, "columns of the stream 'wrench'"),
-        ({"rate": -1.0}, "rate of -1.0 Hz"),
+        ({"rate": -1.0}, "Udp rate -1 Hz"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(options: dict[str, Any], line: str) -> None:

@@ -35,8 +35,8 @@ def test_settings_become_a_job() -> None:
         ({"instruments": {"net_ft": {"adress": "x"}}}, "did you mean 'address'"),
         ({"about": {"objekt": "x"}}, "did you mean 'object'"),
         ({"about": {"sensor": "prototyp"}}, "did you mean 'prototype'"),
-        ({"seconds": 0.0}, "more than 0"),
-        ({"disk": {"start": 1.0, "stop": 2.0}}, "stop <= start"),
+        ({"seconds": 0.0}, "above 0"),
+        ({"disk": {"start": 1.0, "stop": 2.0}}, "stop at most start"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(change: dict[str, Any], words: str) -> None:
@@ -72,5 +72,5 @@ def test_a_source_that_knows_its_string_is_a_simulation() -> None:
 
 def test_the_disk_may_fill_as_far_as_one_says() -> None:
     assert DiskLimits(start=0.0, stop=0.0).stop == 0.0
-    with pytest.raises(InputError, match="disk start"):
+    with pytest.raises(InputError, match="stop -1"):
         DiskLimits(stop=-1.0)

@@ -37,7 +37,7 @@ def test_without_a_server_there_is_one_line_at_once(capfd: pytest.CaptureFixture
     [
         ({"channels": 0}, "0 channels: allowed is 1 or 2"),
         ({"channels": 65}, "65 channels"),
-        ({"ring_seconds": 0.0}, "ring of 0.0 s: allowed is 0.01 to 60 s"),
+        ({"ring_seconds": 0.0}, "ring_seconds 0 s: allowed is a number from 0.01 to 60 s"),
         ({"client_name": ""}, "client_name ''"),
     ],
 )

@@ -267,11 +267,11 @@ def test_the_rates_of_the_field_are_taken(tmp_path: Path, rate: int) -> None:
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        ({"block": 0}, "block of 0 frames: allowed is 1"),
-        ({"speed": -1.0}, "speed -1.0: allowed is 0"),
+        ({"block": 0}, "block 0: allowed is a whole number of 1"),
+        ({"speed": -1.0}, "speed -1: allowed is a finite number of 0"),
         ({"speed": float("inf")}, "speed inf"),
         ({"speed": float("nan")}, "speed nan"),
-        ({"repeat": -1}, "repeat -1: allowed is 0"),
+        ({"repeat": -1}, "repeat -1: allowed is a whole number of 0"),
     ],
 )
 def test_options_out_of_range_are_refused(tmp_path: Path, options: Any, line: str) -> None:

@@ -84,7 +84,7 @@ def test_a_window_gives_the_same_bits_alone_and_among_others(
     ("options", "match"),
     [
         ({"random": True, "weights": "x"}, "'x' and ast.random: allowed is one of them"),
-        ({"threads": 0}, "threads 0: allowed is 1 to 256"),
+        ({"threads": 0}, "threads' = 0: allowed is a whole number from 1 to 256"),
         ({"backend": "tpu"}, "allowed is onnx, int8, openvino, torch, cuda"),
         ({"framing": "coarse"}, "allowed is fine, audioset"),
     ],

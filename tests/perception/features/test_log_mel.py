@@ -52,7 +52,7 @@ def test_the_same_sound_at_another_rate_gives_the_same_row() -> None:
 
 
 def test_bad_bins_are_refused() -> None:
-    with pytest.raises(InputError, match=r"log_mel\.bins 0: allowed is 1 to 256"):
+    with pytest.raises(InputError, match=r"log_mel\.bins' = 0: allowed is a whole number from 1 to 256"):
         FEATURES.build("log_mel", {"bins": 0})
 
 

@@ -63,5 +63,5 @@ def test_columns_that_are_not_there_are_refused(drawn: Model) -> None:
 
 @pytest.mark.parametrize("name", ["windows", "touches", "sessions"])
 def test_a_calibration_of_less_than_nothing_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match=f"^-1 {name} of a calibration: allowed is 0 or more"):
+    with pytest.raises(InputError, match=f"^option '{name}' = -1: allowed is a whole number of 0 or more"):
         from_tree(Calibration, {name: -1})

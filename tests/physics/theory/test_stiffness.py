@@ -146,5 +146,5 @@ def test_what_makes_no_sense_is_refused() -> None:
         decay_rates(SHORT, Losses(), np.array([0.0, 100.0]))
     with pytest.raises(InputError, match="support -1"):
         Losses(support=-1.0)
-    with pytest.raises(InputError, match="air viscosity nan"):
+    with pytest.raises(InputError, match="air_viscosity nan"):
         Losses(air_viscosity=math.nan)

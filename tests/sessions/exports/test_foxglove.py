@@ -181,5 +181,5 @@ def test_a_gain_makes_quiet_sound_louder(session: SessionReader, tmp_path: Path)
     _, block = next(session.decoded("/audio"))
     whole = np.clip(np.rint(block.samples.reshape(2, -1) * 327670.0), -32768, 32767)
     np.testing.assert_array_equal(np.frombuffer(bytes(loud.data), "<i2").reshape(-1, 2).T, whole)
-    with pytest.raises(InputError, match="gain 500 dB: allowed is -120 to 120 dB"):
+    with pytest.raises(InputError, match="gain 500 dB: allowed is a number from -120 to 120 dB"):
         Foxglove(gain=500.0).write([session], tmp_path / "again")
